@@ -1,0 +1,58 @@
+# Two commands need nothing but Python 3.11, 3.12 or 3.13: make demo and make test.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+OUT    ?= out
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check format lint types contract unit recordings samples clean
+
+help: ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; ok = (3, 11) <= v < (3, 14); sys.exit(0 if ok \
+	 else "Python %d.%d found, but 3.11, 3.12 or 3.13 is needed: make PYTHON=python3.12 …" % v[:2])'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.tested: pyproject.toml $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: $(VENV)/.installed ## the whole way on shipped data, with a report at the end
+	@mkdir -p $(OUT)
+	$(BIN)/bayes-asv demo -o $(OUT)
+
+test: $(VENV)/.tested ## install what the tests need and run every check
+	sh tests/debian-packages.sh
+	$(MAKE) check
+
+check: format lint types contract unit ## every check, nothing installed
+
+format:
+	$(BIN)/ruff format --check .
+
+lint:
+	$(BIN)/ruff check .
+
+types:
+	$(BIN)/mypy bayes_asv tests benchmarks
+
+contract:
+	$(BIN)/lint-imports
+
+unit:
+	$(BIN)/pytest -n 2
+
+recordings: $(VENV)/.tested ## make the shipped recordings again from the rig
+	$(BIN)/python -m tests.rig.shipped
+
+samples: $(VENV)/.installed ## make the sample reports again
+	$(BIN)/bayes-asv demo -o reports
+
+clean: ## remove what was built
+	rm -rf $(VENV) $(OUT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,51 @@
+"""``bayes-asv estimate``."""
+
+from __future__ import annotations
+
+import click
+
+from bayes_asv.cli import common
+
+__all__ = ["command"]
+
+
+@click.command("estimate")
+@common.recordings_argument
+@common.vehicle_option
+@click.option(
+    "--likelihood",
+    type=click.Choice(["innovations", "output-error"]),
+    default="innovations",
+    show_default=True,
+    help="With the wheel sensors' noise in the covariance, or with white residuals.",
+)
+@click.option("--netcdf", metavar="FILE", help="Write the draws as ArviZ InferenceData.")
+@common.json_option
+@common.rate_option
+@common.seed_option
+def command(
+    recordings: tuple[str, ...],
+    vehicle: str,
+    likelihood: str,
+    netcdf: str | None,
+    json_file: str | None,
+    rate: float | None,
+    seed: int,
+) -> int:
+    """Posterior of c_f, c_r and i from one or several recordings together."""
+    runs, car = common.read_inputs(recordings, vehicle, rate)
+    with common.progress_bar() as progress:
+        from bayes_asv.inference.estimate import estimate
+
+        result = estimate(runs, car, likelihood=likelihood, seed=seed, progress=progress)
+    from bayes_asv.report.document import estimate_document
+    from bayes_asv.report.words import verdict_lines
+
+    document = estimate_document(result)
+    common.write_json(document, json_file)
+    if netcdf is not None and result.draws:
+        from bayes_asv.inference.netcdf import write_netcdf
+
+        write_netcdf(result, netcdf)
+    click.echo("\n".join(verdict_lines(document)), err=json_file == "-")
+    return common.EXIT_STATUS[result.verdict]

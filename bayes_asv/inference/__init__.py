@@ -1,0 +1,1 @@
+"""From recordings to a posterior: timeline, parameters, likelihood, mode, ensembles."""

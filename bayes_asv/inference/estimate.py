@@ -1,0 +1,311 @@
+"""The main job: recordings and a vehicle in, a posterior out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.colour import find_colour
+from bayes_asv.inference.fit import FreeRun, simulate_free
+from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
+from bayes_asv.inference.mode import Mode, find_mode
+from bayes_asv.inference.parameters import CAR, Space, space
+from bayes_asv.inference.preflight import preflight
+from bayes_asv.inference.timeline import Timeline, build
+from bayes_asv.recording import Recording
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["ANSWERS", "DERIVED", "LIKELIHOODS", "Estimate", "RunFit", "estimate"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+ANSWERS = ("c_f", "c_r", "i")
+DERIVED = ("k_g", "zeta_f", "zeta_r")
+LIKELIHOODS = ("innovations", "output-error")
+
+_COLOUR_ROUNDS = 3
+# A parameter whose posterior is hardly narrower than its prior was not measured.
+_UNMEASURED = 0.7
+
+
+@dataclass(frozen=True)
+class RunFit:
+    """How one recording was explained at the centre of the posterior.
+
+    Parameters
+    ----------
+    recording : Recording
+        As read.
+    line : Timeline
+        The same, laid out.
+    free : FreeRun
+        Simulation from the wheels alone at the posterior's mean.
+    ensemble : (S, E, 2) array
+        Outputs of the simulation for S draws of the posterior, m/s².
+    travel : (S, E, 2) array
+        Deflections for the same draws, m.
+    innovations : (E, 2) array
+        Normalised innovations after the colour was taken out; nan where there was no reading.
+    colour : Colour
+        Colour that the innovations had.
+    """
+
+    recording: Recording
+    line: Timeline
+    free: FreeRun
+    ensemble: Array
+    travel: Array
+    innovations: Array
+    colour: Colour
+
+    def nrmse(self, axle: int) -> float:
+        """Rms of measured minus simulated over the deviation of the measured, one chassis."""
+        use = self.line.kind[:, axle] == 1
+        y = self.line.reading[use, axle]
+        return float(np.sqrt(np.mean((y - self.free.output[use, axle]) ** 2)) / np.std(y))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A posterior and what it stands on.
+
+    Parameters
+    ----------
+    verdict : str
+        ``ok``, ``not_converged`` or ``refused``.
+    reasons, warnings : tuple of str
+        Why it was refused; what to know otherwise.
+    vehicle : Vehicle
+        The car as given.
+    draws : dict of str to (4, S) array
+        Draws of every sampled car parameter and of k_g, zeta_f, zeta_r, SI units, one row an
+        ensemble; empty when refused.
+    nuisance : dict of str to (4, S) array
+        Draws of noise deviations (m/s²) and of the filtered share of the noise's variance.
+    log_posterior : (4, S) array
+        Not normalised.
+    rhat_max, ess_bulk_min, ess_tail_min : float
+        Worst of all coordinates; nan when refused.
+    runs : tuple of RunFit
+        One a recording; empty when refused.
+    space : Space or None
+        Coordinates and priors.
+    likelihood : str
+        Which likelihood was used.
+    seconds : float
+        Time it took.
+    seed : int
+        Seed of the ensembles.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+    vehicle: Vehicle
+    recordings: tuple[Recording, ...]
+    likelihood: str
+    seed: int
+    seconds: float
+    draws: dict[str, Array] = field(default_factory=dict)
+    nuisance: dict[str, Array] = field(default_factory=dict)
+    log_posterior: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    rhat_max: float = math.nan
+    ess_bulk_min: float = math.nan
+    ess_tail_min: float = math.nan
+    acceptance: float = math.nan
+    runs: tuple[RunFit, ...] = ()
+    space: Space | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of draws in all."""
+        return int(next(iter(self.draws.values())).size) if self.draws else 0
+
+
+def estimate(
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    *,
+    likelihood: str = "innovations",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Estimate:
+    """Posterior of c_f, c_r and i from one or several recordings of one car.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Runs of the same car; each has its own biases, initial state and noise.
+    vehicle : Vehicle
+        Nominal and known values with their deviations.
+    likelihood : {'innovations', 'output-error'}
+        With the noise of the wheel sensors in the covariance, or with white residuals.
+    seed : int
+        Same seed, same answer.
+    progress : callable, optional
+        Told the share done and a few words.
+
+    Returns
+    -------
+    Estimate
+        Refusal and lack of convergence are verdicts in it, not exceptions.
+
+    Raises
+    ------
+    InputError
+        When a recording cannot be laid out (a dead channel, counts without calibration).
+    ValueError
+        For an unknown likelihood or no recording.
+    """
+    # scipy and emcee are only needed from here on; importing this module stays cheap
+    from bayes_asv.inference.sampler import run_ensembles
+
+    if likelihood not in LIKELIHOODS:
+        raise ValueError(f"likelihood must be one of {', '.join(LIKELIHOODS)}")
+    if not recordings:
+        raise ValueError("at least one recording is needed")
+    began = time.perf_counter()
+    tell = progress or (lambda share, words: None)
+    lines = tuple(build(recording, vehicle) for recording in recordings)
+    reasons: list[str] = []
+    warnings = [w for recording in recordings for w in recording.warnings]
+    for line in lines:
+        why, notes = preflight(vehicle, line)
+        reasons += why
+        warnings += notes
+
+    def refused() -> Estimate:
+        return Estimate(
+            "refused", tuple(reasons), tuple(warnings), vehicle, tuple(recordings),
+            likelihood, seed, time.perf_counter() - began,
+        )  # fmt: skip
+
+    if reasons:
+        return refused()
+    tell(0.0, "looking for the best fit")
+    where = space(vehicle, lines, likelihood)
+    with shared_work(Target(where, (WHITE,) * len(lines))) as target:
+        mode, target = _mode_and_colour(target, likelihood)
+    reasons += _unmeasured(where, mode)
+    if reasons:
+        return refused()
+    tell(0.1, "sampling")
+    ensembles = run_ensembles(
+        Target(where, target.colours),
+        mode,
+        seed,
+        None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
+    )
+    draws, nuisance = _named(where, ensembles.draws, seed)
+    if not ensembles.converged:
+        warnings.append(
+            f"the ensembles had not agreed after {ensembles.draws.shape[1]} draws each "
+            f"(R̂ {ensembles.rhat_max:.3f}, effective draws "
+            f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
+            "intervals: the recordings may hold something the half car does not know"
+        )
+    flat = ensembles.draws.reshape(-1, where.dimension)
+    runs = tuple(
+        _run_fit(recording, Target(where, target.colours), flat, run)
+        for run, recording in enumerate(recordings)
+    )
+    tell(1.0, "done")
+    return Estimate(
+        verdict="ok" if ensembles.converged else "not_converged",
+        reasons=(),
+        warnings=tuple(warnings),
+        vehicle=vehicle,
+        recordings=tuple(recordings),
+        likelihood=likelihood,
+        seed=seed,
+        seconds=time.perf_counter() - began,
+        draws=draws,
+        nuisance=nuisance,
+        log_posterior=ensembles.log_posterior,
+        rhat_max=ensembles.rhat_max,
+        ess_bulk_min=ensembles.ess_bulk_min,
+        ess_tail_min=ensembles.ess_tail_min,
+        acceptance=ensembles.acceptance,
+        runs=runs,
+        space=where,
+    )
+
+
+def _mode_and_colour(target: Target, likelihood: str) -> tuple[Mode, Target]:
+    """Climb, look at the colour of what is left, and climb again until it settles."""
+    mode = find_mode(target)
+    if likelihood == "output-error":
+        return mode, target  # white by definition
+    for _ in range(_COLOUR_ROUNDS):
+        found = []
+        for run, line in enumerate(target.space.timelines):
+            nu = target.innovations(mode.z, run, WHITE)
+            found.append(find_colour(nu[line.closes]))
+        if all(c.order == 0 for c in found) and all(c.order == 0 for c in target.colours):
+            break
+        target = target.with_colours(tuple(found))
+        mode = find_mode(target, mode.z)
+    return mode, target
+
+
+def _unmeasured(where: Space, mode: Mode) -> list[str]:
+    """Refuse when the drive taught next to nothing about an answer."""
+    words = {"c_f": "front damping", "c_r": "rear damping", "i": "pitch inertia"}
+    drives = {
+        "c_f": "drive the front wheels over a bump",
+        "c_r": "drive the rear wheels over a bump",
+        "i": "drive over a bump that pitches the car, such as a parking stop",
+    }
+    reasons = []
+    for name in words:
+        before = where.log_prior_of(name)[1]
+        # Only a wide prior can tell: a narrow one given by the user is an answer already.
+        after = where.log_deviation(mode.covariance, name)
+        if before > 0.3 and after > _UNMEASURED * before:
+            reasons.append(
+                f"the recording says next to nothing about the {words[name]} ({name}): "
+                f"{drives[name]}, faster or over a higher one"
+            )
+    return reasons
+
+
+def _named(where: Space, draws: Array, seed: int) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Physical quantities by name, SI units, one row an ensemble."""
+    e, s, d = draws.shape
+    z = draws.reshape(-1, d)
+    # What the data cannot see keeps its prior, independently of everything else.
+    rng = np.random.default_rng([seed, 2])
+    cars = where.cars(z, rng.normal(size=(len(z), where.unseen.shape[1])))
+    value = {name: cars[:, k].reshape(e, s) for k, name in enumerate(CAR)}
+    named = {name: x for name, x in value.items() if np.ptp(x) > 0.0}
+    named["k_g"] = np.sqrt(value["i"] / value["m"])
+    front, rear = value["wdf"] * value["m"], (1.0 - value["wdf"]) * value["m"]
+    named["zeta_f"] = value["c_f"] / (2.0 * np.sqrt(value["k_f"] * front))
+    named["zeta_r"] = value["c_r"] / (2.0 * np.sqrt(value["k_r"] * rear))
+    nuisance = {name: x.reshape(e, s) for name, x in where.nuisance(z).items()}
+    return named, nuisance
+
+
+def _run_fit(recording: Recording, target: Target, flat: Array, run: int) -> RunFit:
+    """Simulate one recording at the posterior's centre and at a few of its draws."""
+    line = target.space.timelines[run]
+    centre = flat.mean(axis=0)
+    picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
+    each = [simulate_free(line, car) for car in target.space.cars(picked)]
+    innovations = target.innovations(centre, run)
+    innovations[line.kind != 1] = np.nan
+    return RunFit(
+        recording=recording,
+        line=line,
+        free=simulate_free(line, target.space.cars(centre[None])[0]),
+        ensemble=np.stack([one.output for one in each]),
+        travel=np.stack([one.states[:, [0, 2]] for one in each]),
+        innovations=innovations,
+        colour=target.colours[run],
+    )

@@ -1,0 +1,120 @@
+"""The posterior density of a parameter space, many points at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.parameters import Space
+from bayes_asv.kernels import innovations as kernel
+
+__all__ = ["WHITE", "Colour", "Target", "shared_work"]
+
+Array = NDArray[np.float64]
+
+
+class Colour(NamedTuple):
+    """A vector autoregression on the normalised innovations of one run.
+
+    Parameters
+    ----------
+    coefficients : (p, 2, 2) array
+        ν_k = Σ_j A_j ν_{k−j} + e_k; p = 0 when the innovations are white.
+    root : (2, 2) array
+        Lower-triangular inverse root of the covariance of e.
+    """
+
+    coefficients: Array
+    root: Array
+
+    @property
+    def order(self) -> int:
+        """Number of lags."""
+        return len(self.coefficients)
+
+
+WHITE = Colour(np.zeros((0, 2, 2)), np.eye(2))
+
+
+@dataclass(frozen=True)
+class Target:
+    """Log-posterior of a :class:`Space`, given the colour of each run's innovations.
+
+    Parameters
+    ----------
+    space : Space
+        Coordinates, priors and recordings.
+    colours : tuple of Colour
+        One a run.
+    pool : ThreadPoolExecutor or None
+        Where batches are split; the answer does not depend on it.
+    """
+
+    space: Space
+    colours: tuple[Colour, ...]
+    pool: ThreadPoolExecutor | None = None
+
+    def with_colours(self, colours: tuple[Colour, ...]) -> Target:
+        """Return the same target with other colours."""
+        return replace(self, colours=colours)
+
+    def log_likelihood(self, z: Array) -> Array:
+        """Log-likelihood (W,) at coordinates (W, D)."""
+        out = np.zeros(len(z))
+        cars = self.space.cars(z)
+        for run, colour in enumerate(self.colours):
+            kernel.log_likelihood(
+                cars,
+                self.space.noises(z, run),
+                *self._laid_out(run),
+                colour.coefficients,
+                colour.root,
+                out,
+            )
+        return np.where(np.isfinite(out), out, -np.inf)
+
+    def log_posterior(self, z: Array) -> Array:
+        """Log-posterior (W,), not normalised, at coordinates (W, D)."""
+        value = self.space.log_prior(z)
+        ok = np.flatnonzero(np.isfinite(value))
+        if self.pool is None or len(ok) < 8:
+            parts = [self.log_likelihood(z[ok])]
+        else:
+            halves = np.array_split(ok, 2)
+            parts = list(self.pool.map(lambda part: self.log_likelihood(z[part]), halves))
+        value[ok] += np.concatenate(parts)
+        return value
+
+    def innovations(self, z: Array, run: int, colour: Colour | None = None) -> Array:
+        """Normalised innovations (E, 2) of one run at coordinates (D,), white if all is well."""
+        colour = self.colours[run] if colour is None else colour
+        kept = np.zeros((len(self.space.timelines[run].step), 2))
+        kernel.residuals(
+            self.space.cars(z[None])[0],
+            self.space.noises(z[None], run)[0],
+            *self._laid_out(run),
+            colour.coefficients,
+            colour.root,
+            kept,
+        )
+        return kept
+
+    def _laid_out(self, run: int) -> tuple[NDArray[np.generic], ...]:
+        line = self.space.timelines[run]
+        return (
+            line.step, line.moments, line.spread, line.kind, line.closes, line.reading,
+            line.extra, line.start,
+        )  # fmt: skip
+
+
+@contextmanager
+def shared_work(target: Target) -> Iterator[Target]:
+    """Give a target two threads for as long as the context lasts."""
+    with ThreadPoolExecutor(2) as pool:
+        yield replace(target, pool=pool)

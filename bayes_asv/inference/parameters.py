@@ -1,0 +1,261 @@
+"""What is sampled, in which coordinates, and what is believed of it beforehand.
+
+Every positive quantity of the car has a log-normal prior.  The accelerations depend on the
+ratios c/m, k/m and i/(m l²) alone: mass and wheel base scale the answer and cannot be seen.
+So the logarithms, in units of their prior deviations, are turned into the directions that the
+data can see and those they cannot; only the first are sampled, the others are drawn from the
+prior afterwards, which is exact.  The weight share is normal, noise deviations log-normal and
+the filtered share of the noise logit-normal.  Every coordinate is standard normal beforehand.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["CAR", "DAMPING_FACTOR", "INERTIA_FACTOR", "Space", "space"]
+
+Array = NDArray[np.float64]
+
+CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")  # the kernel's order
+
+DAMPING_FACTOR = 3.0  # a damping rate may be off by this factor at one deviation
+INERTIA_FACTOR = 2.0
+
+# A data sheet's noise figure is good to about a third.  Without one, the quiet part of the
+# record gives the level to within a factor of three at one deviation.
+_NOISE_GIVEN_SD = 0.3
+_NOISE_UNKNOWN_SD = math.log(3.0)
+_COLOUR_SD = 2.0  # a logit of ±2: between an eighth and seven eighths filtered
+_WORST = 8.0  # prior deviations beyond which nothing is tried
+
+_LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
+# Rows: what the accelerations depend on, as exponents of the quantities above.
+_SEEN = np.array(
+    [
+        [1, 0, 0, -1, 0, 0, 0],
+        [0, 1, 0, -1, 0, 0, 0],
+        [0, 0, 1, -1, -2, 0, 0],
+        [0, 0, 0, -1, 0, 1, 0],
+        [0, 0, 0, -1, 0, 0, 1],
+    ],
+    dtype=float,
+)
+
+
+@dataclass(frozen=True)
+class Space:
+    """Coordinates, all standard normal beforehand, and the way to the kernel's arguments.
+
+    Parameters
+    ----------
+    names : tuple of str
+        One a coordinate: ``car 0`` … for the directions of the car that data can see, ``wdf``,
+        ``noise <channel> <run>``, ``colour <run>``.
+    centre, scale : (D,) arrays
+        A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
+        logit for colour).
+    log_mean, log_sd : (7,) arrays
+        Prior of the logarithms of c_f, c_r, i, m, l, k_f, k_r (SI units).
+    seen, unseen : (7, r) and (7, 7 − r) arrays
+        Orthonormal directions in units of the prior deviations.
+    wdf : float
+        Weight share where it is not sampled.
+    timelines : tuple of Timeline
+        The recordings.
+    likelihood : str
+        ``innovations`` or ``output-error``.
+    """
+
+    names: tuple[str, ...]
+    centre: Array
+    scale: Array
+    log_mean: Array
+    log_sd: Array
+    seen: Array
+    unseen: Array
+    wdf: float
+    timelines: tuple[Timeline, ...]
+    likelihood: str
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return len(self.names)
+
+    @property
+    def car_dimension(self) -> int:
+        """Number of coordinates that describe the car; they come first."""
+        return int(self.seen.shape[1]) + ("wdf" in self.names)
+
+    def cars(self, z: Array, unseen: Array | None = None) -> Array:
+        """Map coordinates (W, D) to physical parameters (W, 8), SI units.
+
+        Parameters
+        ----------
+        z : (W, D) array
+            Coordinates.
+        unseen : (W, 7 − r) array, optional
+            Standard normal coordinates of what the data cannot see; zero by default.
+        """
+        r = self.seen.shape[1]
+        turned = z[:, :r] @ self.seen.T
+        if unseen is not None:
+            turned = turned + unseen @ self.unseen.T
+        value = np.exp(self.log_mean + self.log_sd * turned)
+        out = np.empty((len(z), 8))
+        for k, name in enumerate(_LOGS):
+            out[:, CAR.index(name)] = value[:, k]
+        out[:, CAR.index("wdf")] = self._other(z, "wdf") if "wdf" in self.names else self.wdf
+        return out
+
+    def noises(self, z: Array, run: int) -> Array:
+        """Map coordinates (W, D) to the kernel's noise arguments (W, 12) of one run."""
+        line = self.timelines[run]
+        out = np.zeros((len(z), 12))
+        colour: Array | float = 0.0
+        if f"colour {run}" in self.names:
+            colour = 1.0 / (1.0 + np.exp(-self._other(z, f"colour {run}")))
+        for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
+            name = f"noise {CHANNELS[c]} {run}"
+            if name not in self.names:
+                continue  # the white-residual form knows no noise of the wheel sensors
+            variance = np.exp(2.0 * self._other(z, name))
+            out[:, column] = (1.0 - colour) * variance + line.steps[c] ** 2 / 12.0
+            out[:, 4 + column] = colour * variance
+            out[:, 8 + column] = line.poles[c]
+        return out
+
+    def nuisance(self, z: Array) -> dict[str, Array]:
+        """Noise deviations (m/s²) and filtered shares by name, each (W,)."""
+        out = {}
+        for name in self.names[self.car_dimension :]:
+            value = self._other(z, name)
+            out[name] = 1.0 / (1.0 + np.exp(-value)) if name[0] == "c" else np.exp(value)
+        return out
+
+    def log_prior(self, z: Array) -> Array:
+        """Log density (W,) of the prior; −inf where no car can be."""
+        value = -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * math.log(2.0 * math.pi)
+        bad = np.any(~(np.abs(z) < _WORST), axis=1)
+        if "wdf" in self.names:
+            wdf = self._other(z, "wdf")
+            bad |= (wdf <= 0.01) | (wdf >= 0.99)
+        return np.where(bad, -np.inf, value)
+
+    def from_logs(self, shift: dict[str, float]) -> Array:
+        """Coordinates (D,) of the prior's centre with some logarithms shifted."""
+        z = np.zeros(self.dimension)
+        moved = np.zeros(len(_LOGS))
+        for name, by in shift.items():
+            k = _LOGS.index(name)
+            moved[k] = by / self.log_sd[k] if self.log_sd[k] > 0.0 else 0.0
+        z[: self.seen.shape[1]] = moved @ self.seen
+        return z
+
+    def log_deviation(self, covariance: Array, name: str) -> float:
+        """Posterior deviation of the logarithm of a quantity, from the coordinates' covariance."""
+        k = _LOGS.index(name)
+        r = self.seen.shape[1]
+        seen = self.seen[k] @ covariance[:r, :r] @ self.seen[k]
+        return float(self.log_sd[k] * math.sqrt(seen + float(np.sum(self.unseen[k] ** 2))))
+
+    def log_prior_of(self, name: str) -> tuple[float, float]:
+        """Mean and deviation of the logarithm of a quantity beforehand."""
+        k = _LOGS.index(name)
+        return float(self.log_mean[k]), float(self.log_sd[k])
+
+    def _other(self, z: Array, name: str) -> Array:
+        d = self.names.index(name)
+        return np.asarray(self.centre[d] + self.scale[d] * z[:, d])
+
+
+def space(
+    vehicle: Vehicle, timelines: tuple[Timeline, ...], likelihood: str = "innovations"
+) -> Space:
+    """Set up the coordinates for a vehicle and its recordings.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Gives nominal values, known values and their deviations.
+    timelines : tuple of Timeline
+        The recordings, in order.
+    likelihood : str
+        ``innovations`` or ``output-error``.
+
+    Returns
+    -------
+    Space
+    """
+    log_mean = np.array([math.log(getattr(vehicle, name).value) for name in _LOGS])
+    log_sd = np.array([_prior_log_sd(vehicle, name) for name in _LOGS])
+    _, strength, turns = np.linalg.svd(_SEEN * log_sd)
+    rank = int(np.count_nonzero(strength > 1e-9 * strength[0]))
+    directions = turns.T
+    names = [f"car {k}" for k in range(rank)]
+    centre = [0.0] * rank
+    scale = [1.0] * rank
+
+    def add(name: str, middle: float, deviation: float) -> None:
+        names.append(name)
+        centre.append(middle)
+        scale.append(deviation)
+
+    if vehicle.wdf.sd > 0.0:
+        add("wdf", vehicle.wdf.value, vehicle.wdf.sd)
+    for run, line in enumerate(timelines):
+        for c, channel in enumerate(CHANNELS):
+            if likelihood == "output-error" and channel.endswith("wheel"):
+                continue
+            noise = line.noise[c]
+            if noise is None:
+                add(f"noise {channel} {run}", math.log(_quiet_level(line, c)), _NOISE_UNKNOWN_SD)
+            else:
+                add(f"noise {channel} {run}", math.log(noise), _NOISE_GIVEN_SD)
+        if likelihood == "innovations" and np.any(line.poles > 0.0):
+            add(f"colour {run}", 0.0, _COLOUR_SD)
+    return Space(
+        names=tuple(names),
+        centre=np.array(centre),
+        scale=np.array(scale),
+        log_mean=log_mean,
+        log_sd=log_sd,
+        seen=directions[:, :rank],
+        unseen=directions[:, rank:],
+        wdf=vehicle.wdf.value,
+        timelines=timelines,
+        likelihood=likelihood,
+    )
+
+
+def _prior_log_sd(vehicle: Vehicle, name: str) -> float:
+    """Prior deviation of the logarithm of a quantity of the car."""
+    quantity = getattr(vehicle, name)
+    if quantity.sd is None:
+        return math.log(INERTIA_FACTOR if name == "i" else DAMPING_FACTOR)
+    return _log_sd(quantity.value, quantity.sd)
+
+
+def _log_sd(value: float, sd: float) -> float:
+    """Deviation of the logarithm of a log-normal with this median and this deviation."""
+    return math.sqrt(math.log1p((sd / value) ** 2))
+
+
+def _quiet_level(line: Timeline, c: int) -> float:
+    """Noise of one sample of a channel, m/s², from the quietest quarter of its record.
+
+    Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
+    A hundredth of the channel's own deviation is the least that is believed.
+    """
+    a = line.acceleration[c]
+    a = a[np.isfinite(a)]
+    quiet = float(np.quantile(np.abs(np.diff(a, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)
+    return max(quiet, 0.01 * float(np.std(a)), float(line.steps[c]) / math.sqrt(12.0), 1e-6)

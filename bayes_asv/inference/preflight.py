@@ -1,0 +1,116 @@
+"""Can these data answer at all?  Reasons in words, before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.model.halfcar import HalfCar
+from bayes_asv.model.modes import modes
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["PLAIN", "clipping_limit", "preflight"]
+
+PLAIN = {
+    "front_wheel": "front wheel",
+    "front_chassis": "front chassis",
+    "rear_wheel": "rear wheel",
+    "rear_chassis": "rear chassis",
+}
+
+_PERIODS = 1.0  # of the slowest mode that a record must last
+_SAMPLES_A_PERIOD = 12.0  # of the fastest mode
+_FEWEST = 100  # rows
+_SHAKEN = 5.0  # wheel rms in units of its noise, below which nothing was driven over
+
+
+def clipping_limit(samples: int) -> int:
+    """Clipped samples of one channel that are still treated as bounds: ten, or 2 %."""
+    return max(10, int(0.02 * samples))
+
+
+def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
+    """Look for what would make an answer worthless.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Nominal car: its modes say how long and how fast one must measure.
+    line : Timeline
+        One recording.
+
+    Returns
+    -------
+    reasons, warnings : lists of str
+        Sentences; any reason means that the recording is refused.
+    """
+    reasons: list[str] = []
+    warnings: list[str] = []
+    found = modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
+    slowest, fastest = found[0].natural, found[-1].natural
+    times = line.times[0]
+    rows = len(times)
+    duration = float(times[-1] - times[0])
+    rate = 1.0 / float(np.median(np.diff(times)))
+    needed = max(_PERIODS / slowest, 0.3)
+    if duration < needed or rows < _FEWEST:
+        reasons.append(
+            f"{line.source} is too short: {duration:.2f} s in {rows} rows, and this car needs at "
+            f"least {needed:.2f} s and {_FEWEST} rows; start the recording a second before the "
+            "bump and let it run until the car has stopped bouncing"
+        )
+    if rate < _SAMPLES_A_PERIOD * fastest:
+        reasons.append(
+            f"{line.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at up "
+            f"to {fastest:.1f} Hz; record at {_round_rate(_SAMPLES_A_PERIOD * fastest)} Hz or more"
+        )
+    limit = clipping_limit(rows)
+    for c, name in enumerate(CHANNELS):
+        clipped = int(np.count_nonzero(line.clipped[c]))
+        if clipped > limit:
+            reasons.append(
+                f"the {PLAIN[name]} sensor of {line.source} was at the end of its range in "
+                f"{clipped} of {rows} samples; drive slower, take a lower bump or use a sensor "
+                "with a wider range"
+            )
+        elif clipped:
+            warnings.append(
+                f"{clipped} samples of the {PLAIN[name]} sensor of {line.source} were at the end "
+                "of its range and are used as bounds"
+            )
+        missing = int(np.count_nonzero(~np.isfinite(line.acceleration[c])))
+        if missing > 0.2 * rows:
+            reasons.append(
+                f"{missing} of {rows} readings of the {PLAIN[name]} sensor of {line.source} are "
+                "missing; check its wiring and the transfer"
+            )
+        elif missing:
+            warnings.append(
+                f"{missing} readings of the {PLAIN[name]} sensor of {line.source} are missing"
+            )
+    for axle, c in (("front", 0), ("rear", 2)):
+        signal = line.acceleration[c][np.isfinite(line.acceleration[c])]
+        shaken = float(np.std(signal))
+        floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
+        if shaken < _SHAKEN * floor or shaken < 0.05:
+            reasons.append(
+                f"the {axle} wheel hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
+                "over a bump, a parking stop or a rough road"
+            )
+    gaps = np.diff(times)
+    largest = float(gaps.max())
+    if largest > 0.25 / fastest:
+        reasons.append(
+            f"{line.source} has a gap of {largest * 1e3:.0f} ms in its rows, longer than this "
+            "car's motion can be followed across; cut the recording there and give both parts"
+        )
+    return reasons, warnings
+
+
+def _round_rate(least: float) -> int:
+    """Round up to the next rate a logger offers."""
+    for rate in (50, 100, 200, 400, 800):
+        if rate >= least:
+            return rate
+    return int(np.ceil(least / 100.0) * 100)

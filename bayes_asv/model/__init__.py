@@ -1,0 +1,1 @@
+"""The readable half car: equations one can hold against a textbook, no speed intended."""

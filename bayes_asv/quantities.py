@@ -1,0 +1,20 @@
+"""Names, dimensions and words of everything that is estimated or known."""
+
+from __future__ import annotations
+
+__all__ = ["QUANTITIES"]
+
+# Dimension and words of every quantity that may be shown.
+QUANTITIES = {
+    "c_f": ("damping", "front damping rate"),
+    "c_r": ("damping", "rear damping rate"),
+    "i": ("pitch_inertia", "pitch inertia"),
+    "k_g": ("length", "radius of gyration"),
+    "zeta_f": ("dimensionless", "front damping ratio"),
+    "zeta_r": ("dimensionless", "rear damping ratio"),
+    "m": ("mass", "sprung mass"),
+    "l": ("length", "wheelbase"),
+    "wdf": ("dimensionless", "front weight fraction"),
+    "k_f": ("stiffness", "front spring rate"),
+    "k_r": ("stiffness", "rear spring rate"),
+}

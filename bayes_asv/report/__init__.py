@@ -1,0 +1,1 @@
+"""What an estimate says, for people and for programs: one document, several views."""
