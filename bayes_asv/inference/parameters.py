@@ -5,7 +5,7 @@ ratios c/m, k/m and i/(m l²) alone: mass and wheel base scale the answer and ca
 So the logarithms, in units of their prior deviations, are turned into the directions that the
 data can see and those they cannot; only the first are sampled, the others are drawn from the
 prior afterwards, which is exact.  The weight share is normal, noise deviations log-normal and
-the filtered share of the noise logit-normal.  Every coordinate is standard normal beforehand.
+the filtered share of the noise uniform.  Every coordinate is standard normal beforehand.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.timeline import Timeline
@@ -33,7 +34,6 @@ INERTIA_FACTOR = 2.0
 # record gives the level to within a factor of three at one deviation.
 _NOISE_GIVEN_SD = 0.3
 _NOISE_UNKNOWN_SD = math.log(3.0)
-_COLOUR_SD = 2.0  # a logit of ±2: between an eighth and seven eighths filtered
 _WORST = 8.0  # prior deviations beyond which nothing is tried
 
 _LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
@@ -61,7 +61,7 @@ class Space:
         ``noise <channel> <run>``, ``colour <run>``.
     centre, scale : (D,) arrays
         A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
-        logit for colour).
+        probit for colour).
     log_mean, log_sd : (7,) arrays
         Prior of the logarithms of c_f, c_r, i, m, l, k_f, k_r (SI units).
     seen, unseen : (7, r) and (7, 7 − r) arrays
@@ -122,7 +122,7 @@ class Space:
         out = np.zeros((len(z), 12))
         colour: Array | float = 0.0
         if f"colour {run}" in self.names:
-            colour = 1.0 / (1.0 + np.exp(-self._other(z, f"colour {run}")))
+            colour = ndtr(self._other(z, f"colour {run}"))
         for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
             name = f"noise {CHANNELS[c]} {run}"
             if name not in self.names:
@@ -138,7 +138,7 @@ class Space:
         out = {}
         for name in self.names[self.car_dimension :]:
             value = self._other(z, name)
-            out[name] = 1.0 / (1.0 + np.exp(-value)) if name[0] == "c" else np.exp(value)
+            out[name] = ndtr(value) if name.startswith("colour") else np.exp(value)
         return out
 
     def log_prior(self, z: Array) -> Array:
@@ -221,7 +221,7 @@ def space(
             else:
                 add(f"noise {channel} {run}", math.log(noise), _NOISE_GIVEN_SD)
         if likelihood == "innovations" and np.any(line.poles > 0.0):
-            add(f"colour {run}", 0.0, _COLOUR_SD)
+            add(f"colour {run}", 0.0, 1.0)
     return Space(
         names=tuple(names),
         centre=np.array(centre),

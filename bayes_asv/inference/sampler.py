@@ -2,8 +2,9 @@
 
 Four ensembles start apart and never exchange anything, so that R̂ between them means what it
 says (walkers of one ensemble are not independent chains).  Proposals are drawn from a
-Student t around the mode, mixed with differential evolution: where the posterior is nearly
-normal almost every step is a fresh draw, and where it is not the second move still explores.
+Student t shaped by what burn-in found, mixed with differential evolution: where the posterior
+is nearly normal almost every step is a fresh draw, and where it is not the second move still
+explores.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ ESS_WANTED = 1000.0
 RHAT_WANTED = 1.01
 _TAILS = (0.05, 0.95)
 _FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
-_BURN = 16
-_BLOCK = 20
+_BURN = ((10, 5), (16, 10))  # steps of each stage, and how many of the last shape the next
+_BLOCK = 30
 _MOST = 6000  # steps
 
 
@@ -63,28 +64,52 @@ class Ensembles:
     acceptance: float
 
 
-class _StudentProposal:
-    """Independence proposal from a multivariate t; callable as emcee's MHMove wants it."""
+class _Proposal:
+    """Independence proposal: a multivariate t, bent to the skew of each coordinate.
 
-    def __init__(self, centre: Array, covariance: Array) -> None:
-        self.centre = centre
+    A point z is bent to y = (z − m)/s with one scale s left and another right of m; y is a
+    Student t with the given covariance.  Callable as emcee's MHMove wants it.
+    """
+
+    def __init__(self, middle: Array, left: Array, right: Array, covariance: Array) -> None:
+        self.middle, self.left, self.right = middle, left, right
         self.root = np.linalg.cholesky(covariance)
         self.inverse = np.linalg.inv(self.root)
 
-    def _log_density(self, x: Array) -> Array:
-        u = (x - self.centre) @ self.inverse.T
-        d = x.shape[1]
-        return np.asarray(-0.5 * (_FREEDOM + d) * np.log1p(np.sum(u**2, axis=1) / _FREEDOM))
+    @classmethod
+    def around(cls, mode: Mode, inflation: float) -> _Proposal:
+        """From the curvature at the mode."""
+        one = mode.sd
+        return cls(mode.z, one, one, inflation * mode.covariance / np.outer(one, one))
+
+    @classmethod
+    def through(cls, points: Array, inflation: float) -> _Proposal:
+        """From draws (N, D)."""
+        # Scales from the tails: a walker in a tail that is never proposed again gets stuck.
+        low, middle, high = np.quantile(points, [0.05, 0.5, 0.95], axis=0)
+        left = np.maximum(middle - low, 1e-12) / 1.645
+        right = np.maximum(high - middle, 1e-12) / 1.645
+        bent = (points - middle) / np.where(points < middle, left, right)
+        d = points.shape[1]
+        spread = bent.T @ bent / len(bent) + 1e-6 * np.eye(d)
+        return cls(middle, left, right, inflation * spread)
+
+    def _log_density(self, z: Array) -> Array:
+        scale = np.where(z < self.middle, self.left, self.right)
+        u = ((z - self.middle) / scale) @ self.inverse.T
+        power = 0.5 * (_FREEDOM + z.shape[1])
+        radial = -power * np.log1p(np.sum(u**2, axis=1) / _FREEDOM)
+        return np.asarray(radial - np.sum(np.log(scale), axis=1))
 
     def draw(self, count: int, random: np.random.RandomState) -> Array:
         """Draw (count, D) points."""
-        d = len(self.centre)
-        scale = np.sqrt(_FREEDOM / random.chisquare(_FREEDOM, size=(count, 1)))
-        return np.asarray(self.centre + (random.normal(size=(count, d)) * scale) @ self.root.T)
+        stretch = np.sqrt(_FREEDOM / random.chisquare(_FREEDOM, size=(count, 1)))
+        y = (random.normal(size=(count, len(self.middle))) * stretch) @ self.root.T
+        return np.asarray(self.middle + y * np.where(y < 0.0, self.left, self.right))
 
-    def __call__(self, x: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        q = self.draw(len(x), random)
-        return q, self._log_density(x) - self._log_density(q)
+    def __call__(self, z: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        q = self.draw(len(z), random)
+        return q, self._log_density(z) - self._log_density(q)
 
 
 def run_ensembles(
@@ -112,20 +137,18 @@ def run_ensembles(
     """
     d = len(mode.z)
     walkers = max(32, 2 * (d + 2))
-    states = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
-    wide = _StudentProposal(mode.z, 1.2 * mode.covariance)
     with ThreadPoolExecutor(2) as pool:
-        places = [_start(target, wide, walkers, state) for state in states]
-        samplers = [_sampler(target, wide, walkers, state) for state in states]
-        ends = list(pool.map(_advance, samplers, places, [_BURN] * ENSEMBLES))
-        # What burn-in found replaces the curvature at the mode; fixed from here on.
-        found = np.concatenate([s.get_chain(flat=True, discard=_BURN // 2) for s in samplers])
-        centre = found.mean(axis=0)
-        spread = np.cov(found.T).reshape(d, d) + 1e-3 * mode.covariance
-        moved = _StudentProposal(centre, 1.1 * spread)
-        states = [np.random.RandomState([seed, ENSEMBLES + e]) for e in range(ENSEMBLES)]
-        samplers = [_sampler(target, moved, walkers, state) for state in states]
-        places = [end.coords for end in ends]
+        proposal = _Proposal.around(mode, 1.2)
+        streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
+        places = [_start(target, proposal, walkers, stream) for stream in streams]
+        for stage, (burn, used) in enumerate(_BURN):
+            samplers = _samplers(target, proposal, walkers, [seed, ENSEMBLES + stage])
+            ends = list(pool.map(_advance, samplers, places, [burn] * ENSEMBLES))
+            places = [end.coords for end in ends]
+            # What burn-in found replaces the curvature at the mode; fixed while draws are kept.
+            found = [s.get_chain(flat=True, discard=burn - used) for s in samplers]
+            proposal = _Proposal.through(np.concatenate(found), 1.1)
+        samplers = _samplers(target, proposal, walkers, [seed, ENSEMBLES + len(_BURN)])
         steps, block = 0, _BLOCK
         while True:
             places = [
@@ -140,7 +163,7 @@ def run_ensembles(
                 progress(min(share, 1.0), f"R̂ {rhat:.3f}, effective draws {min(bulk, tail):.0f}")
             if done or steps >= most:
                 break
-            block = min(max(steps // 2, _BLOCK), most - steps)
+            block = min(max(steps // 2, 20), most - steps)
     return Ensembles(
         draws=chains.reshape(ENSEMBLES, -1, d),
         log_posterior=np.stack([s.get_log_prob() for s in samplers]).reshape(ENSEMBLES, -1),
@@ -181,23 +204,24 @@ def _advance(sampler: emcee.EnsembleSampler, place: Array, steps: int) -> emcee.
     return sampler.run_mcmc(place, steps)
 
 
-def _sampler(
-    target: Target, proposal: _StudentProposal, walkers: int, random: np.random.RandomState
-) -> emcee.EnsembleSampler:
-    d = len(proposal.centre)
-    sampler = emcee.EnsembleSampler(
-        walkers,
-        d,
-        target.log_posterior,
-        moves=[(emcee.moves.MHMove(proposal, ndim=d), 0.8), (emcee.moves.DEMove(), 0.2)],
-        vectorize=True,
-    )
-    sampler.random_state = random.get_state()
-    return sampler
+def _samplers(
+    target: Target, proposal: _Proposal, walkers: int, seed: list[int]
+) -> list[emcee.EnsembleSampler]:
+    """Set up one sampler an ensemble, each with a stream of its own."""
+    d = len(proposal.middle)
+    moves = [(emcee.moves.MHMove(proposal, ndim=d), 0.9), (emcee.moves.DEMove(), 0.1)]
+    out = []
+    for ensemble in range(ENSEMBLES):
+        sampler = emcee.EnsembleSampler(
+            walkers, d, target.log_posterior, moves=moves, vectorize=True
+        )
+        sampler.random_state = np.random.RandomState([*seed, ensemble]).get_state()
+        out.append(sampler)
+    return out
 
 
 def _start(
-    target: Target, proposal: _StudentProposal, walkers: int, random: np.random.RandomState
+    target: Target, proposal: _Proposal, walkers: int, random: np.random.RandomState
 ) -> Array:
     """Walkers spread as the proposal, each where the posterior is finite."""
     for _ in range(100):
@@ -205,7 +229,4 @@ def _start(
         z = z[np.isfinite(target.log_posterior(z))]
         if len(z) >= walkers:
             return z[:walkers]
-    return np.asarray(
-        proposal.centre
-        + 1e-3 * random.normal(size=(walkers, len(proposal.centre))) @ proposal.root.T
-    )
+    return np.asarray(proposal.middle + 1e-6 * random.normal(size=(walkers, len(z.T))))
