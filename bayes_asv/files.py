@@ -15,7 +15,7 @@ from bayes_asv.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["closest", "decode", "read_bytes", "write_whole"]
+__all__ = ["check_target", "closest", "decode", "read_bytes", "write_whole"]
 
 PathLike = str | os.PathLike[str]
 
@@ -103,6 +103,26 @@ def decode(data: bytes, where: str) -> str:
         raise InputError(f"{where}:{line}", "is not UTF-8 text", "save it as UTF-8") from None
 
 
+def check_target(path: PathLike) -> None:
+    """Say now that a file could not be written, not after a minute of work.
+
+    Raises
+    ------
+    InputError
+        As `write_whole` would.
+    """
+    where = os.fspath(path)
+    try:
+        target = Path(os.path.realpath(path))  # a link stays a link
+        _check_kind(target, where)
+        if not target.parent.is_dir():
+            raise FileNotFoundError
+        if not os.access(target.parent, os.W_OK | os.X_OK):
+            raise PermissionError
+    except (OSError, ValueError) as exc:
+        raise _unwritable(where, exc) from None
+
+
 def write_whole(path: PathLike, data: bytes) -> None:
     """Write a file whole or not at all.
 
@@ -118,10 +138,7 @@ def write_whole(path: PathLike, data: bytes) -> None:
     temporary = None
     try:
         target = Path(os.path.realpath(path))  # a link stays a link
-        if target.is_dir():
-            raise InputError(where, "is a folder", "name a file in it")
-        if target.exists() and not target.is_file():
-            raise InputError(where, "is not an ordinary file", "name another file")
+        _check_kind(target, where)
         # open() and not mkstemp(): a new file then has the permissions the user asks for
         beside = target.with_name(f".{secrets.token_hex(8)}.part")
         with open(beside, "xb") as file:
@@ -133,17 +150,28 @@ def write_whole(path: PathLike, data: bytes) -> None:
             os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
         os.replace(temporary, target)
         temporary = None
-    except FileNotFoundError:
-        raise InputError(where, "its folder does not exist", "make the folder first") from None
-    except PermissionError:
-        raise InputError(where, "may not be written", "check the folder's permissions") from None
     except (OSError, ValueError) as exc:
-        reason = getattr(exc, "strerror", None) or str(exc)
-        raise InputError(where, f"cannot be written ({reason})", "name another file") from None
+        raise _unwritable(where, exc) from None
     finally:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+
+
+def _check_kind(target: Path, where: str) -> None:
+    if target.is_dir():
+        raise InputError(where, "is a folder", "name a file in it")
+    if target.exists() and not target.is_file():
+        raise InputError(where, "is not an ordinary file", "name another file")
+
+
+def _unwritable(where: str, fault: OSError | ValueError) -> InputError:
+    if isinstance(fault, FileNotFoundError | NotADirectoryError):
+        return InputError(where, "its folder does not exist", "make the folder first")
+    if isinstance(fault, PermissionError):
+        return InputError(where, "may not be written", "check the folder's permissions")
+    reason = getattr(fault, "strerror", None) or str(fault)
+    return InputError(where, f"cannot be written ({reason})", "name another file")
 
 
 def _neighbour(path: Path) -> str:

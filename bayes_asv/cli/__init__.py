@@ -5,7 +5,10 @@ Commands are imported when they are run, so that ``--help`` answers at once.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
+import os
 import sys
 from typing import NoReturn
 
@@ -39,6 +42,13 @@ class _LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            _silence()  # click would leave with 1; whoever read our output has what they wanted
+            ctx.exit(0)
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
@@ -71,8 +81,12 @@ def cli() -> None:
 
 def main() -> NoReturn:
     """Run the command line and leave with its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without a sign gets a question mark
     try:
         status = cli.main(standalone_mode=False, prog_name="bayes-asv")
+        sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         sys.exit(2)
@@ -85,10 +99,19 @@ def main() -> NoReturn:
     except BayesAsvError as error:
         _complain(str(error))
         sys.exit(2)
-    except BrokenPipeError:
-        sys.stderr.close()  # whoever read our output has left; nothing to say to nobody
+    except OSError as error:
+        _silence()
+        if not isinstance(error, BrokenPipeError):  # else whoever read has left: nothing to say
+            _complain(f"output cannot be written ({error.strerror}); free some space")
+            sys.exit(2)
         sys.exit(0)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _silence() -> None:
+    """Throw away what standard output still holds, so that leaving does not fail on it again."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _usage(error: click.ClickException) -> str:

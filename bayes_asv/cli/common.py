@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from bayes_asv.errors import InputError
 
 if TYPE_CHECKING:
     from bayes_asv.recording import Recording
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EXIT_STATUS",
+    "check_outputs",
     "json_option",
     "progress_bar",
     "rate_option",
@@ -52,20 +56,52 @@ def read_inputs(
     from bayes_asv.vehicle import read_vehicle
 
     car = read_vehicle(vehicle)
-    return [read_recording(path, rate=rate) for path in paths], car
+    runs: list[Recording] = []
+    for path in paths:
+        run = read_recording(path, rate=rate)
+        twin = next((r for r in runs if r.sha256 == run.sha256), None)
+        if twin is not None:  # it would be counted as twice the evidence
+            raise InputError(path, f"holds the same as {twin.source}", "give each recording once")
+        runs.append(run)
+    return runs, car
+
+
+def check_outputs(inputs: Iterable[str | None], *outputs: str | None) -> None:
+    """Refuse outputs that cannot be written or would replace an input, before the work.
+
+    Parameters
+    ----------
+    inputs : iterable of str or None
+        Files that are read.
+    *outputs : str or None
+        Files that will be written; None and ``-`` are nothing to check.
+    """
+    from bayes_asv.files import check_target
+
+    taken = {os.path.realpath(path): "is read by this command" for path in inputs if path}
+    for path in outputs:
+        if path is None or path == "-":
+            continue
+        check_target(path)
+        place = os.path.realpath(path)
+        if place in taken:
+            raise InputError(path, f"{taken[place]} and would be replaced", "name another file")
+        taken[place] = "is written twice by this command"
 
 
 def write_json(document: dict[str, Any], file: str | None) -> None:
     """Write a document where the user asked for it, whole or not at all."""
     if file is None:
         return
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    # ASCII passes every terminal and pipe; a file is UTF-8 and easier to read.
+    text = json.dumps(document, indent=1, ensure_ascii=file == "-", allow_nan=False) + "\n"
     if file == "-":
         sys.stdout.write(text)
+        sys.stdout.flush()
         return
     from bayes_asv.files import write_whole
 
-    write_whole(file, text.encode("utf-8"))
+    write_whole(file, text.encode("utf-8", "replace"))  # a file's name need not be Unicode
 
 
 @contextmanager

@@ -33,6 +33,7 @@ def command(
     seed: int,
 ) -> int:
     """Posterior of c_f, c_r and i from one or several recordings together."""
+    common.check_outputs((*recordings, vehicle), json_file, netcdf)
     runs, car = common.read_inputs(recordings, vehicle, rate)
     with common.progress_bar() as progress:
         from bayes_asv.inference.estimate import estimate

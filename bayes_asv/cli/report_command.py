@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Any
-
 import click
 
 from bayes_asv.cli import common
-from bayes_asv.errors import InputError
 
 __all__ = ["command"]
 
@@ -38,12 +33,17 @@ def command(
     What was saved with --json by estimate is taken with --from and not computed again.
     """
     from bayes_asv.report.render import check_suffix, write_report
+    from bayes_asv.report.saved import read_saved
     from bayes_asv.report.words import headline
 
     check_suffix(output)
-    documents = [_read(file) for file in saved]
-    if documents:
-        document = documents[-1]
+    if len(saved) > 1:
+        raise click.UsageError("a report tells one estimate; give --from once")
+    if saved and (recordings or vehicle is not None):
+        raise click.UsageError("give recordings and --vehicle, or --from, not both")
+    common.check_outputs((*recordings, vehicle, *saved), output, json_file)
+    if saved:
+        document = read_saved(saved[0])
     else:
         if not recordings or vehicle is None:
             raise click.UsageError("give recordings and --vehicle, or --from a saved estimate")
@@ -57,21 +57,3 @@ def command(
     common.write_json(document, json_file)
     click.echo(f"{headline(document)}\n{output}", err=json_file == "-")
     return common.EXIT_STATUS[document["verdict"]]
-
-
-def _read(file: str) -> dict[str, Any]:
-    from bayes_asv.report.document import SCHEMA
-
-    try:
-        document = json.loads(Path(file).read_bytes())
-    except OSError as error:
-        raise InputError(file, f"cannot be read ({error.strerror})", "check the name") from None
-    except (ValueError, RecursionError):
-        raise InputError(
-            file, "is not JSON", "give a file that 'bayes-asv estimate --json' wrote"
-        ) from None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise InputError(
-            file, f"is not of schema {SCHEMA}", "give a file that 'bayes-asv estimate --json' wrote"
-        )
-    return document

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import click
 
 from bayes_asv.cli import common
+from bayes_asv.errors import InputError
 from bayes_asv.simulation import ROADS
 
 __all__ = ["command"]
@@ -52,6 +55,9 @@ def command(
     from bayes_asv.units import parse_quantity, to_si
     from bayes_asv.vehicle import read_vehicle
 
+    if not (math.isfinite(rate) and math.isfinite(seconds)):
+        raise click.UsageError("--rate and --seconds have to be numbers")
+    common.check_outputs((vehicle,), output, json_file)
     given = read_vehicle(vehicle)
     car = HalfCar(*(getattr(given, field).value for field in HalfCar._fields))
     for change in changes:
@@ -66,7 +72,10 @@ def command(
                 "a factor between 0.01 and 100"
             )
         car = car._replace(**{field: getattr(car, field) * factor})
-    pace = None if speed is None else to_si(*parse_quantity(speed), "velocity")
+    try:
+        pace = None if speed is None else to_si(*parse_quantity(speed), "velocity")
+    except InputError as fault:
+        raise click.UsageError(f"--speed: {fault.where} {fault.what}; write '8 mph'") from None
     if pace is not None and not 0.1 <= pace <= 60.0:
         raise click.UsageError("--speed has to lie between 0.1 and 60 m/s")
     if not 0.0 < car.wdf < 1.0:

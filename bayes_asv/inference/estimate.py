@@ -15,7 +15,7 @@ from bayes_asv.inference.fit import FreeRun, simulate_free
 from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
 from bayes_asv.inference.parameters import CAR, Space, space
-from bayes_asv.inference.preflight import preflight
+from bayes_asv.inference.preflight import misfit, preflight
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
@@ -193,6 +193,11 @@ def estimate(
     with shared_work(Target(where, (WHITE,) * len(lines))) as target:
         mode, target = _mode_and_colour(target, likelihood)
     reasons += _unmeasured(where, mode)
+    best = where.cars(mode.z[None])[0]
+    for line in lines:
+        why, notes = misfit(vehicle, line, simulate_free(line, best))
+        reasons += why
+        warnings += notes
     if reasons:
         return refused()
     tell(0.1, "sampling")

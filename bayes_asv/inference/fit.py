@@ -12,7 +12,7 @@ from bayes_asv.kernels.innovations import VALUE
 from bayes_asv.kernels.response import free_run
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 
-__all__ = ["FreeRun", "simulate_free"]
+__all__ = ["FreeRun", "left_in_band", "simulate_free"]
 
 Array = NDArray[np.float64]
 
@@ -71,3 +71,38 @@ def simulate_free(line: Timeline, car: Array) -> FreeRun:
     weights = np.linalg.solve(X.T @ X + np.diag(scale / line.start), X.T @ y)
     full = states[:, :, 0] + states[:, :, 1:] @ weights[:4]
     return FreeRun(full, outputs[:, :, 0] + design @ weights, weights[4:])
+
+
+def left_in_band(line: Timeline, free: FreeRun, top: float) -> Array:
+    """Share of the chassis' motion below a frequency that the simulation leaves unexplained.
+
+    Parameters
+    ----------
+    line : Timeline
+        The recording.
+    free : FreeRun
+        Its simulation.
+    top : float
+        Upper end of the band, Hz: where the car's own modes live, not the engine's.
+
+    Returns
+    -------
+    (2,) array
+        Root of the ratio of powers, front and rear: 0 when all is explained, 1 when nothing is.
+    """
+    from scipy.signal import welch
+
+    out = np.zeros(2)
+    for axle in range(2):
+        use = line.kind[:, axle] == VALUE
+        time = line.instants[use]
+        rate = 1.0 / float(np.median(np.diff(time)))
+        even = np.arange(time[0], time[-1], 1.0 / rate)
+        measured = np.interp(even, time, line.reading[use, axle])
+        left = measured - np.interp(even, time, free.output[use, axle])
+        n = min(len(even), int(2.0 * rate))
+        frequency, power = welch(measured, rate, nperseg=n)
+        _, residual = welch(left, rate, nperseg=n)
+        band = (frequency > 0.0) & (frequency <= top)
+        out[axle] = np.sqrt(residual[band].sum() / power[band].sum())
+    return out

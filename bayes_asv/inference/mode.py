@@ -119,7 +119,10 @@ def _least_squares(target: Target) -> tuple[Array, Array]:
 
 
 def derivatives(target: Target, z: Array, scale: Array) -> tuple[float, Array, Array]:
-    """Value, gradient (D,) and Hessian (D, D) of the log-posterior in units of ``scale``."""
+    """Value, gradient (D,) and Hessian (D, D) of the log-posterior in units of ``scale``.
+
+    Derivatives are nan where a step leaves the region in which the posterior is positive.
+    """
     d = len(z)
     steps = _STEP * np.eye(d)
     plus, minus = z + steps * scale, z - steps * scale
@@ -127,6 +130,8 @@ def derivatives(target: Target, z: Array, scale: Array) -> tuple[float, Array, A
     cross = z + (steps[first] + steps[second]) * scale
     anti = z - (steps[first] + steps[second]) * scale
     values = target.log_posterior(np.concatenate([z[None], plus, minus, cross, anti]))
+    if not np.all(np.isfinite(values)):
+        return float(values[0]), np.full(d, np.nan), np.full((d, d), np.nan)
     f0, fp, fm = values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1]
     fc, fa = np.split(values[2 * d + 1 :], 2)
     gradient = (fp - fm) / (2.0 * _STEP)

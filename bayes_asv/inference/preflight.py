@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.fit import FreeRun, left_in_band
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.model.modes import modes
+from bayes_asv.model.modes import Mode, modes
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["PLAIN", "clipping_limit", "preflight"]
+__all__ = ["PLAIN", "clipping_limit", "misfit", "preflight"]
 
 PLAIN = {
     "front_wheel": "front wheel",
@@ -22,6 +23,9 @@ PLAIN = {
 _PERIODS = 1.0  # of the slowest mode that a record must last
 _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
 _FEWEST = 100  # rows
+_BAND = 2.5  # times the fastest mode: where the half car has to explain what is measured
+_NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is not this half car
+_DOUBTFUL = 0.3  # and beyond which the intervals are too good to be true
 _SHAKEN = 5.0  # wheel rms in units of its noise, below which nothing was driven over
 
 
@@ -47,7 +51,7 @@ def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    found = modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
+    found = _modes(vehicle)
     slowest, fastest = found[0].natural, found[-1].natural
     times = line.times[0]
     rows = len(times)
@@ -106,6 +110,47 @@ def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
             "car's motion can be followed across; cut the recording there and give both parts"
         )
     return reasons, warnings
+
+
+def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], list[str]]:
+    """Look whether the fitted half car explains the motion it is meant for.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Its fastest nominal mode says up to which frequency the half car has to hold.
+    line, free : Timeline and FreeRun
+        One recording and its best simulation.
+
+    Returns
+    -------
+    reasons, warnings : lists of str
+    """
+    reasons: list[str] = []
+    warnings: list[str] = []
+    top = _BAND * _modes(vehicle)[-1].natural
+    for axle, left in zip(("front", "rear"), left_in_band(line, free, top), strict=True):
+        share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
+        words = (
+            f"the half car explains only {share:.0f} % of the {axle} chassis' motion below "
+            f"{top:.0f} Hz in {line.source}"
+        )
+        if left > _NOT_EXPLAINED:
+            reasons.append(
+                f"{words}: these sensors do not belong to this car, or are not where the file "
+                "says; check channels, signs, units and clocks, and that they sit on hubs and "
+                "frame"
+            )
+        elif left > _DOUBTFUL:
+            warnings.append(
+                f"{words}; something that it does not know is at work, and the intervals do not "
+                "account for it"
+            )
+    return reasons, warnings
+
+
+def _modes(vehicle: Vehicle) -> list[Mode]:
+    return modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
 
 
 def _round_rate(least: float) -> int:

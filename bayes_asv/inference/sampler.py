@@ -34,7 +34,7 @@ _TAILS = (0.05, 0.95)
 _FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
 _BURN = ((10, 5), (16, 10))  # steps of each stage, and how many of the last shape the next
 _BLOCK = 30
-_MOST = 6000  # steps
+_MOST = 800  # steps
 
 
 @dataclass(frozen=True)

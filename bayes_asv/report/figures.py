@@ -53,7 +53,7 @@ def figures(document: Document) -> list[Figure]:
                     "posterior",
                     "What the data say about each parameter",
                     "Look at where the dashed nominal line stands: outside the shaded 95 % "
-                    "interval the car differs from its data sheet. The violet prior, what was "
+                    "interval the car differs from its data sheet. The brown prior, what was "
                     "believed before, should be flat here; then it is the recording that speaks.",
                     plots_parameters.posteriors(document),
                 )
@@ -78,13 +78,13 @@ def figures(document: Document) -> list[Figure]:
                     "Look for bars far from the middle and for unequal shares: a rate is learnt "
                     "only at the velocities that were driven, and bound (compression, left of "
                     "zero) and rebound are averaged. Velocity is that of the suspension at the "
-                    "wheel.",
+                    "wheel; below 2 % of the largest it counts as still.",
                     plots_time.velocities(document["runs"]),
                 )
             )
         for n, run in enumerate(runs):
             found += _left_over(plots_residuals, run, n, len(runs))
-    return found
+    return [figure for figure in found if figure.panels]
 
 
 def _of_run(plots: Any, run: Document, n: int, count: int, document: Document) -> list[Figure]:

@@ -18,7 +18,6 @@ Document = dict[str, Any]
 Array = NDArray[np.float64]
 
 PAINT: Final = {"c_f": "front", "c_r": "rear", "i": "muted", "k_g": "muted"}
-SYMBOLS: Final = {"c_f": "$c_f$", "c_r": "$c_r$", "i": "$i$", "k_g": "$k_g$"}
 
 
 def prior_of(name: str, document: Document) -> tuple[float, float] | None:
@@ -56,16 +55,15 @@ def posteriors(document: Document) -> tuple[Panel, ...]:
         if p is None or len(draws) < 3 or not p["sd"]:
             continue
         nominal = p.get("nominal")
-        ends = [p["mean"] - 4.5 * p["sd"], p["mean"] + 4.5 * p["sd"]]
-        if nominal is not None:
-            reach = 0.12 * max(abs(nominal - p["mean"]), p["sd"])
-            ends = [min(ends[0], nominal - reach), max(ends[1], nominal + reach)]
-        figure = canvas(height=2.5)
+        there = [p["mean"]] if nominal is None else [p["mean"], nominal]
+        margin = max(4.5 * p["sd"], 0.12 * (max(there) - min(there)))
+        start, stop = float(min(there) - margin), float(max(there) + margin)
+        figure = canvas(height=2.2)
         axes = figure.subplots()
         paint = COLOURS[PAINT[name]]
         grid = np.unique(
             np.concatenate(
-                [np.linspace(*ends, 200), p["mean"] + p["sd"] * np.linspace(-4.5, 4.5, 200)]
+                [np.linspace(start, stop, 200), p["mean"] + p["sd"] * np.linspace(-4.5, 4.5, 200)]
             )
         )
         density = _density(draws, grid)
@@ -84,7 +82,7 @@ def posteriors(document: Document) -> tuple[Panel, ...]:
                 nominal, color=COLOURS["ink"], linestyle=(0, (5, 3)), linewidth=1.2,
                 label=f"nominal {number(nominal)}",
             )  # fmt: skip
-        axes.set(xlabel=_label(name, p), ylabel="density", xlim=ends, yticks=[])
+        axes.set(xlabel=_label(name, p), ylabel="density", xlim=(start, stop), yticks=[])
         axes.set_ylim(0.0, 1.08 * float(density.max()))
         axes.grid(visible=False)
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.2)
@@ -100,7 +98,7 @@ def corner(document: Document) -> Panel | None:
         return None
     count = len(names)
     draws = {n: _draws(document, n) for n in names}
-    figure = canvas(6.6, 6.0)
+    figure = canvas(5.4, 4.7)
     grid = figure.subplots(count, count, squeeze=False)
     for row, down in enumerate(names):
         for column, across in enumerate(names):
@@ -117,8 +115,8 @@ def corner(document: Document) -> Panel | None:
                 )  # fmt: skip
                 continue
             _cell(axes, document, across, down, x, y)
-            axes.tick_params(labelsize=8, labelbottom=row == count - 1)
-            axes.tick_params(axis="y", labelleft=0 < row and column == 0)
+            axes.tick_params(labelsize=8.5, labelbottom=row == count - 1)
+            axes.tick_params(axis="y", labelleft=row > 0 and column == 0)
             if row == count - 1:
                 axes.set_xlabel(_short(across, document), fontsize=9)
                 axes.tick_params(axis="x", labelrotation=40)

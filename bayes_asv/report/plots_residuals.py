@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, Final
 
 import numpy as np
 
-from bayes_asv.report.plots_time import AXLES
+from bayes_asv.report.plots_time import AXLES, values_of
 from bayes_asv.report.readable import probability, readable_unit
 from bayes_asv.report.svg import COLOURS, Panel, canvas, panel
 
 __all__ = ["spectra", "whiteness"]
 
 Document = dict[str, Any]
+
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def power_of_ten(value: float) -> str:
+    """Write 10⁻² for 0.01, without the markup that a unit's text could be taken for."""
+    if value <= 0.0:
+        return ""
+    return "10" + str(round(math.log10(value))).translate(_RAISED)
 
 
 def spectra(run: Document, n: int) -> tuple[Panel, ...]:
@@ -35,18 +45,23 @@ def spectra(run: Document, n: int) -> tuple[Panel, ...]:
         spectrum = run["chassis"].get(f"{axle}_chassis", {}).get("spectrum")
         if not spectrum:
             continue
-        figure = canvas(height=2.7)
-        axes = figure.subplots()
-        frequency = spectrum["frequency"]
-        axes.loglog(frequency, spectrum["measured"], color=COLOURS["ink"], label="measured")
-        axes.loglog(
-            frequency, spectrum["residual"], color=COLOURS[axle], label="measured − simulated"
+        frequency = values_of(spectrum["frequency"])
+        measured, residual = (
+            np.where((v := values_of(spectrum[k])) > 0.0, v, np.nan)
+            for k in ("measured", "residual")
         )
+        if not (np.isfinite(measured).any() and np.isfinite(residual).any()):
+            continue  # a channel that never moved has no logarithm to show
+        figure = canvas(height=2.5)
+        axes = figure.subplots()
+        axes.loglog(frequency, measured, color=COLOURS["ink"], label="measured")
+        axes.loglog(frequency, residual, color=COLOURS[axle], label="what is left")
         axes.set(
             xlabel="frequency [Hz]",
             ylabel=f"{axle} chassis, spectral\ndensity [{readable_unit(spectrum['unit'])}]",
         )
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(value))
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         alt = f"{axle} chassis: spectrum of measurement and of what the simulation leaves"
         panels.append(panel(figure, f"spectrum-{axle}-{n}", alt))
@@ -62,7 +77,7 @@ def whiteness(run: Document, n: int) -> tuple[Panel, ...]:
         if not len(values):
             continue
         band = curve["autocorrelation_band95"]
-        figure = canvas(height=2.5)
+        figure = canvas(height=2.2)
         axes = figure.subplots()
         lags = np.arange(1, len(values) + 1)
         axes.axhspan(-band, band, color=COLOURS[axle], alpha=0.2, linewidth=0)

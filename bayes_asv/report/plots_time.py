@@ -13,7 +13,7 @@ from bayes_asv.report.svg import COLOURS, Panel, canvas, panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["chassis", "travels", "velocities", "velocity_shares", "wheels"]
+__all__ = ["chassis", "travels", "values_of", "velocities", "velocity_shares", "wheels"]
 
 Document = dict[str, Any]
 Array = NDArray[np.float64]
@@ -40,20 +40,22 @@ def chassis(run: Document, n: int) -> tuple[Panel, ...]:
     tuple of Panel
         Front, rear.
     """
-    time, unit, window = _values(run["time"]), readable_unit(run["unit"]), _window(run)
+    time, unit, window = values_of(run["time"]), readable_unit(run["unit"]), _window(run)
     panels = []
     for axle in AXLES:
         curve = run["chassis"].get(f"{axle}_chassis")
         if curve is None:
             continue
-        measured, simulated = _values(curve["measured"]), _values(curve["simulated"])
-        low, high = (_values(side) for side in curve["band95"])
-        figure = canvas(height=3.6)
+        measured, simulated = values_of(curve["measured"]), values_of(curve["simulated"])
+        low, high = (values_of(side) for side in curve["band95"])
+        figure = canvas(height=3.1)
         top, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.25))
         paint = COLOURS[axle]
+        # Thick and pale below thin and strong: both are seen where they lie on each other.
+        top.plot(time, measured, color=COLOURS["ink"], alpha=0.3, linewidth=4.0, label="measured")
         top.fill_between(time, low, high, color=paint, alpha=0.25, linewidth=0)
         top.plot(time, simulated, color=paint, label="simulated, 95 % band")
-        top.plot(time, measured, ".", color=COLOURS["ink"], markersize=2.2, label="measured")
+        top.set_ylim(*_shared([run["chassis"][c]["measured"] for c in run["chassis"]]))
         top.set_ylabel(f"{axle} chassis [{unit}]\nup +")
         _legend(top)
         below.fill_between(
@@ -61,7 +63,7 @@ def chassis(run: Document, n: int) -> tuple[Panel, ...]:
         )
         below.plot(time, measured - simulated, color=COLOURS["ink"], linewidth=0.7)
         below.axhline(0.0, color=paint, linewidth=0.8)
-        below.set_ylabel("measured −\nsimulated")
+        below.set_ylabel("measured\n− simul.")
         below.set_xlabel("time [s]")
         below.set_xlim(*window)
         figure.align_ylabels([top, below])
@@ -73,31 +75,40 @@ def chassis(run: Document, n: int) -> tuple[Panel, ...]:
 def wheels(run: Document, n: int) -> tuple[Panel, ...]:
     """Draw the wheel accelerations, front and rear."""
     unit, window = readable_unit(run["unit"]), _window(run)
-    time = _values(run["wheels"]["time"])
+    time = values_of(run["wheels"]["time"])
     panels = []
     for axle in AXLES:
-        figure = canvas(height=2.3)
+        figure = canvas(height=2.1)
         axes = figure.subplots()
-        axes.plot(time, _values(run["wheels"][f"{axle}_wheel"]), color=COLOURS[axle], linewidth=0.9)
+        axes.plot(
+            time, values_of(run["wheels"][f"{axle}_wheel"]), color=COLOURS[axle], linewidth=0.9
+        )
         axes.set(xlabel="time [s]", ylabel=f"{axle} wheel [{unit}]\nup +", xlim=window)
+        axes.set_ylim(*_shared([run["wheels"][f"{a}_wheel"] for a in AXLES]))
         panels.append(panel(figure, f"wheel-{axle}-{n}", f"{axle} wheel acceleration against time"))
     return tuple(panels)
 
 
 def travels(run: Document, limits: Document, n: int) -> tuple[Panel, ...]:
     """Draw suspension travel, with the limits of the vehicle where it gives them."""
-    time, window = _values(run["time"]), _window(run)
+    time, window = values_of(run["time"]), _window(run)
     unit = readable_unit(run["travel"]["unit"])
+    there = [run["travel"][a]["deflection"] for a in AXLES if a in run["travel"]]
+    stops = [
+        sign * limits[f"{a}_{name}"]
+        for a in AXLES for sign, name in ((-1.0, "bump"), (1.0, "droop"))
+        if limits.get(f"{a}_{name}") is not None
+    ]  # fmt: skip
     panels = []
     for axle in AXLES:
         curve = run["travel"].get(axle)
         if curve is None:
             continue
-        figure = canvas(height=2.7)
+        figure = canvas(height=2.3)
         axes = figure.subplots()
-        low, high = (_values(side) for side in curve["band95"])
+        low, high = (values_of(side) for side in curve["band95"])
         axes.fill_between(time, low, high, color=COLOURS[axle], alpha=0.3, linewidth=0)
-        axes.plot(time, _values(curve["deflection"]), color=COLOURS[axle])
+        axes.plot(time, values_of(curve["deflection"]), color=COLOURS[axle])
         axes.axhline(0.0, color=COLOURS["muted"], linewidth=0.8)
         for sign, name in ((-1.0, "bump"), (1.0, "droop")):
             limit = limits.get(f"{axle}_{name}")
@@ -114,7 +125,7 @@ def travels(run: Document, limits: Document, n: int) -> tuple[Panel, ...]:
                 va="top" if sign > 0 else "bottom",
                 fontsize=8.5,
             )
-        axes.margins(y=0.08)
+        axes.set_ylim(*_shared([*there, stops]))
         axes.set(xlabel="time [s]", ylabel=f"{axle} travel [{unit}]\nextension +", xlim=window)
         panels.append(panel(figure, f"travel-{axle}-{n}", f"{axle} suspension travel against time"))
     return tuple(panels)
@@ -126,17 +137,18 @@ def velocities(runs: list[Document]) -> tuple[Panel, ...]:
     panels = []
     for axle in AXLES:
         velocity = _pooled(runs, axle)
-        if not len(velocity):
+        if not velocity.any():
             continue
         bound, still, rebound = velocity_shares(runs, axle)
-        reach = float(np.abs(velocity).max()) or 1.0
-        figure = canvas(height=2.7)
+        reach = float(np.abs(velocity).max())
+        figure = canvas(height=2.4)
         axes = figure.subplots()
+        edges = np.linspace(-reach, reach, 41).tolist()
         weights = np.full(len(velocity), 100.0 / len(velocity))
         for sign, hatch in ((-1.0, "////"), (1.0, None)):
             side = sign * velocity > 0.0
             axes.hist(
-                velocity[side], bins=np.linspace(-reach, reach, 42), weights=weights[side],
+                velocity[side], bins=edges, weights=weights[side],
                 facecolor=COLOURS[axle], alpha=0.55 if hatch else 0.85, hatch=hatch,
                 edgecolor=COLOURS["ink"], linewidth=0.4,
             )  # fmt: skip
@@ -144,14 +156,9 @@ def velocities(runs: list[Document]) -> tuple[Panel, ...]:
         axes.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
         axes.set(xlabel=f"{axle} damper velocity [{unit}], extension +", ylabel="share of time [%]")
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        bottom, top = axes.get_ylim()
-        axes.set_ylim(bottom, top * 6.0)
-        for x, ha, text in (
-            (0.01, "left", f"bound\n{percent(bound)}"),
-            (0.5, "center", f"nearly still\n{percent(still)}"),
-            (0.99, "right", f"rebound\n{percent(rebound)}"),
-        ):
-            axes.text(x, 0.99, text, transform=axes.transAxes, ha=ha, va="top", fontsize=9)
+        axes.set_title(f"bound {percent(bound)}", loc="left", fontsize=9)
+        axes.set_title(f"still {percent(still)}", loc="center", fontsize=9)
+        axes.set_title(f"rebound {percent(rebound)}", loc="right", fontsize=9)
         alt = (
             f"{axle} damper velocity: bound {percent(bound)}, nearly still {percent(still)}, "
             f"rebound {percent(rebound)} of the time"
@@ -177,7 +184,7 @@ def velocity_shares(runs: list[Document], axle: str) -> tuple[float, float, floa
         the largest velocity.
     """
     velocity = _pooled(runs, axle)
-    if not len(velocity):
+    if not velocity.any():
         return 0.0, 1.0, 0.0
     edge = _STILL * float(np.abs(velocity).max())
     bound = float(np.mean(velocity < -edge))
@@ -192,7 +199,7 @@ def _pooled(runs: list[Document], axle: str) -> Array:
         curve = run["travel"].get(axle)
         if curve is None:
             continue
-        time, velocity = _values(run["time"]), _values(curve["velocity"])
+        time, velocity = values_of(run["time"]), values_of(curve["velocity"])
         good = np.isfinite(velocity) & np.isfinite(time)
         if good.sum() > 1:
             # Curves are thinned by different factors, so they are put on one clock first.
@@ -202,16 +209,17 @@ def _pooled(runs: list[Document], axle: str) -> Array:
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-def _values(curve: list[float | None]) -> Array:
+def values_of(curve: list[float | None]) -> Array:
+    """Return a curve as an array, with nan where the document has no number."""
     return np.array([np.nan if v is None else v for v in curve], dtype=float)
 
 
 def _window(run: Document) -> tuple[float, float]:
     """Return the times between which something happens, with a margin."""
-    time = _values(run["wheels"]["time"])
+    time = values_of(run["wheels"]["time"])
     moved = np.zeros(len(time), dtype=bool)
     for axle in AXLES:
-        size = np.abs(_values(run["wheels"][f"{axle}_wheel"]))
+        size = np.abs(values_of(run["wheels"][f"{axle}_wheel"]))
         if np.isfinite(size).any():
             moved |= size > _QUIET * np.nanmax(size)
     if not moved.any():
@@ -220,5 +228,16 @@ def _window(run: Document) -> tuple[float, float]:
     return max(float(first) - _BEFORE, float(time[0])), min(float(last) + _AFTER, float(time[-1]))
 
 
+def _shared(curves: list[list[float | None]]) -> tuple[float, float]:
+    """Limits of an axis that front and rear share, so that the eye may compare them."""
+    values = np.concatenate([values_of(curve) for curve in curves])
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return -1.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    margin = 0.06 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
 def _legend(axes: Axes) -> None:
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, markerscale=3)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

@@ -21,8 +21,10 @@ COLOURS: Final = {
     "grid": "#d9dde2",
     "front": "#0072b2",
     "rear": "#d55e00",
-    "prior": "#8c6bb1",
+    "prior": "#946c00",
     "good": "#007a5a",
+    "below": "#b0244a",
+    "above": "#6a4fb3",
 }
 
 WIDTH, HEIGHT = 4.3, 2.9  # inches; two panels stand side by side on a page, one fills a phone
@@ -91,8 +93,9 @@ def style() -> Iterator[None]:
         "path.simplify_threshold": 0.15,
     }
     kept = ("backend", "backend_fallback", "toolbar", "interactive")
-    default = {k: v for k, v in mpl.rcParamsDefault.items() if k not in kept}
-    with mpl.rc_context({**default, **ours}):
+    rc: dict[Any, Any] = {k: v for k, v in mpl.rcParamsDefault.items() if k not in kept}
+    rc.update(ours)
+    with mpl.rc_context(rc):
         yield
 
 
@@ -202,7 +205,7 @@ def gauge(key: str, share: float, low: float, high: float, reach: float, colour:
         f'<path d="M{x(s * reach / 2):.2f} 9V17" style="stroke: {grid}; stroke-width: 1.5"/>'
         for s in (-2, -1, 1, 2)
     )
-    alt = f"{100 * share:+.0f} % from nominal, on a scale from −{100 * reach:.0f} to +{100 * reach:.0f} %"
+    alt = f"{100 * share:+.0f} % from nominal, on a scale of ±{100 * reach:.0f} %"
     return Panel(
         key,
         alt,

@@ -36,7 +36,8 @@ LABELS: Final = {
 RHAT_WANTED: Final = 1.01
 ESS_WANTED: Final = 1000.0  # what the sampler asks of itself before it calls an answer ready
 
-_SLIGHT, _MUCH = 0.05, 0.30  # shares of nominal
+_SLIGHT: Final = 0.05  # share of nominal: a sure difference that need not matter
+_ALARM: Final = ("below", "above", "unclear", "agrees")
 _WIDE: Final = 0.10  # one deviation as a share of the mean
 
 # Mastrandrea et al., Guidance Note for Lead Authors of the IPCC Fifth Assessment Report on
@@ -61,9 +62,10 @@ class Comparison(NamedTuple):
     Attributes
     ----------
     sense : str
-        ``below``, ``above``, or ``agrees`` when nominal lies within the 95 % interval.
+        ``below`` or ``above``; ``agrees`` when nominal lies within the 95 % interval; ``unclear``
+        when it does only because the interval is wide.
     words : str
-        The same for a person: ``softer than nominal``.
+        The same for a person: ``9 % softer than nominal``.
     share : float
         Posterior mean over nominal, less one.
     p_below : float
@@ -137,6 +139,8 @@ def compare(name: str, parameter: Document) -> Comparison | None:
     low, high = parameter["eti95"]
     share = mean / nominal - 1.0
     if low <= nominal <= high:
+        if parameter["sd"] > _WIDE * abs(mean):
+            return Comparison("unclear", "too uncertain to tell from nominal", share, p)
         return Comparison("agrees", "agrees with nominal", share, p)
     side = "below" if share < 0.0 else "above"
     damper = name.startswith(("c_", "zeta"))
@@ -144,8 +148,11 @@ def compare(name: str, parameter: Document) -> Comparison | None:
         word = "softer" if side == "below" else "stiffer"
     else:
         word = "smaller" if side == "below" else "larger"
-    size = "slightly " if abs(share) < _SLIGHT else "much " if abs(share) >= _MUCH else ""
-    return Comparison(side, f"{size}{word} than nominal", share, p)
+    if abs(share) < _SLIGHT:
+        words = f"slightly {word} than nominal ({difference(share)})"
+    else:
+        words = f"{difference(share)} {word} than nominal"
+    return Comparison(side, words, share, p)
 
 
 def difference(share: float) -> str:
@@ -195,6 +202,8 @@ def sentence(name: str, parameter: Document) -> str:
             f"{start}, which agrees with the nominal {nominal}: the difference of "
             f"{difference(found.share)} is within the uncertainty; {chance}."
         )
+    if found.sense == "unclear":
+        return f"{start}, too uncertain to tell from the nominal {nominal}; {chance}."
     return f"{start}, {difference(found.share)} {found.side} the nominal {nominal}; {chance}."
 
 
@@ -226,23 +235,19 @@ def headline(document: Document) -> str:
     known = {axle: c for axle, c in found.items() if c is not None}
     if not known:
         return "The damping rates were estimated; there is nothing to hold them against."
-    words = {c.words for c in known.values()}
-    if len(known) == 2 and len(words) == 1:
-        word = words.pop()
-        if word == "agrees with nominal":
+    senses = {c.sense for c in known.values()}
+    if len(known) == 2 and len(senses) == 1:
+        sense = senses.pop()
+        if sense == "agrees":
             return "Both dampers agree with nominal."
-        sizes = " and ".join(f"the {axle} by {difference(c.share)}" for axle, c in known.items())
-        return f"Both dampers are {word}: {sizes}."
+        if sense == "unclear":
+            return "Neither damper is known well enough to tell it from nominal."
+        word = "softer" if sense == "below" else "stiffer"
+        sizes = ", ".join(f"{axle} {difference(c.share)}" for axle, c in known.items())
+        return f"Both dampers are {word} than nominal: {sizes}."
     # What is softer comes first: it is what people ask about.
-    order = sorted(known.items(), key=lambda item: (item[1].sense != "below", item[1].sense))
-    parts = [
-        f"the {axle} damper {c.words}"
-        if c.sense == "agrees"
-        else f"the {axle} damper is {c.words} by {difference(c.share)}"
-        for axle, c in order
-    ]
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]}."
+    order = sorted(known.items(), key=lambda item: _ALARM.index(item[1].sense))
+    return " ".join(f"{axle.capitalize()} damper: {c.words}." for axle, c in order)
 
 
 def split_reason(reason: str) -> tuple[str, str]:

@@ -1,0 +1,70 @@
+"""Small documents, and the reports made of them once for all tests."""
+
+import copy
+import json
+from pathlib import Path
+
+import pytest
+
+from bayes_asv.report.html import html_report
+from bayes_asv.report.pdf import pdf_report
+
+DATA = Path(__file__).parent / "data"
+KINDS = ("us", "si", "two_runs", "refused", "not_converged", "hostile")
+HOSTILE = "<script>alert(1)</script> {{7*7}} #[7*7] $x$ & \"q\" 's' \x00\x1b[31m\u202eevil"
+
+
+def load(kind):
+    """Read a document, or make one from another."""
+    if kind == "not_converged":
+        document = load("us")
+        document["verdict"] = kind
+        document["diagnostics"].update(rhat_max=1.034, ess_bulk_min=212.0, ess_tail_min=140.0)
+        document["warnings"] = ["the ensembles had not agreed after 7680 draws each"]
+        return document
+    if kind == "hostile":
+        document = load("us")
+        document["vehicle"]["name"] = HOSTILE
+        document["vehicle"]["source"] = HOSTILE
+        document["warnings"] = [HOSTILE, "<img src=x onerror=alert(1)>"]
+        document["runs"].append(copy.deepcopy(document["runs"][0]))
+        for n, run in enumerate(document["runs"]):
+            run["source"] = f"{n}{HOSTILE}.csv"
+            run["unit"] = f"$\\frac{{{n}}}</text><script>"
+        document["fit_by_run"][0]["source"] = HOSTILE
+        document["noise"][0]["source"] = HOSTILE
+        for file in document["provenance"]["recordings"]:
+            file.update(file=HOSTILE, sha256=HOSTILE)
+        document["provenance"]["vehicle"]["file"] = HOSTILE
+        document["provenance"]["packages"] = {"numpy": HOSTILE}
+        document["parameters"]["c_f"]["label"] = HOSTILE
+        document["known"]["m"]["label"] = HOSTILE
+        return document
+    return json.loads((DATA / f"{kind}.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def documents():
+    return {kind: load(kind) for kind in KINDS}
+
+
+class _Once(dict):
+    def __init__(self, make):
+        super().__init__()
+        self.make = make
+
+    def __missing__(self, kind):
+        self[kind] = self.make(load(kind))
+        return self[kind]
+
+
+@pytest.fixture(scope="session")
+def pages():
+    """HTML by kind of document."""
+    return _Once(html_report)
+
+
+@pytest.fixture(scope="session")
+def papers():
+    """PDF by kind of document."""
+    return _Once(pdf_report)

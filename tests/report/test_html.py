@@ -1,0 +1,270 @@
+import os
+import re
+import shutil
+from html import unescape
+from html.parser import HTMLParser
+
+import pytest
+
+from bayes_asv.errors import InputError
+from bayes_asv.report.content import content, limits
+from bayes_asv.report.html import html_report
+from bayes_asv.report.readable import number
+from bayes_asv.report.render import write_report
+from bayes_asv.report.words import headline, next_steps
+from tests.report.conftest import KINDS, load
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+VOID = {"meta", "link", "br", "img", "hr", "input"}
+
+
+def text_of(page):
+    """Return what a reader sees, with plain spaces."""
+    bare = re.sub(r"<(style|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
+    words = unescape(re.sub(r"<[^>]*>", " ", bare)).replace("\u00a0", " ")
+    return " ".join(words.split())
+
+
+class Checker(HTMLParser):
+    """Collects ids and tags, and whether tags close in order."""
+
+    def __init__(self):
+        super().__init__()
+        self.ids, self.tags, self.open, self.attributes = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+        self.ids += [value for name, value in attrs if name == "id"]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_page_is_whole_and_needs_nothing(pages, kind):
+    page = pages[kind]
+    checker = Checker()
+    checker.feed(page)
+    assert checker.open == []
+    assert len(checker.ids) == len(set(checker.ids))
+    assert "script" not in checker.tags
+    assert "iframe" not in checker.tags
+    for name, value in checker.attributes:
+        assert not name.startswith("on")
+        if name in ("href", "src", "xlink:href"):
+            assert value.startswith(("#", "data:"))
+        if "http" in (value or ""):
+            assert name.startswith("xmlns")
+    assert "url(http" not in page
+    assert "@import" not in page
+
+
+def test_hostile_text_is_shown_and_not_run(pages):
+    page = pages["hostile"]
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "\x1b" not in page
+    assert "\x00" not in page
+    assert "\u202e" not in page
+    text = text_of(page)
+    assert '<script>alert(1)</script> {{7*7}} #[7*7] $x$ & "q"' in text
+    assert "<img src=x onerror=alert(1)>" in text
+    assert "{{7*7}}" in text
+
+
+@pytest.mark.parametrize("kind", ["us", "si", "two_runs"])
+def test_numbers_are_those_of_the_document(pages, kind):
+    document, text = load(kind), text_of(pages[kind])
+    assert headline(document) in text
+    for p in document["parameters"].values():
+        for shown in (p, p["si"]):
+            for value in (shown["mean"], shown["sd"], *shown["eti95"]):
+                assert number(value, shown["sd"]) in text
+            assert number(shown["nominal"]) in text
+    for file in document["provenance"]["recordings"]:
+        assert file["file"] in text
+        assert file["sha256"] in text
+    for k in document["known"].values():
+        if "posterior" in k:
+            assert number(k["posterior"]["mean"], k["posterior"]["sd"]) in text
+    for step in next_steps(document):
+        assert step in text
+    assert f"{document['diagnostics']['rhat_max']:.3f}" in text
+
+
+def test_us_report_shows_both_systems_and_si_report_one(pages):
+    us, si = text_of(pages["us"]), text_of(pages["si"])
+    assert "Parameters, in SI units" in us
+    assert "lbf·s/in" in us
+    assert "N·s/m" in us
+    assert "in SI units" not in si
+    assert "lbf" not in si
+
+
+def test_refused_report_says_why_and_what_to_do_without_empty_figures(pages):
+    page, document = pages["refused"], load("refused")
+    text = text_of(page)
+    assert "No answer: this recording cannot" in text
+    assert "What to do instead" in text
+    assert "The front wheel hardly moved in stops.csv (0.07 m/s² rms)." in text
+    for step in next_steps(document):
+        assert step in text
+    assert "<figure" not in page
+    assert "<svg" not in page
+    assert len(page) < 20_000
+
+
+def test_report_of_what_did_not_converge_warns_first(pages):
+    text = text_of(pages["not_converged"])
+    assert "the sampling did not converge" in text
+    assert "Do not quote them" in text
+    assert "virtually certain" not in text
+    assert text.index("Do not quote") < text.index("Front damping rate")
+    assert "Parameters, not to be relied on" in text
+
+
+def test_several_runs_are_told_apart(pages):
+    text = text_of(pages["two_runs"])
+    for source in ("stops.csv", "bump.csv"):
+        assert f"Chassis acceleration, measured and simulated, {source}" in text
+        assert f"Front, {source}" in text
+    assert "All together" in text
+
+
+def test_least_document_makes_a_report(documents):
+    keep = ("schema", "verdict", "reasons", "warnings", "parameters", "diagnostics", "fit",
+            "seconds", "version", "seed")  # fmt: skip
+    least = {key: documents["us"][key] for key in keep}
+    for p in least["parameters"].values():
+        del p["si"], p["label"]
+    text = text_of(html_report(least))
+    assert headline(least) in text
+    assert "unnamed vehicle" in text
+
+
+def test_limits_name_a_stop_that_was_reached_and_residuals_with_a_pattern(documents):
+    document = documents["us"]
+    document["vehicle"]["travel"]["rear_bump"] = 1.5
+    document["runs"][0]["chassis"]["front_chassis"]["whiteness_p"] = 1e-4
+    found = " ".join(limits(document))
+    assert "The rear suspension reached its bump limit in stops.csv" in found
+    assert "The front residuals of stops.csv are not white (probability < 0.1 %)" in found
+
+
+def test_limits_name_the_mass_when_it_rules(documents):
+    document = documents["us"]
+    assert any("sprung mass" in limit for limit in limits(document))
+    for name in ("c_f", "c_r"):
+        document["parameters"][name]["sd"] *= 5.0
+    assert not any("sprung mass" in limit for limit in limits(document))
+
+
+def test_content_is_plain_data(documents):
+    import json
+
+    page, pictures = content(documents["two_runs"])
+    assert json.loads(json.dumps(page)) == page
+    asked = [p["key"] for s in page["sections"] if s["kind"] == "figure" for p in s["panels"]]
+    assert {*asked, *(c["gauge"] for c in page["cards"])} == set(pictures)
+
+
+def test_same_document_same_page(pages, documents):
+    assert html_report(documents["us"]) == pages["us"]
+
+
+@pytest.mark.parametrize("name", ["r.html", "r.HTM"])
+def test_writing(tmp_path, documents, pages, name):
+    write_report(documents["refused"], tmp_path / name)
+    assert (tmp_path / name).read_bytes() == pages["refused"].encode()
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["r.docx", "r", "html"])
+def test_another_suffix_is_refused_with_the_mend(tmp_path, documents, name):
+    with pytest.raises(InputError, match=r"end the name in \.html or \.pdf"):
+        write_report(documents["refused"], tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_folder_is_named(tmp_path, documents):
+    with pytest.raises(InputError, match="make the folder first"):
+        write_report(documents["refused"], tmp_path / "no" / "r.html")
+
+
+@pytest.mark.parametrize("key", ["verdict", "parameters"])
+def test_document_without_what_is_needed_is_refused(tmp_path, documents, key):
+    del documents["us"][key]
+    with pytest.raises(InputError, match="estimate --json"):
+        write_report(documents["us"], tmp_path / "r.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_broken_document_leaves_the_old_report(tmp_path, documents):
+    (tmp_path / "r.html").write_text("old")
+    documents["us"]["parameters"]["c_f"]["eti95"] = "wide"
+    with pytest.raises(InputError, match="is broken"):
+        write_report(documents["us"], tmp_path / "r.html")
+    assert (tmp_path / "r.html").read_text() == "old"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    driver_path = shutil.which("chromedriver")
+    if CHROMIUM is None or driver_path is None:
+        if os.environ.get("CI") == "true":
+            pytest.fail("chromium and chromedriver have to be there in CI")
+        pytest.skip("chromium or chromedriver is not installed")
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in (
+        "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+        f"--user-data-dir={tmp_path_factory.mktemp('browser')}",
+    ):  # fmt: skip
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(driver_path))
+    yield driver
+    driver.quit()
+
+
+@pytest.mark.parametrize("width", [390, 1100])
+@pytest.mark.parametrize("kind", ["us", "two_runs", "refused", "not_converged", "hostile"])
+def test_browser_shows_the_page_without_a_fault(browser, pages, tmp_path, kind, width):
+    file = tmp_path / "report.html"
+    file.write_text(pages[kind], encoding="utf-8")
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": 850, "deviceScaleFactor": 1, "mobile": width < 500},
+    )
+    browser.get(file.as_uri())
+    assert browser.get_log("browser") == []
+    inner, scroll = browser.execute_script(
+        "return [document.documentElement.clientWidth, document.documentElement.scrollWidth]"
+    )
+    assert width - 20 <= inner <= width  # a scroll bar may take the rest
+    assert scroll <= inner
+    beyond = browser.execute_script(
+        "return [...document.querySelectorAll('body *:not(svg *, thead *)')]"
+        ".filter(e => e.getBoundingClientRect().right > innerWidth + 1).map(e => e.outerHTML)"
+    )
+    assert beyond == []
+    assert browser.execute_script("return performance.getEntriesByType('resource').length") == 0
+    # The verdict is on the first screen, and big.
+    box = browser.execute_script(
+        "const h = document.querySelector('.headline'); "
+        "return [h.getBoundingClientRect().bottom, parseFloat(getComputedStyle(h).fontSize)]"
+    )
+    assert box[0] < 850
+    assert box[1] >= 20

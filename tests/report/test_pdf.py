@@ -1,0 +1,109 @@
+import re
+
+import pytest
+
+from bayes_asv.report.pdf import pdf_report
+from bayes_asv.report.readable import number
+from bayes_asv.report.render import write_report
+from bayes_asv.report.words import headline, next_steps
+from tests.report.conftest import KINDS, load
+
+pymupdf = pytest.importorskip("pymupdf")
+
+
+def opened(paper):
+    return pymupdf.open(stream=paper, filetype="pdf")
+
+
+def text_of(paper):
+    """Return the words on all pages, with plain spaces and without the footers' breaks."""
+    with opened(paper) as file:
+        words = " ".join(page.get_text() for page in file)
+    return " ".join(words.replace("\u00a0", " ").split())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_pdf_opens_and_says_the_verdict_on_page_one(papers, kind):
+    with opened(papers[kind]) as file:
+        first = " ".join(file[0].get_text().replace("\u00a0", " ").split())
+        assert headline(load(kind)) in first
+        assert 1 <= file.page_count <= 9
+        for page in file:
+            inside = pymupdf.Rect(20, 15, page.rect.x1 - 20, page.rect.y1 - 15)
+            for x0, y0, x1, y1, *_ in page.get_text("words"):
+                assert inside.contains(pymupdf.Rect(x0, y0, x1, y1))
+
+
+@pytest.mark.parametrize("kind", ["us", "si", "two_runs"])
+def test_numbers_are_those_of_the_document(papers, kind):
+    document, text = load(kind), text_of(papers[kind])
+    for p in document["parameters"].values():
+        for value in (p["mean"], p["sd"], *p["eti95"]):
+            assert number(value, p["sd"]) in text
+        assert number(p["nominal"]) in text
+        assert number(p["si"]["mean"], p["si"]["sd"]) in text
+    for file in document["provenance"]["recordings"]:
+        assert file["sha256"] in text.replace(" ", "")
+    for step in next_steps(document):
+        assert step in text
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"), [("us", (612, 792)), ("refused", (612, 792)), ("si", (595, 842))]
+)
+def test_paper_follows_the_units(papers, kind, size):
+    with opened(papers[kind]) as file:
+        assert (round(file[0].rect.width), round(file[0].rect.height)) == size
+
+
+def test_hostile_text_is_no_markup(papers):
+    text = text_of(papers["hostile"])
+    assert "<script>alert(1)</script>" in text
+    assert "{{7*7}}" in text
+    assert "#[7*7]" in text
+    assert "$x$" in text
+    assert b"/JavaScript" not in papers["hostile"]
+    assert b"/URI" not in papers["hostile"]
+
+
+def test_refused_report_is_one_page_without_figures(papers):
+    with opened(papers["refused"]) as file:
+        assert file.page_count == 1
+    text = text_of(papers["refused"])
+    assert "What to do instead" in text
+    for step in next_steps(load("refused")):
+        assert step in text
+
+
+def test_report_of_what_did_not_converge_warns(papers):
+    text = text_of(papers["not_converged"])
+    assert "Do not quote them" in text
+    assert "virtually certain" not in text
+
+
+def test_html_and_pdf_say_the_same_in_the_same_order(pages, papers):
+    titles = re.findall(r"<h[23]>([^<]*)</h[23]>", pages["us"])
+    text, last = text_of(papers["us"]), -1
+    for title in titles:
+        if title == "What limits the answer":
+            continue  # it stands beside, and a line is read across
+        found = text.find(title, last + 1)
+        assert found > last, title
+        last = found
+
+
+def test_figures_are_drawn_and_fonts_embedded(papers):
+    with opened(papers["us"]) as file:
+        assert sum(len(page.get_drawings()) for page in file) > 500
+        fonts = {font[3] for page in file for font in page.get_fonts()}
+    assert fonts
+    assert all("DejaVuSans" in font for font in fonts)
+
+
+def test_same_document_same_bytes(papers, documents):
+    assert pdf_report(documents["us"]) == papers["us"]
+
+
+def test_writing(tmp_path, documents, papers):
+    write_report(documents["refused"], tmp_path / "r.PDF")
+    assert (tmp_path / "r.PDF").read_bytes() == papers["refused"]
