@@ -39,6 +39,7 @@ COUNTS: Final = "counts"
 
 _LARGEST_CLOCK_PPM: Final = 100_000.0  # a tenth: beyond it the stamps are of another unit
 _LARGEST_DELAY: Final = 1.0  # s, as for a vehicle's sensor
+_EXAMPLES: Final = {"Hz": "400 Hz", "s": "0.000675 s", "ppm": "48.3 ppm"}
 _RATES: Final = (1e-2, 1e7)  # Hz
 LARGEST_NUMBER: Final = 1e12
 """No stamp (s) and no reading lies beyond; some loggers mark a missing cell by a huge number."""
@@ -315,6 +316,10 @@ def _quantity(text: str, dimension: str, usual: str, where: str) -> float:
     """Read a number in SI from ``"400 Hz"``, or from ``"400"`` in the usual unit."""
     try:
         number, unit = parse_quantity(text)
+    except InputError as exc:
+        what = f"{exc.where} {exc.what}"
+        raise InputError(where, what, f"write it as {_EXAMPLES[usual]}") from None
+    try:
         return number * si_factor(unit or usual, dimension)
     except InputError as exc:
         raise InputError(where, f"{exc.where} {exc.what}", exc.mend) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -163,9 +164,6 @@ def estimate(
     ValueError
         For an unknown likelihood or no recording.
     """
-    # scipy and emcee are only needed from here on; importing this module stays cheap
-    from bayes_asv.inference.sampler import run_ensembles
-
     if likelihood not in LIKELIHOODS:
         raise ValueError(f"likelihood must be one of {', '.join(LIKELIHOODS)}")
     if not recordings:
@@ -191,7 +189,11 @@ def estimate(
     tell(0.0, "looking for the best fit")
     where = space(vehicle, lines, likelihood)
     with shared_work(Target(where, (WHITE,) * len(lines))) as target:
+        assert target.pool is not None
+        # emcee takes a second to load, most of it while compiled code climbs to the mode
+        loading = target.pool.submit(importlib.import_module, "bayes_asv.inference.sampler")
         mode, target = _mode_and_colour(target, likelihood)
+        run_ensembles = loading.result().run_ensembles
     reasons += _unmeasured(where, mode)
     best = where.cars(mode.z[None])[0]
     for line in lines:

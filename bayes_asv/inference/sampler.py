@@ -9,6 +9,7 @@ explores.
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +17,6 @@ from dataclasses import dataclass
 
 import emcee
 import numpy as np
-from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 
 from bayes_asv.inference.likelihood import Target
@@ -32,8 +32,8 @@ ESS_WANTED = 1000.0
 RHAT_WANTED = 1.01
 _TAILS = (0.05, 0.95)
 _FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
-_BURN = ((10, 5), (16, 10))  # steps of each stage, and how many of the last shape the next
-_BLOCK = 30
+_BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
+_BLOCK = 36
 _MOST = 800  # steps
 
 
@@ -143,7 +143,10 @@ def run_ensembles(
         places = [_start(target, proposal, walkers, stream) for stream in streams]
         for stage, (burn, used) in enumerate(_BURN):
             samplers = _samplers(target, proposal, walkers, [seed, ENSEMBLES + stage])
-            ends = list(pool.map(_advance, samplers, places, [burn] * ENSEMBLES))
+            running = pool.map(_advance, samplers, places, [burn] * ENSEMBLES)
+            if stage == 0:
+                importlib.import_module("arviz_stats.base")  # half a second, while they burn in
+            ends = list(running)
             places = [end.coords for end in ends]
             # What burn-in found replaces the curvature at the mode; fixed while draws are kept.
             found = [s.get_chain(flat=True, discard=burn - used) for s in samplers]
@@ -163,7 +166,7 @@ def run_ensembles(
                 progress(min(share, 1.0), f"R̂ {rhat:.3f}, effective draws {min(bulk, tail):.0f}")
             if done or steps >= most:
                 break
-            block = min(max(steps // 2, 20), most - steps)
+            block = min(max(steps // 2, 16), most - steps)
     return Ensembles(
         draws=chains.reshape(ENSEMBLES, -1, d),
         log_posterior=np.stack([s.get_log_prob() for s in samplers]).reshape(ENSEMBLES, -1),
@@ -189,6 +192,8 @@ def diagnose(chains: Array) -> tuple[float, float, float]:
         R̂ is rank-normalised and split, each ensemble one chain; sizes count walkers as
         chains, which charges them for every disagreement (Vehtari et al. 2021).
     """
+    from arviz_stats.base import array_stats
+
     e, s, w, d = chains.shape
     rhat, bulk, tail = 1.0, math.inf, math.inf
     for k in range(d):

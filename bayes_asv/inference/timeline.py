@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ class Timeline:
     poles : (4,) array
         Pole of each sensor's filter, rad/s; 0 where not given.
     source : str
-        File name, for messages.
+        File name without its folder, for messages and reports.
     """
 
     step: Array
@@ -172,7 +173,7 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
         noise=tuple(s.noise for s in sensors),
         steps=steps,
         poles=poles,
-        source=recording.source,
+        source=Path(recording.source).name,
     )
 
 

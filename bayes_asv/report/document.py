@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import platform
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ def estimate_document(result: Estimate) -> Document:
         "fit_by_run": [{"source": r.line.source, **_pooled_fit((r,))} for r in result.runs],
         "noise": _noise(result, vehicle),
         "runs": [_run(r, vehicle) for r in result.runs],
-        "draws": {n: _thinned(result.draws[n], n, vehicle) for n in names},
+        "draws": {n: _thinned(x, n, vehicle) for n, x in result.draws.items()},
         "vehicle": _vehicle(vehicle),
         "provenance": _provenance(result),
         "seconds": result.seconds,
@@ -241,7 +242,7 @@ def _run(fit: RunFit, vehicle: Vehicle) -> Document:
         }
     travel["velocity_unit"] = display_units(vehicle.units)["velocity"]
     return {
-        "source": recording.source,
+        "source": line.source,
         "sha256": recording.sha256,
         "rate": 1.0 / float(np.median(steps)),
         "seconds": float(span),
@@ -313,7 +314,7 @@ def _vehicle(vehicle: Vehicle) -> Document:
     out: Document = {
         "name": vehicle.name,
         "units": vehicle.units,
-        "source": vehicle.source,
+        "source": Path(vehicle.source).name,
         "sha256": vehicle.sha256,
         "travel": {"unit": display_units(vehicle.units)["deflection"]},
     }
@@ -324,10 +325,10 @@ def _vehicle(vehicle: Vehicle) -> Document:
 
 
 def _provenance(result: Estimate) -> Document:
-    files = [{"file": r.source, "sha256": r.sha256} for r in result.recordings]
+    files = [{"file": Path(r.source).name, "sha256": r.sha256} for r in result.recordings]
     return {
         "recordings": files,
-        "vehicle": {"file": result.vehicle.source, "sha256": result.vehicle.sha256},
+        "vehicle": {"file": Path(result.vehicle.source).name, "sha256": result.vehicle.sha256},
         "bayes_asv": __version__,
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},

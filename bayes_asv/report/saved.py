@@ -270,7 +270,7 @@ def read_saved(path: PathLike) -> dict[str, Any]:
     try:
         document = json.loads(text, parse_constant=_no_constant)
     except json.JSONDecodeError as fault:
-        end = " (it may be cut off)" if fault.pos >= len(text.rstrip()) - 1 else ""
+        end = "" if text.rstrip().endswith("}") else " (it may be cut off)"
         raise InputError(f"{where}:{fault.lineno}", f"is not JSON{end}", _MEND) from None
     except (ValueError, RecursionError):
         raise InputError(where, "is not JSON", _MEND) from None

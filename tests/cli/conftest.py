@@ -36,6 +36,7 @@ class Saved(NamedTuple):
 
 
 Command = Callable[..., Said]
+Check = Callable[..., None]
 
 
 @pytest.fixture(scope="session")
@@ -104,7 +105,7 @@ def saved(run: Command, stops: Path, baja: Path, tmp_path_factory: pytest.TempPa
 
 
 @pytest.fixture(scope="session")
-def refuse() -> Callable[..., None]:
+def refuse() -> Check:
     """Hold a refusal to its promise: status 2, one line, no traceback, and the words given."""
 
     def check(said: Said, *words: str) -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from bayes_asv.cli import COMMANDS
-
-Check = Callable[..., None]
+from tests.cli.conftest import Check, Command
 
 
 @pytest.mark.parametrize(
@@ -63,7 +61,7 @@ Check = Callable[..., None]
     ids=lambda value: " ".join(value)[:60] if isinstance(value, tuple) else None,
 )
 def test_wrong_usage(
-    invoke: Check,
+    invoke: Command,
     refuse: Check,
     stops: Path,
     baja: Path,
@@ -87,7 +85,7 @@ def test_wrong_usage(
 )
 @pytest.mark.parametrize("option", ["--json", "--netcdf", "report", "simulate"])
 def test_an_output_that_cannot_be_written_is_told_before_the_work(
-    invoke: Check,
+    invoke: Command,
     refuse: Check,
     stops: Path,
     baja: Path,
@@ -108,7 +106,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(
 
 
 def test_an_output_never_replaces_an_input(
-    invoke: Check, refuse: Check, stops: Path, baja: Path, tmp_path: Path
+    invoke: Command, refuse: Check, stops: Path, baja: Path, tmp_path: Path
 ) -> None:
     own = tmp_path / "run.csv"
     own.write_bytes(stops.read_bytes())
@@ -128,7 +126,7 @@ def test_an_output_never_replaces_an_input(
     assert before == (own.read_bytes(), car.read_bytes())
 
 
-def test_nothing_asked_for_shows_the_help(invoke: Check) -> None:
+def test_nothing_asked_for_shows_the_help(invoke: Command) -> None:
     said = invoke()
     assert said.status == 2
     assert "Usage: bayes-asv" in said.err

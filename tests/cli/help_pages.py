@@ -1,0 +1,53 @@
+"""Write ``docs/commands.md``: ``python -m tests.cli.help_pages``."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import click
+
+from bayes_asv.cli import COMMANDS, cli
+
+__all__ = ["PAGE", "page"]
+
+PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+
+_WIDTH = 90
+_ABOUT = """\
+# Commands
+
+What `bayes-asv --help` and `bayes-asv COMMAND --help` say, written by
+`python -m tests.cli.help_pages`. `python -m bayes_asv` is the same program.
+
+Every command that computes takes `--json FILE` (`-` for standard output) and `--seed N`; the same
+seed gives the same answer. Progress shows on a terminal only.
+
+| exit status | |
+|---|---|
+| 0 | done |
+| 2 | wrong usage or unreadable input: one line says which file, line or key, and the mend |
+| 3 | the data cannot answer: too short, saturated or not excited; the reasons are in the JSON |
+| 4 | not converged: the numbers are written, but not to be relied on |
+"""
+
+
+def page() -> str:
+    """Return the whole page."""
+    parts = [_ABOUT, _section("bayes-asv", cli)]
+    for name in COMMANDS:
+        command = importlib.import_module(f"bayes_asv.cli.{name}_command").command
+        assert isinstance(command, click.Command)
+        parts.append(_section(f"bayes-asv {name}", command))
+    return "\n".join(parts)
+
+
+def _section(path: str, command: click.Command) -> str:
+    settings = {"help_option_names": ["-h", "--help"]}
+    context = click.Context(command, info_name=path, terminal_width=_WIDTH, **settings)  # type: ignore[arg-type]
+    return f"## {path}\n\n```text\n{command.get_help(context)}\n```\n"
+
+
+if __name__ == "__main__":
+    PAGE.parent.mkdir(exist_ok=True)
+    PAGE.write_text(page(), encoding="utf-8")
