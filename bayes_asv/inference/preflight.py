@@ -137,9 +137,9 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
         )
         if left > _NOT_EXPLAINED:
             reasons.append(
-                f"{words}: these sensors do not belong to this car, or are not where the file "
-                "says; check channels, signs, units and clocks, and that they sit on hubs and "
-                "frame"
+                f"{words}, too little to trust any answer; check channels, signs, units and "
+                "clocks, and that the sensors sit on hubs and frame above the axles; if all that "
+                "is right, this car does something that a linear half car cannot"
             )
         elif left > _DOUBTFUL:
             warnings.append(

@@ -1,0 +1,34 @@
+"""A real car's road drive, where it lies beside the project; its truth is not known."""
+
+from pathlib import Path
+
+import pytest
+
+from bayes_asv.formats import read_recording
+from bayes_asv.inference.estimate import estimate
+from bayes_asv.recording import nominal_rate
+from bayes_asv.vehicle import read_vehicle
+
+DRIVES = Path(__file__).resolve().parents[3] / "shared" / "data" / "roomster"
+
+pytestmark = pytest.mark.skipif(
+    not DRIVES.is_dir(), reason="the road drives do not travel with the project"
+)
+
+
+def test_a_real_drive_is_read_as_it_is() -> None:
+    recording = read_recording(DRIVES / "drive06_1.csv")
+    assert recording.values.shape == (4, 4724)
+    assert nominal_rate(recording) == pytest.approx(120.0, rel=1e-3)
+    assert recording.warnings == ()
+
+
+def test_a_real_drive_is_answered_or_says_what_stops_it() -> None:
+    result = estimate(
+        [read_recording(DRIVES / "drive06_1.csv")], read_vehicle(DRIVES / "roomster.toml")
+    )
+    if result.verdict == "ok":
+        for name in ("c_f", "c_r", "i"):
+            assert result.draws[name].std() > 0.03 * result.draws[name].mean()
+    else:
+        assert result.reasons or result.warnings

@@ -1,0 +1,55 @@
+"""Examples in the documentation work as they stand."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bayes_asv.formats import read_recording
+from bayes_asv.vehicle import read_vehicle
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def _blocks(page: Path, language: str) -> list[str]:
+    text = page.read_text(encoding="utf-8")
+    found = re.findall(rf"^ *```{language}\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+    return [re.sub(r"^   ", "", block, flags=re.MULTILINE) for block in found]
+
+
+def test_recordings_shown_can_be_read(tmp_path: Path) -> None:
+    shown = [
+        block
+        for page in PAGES
+        for block in _blocks(page, "text")
+        if "front_wheel [" in block or block.startswith("# sample_rate")
+    ]
+    assert len(shown) == 3
+    for number, block in enumerate(shown):
+        file = tmp_path / f"{number}.csv"
+        file.write_text(block, encoding="utf-8")
+        recording = read_recording(file)
+        assert recording.time.tolist() == pytest.approx([0.0, 0.0025])
+        assert recording.warnings == ()
+
+
+def test_the_vehicle_shown_can_be_read(tmp_path: Path) -> None:
+    whole, sensor = _blocks(ROOT / "docs" / "vehicle.md", "toml")
+    file = tmp_path / "car.toml"
+    file.write_text(whole + "\n" + sensor, encoding="utf-8")
+    car = read_vehicle(file)
+    baja = read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
+    for name in ("m", "l", "wdf", "k_f", "k_r", "c_f", "c_r", "i"):
+        assert getattr(car, name).value == pytest.approx(getattr(baja, name).value, rel=0.01)
+    assert car.sensor("front_wheel").zero_counts == 569.5
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#]+?)\)", text):
+        if not target.startswith("https://"):
+            assert (page.parent / target).exists(), target
