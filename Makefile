@@ -53,6 +53,7 @@ recordings: $(VENV)/.tested ## make the shipped recordings again from the rig
 
 samples: $(VENV)/.installed ## make the sample reports again
 	$(BIN)/bayes-asv demo -o reports
+	sh tests/picture.sh reports/demo.html reports/demo.png
 
 clean: ## remove what was built
 	rm -rf $(VENV) $(OUT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -45,9 +47,29 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
         from bayes_asv.report.document import estimate_document
 
         document = estimate_document(estimate(runs, car, seed=seed, progress=progress))
-    click.echo("\n".join(verdict_lines(document)), err=quiet)
+    click.echo("\n".join([*verdict_lines(document), _truth(document)]), err=quiet)
     common.write_json(document, json_file)
     for output in outputs:
         write_report(document, output)
     click.echo(f"\nThe report: {target / 'demo.html'} (and {target / 'demo.pdf'})", err=quiet)
     return common.EXIT_STATUS[document["verdict"]]
+
+
+def _truth(document: dict[str, Any]) -> str:
+    """Hold the answer against what the simulator knew and the estimate was not told."""
+    from bayes_asv.report.readable import readable_unit
+    from bayes_asv.report.words import LABELS
+    from bayes_asv.shipped import shipped
+
+    file = shipped("recordings", _RUNS[0].replace(".csv", ".truth.json"))
+    truth = json.loads(file.read_text(encoding="utf-8"))["parameters"]
+    true = truth[document["vehicle"]["units"]]
+    parts = []
+    for name in ("c_f", "c_r", "i"):
+        p = document["parameters"].get(name)
+        if p is not None:
+            low, high = p["eti95"]
+            place = "inside" if low <= true[name] <= high else "outside"
+            unit = readable_unit(p["unit"])
+            parts.append(f"{LABELS[name]} {true[name]:.3g} {unit} ({place} its interval)")
+    return f"True values of the simulated car, not shown to the estimate: {', '.join(parts)}."

@@ -192,7 +192,7 @@ def estimate(
         assert target.pool is not None
         # emcee takes a second to load, most of it while compiled code climbs to the mode
         loading = target.pool.submit(importlib.import_module, "bayes_asv.inference.sampler")
-        mode, target = _mode_and_colour(target, likelihood)
+        mode, target = _mode_and_colour(target)
         run_ensembles = loading.result().run_ensembles
     reasons += _unmeasured(where, mode)
     best = where.cars(mode.z[None])[0]
@@ -244,10 +244,10 @@ def estimate(
     )
 
 
-def _mode_and_colour(target: Target, likelihood: str) -> tuple[Mode, Target]:
+def _mode_and_colour(target: Target) -> tuple[Mode, Target]:
     """Climb, look at the colour of what is left, and climb again until it settles."""
     mode = find_mode(target)
-    if likelihood == "output-error":
+    if target.space.likelihood == "output-error":
         return mode, target  # white by definition
     for _ in range(_COLOUR_ROUNDS):
         found = []

@@ -14,12 +14,12 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 import emcee
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.mode import Mode
 
 __all__ = ["ENSEMBLES", "Ensembles", "run_ensembles"]
@@ -62,6 +62,14 @@ class Ensembles:
     ess_tail_min: float
     converged: bool
     acceptance: float
+
+
+class Density(Protocol):
+    """Whatever gives a log density (W,) at points (W, D), finite or −inf."""
+
+    def log_posterior(self, z: Array) -> Array:
+        """Log density, not normalised."""
+        ...
 
 
 class _Proposal:
@@ -113,13 +121,13 @@ class _Proposal:
 
 
 def run_ensembles(
-    target: Target, mode: Mode, seed: int, progress: Progress | None = None, most: int = _MOST
+    target: Density, mode: Mode, seed: int, progress: Progress | None = None, most: int = _MOST
 ) -> Ensembles:
     """Sample the posterior.
 
     Parameters
     ----------
-    target : Target
+    target : Density
         The posterior.
     mode : Mode
         Its mode and curvature: where ensembles start and what they propose at first.
@@ -210,7 +218,7 @@ def _advance(sampler: emcee.EnsembleSampler, place: Array, steps: int) -> emcee.
 
 
 def _samplers(
-    target: Target, proposal: _Proposal, walkers: int, seed: list[int]
+    target: Density, proposal: _Proposal, walkers: int, seed: list[int]
 ) -> list[emcee.EnsembleSampler]:
     """Set up one sampler an ensemble, each with a stream of its own."""
     d = len(proposal.middle)
@@ -226,7 +234,7 @@ def _samplers(
 
 
 def _start(
-    target: Target, proposal: _Proposal, walkers: int, random: np.random.RandomState
+    target: Density, proposal: _Proposal, walkers: int, random: np.random.RandomState
 ) -> Array:
     """Walkers spread as the proposal, each where the posterior is finite."""
     for _ in range(100):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bayes_asv import __version__
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.colour import portmanteau
-from bayes_asv.inference.estimate import DERIVED, Estimate, RunFit
+from bayes_asv.inference.estimate import ANSWERS, DERIVED, Estimate, RunFit
 from bayes_asv.inference.parameters import CAR
 from bayes_asv.quantities import QUANTITIES
 from bayes_asv.units import display_units, from_si
@@ -54,7 +54,7 @@ def estimate_document(result: Estimate) -> Document:
         ``draws`` and ``provenance``. Numbers that do not exist are None.
     """
     vehicle = result.vehicle
-    names = [n for n in (*("c_f", "c_r", "i"), *DERIVED) if n in result.draws]
+    names = [n for n in (*ANSWERS, *DERIVED) if n in result.draws]
     document: Document = {
         "schema": SCHEMA,
         "verdict": result.verdict,

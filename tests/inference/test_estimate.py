@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from bayes_asv.inference.estimate import estimate
+from bayes_asv.inference.estimate import Estimate, estimate
 from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Given, Nominal
+from bayes_asv.vehicle import Given, Nominal, Sensor, Vehicle
 from tests.inference.cases import DECLARED, EXACT, INCH, case, vehicle
+from tests.rig import RigCar, SensorSpec
 
 NAMES = ("c_f", "c_r", "i", "k_g")
+Array = NDArray[np.float64]
+Runs = list[tuple[RigCar, Estimate]]
+Change = Callable[[Array, Array], tuple[Array, Array]]
+
+
+def _with_sensors(car: Vehicle, change: Callable[[Sensor], Sensor]) -> Vehicle:
+    one, two, three, four = (change(sensor) for sensor in car.sensors)
+    return replace(car, sensors=(one, two, three, four))
 
 
 @pytest.fixture(scope="module")
-def exact_runs():
+def exact_runs() -> Runs:
     """Three fresh drives a terrain with exact known values: a short form of the 45-run bench."""
     car = vehicle(EXACT)
     out = []
@@ -28,7 +39,7 @@ def exact_runs():
     return out
 
 
-def test_exact_known_values_give_a_tenth_of_a_percent(exact_runs) -> None:
+def test_exact_known_values_give_a_tenth_of_a_percent(exact_runs: Runs) -> None:
     assert all(result.verdict == "ok" for _, result in exact_runs)
     for name in ("c_f", "c_r", "i"):
         errors = [
@@ -38,7 +49,7 @@ def test_exact_known_values_give_a_tenth_of_a_percent(exact_runs) -> None:
         assert np.median(errors) < 1e-3, name
 
 
-def test_truth_lies_within_the_claimed_intervals(exact_runs) -> None:
+def test_truth_lies_within_the_claimed_intervals(exact_runs: Runs) -> None:
     """27 deviations in units of the claim: more than four is one in ten thousand."""
     for truth, result in exact_runs:
         for name in ("c_f", "c_r", "i"):
@@ -46,7 +57,7 @@ def test_truth_lies_within_the_claimed_intervals(exact_runs) -> None:
             assert abs(float(x.mean()) - getattr(truth, name)) < 4.5 * float(x.std())
 
 
-def test_ensembles_agree_each_time(exact_runs) -> None:
+def test_ensembles_agree_each_time(exact_runs: Runs) -> None:
     for _, result in exact_runs:
         assert result.rhat_max < 1.01
         assert min(result.ess_bulk_min, result.ess_tail_min) >= 1000.0
@@ -115,8 +126,6 @@ def test_a_prior_with_a_deviation_is_used() -> None:
 
 
 def test_missing_rows_uneven_stamps_and_delays_do_not_bias() -> None:
-    from tests.rig import SensorSpec
-
     sensors = replace(SensorSpec(), jitter=2e-4, dropped=0.05)
     truth, run, recording = case("bump", 9, EXACT, sensors=sensors)
     assert len(run.time) < 790
@@ -130,17 +139,13 @@ def test_missing_rows_uneven_stamps_and_delays_do_not_bias() -> None:
 def test_the_wrong_sign_of_a_delay_shows_what_delays_are_worth() -> None:
     truth, _, recording = case("stops", 2, EXACT)
     car = vehicle(EXACT)
-    wrong = replace(
-        car, sensors=tuple(replace(sensor, delay=-sensor.delay) for sensor in car.sensors)
-    )
+    wrong = _with_sensors(car, lambda sensor: replace(sensor, delay=-sensor.delay))
     result = estimate([recording], wrong)
     errors = [abs(float(result.draws[n].mean()) / getattr(truth, n) - 1.0) for n in NAMES[:3]]
     assert max(errors) > 0.02
 
 
 def test_sensors_of_different_bandwidth_are_made_equal() -> None:
-    from tests.rig import SensorSpec
-
     sensors = replace(SensorSpec(), bandwidth=(120.0, 50.0, 120.0, 50.0))
     truth, _, recording = case("bump", 12, EXACT, sensors=sensors)
     result = estimate([recording], vehicle(EXACT, sensors))
@@ -160,12 +165,12 @@ def test_sensors_of_different_bandwidth_are_made_equal() -> None:
     ],
     ids=["short", "slow", "parked", "saturated", "swapped", "gap"],
 )
-def test_what_cannot_answer_is_refused_in_words(change, words: str) -> None:
+def test_what_cannot_answer_is_refused_in_words(change: Change, words: str) -> None:
     _, _, recording = case("stops", 1, EXACT)
     car = vehicle(EXACT)
     if words == "end of its range":
-        limits = {"low": -250.0 * INCH, "high": 250.0 * INCH}
-        car = replace(car, sensors=tuple(replace(s, **limits) for s in car.sensors))
+        limit = 250.0 * INCH
+        car = _with_sensors(car, lambda sensor: replace(sensor, low=-limit, high=limit))
     time, values = change(recording.time, recording.values)
     result = estimate([Recording(time, values, recording.units, (), "run.csv")], car)
     assert result.verdict == "refused"
@@ -182,9 +187,9 @@ def test_clipped_samples_are_bounds_not_values() -> None:
     values = recording.values.copy()
     values[1] = np.minimum(values[1], top)
     clipped = Recording(recording.time, values, recording.units, (), "clipped.csv")
-    sensors = list(car.sensors)
-    sensors[1] = replace(sensors[1], high=top * INCH)
-    bounded = estimate([clipped], replace(car, sensors=tuple(sensors)))
+    narrow = replace(car.sensors[1], high=top * INCH)
+    sensors = (car.sensors[0], narrow, car.sensors[2], car.sensors[3])
+    bounded = estimate([clipped], replace(car, sensors=sensors))
     assert any("used as bounds" in warning for warning in bounded.warnings)
     for name in ("c_f", "c_r", "i"):
         x = bounded.draws[name]

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from bayes_asv.inference.parameters import CAR, space
-from bayes_asv.inference.timeline import build
+from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.kernels import innovations as kernel
 from bayes_asv.vehicle import Given
 from tests.inference.cases import DECLARED, EXACT, case, vehicle
 
 
 @pytest.fixture(scope="module")
-def line():
+def line() -> Timeline:
     _, _, recording = case("bump", 1, DECLARED, seconds=1.0)
     return build(recording, vehicle(DECLARED))
 
 
-def test_the_prior_is_the_one_that_is_promised(line) -> None:
+def test_the_prior_is_the_one_that_is_promised(line: Timeline) -> None:
     """Log-normal, independent, a factor 3 on damping and 2 on inertia at one deviation."""
     car = vehicle(DECLARED)
     car = replace(car, l=Given(car.l.value, 0.02 * car.l.value))
@@ -39,7 +39,7 @@ def test_the_prior_is_the_one_that_is_promised(line) -> None:
 
 
 @pytest.mark.parametrize("sds", [EXACT, DECLARED, DECLARED | {"l": 0.02}])
-def test_what_is_called_unseen_is_not_seen(line, sds: dict[str, float]) -> None:
+def test_what_is_called_unseen_is_not_seen(line: Timeline, sds: dict[str, float]) -> None:
     """Mass and wheel base scale the answer; the accelerations do not know them."""
     where = space(vehicle(sds), (line,))
     rng = np.random.default_rng(1)
@@ -54,14 +54,14 @@ def test_what_is_called_unseen_is_not_seen(line, sds: dict[str, float]) -> None:
     np.testing.assert_allclose(out, out[0], rtol=1e-9)
 
 
-def test_only_what_has_a_deviation_is_sampled(line) -> None:
+def test_only_what_has_a_deviation_is_sampled(line: Timeline) -> None:
     assert space(vehicle(EXACT), (line,)).car_dimension == 3
     assert space(vehicle(DECLARED), (line,)).car_dimension == 6
     assert "wdf" in space(vehicle(DECLARED), (line,)).names
     assert not any("wheel" in n for n in space(vehicle(EXACT), (line,), "output-error").names)
 
 
-def test_shifted_logs_come_back(line) -> None:
+def test_shifted_logs_come_back(line: Timeline) -> None:
     where = space(vehicle(EXACT), (line,))
     z = where.from_logs({"c_f": 0.4, "i": -0.2})
     car = where.cars(z[None])[0]
@@ -70,7 +70,7 @@ def test_shifted_logs_come_back(line) -> None:
     assert car[2] == pytest.approx(nominal.i.value * np.exp(-0.2))
 
 
-def test_impossible_places_have_no_density(line) -> None:
+def test_impossible_places_have_no_density(line: Timeline) -> None:
     where = space(vehicle(DECLARED), (line,))
     z = np.zeros((3, where.dimension))
     z[0, 0] = 50.0
@@ -79,7 +79,7 @@ def test_impossible_places_have_no_density(line) -> None:
     assert np.isfinite(where.log_prior(z)[2])
 
 
-def test_deviation_of_a_logarithm_includes_what_is_unseen(line) -> None:
+def test_deviation_of_a_logarithm_includes_what_is_unseen(line: Timeline) -> None:
     where = space(vehicle(DECLARED), (line,))
     covariance = np.zeros((where.dimension, where.dimension))
     # known perfectly in every direction that is seen, c still scales with the mass

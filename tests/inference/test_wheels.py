@@ -7,10 +7,17 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.signal import lsim
 
-from bayes_asv.inference.wheels import between_samples, equalised, moments, wheel_signal
+from bayes_asv.inference.wheels import (
+    Array,
+    WheelSignal,
+    between_samples,
+    equalised,
+    moments,
+    wheel_signal,
+)
 
 
-def _signal(seed: int = 0, n: int = 60):
+def _signal(seed: int = 0, n: int = 60) -> tuple[Array, WheelSignal]:
     rng = np.random.default_rng(seed)
     time = np.cumsum(rng.uniform(0.001, 0.004, n))
     none = np.zeros(n, bool)

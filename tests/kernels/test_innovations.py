@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal, norm
 
@@ -14,11 +15,14 @@ from bayes_asv.kernels.response import free_run
 from bayes_asv.model.discrete import simulate_linear
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 
+Array = NDArray[np.float64]
+LaidOut = tuple[Array, Array, Array, NDArray[np.int8], NDArray[np.bool_], Array, Array, Array]
+
 CAR = HalfCar(1261.0, 1751.0, 70.7, 226.6, 1.727, 0.47, 17513.0, 17513.0)
 NO_COLOUR = (np.zeros((0, 2, 2)), np.eye(2))
 
 
-def _case(seed: int, n: int = 25, missing: bool = True):
+def _case(seed: int, n: int = 25, missing: bool = True) -> tuple[Array, Array, Array, LaidOut]:
     """A small recording: uneven steps, missing readings, straight wheel accelerations."""
     rng = np.random.default_rng(seed)
     step = np.append(0.0, rng.uniform(0.001, 0.005, n - 1))
@@ -44,7 +48,7 @@ def _case(seed: int, n: int = 25, missing: bool = True):
     return time, u, noise, (step, moments, spread, kind, closes, reading, extra, start)
 
 
-def _dense(noise: np.ndarray, laid: tuple, u: np.ndarray, time: np.ndarray) -> float:
+def _dense(noise: Array, laid: LaidOut, u: Array, time: Array) -> float:
     """log p of all readings at once: mean and covariance built from the model's own words."""
     step, _, spread, kind, _, reading, extra, start = laid
     system = deflection_form(CAR)

@@ -1,5 +1,7 @@
 """The half car against textbook formulas, itself in other coordinates, and energy."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson, solve_ivp
 
 from bayes_asv.model.discrete import exact_step, simulate_linear
-from bayes_asv.model.halfcar import HalfCar, LinearSystem, deflection_form, position_form
+from bayes_asv.model.halfcar import Array, HalfCar, LinearSystem, deflection_form, position_form
 from bayes_asv.model.modes import modes
 
 LBF_PER_INCH = 175.12683524647636
@@ -63,20 +65,21 @@ def test_both_forms_give_the_same_accelerations(car: HalfCar, seed: int) -> None
     waves = rng.normal(size=(2, 3))
     rate = rng.uniform(3.0, 20.0, size=(2, 3))
 
-    def wheel(t: np.ndarray, order: int) -> np.ndarray:
+    def wheel(t: Array, order: int) -> Array:
         """Position, rate or acceleration of both wheels."""
         phase = rate[:, :, None] * t + 0.5 * np.pi * order
-        return 0.01 * np.sum(waves[:, :, None] * rate[:, :, None] ** order * np.sin(phase), axis=1)
+        wave = waves[:, :, None] * rate[:, :, None] ** order * np.sin(phase)
+        return np.asarray(0.01 * np.sum(wave, axis=1))
 
-    def positions(t: float, x: np.ndarray) -> np.ndarray:
+    def positions(t: float, x: Array) -> Array:
         at = np.array([t])
         u = np.array([wheel(at, 0)[0], wheel(at, 1)[0], wheel(at, 0)[1], wheel(at, 1)[1]])[:, 0]
         system = position_form(car)
-        return system.A @ x + system.B @ u
+        return np.asarray(system.A @ x + system.B @ u)
 
-    def deflections(t: float, x: np.ndarray) -> np.ndarray:
+    def deflections(t: float, x: Array) -> Array:
         system = deflection_form(car)
-        return system.A @ x + system.B @ wheel(np.array([t]), 2)[:, 0]
+        return np.asarray(system.A @ x + system.B @ wheel(np.array([t]), 2)[:, 0])
 
     span = (time[0], time[-1])
     start = np.array([0.01, 0.1, 0.005, -0.05])
@@ -84,7 +87,7 @@ def test_both_forms_give_the_same_accelerations(car: HalfCar, seed: int) -> None
     lever = np.array([car.l_f, -car.l_r])
     delta0 = start[2] + lever * start[0] - u0
     rate0 = start[3] + lever * start[1] - v0
-    accuracy = {"rtol": 1e-10, "atol": 1e-12, "t_eval": time}
+    accuracy: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12, "t_eval": time}
     one = solve_ivp(positions, span, start, **accuracy).y
     two = solve_ivp(deflections, span, [delta0[0], rate0[0], delta0[1], rate0[1]], **accuracy).y
 

@@ -2,19 +2,23 @@
 
 import copy
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 
-from bayes_asv.report.html import html_report
+from bayes_asv.report.html import Document, html_report
 from bayes_asv.report.pdf import pdf_report
+
+Made = TypeVar("Made")
 
 DATA = Path(__file__).parent / "data"
 KINDS = ("us", "si", "two_runs", "refused", "not_converged", "hostile")
 HOSTILE = "<script>alert(1)</script> {{7*7}} #[7*7] $x$ & \"q\" 's' \x00\x1b[31m\u202eevil"
 
 
-def load(kind):
+def load(kind: str) -> Document:
     """Read a document, or make one from another."""
     if kind == "not_converged":
         document = load("us")
@@ -40,31 +44,32 @@ def load(kind):
         document["parameters"]["c_f"]["label"] = HOSTILE
         document["known"]["m"]["label"] = HOSTILE
         return document
-    return json.loads((DATA / f"{kind}.json").read_text(encoding="utf-8"))
+    read: Document = json.loads((DATA / f"{kind}.json").read_text(encoding="utf-8"))
+    return read
 
 
 @pytest.fixture
-def documents():
+def documents() -> dict[str, Document]:
     return {kind: load(kind) for kind in KINDS}
 
 
-class _Once(dict):
-    def __init__(self, make):
+class _Once(dict[str, Made]):
+    def __init__(self, make: Callable[[Document], Made]) -> None:
         super().__init__()
         self.make = make
 
-    def __missing__(self, kind):
+    def __missing__(self, kind: str) -> Made:
         self[kind] = self.make(load(kind))
         return self[kind]
 
 
 @pytest.fixture(scope="session")
-def pages():
+def pages() -> dict[str, str]:
     """HTML by kind of document."""
     return _Once(html_report)
 
 
 @pytest.fixture(scope="session")
-def papers():
+def papers() -> dict[str, bytes]:
     """PDF by kind of document."""
     return _Once(pdf_report)

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from bayes_asv.report.figures import MOST_RUNS, figures
+from bayes_asv.report.figures import MOST_RUNS, Document, Figure, figures
 from bayes_asv.report.plots_parameters import prior_of
 from bayes_asv.report.plots_residuals import power_of_ten
 from bayes_asv.report.plots_time import velocity_shares
@@ -14,13 +14,13 @@ from bayes_asv.report.svg import COLOURS, gauge, themed
 
 
 @pytest.fixture(scope="module")
-def drawn(request):
+def drawn(request: pytest.FixtureRequest) -> list[Figure]:
     from tests.report.conftest import load
 
     return figures(load("us"))
 
 
-def test_every_figure_is_there_in_order(drawn):
+def test_every_figure_is_there_in_order(drawn: list[Figure]) -> None:
     assert [f.key for f in drawn] == [
         "chassis-0", "wheels-0", "travel-0", "posterior", "corner", "velocity", "spectrum-0",
         "whiteness-0",
@@ -29,7 +29,7 @@ def test_every_figure_is_there_in_order(drawn):
     assert len({p.key for f in drawn for p in f.panels}) == 17
 
 
-def test_pictures_are_xml_that_scales_and_names_itself(drawn):
+def test_pictures_are_xml_that_scales_and_names_itself(drawn: list[Figure]) -> None:
     for panel in (p for f in drawn for p in f.panels):
         root = ET.fromstring(panel.svg)
         assert root.get("width") is None
@@ -38,7 +38,7 @@ def test_pictures_are_xml_that_scales_and_names_itself(drawn):
         assert all(e.get("id", panel.key).startswith(panel.key) for e in root.iter())
 
 
-def test_every_reference_inside_a_picture_is_met(drawn):
+def test_every_reference_inside_a_picture_is_met(drawn: list[Figure]) -> None:
     for panel in (p for f in drawn for p in f.panels):
         ids = re.findall(r'\sid="([^"]*)"', panel.svg)
         assert len(ids) == len(set(ids))
@@ -47,7 +47,7 @@ def test_every_reference_inside_a_picture_is_met(drawn):
         assert {a or b for a, b in asked} <= set(ids)
 
 
-def test_pictures_fetch_nothing_and_weigh_little(drawn):
+def test_pictures_fetch_nothing_and_weigh_little(drawn: list[Figure]) -> None:
     for panel in (p for f in drawn for p in f.panels):
         addresses = re.findall(r'([\w:]+)="https?://', panel.svg)
         assert all(name.startswith("xmlns") for name in addresses)
@@ -55,29 +55,31 @@ def test_pictures_fetch_nothing_and_weigh_little(drawn):
         assert len(panel.svg) < 250_000
 
 
-def test_same_document_same_bytes(drawn, documents):
+def test_same_document_same_bytes(drawn: list[Figure], documents: dict[str, Document]) -> None:
     assert figures(documents["us"]) == drawn
 
 
-def test_settings_of_the_user_change_nothing(drawn, documents):
+def test_settings_of_the_user_change_nothing(
+    drawn: list[Figure], documents: dict[str, Document]
+) -> None:
     import matplotlib as mpl
 
     with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red", "svg.fonttype": "none"}):
         assert figures(documents["us"]) == drawn
 
 
-def test_no_figures_for_a_refusal(documents):
+def test_no_figures_for_a_refusal(documents: dict[str, Document]) -> None:
     assert figures(documents["refused"]) == []
 
 
-def test_no_figures_where_the_document_holds_none(documents):
+def test_no_figures_where_the_document_holds_none(documents: dict[str, Document]) -> None:
     document = documents["us"]
     for key in ("runs", "draws", "prior", "known"):
         del document[key]
     assert figures(document) == []
 
 
-def test_many_runs_do_not_make_an_endless_page(documents):
+def test_many_runs_do_not_make_an_endless_page(documents: dict[str, Document]) -> None:
     document = documents["us"]
     document["runs"] = [document["runs"][0]] * (MOST_RUNS + 1)
     document["draws"] = {}
@@ -86,7 +88,7 @@ def test_many_runs_do_not_make_an_endless_page(documents):
     assert f"chassis-{MOST_RUNS}" not in keys
 
 
-def test_gaps_and_flat_channels_are_drawn(documents):
+def test_gaps_and_flat_channels_are_drawn(documents: dict[str, Document]) -> None:
     document = documents["us"]
     run = document["runs"][0]
     for curve in run["chassis"].values():
@@ -104,7 +106,7 @@ def test_gaps_and_flat_channels_are_drawn(documents):
     assert len(panels["chassis-0"]) == len(panels["whiteness-0"]) == 2
 
 
-def test_travel_without_limits_draws_no_limits(documents):
+def test_travel_without_limits_draws_no_limits(documents: dict[str, Document]) -> None:
     document = documents["us"]
     document["draws"] = {}
     with_limits = figures(document)[2].panels[0].svg
@@ -113,10 +115,10 @@ def test_travel_without_limits_draws_no_limits(documents):
     assert with_limits.count("stroke-dasharray") == without.count("stroke-dasharray") + 2
 
 
-def test_velocity_shares_follow_the_sign_convention():
+def test_velocity_shares_follow_the_sign_convention() -> None:
     time = np.linspace(0.0, 1.0, 401)
     velocity = np.where(time < 0.25, -1.0, np.where(time < 0.75, 0.0, 2.0))
-    run = {"time": time.tolist(), "travel": {"front": {"velocity": velocity.tolist()}}}
+    run: Document = {"time": time.tolist(), "travel": {"front": {"velocity": velocity.tolist()}}}
     bound, still, rebound = velocity_shares([run], "front")
     assert bound == pytest.approx(0.25, abs=0.01)
     assert rebound == pytest.approx(0.25, abs=0.01)
@@ -124,8 +126,8 @@ def test_velocity_shares_follow_the_sign_convention():
     assert velocity_shares([run], "rear") == (0.0, 1.0, 0.0)
 
 
-def test_shares_do_not_depend_on_how_a_curve_was_thinned():
-    def run(count, velocity):
+def test_shares_do_not_depend_on_how_a_curve_was_thinned() -> None:
+    def run(count: int, velocity: float) -> Document:
         time = np.linspace(0.0, 1.0, count).tolist()
         return {"time": time, "travel": {"front": {"velocity": [velocity] * count}}}
 
@@ -134,34 +136,39 @@ def test_shares_do_not_depend_on_how_a_curve_was_thinned():
     assert rebound == pytest.approx(0.5)
 
 
-def test_prior_of_the_radius_follows_from_that_of_the_inertia(documents):
+def test_prior_of_the_radius_follows_from_that_of_the_inertia(
+    documents: dict[str, Document],
+) -> None:
     document = documents["us"]
-    median, log_sd = prior_of("k_g", document)
+    radius, front = prior_of("k_g", document), prior_of("c_f", document)
+    assert radius is not None
+    assert front is not None
+    median, log_sd = radius
     assert median == pytest.approx(document["parameters"]["k_g"]["nominal"])
     assert log_sd == pytest.approx(0.5 * np.hypot(np.log(2.0), 0.01), rel=1e-6)
-    assert prior_of("c_f", document)[0] == pytest.approx(7.2)
+    assert front[0] == pytest.approx(7.2)
 
 
 @pytest.mark.parametrize(
     ("value", "text"), [(1e4, "10⁴"), (1.0, "10⁰"), (1e-12, "10⁻¹²"), (0.0, "")]
 )
-def test_powers_of_ten(value, text):
+def test_powers_of_ten(value: float, text: str) -> None:
     assert power_of_ten(value) == text
 
 
-def test_gauge_stays_on_its_scale():
+def test_gauge_stays_on_its_scale() -> None:
     svg = gauge("g", 50.0, -3.0, 90.0, 0.2, "below").svg
     for x in re.findall(r'\s(?:cx|x)="([^"]*)"', svg):
         assert 0.0 <= float(x) <= 300.0
 
 
-def test_colours_follow_the_page(drawn):
+def test_colours_follow_the_page(drawn: list[Figure]) -> None:
     svg = themed(drawn[0].panels[0].svg)
     assert f"var(--front, {COLOURS['front']})" in svg
     assert svg.count(COLOURS["front"]) == svg.count("var(--front")
 
 
-def test_importing_the_report_is_cheap():
+def test_importing_the_report_is_cheap() -> None:
     code = (
         "import sys, bayes_asv.report.render, bayes_asv.report.words, bayes_asv.report.html, "
         "bayes_asv.report.pdf\n"

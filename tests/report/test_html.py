@@ -1,24 +1,28 @@
 import os
 import re
 import shutil
+from collections.abc import Iterator
 from html import unescape
 from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bayes_asv.errors import InputError
 from bayes_asv.report.content import content, limits
-from bayes_asv.report.html import html_report
+from bayes_asv.report.html import Document, html_report
 from bayes_asv.report.readable import number
 from bayes_asv.report.render import write_report
 from bayes_asv.report.words import headline, next_steps
 from tests.report.conftest import KINDS, load
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+Attributes = list[tuple[str, str | None]]
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
 
-def text_of(page):
+def text_of(page: str) -> str:
     """Return what a reader sees, with plain spaces."""
     bare = re.sub(r"<(style|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
     words = unescape(re.sub(r"<[^>]*>", " ", bare)).replace("\u00a0", " ")
@@ -28,28 +32,31 @@ def text_of(page):
 class Checker(HTMLParser):
     """Collects ids and tags, and whether tags close in order."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__()
-        self.ids, self.tags, self.open, self.attributes = [], [], [], []
+        self.ids: list[str | None] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.attributes: Attributes = []
 
-    def handle_starttag(self, tag, attrs):
+    def handle_starttag(self, tag: str, attrs: Attributes) -> None:
         self.tags.append(tag)
         self.attributes += attrs
         self.ids += [value for name, value in attrs if name == "id"]
         if tag not in VOID:
             self.open.append(tag)
 
-    def handle_startendtag(self, tag, attrs):
+    def handle_startendtag(self, tag: str, attrs: Attributes) -> None:
         self.handle_starttag(tag, attrs)
         if tag not in VOID:
             self.open.pop()
 
-    def handle_endtag(self, tag):
+    def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_page_is_whole_and_needs_nothing(pages, kind):
+def test_page_is_whole_and_needs_nothing(pages: dict[str, str], kind: str) -> None:
     page = pages[kind]
     checker = Checker()
     checker.feed(page)
@@ -60,6 +67,7 @@ def test_page_is_whole_and_needs_nothing(pages, kind):
     for name, value in checker.attributes:
         assert not name.startswith("on")
         if name in ("href", "src", "xlink:href"):
+            assert value is not None
             assert value.startswith(("#", "data:"))
         if "http" in (value or ""):
             assert name.startswith("xmlns")
@@ -67,7 +75,7 @@ def test_page_is_whole_and_needs_nothing(pages, kind):
     assert "@import" not in page
 
 
-def test_hostile_text_is_shown_and_not_run(pages):
+def test_hostile_text_is_shown_and_not_run(pages: dict[str, str]) -> None:
     page = pages["hostile"]
     assert "<script" not in page
     assert "<img" not in page
@@ -81,7 +89,7 @@ def test_hostile_text_is_shown_and_not_run(pages):
 
 
 @pytest.mark.parametrize("kind", ["us", "si", "two_runs"])
-def test_numbers_are_those_of_the_document(pages, kind):
+def test_numbers_are_those_of_the_document(pages: dict[str, str], kind: str) -> None:
     document, text = load(kind), text_of(pages[kind])
     assert headline(document) in text
     for p in document["parameters"].values():
@@ -100,7 +108,7 @@ def test_numbers_are_those_of_the_document(pages, kind):
     assert f"{document['diagnostics']['rhat_max']:.3f}" in text
 
 
-def test_us_report_shows_both_systems_and_si_report_one(pages):
+def test_us_report_shows_both_systems_and_si_report_one(pages: dict[str, str]) -> None:
     us, si = text_of(pages["us"]), text_of(pages["si"])
     assert "Parameters, in SI units" in us
     assert "lbf·s/in" in us
@@ -109,7 +117,9 @@ def test_us_report_shows_both_systems_and_si_report_one(pages):
     assert "lbf" not in si
 
 
-def test_refused_report_says_why_and_what_to_do_without_empty_figures(pages):
+def test_refused_report_says_why_and_what_to_do_without_empty_figures(
+    pages: dict[str, str],
+) -> None:
     page, document = pages["refused"], load("refused")
     text = text_of(page)
     assert "No answer: this recording cannot" in text
@@ -122,7 +132,7 @@ def test_refused_report_says_why_and_what_to_do_without_empty_figures(pages):
     assert len(page) < 20_000
 
 
-def test_report_of_what_did_not_converge_warns_first(pages):
+def test_report_of_what_did_not_converge_warns_first(pages: dict[str, str]) -> None:
     text = text_of(pages["not_converged"])
     assert "the sampling did not converge" in text
     assert "Do not quote them" in text
@@ -131,7 +141,7 @@ def test_report_of_what_did_not_converge_warns_first(pages):
     assert "Parameters, not to be relied on" in text
 
 
-def test_several_runs_are_told_apart(pages):
+def test_several_runs_are_told_apart(pages: dict[str, str]) -> None:
     text = text_of(pages["two_runs"])
     for source in ("stops.csv", "bump.csv"):
         assert f"Chassis acceleration, measured and simulated, {source}" in text
@@ -139,7 +149,7 @@ def test_several_runs_are_told_apart(pages):
     assert "All together" in text
 
 
-def test_least_document_makes_a_report(documents):
+def test_least_document_makes_a_report(documents: dict[str, Document]) -> None:
     keep = ("schema", "verdict", "reasons", "warnings", "parameters", "diagnostics", "fit",
             "seconds", "version", "seed")  # fmt: skip
     least = {key: documents["us"][key] for key in keep}
@@ -150,7 +160,9 @@ def test_least_document_makes_a_report(documents):
     assert "unnamed vehicle" in text
 
 
-def test_limits_name_a_stop_that_was_reached_and_residuals_with_a_pattern(documents):
+def test_limits_name_a_stop_that_was_reached_and_residuals_with_a_pattern(
+    documents: dict[str, Document],
+) -> None:
     document = documents["us"]
     document["vehicle"]["travel"]["rear_bump"] = 1.5
     document["runs"][0]["chassis"]["front_chassis"]["whiteness_p"] = 1e-4
@@ -159,7 +171,7 @@ def test_limits_name_a_stop_that_was_reached_and_residuals_with_a_pattern(docume
     assert "The front residuals of stops.csv are not white (probability < 0.1 %)" in found
 
 
-def test_limits_name_the_mass_when_it_rules(documents):
+def test_limits_name_the_mass_when_it_rules(documents: dict[str, Document]) -> None:
     document = documents["us"]
     assert any("sprung mass" in limit for limit in limits(document))
     for name in ("c_f", "c_r"):
@@ -167,7 +179,7 @@ def test_limits_name_the_mass_when_it_rules(documents):
     assert not any("sprung mass" in limit for limit in limits(document))
 
 
-def test_content_is_plain_data(documents):
+def test_content_is_plain_data(documents: dict[str, Document]) -> None:
     import json
 
     page, pictures = content(documents["two_runs"])
@@ -176,38 +188,46 @@ def test_content_is_plain_data(documents):
     assert {*asked, *(c["gauge"] for c in page["cards"])} == set(pictures)
 
 
-def test_same_document_same_page(pages, documents):
+def test_same_document_same_page(pages: dict[str, str], documents: dict[str, Document]) -> None:
     assert html_report(documents["us"]) == pages["us"]
 
 
 @pytest.mark.parametrize("name", ["r.html", "r.HTM"])
-def test_writing(tmp_path, documents, pages, name):
+def test_writing(
+    tmp_path: Path, documents: dict[str, Document], pages: dict[str, str], name: str
+) -> None:
     write_report(documents["refused"], tmp_path / name)
     assert (tmp_path / name).read_bytes() == pages["refused"].encode()
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
 @pytest.mark.parametrize("name", ["r.docx", "r", "html"])
-def test_another_suffix_is_refused_with_the_mend(tmp_path, documents, name):
+def test_another_suffix_is_refused_with_the_mend(
+    tmp_path: Path, documents: dict[str, Document], name: str
+) -> None:
     with pytest.raises(InputError, match=r"end the name in \.html or \.pdf"):
         write_report(documents["refused"], tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_missing_folder_is_named(tmp_path, documents):
+def test_missing_folder_is_named(tmp_path: Path, documents: dict[str, Document]) -> None:
     with pytest.raises(InputError, match="make the folder first"):
         write_report(documents["refused"], tmp_path / "no" / "r.html")
 
 
 @pytest.mark.parametrize("key", ["verdict", "parameters"])
-def test_document_without_what_is_needed_is_refused(tmp_path, documents, key):
+def test_document_without_what_is_needed_is_refused(
+    tmp_path: Path, documents: dict[str, Document], key: str
+) -> None:
     del documents["us"][key]
     with pytest.raises(InputError, match="estimate --json"):
         write_report(documents["us"], tmp_path / "r.html")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_broken_document_leaves_the_old_report(tmp_path, documents):
+def test_broken_document_leaves_the_old_report(
+    tmp_path: Path, documents: dict[str, Document]
+) -> None:
     (tmp_path / "r.html").write_text("old")
     documents["us"]["parameters"]["c_f"]["eti95"] = "wide"
     with pytest.raises(InputError, match="is broken"):
@@ -216,7 +236,7 @@ def test_broken_document_leaves_the_old_report(tmp_path, documents):
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory):
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     driver_path = shutil.which("chromedriver")
     if CHROMIUM is None or driver_path is None:
         if os.environ.get("CI") == "true":
@@ -241,7 +261,9 @@ def browser(tmp_path_factory):
 
 @pytest.mark.parametrize("width", [390, 1100])
 @pytest.mark.parametrize("kind", ["us", "two_runs", "refused", "not_converged", "hostile"])
-def test_browser_shows_the_page_without_a_fault(browser, pages, tmp_path, kind, width):
+def test_browser_shows_the_page_without_a_fault(
+    browser: Any, pages: dict[str, str], tmp_path: Path, kind: str, width: int
+) -> None:
     file = tmp_path / "report.html"
     file.write_text(pages[kind], encoding="utf-8")
     browser.execute_cdp_cmd(

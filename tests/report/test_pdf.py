@@ -1,8 +1,10 @@
 import re
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bayes_asv.report.pdf import pdf_report
+from bayes_asv.report.pdf import Document, pdf_report
 from bayes_asv.report.readable import number
 from bayes_asv.report.render import write_report
 from bayes_asv.report.words import headline, next_steps
@@ -11,11 +13,11 @@ from tests.report.conftest import KINDS, load
 pymupdf = pytest.importorskip("pymupdf")
 
 
-def opened(paper):
+def opened(paper: bytes) -> Any:
     return pymupdf.open(stream=paper, filetype="pdf")
 
 
-def text_of(paper):
+def text_of(paper: bytes) -> str:
     """Return the words on all pages, with plain spaces and without the footers' breaks."""
     with opened(paper) as file:
         words = " ".join(page.get_text() for page in file)
@@ -23,7 +25,7 @@ def text_of(paper):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_pdf_opens_and_says_the_verdict_on_page_one(papers, kind):
+def test_pdf_opens_and_says_the_verdict_on_page_one(papers: dict[str, bytes], kind: str) -> None:
     with opened(papers[kind]) as file:
         first = " ".join(file[0].get_text().replace("\u00a0", " ").split())
         assert headline(load(kind)) in first
@@ -35,7 +37,7 @@ def test_pdf_opens_and_says_the_verdict_on_page_one(papers, kind):
 
 
 @pytest.mark.parametrize("kind", ["us", "si", "two_runs"])
-def test_numbers_are_those_of_the_document(papers, kind):
+def test_numbers_are_those_of_the_document(papers: dict[str, bytes], kind: str) -> None:
     document, text = load(kind), text_of(papers[kind])
     for p in document["parameters"].values():
         for value in (p["mean"], p["sd"], *p["eti95"]):
@@ -51,12 +53,14 @@ def test_numbers_are_those_of_the_document(papers, kind):
 @pytest.mark.parametrize(
     ("kind", "size"), [("us", (612, 792)), ("refused", (612, 792)), ("si", (595, 842))]
 )
-def test_paper_follows_the_units(papers, kind, size):
+def test_paper_follows_the_units(
+    papers: dict[str, bytes], kind: str, size: tuple[int, int]
+) -> None:
     with opened(papers[kind]) as file:
         assert (round(file[0].rect.width), round(file[0].rect.height)) == size
 
 
-def test_hostile_text_is_no_markup(papers):
+def test_hostile_text_is_no_markup(papers: dict[str, bytes]) -> None:
     text = text_of(papers["hostile"])
     assert "<script>alert(1)</script>" in text
     assert "{{7*7}}" in text
@@ -66,7 +70,7 @@ def test_hostile_text_is_no_markup(papers):
     assert b"/URI" not in papers["hostile"]
 
 
-def test_refused_report_is_one_page_without_figures(papers):
+def test_refused_report_is_one_page_without_figures(papers: dict[str, bytes]) -> None:
     with opened(papers["refused"]) as file:
         assert file.page_count == 1
     text = text_of(papers["refused"])
@@ -75,13 +79,15 @@ def test_refused_report_is_one_page_without_figures(papers):
         assert step in text
 
 
-def test_report_of_what_did_not_converge_warns(papers):
+def test_report_of_what_did_not_converge_warns(papers: dict[str, bytes]) -> None:
     text = text_of(papers["not_converged"])
     assert "Do not quote them" in text
     assert "virtually certain" not in text
 
 
-def test_html_and_pdf_say_the_same_in_the_same_order(pages, papers):
+def test_html_and_pdf_say_the_same_in_the_same_order(
+    pages: dict[str, str], papers: dict[str, bytes]
+) -> None:
     titles = re.findall(r"<h[23]>([^<]*)</h[23]>", pages["us"])
     text, last = text_of(papers["us"]), -1
     for title in titles:
@@ -92,7 +98,7 @@ def test_html_and_pdf_say_the_same_in_the_same_order(pages, papers):
         last = found
 
 
-def test_figures_are_drawn_and_fonts_embedded(papers):
+def test_figures_are_drawn_and_fonts_embedded(papers: dict[str, bytes]) -> None:
     with opened(papers["us"]) as file:
         assert sum(len(page.get_drawings()) for page in file) > 500
         fonts = {font[3] for page in file for font in page.get_fonts()}
@@ -100,10 +106,10 @@ def test_figures_are_drawn_and_fonts_embedded(papers):
     assert all("DejaVuSans" in font for font in fonts)
 
 
-def test_same_document_same_bytes(papers, documents):
+def test_same_document_same_bytes(papers: dict[str, bytes], documents: dict[str, Document]) -> None:
     assert pdf_report(documents["us"]) == papers["us"]
 
 
-def test_writing(tmp_path, documents, papers):
+def test_writing(tmp_path: Path, documents: dict[str, Document], papers: dict[str, bytes]) -> None:
     write_report(documents["refused"], tmp_path / "r.PDF")
     assert (tmp_path / "r.PDF").read_bytes() == papers["refused"]

@@ -14,6 +14,7 @@ from bayes_asv.report.readable import (
     readable_unit,
 )
 from bayes_asv.report.words import (
+    Document,
     compare,
     convergence_lines,
     headline,
@@ -41,25 +42,25 @@ deviations = st.floats(1e-5, 1e5)
 shares = st.floats(0.0, 1.0)
 
 
-def value_of(text):
+def value_of(text: str) -> float:
     return float(text.replace("−", "-"))
 
 
 @given(values, deviations, st.integers(1, 3))
-def test_rounding_costs_little_against_the_deviation(value, sd, digits):
+def test_rounding_costs_little_against_the_deviation(value: float, sd: float, digits: int) -> None:
     # d significant digits of the deviation: at most half a unit of its last digit is lost.
     assert abs(value_of(number(value, sd, digits)) - value) <= 0.51 * sd * 10.0 ** (1 - digits)
 
 
 @given(values, deviations)
-def test_a_number_has_no_more_digits_than_its_deviation(value, sd):
+def test_a_number_has_no_more_digits_than_its_deviation(value: float, sd: float) -> None:
     text = number(value, sd)
     places = len(text.partition(".")[2])
     assert places == max(decimals_for(sd), 0)
 
 
 @given(st.floats(-1e300, 1e300) | st.just(math.nan) | st.just(math.inf), st.none() | st.floats())
-def test_any_float_becomes_a_short_text(value, sd):
+def test_any_float_becomes_a_short_text(value: float, sd: float | None) -> None:
     text = number(value, sd)
     assert text == "–" or math.isfinite(value_of(text))
     assert len(text) < 25
@@ -83,7 +84,7 @@ def test_any_float_becomes_a_short_text(value, sd):
         (None, None, "–"),
     ],
 )
-def test_numbers(value, sd, text):
+def test_numbers(value: float | None, sd: float | None, text: str) -> None:
     assert number(value, sd) == text
 
 
@@ -97,18 +98,18 @@ def test_numbers(value, sd, text):
         ("", ""),
     ],
 )
-def test_units_are_readable(unit, text):
+def test_units_are_readable(unit: str, text: str) -> None:
     assert readable_unit(unit) == text
 
 
 @given(shares, shares)
-def test_words_for_probability_never_fall_as_it_rises(p, q):
+def test_words_for_probability_never_fall_as_it_rises(p: float, q: float) -> None:
     low, high = sorted((p, q))
     assert ORDER.index(likelihood_words(low)) <= ORDER.index(likelihood_words(high))
 
 
 @given(shares)
-def test_words_for_probability_are_symmetrical(p):
+def test_words_for_probability_are_symmetrical(p: float) -> None:
     # The scale says 33 and 66 %, so it is symmetrical but for a percent at its bounds.
     assume(all(abs(p - bound) > 0.011 for bound in (0.33, 0.34, 0.66, 0.67)))
     assume(all(abs(p - bound) > 1e-9 for bound in (0.01, 0.05, 0.1, 0.9, 0.95, 0.99)))
@@ -128,17 +129,17 @@ def test_words_for_probability_are_symmetrical(p):
         (0.0, "exceptionally unlikely"),
     ],
 )
-def test_scale_of_the_guidance_note(p, words):
+def test_scale_of_the_guidance_note(p: float, words: str) -> None:
     assert likelihood_words(p) == words
 
 
 @pytest.mark.parametrize("p", [-0.1, 1.1, math.nan])
-def test_what_is_no_probability_is_refused(p):
+def test_what_is_no_probability_is_refused(p: float) -> None:
     with pytest.raises(ValueError, match="not a probability"):
         likelihood_words(p)
 
 
-def test_a_counted_probability_is_never_quite_certain():
+def test_a_counted_probability_is_never_quite_certain() -> None:
     assert probability(0.0) == "< 0.1 %"
     assert probability(1.0) == "> 99.9 %"
     assert probability(0.9942) == "99.4 %"
@@ -148,7 +149,7 @@ def test_a_counted_probability_is_never_quite_certain():
 
 
 @given(st.text())
-def test_foreign_text_stays_on_one_line(text):
+def test_foreign_text_stays_on_one_line(text: str) -> None:
     out = plain(text)
     assert out == "" or out.isprintable()
     assert "\n" not in out
@@ -156,7 +157,7 @@ def test_foreign_text_stays_on_one_line(text):
     out.encode("utf-8")
 
 
-def parameter(mean, sd, nominal, p_below):
+def parameter(mean: float, sd: float, nominal: float, p_below: float) -> Document:
     return {
         "mean": mean, "sd": sd, "eti95": [mean - 1.96 * sd, mean + 1.96 * sd],
         "nominal": nominal, "p_below_nominal": p_below, "unit": "lbf*s/in",
@@ -176,18 +177,21 @@ def parameter(mean, sd, nominal, p_below):
         ("c_f", 9.0, 4.0, 0.6, "unclear", "too uncertain to tell from nominal"),
     ],
 )
-def test_comparison_with_nominal(name, mean, sd, p, sense, words):
+def test_comparison_with_nominal(
+    name: str, mean: float, sd: float, p: float, sense: str, words: str
+) -> None:
     found = compare(name, parameter(mean, sd, 10.0, p))
+    assert found is not None
     assert (found.sense, found.words) == (sense, words)
 
 
 @pytest.mark.parametrize("missing", ["mean", "nominal", "p_below_nominal"])
-def test_without_nominal_there_is_no_comparison(missing):
+def test_without_nominal_there_is_no_comparison(missing: str) -> None:
     p = {**parameter(8.0, 0.1, 10.0, 1.0), missing: None}
     assert compare("c_f", p) is None
 
 
-def test_sentence_says_value_interval_difference_and_probability():
+def test_sentence_says_value_interval_difference_and_probability() -> None:
     text = sentence("c_f", parameter(7.9, 0.1, 7.2, 0.0))
     assert text == (
         "The front damping rate is 7.9 lbf·s/in (95 %: 7.7 to 8.1), 10 % above the nominal 7.2; "
@@ -198,7 +202,7 @@ def test_sentence_says_value_interval_difference_and_probability():
     assert "likely (70 %) that it is above nominal" in text
 
 
-def test_sentence_without_nominal_leaves_it_out():
+def test_sentence_without_nominal_leaves_it_out() -> None:
     text = sentence("c_f", {**parameter(7.9, 0.1, 7.2, 0.0), "nominal": None})
     assert text == "The front damping rate is 7.9 lbf·s/in (95 %: 7.7 to 8.1)."
 
@@ -218,7 +222,9 @@ def test_sentence_without_nominal_leaves_it_out():
          "Neither damper is known well enough to tell it from nominal."),
     ],
 )  # fmt: skip
-def test_headline_names_the_softer_damper_first(front, rear, text):
+def test_headline_names_the_softer_damper_first(
+    front: tuple[float, float, float], rear: tuple[float, float, float], text: str
+) -> None:
     document = {
         "verdict": "ok",
         "parameters": {
@@ -229,7 +235,7 @@ def test_headline_names_the_softer_damper_first(front, rear, text):
     assert headline(document) == text
 
 
-def test_lines_of_an_answer(documents):
+def test_lines_of_an_answer(documents: dict[str, Document]) -> None:
     lines = verdict_lines(documents["us"])
     assert lines[0] == headline(documents["us"])
     assert lines[1].startswith("The front damping rate is 7.90 lbf·s/in")
@@ -237,7 +243,7 @@ def test_lines_of_an_answer(documents):
     assert lines[5].startswith("Next: Look at the rear damper first")
 
 
-def test_lines_of_a_refusal_say_why_and_what_to_do(documents):
+def test_lines_of_a_refusal_say_why_and_what_to_do(documents: dict[str, Document]) -> None:
     document = documents["refused"]
     text = "\n".join(verdict_lines(document))
     assert text.startswith("No answer: this recording cannot")
@@ -248,7 +254,9 @@ def test_lines_of_a_refusal_say_why_and_what_to_do(documents):
     assert len(steps) == len(set(steps))
 
 
-def test_lines_of_what_did_not_converge_do_not_pose_as_an_answer(documents):
+def test_lines_of_what_did_not_converge_do_not_pose_as_an_answer(
+    documents: dict[str, Document],
+) -> None:
     lines = verdict_lines(documents["not_converged"])
     assert lines[0] == "No answer to rely on: the sampling did not converge."
     assert all(line.startswith("Not to be relied on: ") for line in lines[1:5])
@@ -258,13 +266,13 @@ def test_lines_of_what_did_not_converge_do_not_pose_as_an_answer(documents):
     assert "too few" in text
 
 
-def test_a_wide_answer_asks_for_another_recording(documents):
+def test_a_wide_answer_asks_for_another_recording(documents: dict[str, Document]) -> None:
     document = copy.deepcopy(documents["us"])
     document["parameters"]["c_f"] = parameter(7.0, 2.0, 7.2, 0.5)
     assert any("known to ±29 % only" in step for step in next_steps(document))
 
 
-def test_convergence_says_nothing_where_nothing_was_sampled(documents):
+def test_convergence_says_nothing_where_nothing_was_sampled(documents: dict[str, Document]) -> None:
     assert convergence_lines(documents["refused"]["diagnostics"]) == []
 
 
@@ -277,9 +285,9 @@ def test_convergence_says_nothing_where_nothing_was_sampled(documents):
         ("bad", "bad", ""),
     ],
 )  # fmt: skip
-def test_a_reason_splits_into_fault_and_mend(reason, what, mend):
+def test_a_reason_splits_into_fault_and_mend(reason: str, what: str, mend: str) -> None:
     assert split_reason(reason) == (what, mend)
 
 
-def test_control_characters_do_not_reach_the_terminal(documents):
+def test_control_characters_do_not_reach_the_terminal(documents: dict[str, Document]) -> None:
     assert all(line.isprintable() for line in verdict_lines(documents["hostile"]))
