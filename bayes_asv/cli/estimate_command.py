@@ -48,5 +48,7 @@ def command(
         from bayes_asv.inference.netcdf import write_netcdf
 
         write_netcdf(result, netcdf)
+    elif netcdf is not None:
+        click.echo(f"bayes-asv: no draws, so {netcdf} was not written", err=True)
     click.echo("\n".join(verdict_lines(document)), err=json_file == "-")
     return common.EXIT_STATUS[result.verdict]

@@ -16,7 +16,7 @@ from bayes_asv.inference.fit import FreeRun, simulate_free
 from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
 from bayes_asv.inference.parameters import CAR, Space, space
-from bayes_asv.inference.preflight import misfit, preflight
+from bayes_asv.inference.preflight import dead_channels, misfit, preflight, swollen_noise
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
@@ -160,7 +160,7 @@ def estimate(
     Raises
     ------
     InputError
-        When a recording cannot be laid out (a dead channel, counts without calibration).
+        When a channel is in counts and the vehicle lacks its calibration.
     ValueError
         For an unknown likelihood or no recording.
     """
@@ -170,13 +170,8 @@ def estimate(
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
     tell = progress or (lambda share, words: None)
-    lines = tuple(build(recording, vehicle) for recording in recordings)
-    reasons: list[str] = []
+    reasons = [why for recording in recordings for why in dead_channels(recording, vehicle)]
     warnings = [w for recording in recordings for w in recording.warnings]
-    for line in lines:
-        why, notes = preflight(vehicle, line)
-        reasons += why
-        warnings += notes
 
     def refused() -> Estimate:
         return Estimate(
@@ -184,6 +179,13 @@ def estimate(
             likelihood, seed, time.perf_counter() - began,
         )  # fmt: skip
 
+    if reasons:
+        return refused()
+    lines = tuple(build(recording, vehicle) for recording in recordings)
+    for line in lines:
+        why, notes = preflight(vehicle, line)
+        reasons += why
+        warnings += notes
     if reasons:
         return refused()
     tell(0.0, "looking for the best fit")
@@ -196,10 +198,11 @@ def estimate(
         run_ensembles = loading.result().run_ensembles
     reasons += _unmeasured(where, mode)
     best = where.cars(mode.z[None])[0]
-    for line in lines:
+    noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
+    for run, line in enumerate(lines):
         why, notes = misfit(vehicle, line, simulate_free(line, best))
         reasons += why
-        warnings += notes
+        warnings += notes + swollen_noise(line, noise, run)
     if reasons:
         return refused()
     tell(0.1, "sampling")

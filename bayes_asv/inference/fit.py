@@ -104,5 +104,6 @@ def left_in_band(line: Timeline, free: FreeRun, top: float) -> Array:
         frequency, power = welch(measured, rate, nperseg=n)
         _, residual = welch(left, rate, nperseg=n)
         band = (frequency > 0.0) & (frequency <= top)
-        out[axle] = np.sqrt(residual[band].sum() / power[band].sum())
+        whole = float(power[band].sum())
+        out[axle] = np.sqrt(residual[band].sum() / whole) if whole > 0.0 else 1.0
     return out

@@ -34,7 +34,7 @@ INERTIA_FACTOR = 2.0
 # record gives the level to within a factor of three at one deviation.
 _NOISE_GIVEN_SD = 0.3
 _NOISE_UNKNOWN_SD = math.log(3.0)
-_WORST = 8.0  # prior deviations beyond which nothing is tried
+_WORST = 30.0  # prior deviations beyond which nothing is tried
 
 _LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
 # Rows: what the accelerations depend on, as exponents of the quantities above.

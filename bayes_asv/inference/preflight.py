@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.fit import FreeRun, left_in_band
-from bayes_asv.inference.timeline import Timeline
+from bayes_asv.inference.timeline import FEWEST_READINGS, Timeline, rails
 from bayes_asv.model.halfcar import HalfCar
 from bayes_asv.model.modes import Mode, modes
+from bayes_asv.recording import Recording, accelerations
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["PLAIN", "clipping_limit", "misfit", "preflight"]
+__all__ = ["PLAIN", "clipping_limit", "dead_channels", "misfit", "preflight", "swollen_noise"]
 
 PLAIN = {
     "front_wheel": "front wheel",
@@ -26,12 +29,39 @@ _FEWEST = 100  # rows
 _BAND = 2.5  # times the fastest mode: where the half car has to explain what is measured
 _NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is not this half car
 _DOUBTFUL = 0.3  # and beyond which the intervals are too good to be true
+_FARTHEST = 0.4  # m of suspension travel that no small car has
+_SWOLLEN = 3.0  # times the given noise beyond which something else hides in it
 _SHAKEN = 5.0  # wheel rms in units of its noise, below which nothing was driven over
 
 
 def clipping_limit(samples: int) -> int:
     """Clipped samples of one channel that are still treated as bounds: ten, or 2 %."""
     return max(10, int(0.02 * samples))
+
+
+def dead_channels(recording: Recording, vehicle: Vehicle) -> list[str]:
+    """Name channels that have nothing to lay out in time.
+
+    Parameters
+    ----------
+    recording, vehicle : Recording and Vehicle
+        As read.
+
+    Returns
+    -------
+    list of str
+        One reason a channel without enough readings inside its range.
+    """
+    acc = accelerations(recording, vehicle)
+    low, high = rails(acc, vehicle)
+    good = np.count_nonzero(np.isfinite(acc) & ~(low | high), axis=1)
+    source = Path(recording.source).name
+    return [
+        f"the {PLAIN[name]} sensor of {source} has {count} readings inside its range; check its "
+        "wiring, its column and the range in the vehicle file"
+        for name, count in zip(CHANNELS, good, strict=True)
+        if count < FEWEST_READINGS
+    ]
 
 
 def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
@@ -146,7 +176,43 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
                 f"{words}; something that it does not know is at work, and the intervals do not "
                 "account for it"
             )
+    travel = float(np.max(np.abs(free.states[:, [0, 2]])))
+    if travel > _FARTHEST:
+        warnings.append(
+            f"{line.source} would mean {travel:.1f} m of suspension travel; check the units and "
+            "scales of the sensors"
+        )
     return reasons, warnings
+
+
+def swollen_noise(line: Timeline, found: dict[str, float], run: int) -> list[str]:
+    """Warn where noise had to grow far beyond what is given for the sensor.
+
+    Parameters
+    ----------
+    line : Timeline
+        One recording.
+    found : dict of str to float
+        Noise deviations by name, m/s².
+    run : int
+        Which recording.
+
+    Returns
+    -------
+    list of str
+    """
+    out = []
+    for c, name in enumerate(CHANNELS):
+        given = line.noise[c]
+        level = found.get(f"noise {name} {run}")
+        if given is not None and level is not None and level > _SWOLLEN * given:
+            out.append(
+                f"the noise of the {PLAIN[name]} sensor in {line.source} came out "
+                f"{level / given:.0f} times what the vehicle file says: a value given as exact is "
+                "off, or something moves that a half car does not know; give mass, springs and "
+                "weight fraction an sd"
+            )
+    return out
 
 
 def _modes(vehicle: Vehicle) -> list[Mode]:

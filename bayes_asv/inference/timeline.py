@@ -15,11 +15,12 @@ from bayes_asv.kernels.innovations import AT_LEAST, AT_MOST, MISSING, ORDER, VAL
 from bayes_asv.recording import Recording, accelerations, sample_offsets
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Timeline", "build", "rails"]
+__all__ = ["FEWEST_READINGS", "Timeline", "build", "rails"]
 
 Array = NDArray[np.float64]
 
-_LONGEST_STEP = 0.005  # s; keeps the series in the kernel exact to 1e-12
+FEWEST_READINGS = 8  # of a channel inside its range, without which there is no curve to draw
+_LONGEST_STEP = 0.005  # s; keeps the series in the kernel exact to 1e-10
 _SAME_INSTANT = 1e-8  # s
 
 # What the state may be when a record begins, one deviation: 0.1 m, 1 m/s, and 1 m/s² for the
@@ -101,7 +102,7 @@ def rails(acc: Array, vehicle: Vehicle) -> tuple[NDArray[np.bool_], NDArray[np.b
     high = np.zeros(acc.shape, bool)
     for c, name in enumerate(CHANNELS):
         sensor = vehicle.sensor(name)
-        slack = 0.5 * (sensor.resolution or sensor.counts_scale or 0.0)
+        slack = 0.5 * abs(sensor.resolution or sensor.counts_scale or 0.0)
         if np.isfinite(sensor.low):
             low[c] = acc[c] <= sensor.low + slack
         if np.isfinite(sensor.high):
@@ -126,23 +127,23 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
     Raises
     ------
     InputError
-        When a channel has fewer than eight readings.
+        When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range.
     """
     acc = accelerations(recording, vehicle)
     times = sample_offsets(recording, vehicle)
     low, high = rails(acc, vehicle)
     for c, name in enumerate(CHANNELS):
-        if np.count_nonzero(np.isfinite(acc[c]) & ~(low[c] | high[c])) < 8:
+        if np.count_nonzero(np.isfinite(acc[c]) & ~(low[c] | high[c])) < FEWEST_READINGS:
             raise InputError(
                 recording.source,
-                f"channel {name} has fewer than eight readings inside its range",
+                f"channel {name} has fewer than {FEWEST_READINGS} readings inside its range",
                 "check the wiring, the column and the vehicle's range for that sensor",
             )
     sensors = [vehicle.sensor(name) for name in CHANNELS]
     acc, poles = _common_bandwidth(acc, times, [s.bandwidth for s in sensors])
     steps = np.array(
         [
-            s.resolution or (s.counts_scale if recording.units[c] == "counts" else None) or 0.0
+            s.resolution or (abs(s.counts_scale or 0.0) if recording.units[c] == "counts" else 0.0)
             for c, s in enumerate(sensors)
         ]
     )
