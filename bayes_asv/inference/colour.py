@@ -31,7 +31,7 @@ def find_colour(nu: Array) -> Colour:
     Parameters
     ----------
     nu : (N, 2) array
-        Normalised innovations of one run, in time order; zeros where a reading was missing.
+        Normalised innovations of one run, in time order; nan where a reading was missing.
 
     Returns
     -------
@@ -43,25 +43,34 @@ def find_colour(nu: Array) -> Colour:
     if longest == 0:
         return WHITE
     target = nu[longest:]
-    rows = len(target)
     lagged = np.concatenate([nu[longest - j : n - j] for j in range(1, longest + 1)], axis=1)
-    best, best_score = 0, _criterion(target, 0) - 2.0 * _MARGIN
-    for p in _ORDERS[1:]:
-        if p > longest:
-            break
-        left = target - lagged[:, : 2 * p] @ _solve(lagged[:, : 2 * p], target)
-        score = _criterion(left, p)
+    best, best_score = 0, math.inf
+    for p in (order for order in _ORDERS if order <= longest):
+        rows, design = _whole(target, lagged[:, : 2 * p])
+        if len(rows) < max(20 * p, 50):
+            break  # too many gaps to tell
+        left = rows - design @ _solve(design, rows) if p > 0 else rows
+        # by row, since fewer rows are whole the more lags they need
+        score = _criterion(left, p) / len(rows)
+        if p == 0:
+            score -= 2.0 * _MARGIN / len(rows)
         if score < best_score:
             best, best_score = p, score
     if best == 0:
         return WHITE
-    design = lagged[:, : 2 * best]
-    weights = _solve(design, target)
-    left = target - design @ weights
-    covariance = left.T @ left / (rows - 2 * best)
+    rows, design = _whole(target, lagged[:, : 2 * best])
+    weights = _solve(design, rows)
+    left = rows - design @ weights
+    covariance = left.T @ left / (len(rows) - 2 * best)
     root = np.linalg.inv(np.linalg.cholesky(covariance))
     coefficients = weights.T.reshape(2, best, 2).transpose(1, 0, 2)
     return Colour(np.ascontiguousarray(coefficients), np.ascontiguousarray(root))
+
+
+def _whole(target: Array, lagged: Array) -> tuple[Array, Array]:
+    """Rows in which nothing is missing."""
+    whole = np.isfinite(target).all(axis=1) & np.isfinite(lagged).all(axis=1)
+    return target[whole], lagged[whole]
 
 
 def _solve(design: Array, target: Array) -> Array:
@@ -77,7 +86,7 @@ def _criterion(left: Array, p: int) -> float:
     return float(n * log_det + 4 * p * math.log(n))
 
 
-def portmanteau(series: Array, lags: int) -> float:
+def portmanteau(series: Array, lags: int, fitted: int = 0) -> float:
     """Ljung–Box p-value of one series of innovations: small when it is not white.
 
     Parameters
@@ -86,6 +95,8 @@ def portmanteau(series: Array, lags: int) -> float:
         Innovations.
     lags : int
         Number of lags tested together.
+    fitted : int
+        Lags of an autoregression that was fitted to the same series.
 
     Returns
     -------
@@ -101,4 +112,4 @@ def portmanteau(series: Array, lags: int) -> float:
         return 1.0
     r = np.array([float(x[j:] @ x[:-j]) / power for j in range(1, lags + 1)])
     q = n * (n + 2.0) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
-    return float(gammaincc(0.5 * lags, 0.5 * q))
+    return float(gammaincc(0.5 * (lags - fitted), 0.5 * q))

@@ -46,7 +46,7 @@ class RunFit:
     line : Timeline
         The same, laid out.
     free : FreeRun
-        Simulation from the wheels alone at the posterior's mean.
+        Simulation from the wheels alone at the mean of the posterior's coordinates.
     ensemble : (S, E, 2) array
         Outputs of the simulation for S draws of the posterior, m/s².
     travel : (S, E, 2) array
@@ -64,12 +64,6 @@ class RunFit:
     travel: Array
     innovations: Array
     colour: Colour
-
-    def nrmse(self, axle: int) -> float:
-        """Rms of measured minus simulated over the deviation of the measured, one chassis."""
-        use = self.line.kind[:, axle] == 1
-        y = self.line.reading[use, axle]
-        return float(np.sqrt(np.mean((y - self.free.output[use, axle]) ** 2)) / np.std(y))
 
 
 @dataclass(frozen=True)
@@ -196,7 +190,8 @@ def estimate(
         loading = target.pool.submit(importlib.import_module, "bayes_asv.inference.sampler")
         mode, target = _mode_and_colour(target)
         run_ensembles = loading.result().run_ensembles
-    reasons += _unmeasured(where, mode)
+    if mode.converged:  # otherwise the ensembles have the word
+        reasons += _unmeasured(where, mode)
     best = where.cars(mode.z[None])[0]
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
     for run, line in enumerate(lines):
@@ -256,7 +251,7 @@ def _mode_and_colour(target: Target) -> tuple[Mode, Target]:
         found = []
         for run, line in enumerate(target.space.timelines):
             nu = target.innovations(mode.z, run, WHITE)
-            found.append(find_colour(nu[line.closes]))
+            found.append(find_colour(line.paired(nu)))
         if all(c.order == 0 for c in found) and all(c.order == 0 for c in target.colours):
             break
         target = target.with_colours(tuple(found))

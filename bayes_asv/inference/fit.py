@@ -66,7 +66,7 @@ def simulate_free(line: Timeline, car: Array) -> FreeRun:
     design[:, 0, 4] = design[:, 1, 5] = 1.0
     use = line.kind == VALUE
     X, y = design[use], (line.reading - outputs[:, :, 0])[use]
-    # The prior counts as if the noise were the residual of the free run itself.
+    # Next to the record the prior weighs as if noise were a thousandth of the motion's power.
     scale = max(float(np.var(y)) * 1e-3, 1e-12)
     weights = np.linalg.solve(X.T @ X + np.diag(scale / line.start), X.T @ y)
     full = states[:, :, 0] + states[:, :, 1:] @ weights[:4]

@@ -58,10 +58,10 @@ class Space:
     ----------
     names : tuple of str
         One a coordinate: ``car 0`` … for the directions of the car that data can see, ``wdf``,
-        ``noise <channel> <run>``, ``colour <run>``.
+        ``noise <channel> <run>``, ``filtered share <run>``.
     centre, scale : (D,) arrays
         A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
-        probit for colour).
+        probit for the filtered share).
     log_mean, log_sd : (7,) arrays
         Prior of the logarithms of c_f, c_r, i, m, l, k_f, k_r (SI units).
     seen, unseen : (7, r) and (7, 7 − r) arrays
@@ -121,8 +121,8 @@ class Space:
         line = self.timelines[run]
         out = np.zeros((len(z), 12))
         colour: Array | float = 0.0
-        if f"colour {run}" in self.names:
-            colour = ndtr(self._other(z, f"colour {run}"))
+        if f"filtered share {run}" in self.names:
+            colour = ndtr(self._other(z, f"filtered share {run}"))
         for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
             name = f"noise {CHANNELS[c]} {run}"
             if name not in self.names:
@@ -138,7 +138,7 @@ class Space:
         out = {}
         for name in self.names[self.car_dimension :]:
             value = self._other(z, name)
-            out[name] = ndtr(value) if name.startswith("colour") else np.exp(value)
+            out[name] = ndtr(value) if name.startswith("filtered") else np.exp(value)
         return out
 
     def log_prior(self, z: Array) -> Array:
@@ -221,7 +221,7 @@ def space(
             else:
                 add(f"noise {channel} {run}", math.log(noise), _NOISE_GIVEN_SD)
         if likelihood == "innovations" and np.any(line.poles > 0.0):
-            add(f"colour {run}", 0.0, 1.0)
+            add(f"filtered share {run}", 0.0, 1.0)
     return Space(
         names=tuple(names),
         centre=np.array(centre),
@@ -246,7 +246,7 @@ def _prior_log_sd(vehicle: Vehicle, name: str) -> float:
 
 def _log_sd(value: float, sd: float) -> float:
     """Deviation of the logarithm of a log-normal with this median and this deviation."""
-    return math.sqrt(math.log1p((sd / value) ** 2))
+    return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * (sd / value) ** 2))))
 
 
 def _quiet_level(line: Timeline, c: int) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.fit import FreeRun, left_in_band
 from bayes_asv.inference.timeline import FEWEST_READINGS, Timeline, rails
 from bayes_asv.model.halfcar import HalfCar
 from bayes_asv.model.modes import Mode, modes
-from bayes_asv.recording import Recording, accelerations
+from bayes_asv.recording import Recording, accelerations, sample_offsets
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["PLAIN", "clipping_limit", "dead_channels", "misfit", "preflight", "swollen_noise"]
@@ -56,12 +57,27 @@ def dead_channels(recording: Recording, vehicle: Vehicle) -> list[str]:
     low, high = rails(acc, vehicle)
     good = np.count_nonzero(np.isfinite(acc) & ~(low | high), axis=1)
     source = Path(recording.source).name
-    return [
+    reasons = [
         f"the {PLAIN[name]} sensor of {source} has {count} readings inside its range; check its "
         "wiring, its column and the range in the vehicle file"
         for name, count in zip(CHANNELS, good, strict=True)
         if count < FEWEST_READINGS
     ]
+    if reasons:
+        return reasons
+    times = sample_offsets(recording, vehicle)
+    plain = np.isfinite(acc)
+    first = max(times[c, plain[c]][0] for c in (0, 2))
+    last = min(times[c, plain[c]][-1] for c in (0, 2))
+    for c in (1, 3):
+        inside = plain[c] & (times[c] >= first) & (times[c] <= last)
+        if np.count_nonzero(inside) < FEWEST_READINGS:
+            reasons.append(
+                f"only {np.count_nonzero(inside)} readings of the {PLAIN[CHANNELS[c]]} sensor of "
+                f"{source} were taken while both wheels were measured; "
+                "check delays, clocks and missing cells, or record longer"
+            )
+    return reasons
 
 
 def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
@@ -132,13 +148,34 @@ def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
                 f"the {axle} wheel hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
                 "over a bump, a parking stop or a rough road"
             )
-    gaps = np.diff(times)
-    largest = float(gaps.max())
-    if largest > 0.25 / fastest:
-        reasons.append(
-            f"{line.source} has a gap of {largest * 1e3:.0f} ms in its rows, longer than this "
-            "car's motion can be followed across; cut the recording there and give both parts"
+    for wheel, name in zip(line.wheels, ("front", "rear"), strict=True):
+        largest = float(np.diff(wheel.knots).max())
+        if largest > 0.25 / fastest:
+            reasons.append(
+                f"the {name} wheel of {line.source} has a gap of {largest * 1e3:.0f} ms, longer "
+                "than this car's motion can be followed across; cut the recording there and give "
+                "both parts"
+            )
+    given = [vehicle.sensor(name).bandwidth for name in CHANNELS]
+    if any(b is None for b in given) and any(b is not None for b in given):
+        warnings.append(
+            "the vehicle file gives a bandwidth for some sensors only; the others are taken to "
+            "be like the slowest of those"
         )
+    for c, name in enumerate(CHANNELS):
+        if not np.isfinite([vehicle.sensor(name).low, vehicle.sensor(name).high]).any():
+            stuck = _stuck_at_extreme(line.acceleration[c])
+            if stuck:
+                warnings.append(
+                    f"the {PLAIN[name]} sensor of {line.source} stays at its extreme for {stuck} "
+                    "samples in a row, as a sensor at the end of its range does; give its range "
+                    "in the vehicle file"
+                )
+        if vehicle.sensor(name).counts_scale_sd > 0.0:
+            warnings.append(
+                f"the deviation given for the scale of the {PLAIN[name]} sensor is not used; the "
+                "intervals take its scale as exact"
+            )
     return reasons, warnings
 
 
@@ -217,6 +254,17 @@ def swollen_noise(line: Timeline, found: dict[str, float], run: int) -> list[str
 
 def _modes(vehicle: Vehicle) -> list[Mode]:
     return modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
+
+
+def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:
+    """Longest run of samples that repeat the largest or smallest value, if three or more."""
+    longest = 0
+    for extreme in (np.nanmax(signal), np.nanmin(signal)):
+        run = 0
+        for same in signal == extreme:
+            run = run + 1 if same else 0
+            longest = max(longest, run)
+    return longest if longest >= 3 else 0
 
 
 def _round_rate(least: float) -> int:

@@ -33,7 +33,8 @@ RHAT_WANTED = 1.01
 _TAILS = (0.05, 0.95)
 _FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
 _BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
-_BLOCK = 36
+_WALKERS = 32
+_BLOCK = 30
 _MOST = 800  # steps
 
 
@@ -144,7 +145,7 @@ def run_ensembles(
         ``converged`` is false when ``most`` steps were not enough.
     """
     d = len(mode.z)
-    walkers = max(32, 2 * (d + 2))
+    walkers = max(_WALKERS, 2 * (d + 2))
     with ThreadPoolExecutor(2) as pool:
         proposal = _Proposal.around(mode, 1.2)
         streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
@@ -174,7 +175,7 @@ def run_ensembles(
                 progress(min(share, 1.0), f"R̂ {rhat:.3f}, effective draws {min(bulk, tail):.0f}")
             if done or steps >= most:
                 break
-            block = min(max(steps // 2, 16), most - steps)
+            block = min(max(steps // 4, 16), most - steps)
     return Ensembles(
         draws=chains.reshape(ENSEMBLES, -1, d),
         log_posterior=np.stack([s.get_log_prob() for s in samplers]).reshape(ENSEMBLES, -1),

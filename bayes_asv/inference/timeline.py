@@ -12,6 +12,7 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.errors import InputError
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments, wheel_signal
 from bayes_asv.kernels.innovations import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
+from bayes_asv.model.halfcar import HalfCar, deflection_form
 from bayes_asv.recording import Recording, accelerations, sample_offsets
 from bayes_asv.vehicle import Vehicle
 
@@ -20,11 +21,14 @@ __all__ = ["FEWEST_READINGS", "Timeline", "build", "rails"]
 Array = NDArray[np.float64]
 
 FEWEST_READINGS = 8  # of a channel inside its range, without which there is no curve to draw
-_LONGEST_STEP = 0.005  # s; keeps the series in the kernel exact to 1e-10
+# The kernel's series lose (λh)⁸/8! a step: with λh at most 1/4 for the nominal car they hold to
+# 1e-9 there, and to 1e-5 where a rate is three times nominal.
+_LONGEST_STEP = 0.005  # s
+_LONGEST_PHASE = 0.25
 _SAME_INSTANT = 1e-8  # s
 
 # What the state may be when a record begins, one deviation: 0.1 m, 1 m/s, and 1 m/s² for the
-# zero of a chassis channel against its wheel channel (a count of zero off by 20 at 10 bits).
+# zero of a chassis channel against its wheel channel (a tenth of gravity, from tilt and offset).
 _START = np.array([0.1, 1.0, 0.1, 1.0, 1.0, 1.0]) ** 2
 
 
@@ -38,8 +42,8 @@ class Timeline:
         As the kernel takes them; see there for shapes and units.
     instants : (E,) array
         Times of the steps' ends, s.
-    row : (E,) int array
-        Row of the recording an instant belongs to, -1 for one put in between.
+    pairs : (R, 2) int array
+        Instants of front and rear chassis readings that belong together, -1 where one is missing.
     wheels : pair of WheelSignal
         Front and rear wheel acceleration.
     acceleration : (4, N) array
@@ -53,7 +57,7 @@ class Timeline:
     steps : (4,) array
         One step of each channel's reading, m/s²; 0 where not given.
     poles : (4,) array
-        Pole of each sensor's filter, rad/s; 0 where not given.
+        Pole of the filter that all readings passed, rad/s; 0 when no bandwidth is given.
     source : str
         File name without its folder, for messages and reports.
     """
@@ -67,7 +71,7 @@ class Timeline:
     extra: Array
     start: Array
     instants: Array
-    row: NDArray[np.int64]
+    pairs: NDArray[np.int64]
     wheels: tuple[WheelSignal, WheelSignal]
     acceleration: Array
     times: Array
@@ -76,6 +80,16 @@ class Timeline:
     steps: Array
     poles: Array
     source: str
+
+    def paired(self, values: Array) -> Array:
+        """Arrange values at instants (E, 2) by pairs of readings (R, 2), nan where missing."""
+        out = np.full(self.pairs.shape, np.nan)
+        for axle in range(2):
+            there = self.pairs[:, axle] >= 0
+            at = self.pairs[there, axle]
+            value = self.kind[at, axle] == VALUE
+            out[there, axle] = np.where(value, values[at, axle], np.nan)
+        return out
 
     @property
     def readings(self) -> int:
@@ -151,9 +165,11 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
         wheel_signal(times[0], acc[0], low[0], high[0]),
         wheel_signal(times[2], acc[2], low[2], high[2]),
     )
-    instants, kind, reading, row = _instants(acc, times, low, high, wheels)
+    longest = _longest_step(vehicle)
+    instants, kind, reading, pairs = _instants(acc, times, low, high, wheels, longest)
     step = np.diff(instants, prepend=instants[0])
-    closes = np.append(row[1:] != row[:-1], True) & (row >= 0)
+    closes = np.zeros(len(instants), bool)
+    closes[pairs.max(axis=1)] = True
     return Timeline(
         step=step,
         moments=np.ascontiguousarray(
@@ -166,7 +182,7 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
         extra=np.zeros_like(reading),
         start=_START.copy(),
         instants=instants,
-        row=row,
+        pairs=pairs,
         wheels=wheels,
         acceleration=acc,
         times=times,
@@ -178,10 +194,20 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
     )
 
 
+def _longest_step(vehicle: Vehicle) -> float:
+    """Length of step (s) over which the kernel's series hold for this car."""
+    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
+    fastest = float(np.max(np.abs(np.linalg.eigvals(deflection_form(car).A))))
+    return min(_LONGEST_STEP, _LONGEST_PHASE / fastest)
+
+
 def _common_bandwidth(
     acc: Array, times: Array, bandwidth: list[float | None]
 ) -> tuple[Array, Array]:
-    """Filter the faster sensors' readings so that all four passed the same pole."""
+    """Filter the faster sensors' readings so that all four passed the same pole.
+
+    A sensor without a bandwidth is taken to be like the slowest of the others.
+    """
     given = [b for b in bandwidth if b is not None]
     if not given:
         return acc, np.zeros(4)
@@ -200,6 +226,7 @@ def _instants(
     low: NDArray[np.bool_],
     high: NDArray[np.bool_],
     wheels: tuple[WheelSignal, WheelSignal],
+    longest: float,
 ) -> tuple[Array, NDArray[np.int8], Array, NDArray[np.int64]]:
     """Instants of observation in order, with fillers where the step would be too long."""
     n = acc.shape[1]
@@ -217,29 +244,38 @@ def _instants(
     new = np.append(True, np.diff(t) > _SAME_INSTANT)
     place = np.cumsum(new) - 1
     seen = t[new]
-    seen_row = row_of[new]
-    gaps = np.diff(seen)
-    pieces = np.maximum(np.ceil(gaps / _LONGEST_STEP - 1e-9).astype(int), 1)
+    pieces = np.maximum(np.ceil(np.diff(seen) / longest - 1e-9).astype(int), 1)
     position = np.concatenate([[0], np.cumsum(pieces)])
     total = int(position[-1]) + 1
     instants = np.interp(np.arange(total), position, seen)
     instants[position] = seen
     kind = np.full((total, 2), MISSING, np.int8)
     reading = np.zeros((total, 2))
-    row = np.full(total, -1)
-    row[position] = seen_row
     for axle, c in enumerate((1, 3)):
         mine = axle_of == axle
         at, r = position[place[mine]], row_of[mine]
         kind[at, axle] = np.where(high[c, r], AT_LEAST, np.where(low[c, r], AT_MOST, VALUE))
         reading[at, axle] = acc[c, r]
-    # A filler between two instants of one row must not close it.
-    for k in range(1, total):
-        if row[k] < 0 and row[k - 1] >= 0:
-            ahead = position[np.searchsorted(position, k)]
-            if row[ahead] == row[k - 1]:
-                row[k:ahead] = row[ahead]
-    return instants, kind, reading, row.astype(np.int64)
+    return instants, kind, reading, _pairs(kind)
+
+
+def _pairs(kind: NDArray[np.int8]) -> NDArray[np.int64]:
+    """Pair front and rear readings that stand next to each other in time.
+
+    One board reads both at one instant; two boards with clocks of their own do not, and after a
+    minute they may be a row apart, so rows of the file do not tell what belongs together.
+    """
+    pairs: list[list[int]] = []
+    current = [-1, -1]
+    for k in np.flatnonzero(np.any(kind != MISSING, axis=1)):
+        axles = np.flatnonzero(kind[k] != MISSING)
+        if any(current[axle] >= 0 for axle in axles):
+            pairs.append(current)
+            current = [-1, -1]
+        for axle in axles:
+            current[axle] = int(k)
+    pairs.append(current)
+    return np.array(pairs, np.int64)
 
 
 def _spread(wheels: tuple[WheelSignal, WheelSignal], instants: Array) -> Array:

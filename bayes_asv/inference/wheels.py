@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 # errs by 0.14 – 0.16 of what the spline errs when it leaves one sample out, root mean square
 # over the place of the jump, at 200 to 800 Hz behind 50 Hz (kinks err less, bare jumps more).
 _JUMP_SHARE = 0.15
-_LEFT_OUT_NOISE = 1.0 + 34.0 / 36.0  # variance of that leave-one-out error per noise variance
+_NOISE_MARGIN = 6.0  # variances of the noise's own misses that are not taken for an edge
 
 
 class WheelSignal(NamedTuple):
@@ -109,7 +109,7 @@ def between_samples(time: Array, signal: Array) -> Array:
         # The quiet quarter of the record shows what noise alone gives: of a χ²(1) variable
         # the lower quartile is 0.1015.
         noise = float(np.quantile(missed[2:-2], 0.25)) / 0.1015
-        missed = np.maximum(missed - 6.0 * noise, 0.0)
+        missed = np.maximum(missed - _NOISE_MARGIN * noise, 0.0)
     padded = np.concatenate([missed[:1], missed, missed[-1:]])
     local = 0.25 * (padded[:-3] + padded[1:-2] + padded[2:-1] + padded[3:])
     return np.asarray(_JUMP_SHARE * np.sqrt(local))

@@ -124,6 +124,10 @@ def _run(
     history = np.zeros((max(lags, 1), 2))
     nu = np.zeros(2)
     seen = np.zeros(2, np.bool_)
+    own = np.zeros(2, np.int64)
+    lone = 1.0
+    if ar.shape[0] > 0:  # inverse deviation of the rear when the front is missing
+        lone = ar_root[1, 1] / math.sqrt(1.0 + (ar_root[1, 0] / ar_root[0, 0]) ** 2)
     total = 0.0
     h_known = -1.0
     n = step.shape[0]
@@ -256,6 +260,7 @@ def _run(
                 shrink = 1.0 / S
                 nu[axle] = shift * root
                 seen[axle] = True
+                own[axle] = k
                 total -= 0.5 * (_LOG_2PI + math.log(S))
                 if lags == 0:
                     total -= 0.5 * nu[axle] * nu[axle]
@@ -277,33 +282,39 @@ def _run(
             continue
         if lags > 0:
             # colour that the model does not know: a vector autoregression on the innovations
-            e0 = nu[0]
-            e1 = nu[1]
+            p0 = 0.0
+            p1 = 0.0
             for j in range(lags):
-                e0 -= ar[j, 0, 0] * history[j, 0] + ar[j, 0, 1] * history[j, 1]
-                e1 -= ar[j, 1, 0] * history[j, 0] + ar[j, 1, 1] * history[j, 1]
+                p0 += ar[j, 0, 0] * history[j, 0] + ar[j, 0, 1] * history[j, 1]
+                p1 += ar[j, 1, 0] * history[j, 0] + ar[j, 1, 1] * history[j, 1]
             for j in range(lags - 1, 0, -1):
                 history[j, 0] = history[j - 1, 0]
                 history[j, 1] = history[j - 1, 1]
-            history[0, 0] = nu[0]
-            history[0, 1] = nu[1]
-            # lower-triangular inverse root of the covariance of what is left
+            # what is missing is remembered as it was predicted
+            history[0, 0] = nu[0] if seen[0] else p0
+            history[0, 1] = nu[1] if seen[1] else p1
             w0 = 0.0
             w1 = 0.0
             if seen[0]:
-                w0 = ar_root[0, 0] * e0
+                w0 = ar_root[0, 0] * (nu[0] - p0)
                 total += math.log(ar_root[0, 0]) - 0.5 * w0 * w0
             if seen[1]:
-                w1 = ar_root[1, 1] * e1
                 if seen[0]:
-                    w1 += ar_root[1, 0] * e0
-                total += math.log(ar_root[1, 1]) - 0.5 * w1 * w1
+                    w1 = ar_root[1, 0] * (nu[0] - p0) + ar_root[1, 1] * (nu[1] - p1)
+                    total += math.log(ar_root[1, 1]) - 0.5 * w1 * w1
+                else:
+                    w1 = lone * (nu[1] - p1)
+                    total += math.log(lone) - 0.5 * w1 * w1
             if keep:
-                kept[k, 0] = w0
-                kept[k, 1] = w1
+                if seen[0]:
+                    kept[own[0], 0] = w0
+                if seen[1]:
+                    kept[own[1], 1] = w1
         elif keep:
-            kept[k, 0] = nu[0]
-            kept[k, 1] = nu[1]
+            if seen[0]:
+                kept[own[0], 0] = nu[0]
+            if seen[1]:
+                kept[own[1], 1] = nu[1]
         nu[0] = 0.0
         nu[1] = 0.0
         seen[0] = False
@@ -346,7 +357,8 @@ def log_likelihood(
     kind : (N, 2) int8 array
         0 missing, 1 a value, 2 at least, 3 at most.
     closes : (N,) bool array
-        True at the last instant of a row; two boards with two clocks make two instants a row.
+        True at the last instant of a pair of readings; two boards with two clocks make two
+        instants a pair.
     reading : (N, 2) array
         Chassis accelerations or rails, m/s².
     extra : (N, 2) array
@@ -383,7 +395,10 @@ def residuals(
     ar_root: NDArray[np.float64],
     kept: NDArray[np.float64],
 ) -> float:
-    """One pass that also fills ``kept`` (N, 2) with normalised innovations; returns log p."""
+    """One pass that also fills ``kept`` (N, 2) with normalised innovations; returns log p.
+
+    Each stands at its own reading's instant; where there is no value ``kept`` is left alone.
+    """
     value: float = _run(
         car, noise, step, moments, spread, kind, closes, reading, extra, start,
         ar, ar_root, True, kept,

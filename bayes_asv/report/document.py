@@ -188,7 +188,7 @@ def _noise(result: Estimate, vehicle: Vehicle) -> list[Document]:
                 entry[name]["given"] = (
                     None if given is None else float(_shown(given, "acceleration", vehicle))
                 )
-        colour = result.nuisance.get(f"colour {run}")
+        colour = result.nuisance.get(f"filtered share {run}")
         if colour is not None:
             entry["filtered_share"] = _summary(colour)
         entry["colour_order"] = fit.colour.order
@@ -202,11 +202,12 @@ def _acceleration(vehicle: Vehicle) -> str:
 
 def _run(fit: RunFit, vehicle: Vehicle) -> Document:
     line, recording = fit.line, fit.recording
-    observed = np.flatnonzero(line.closes)
-    keep = observed[np.unique(np.linspace(0, len(observed) - 1, _CURVE).astype(int))]
+    both = line.pairs[np.all(line.pairs >= 0, axis=1)]
+    both = both[np.unique(np.linspace(0, len(both) - 1, _CURVE).astype(int))]
+    keep = both[:, 0]
     rows = np.unique(np.linspace(0, line.times.shape[1] - 1, _CURVE).astype(int))
     span = line.times[0, -1] - line.times[0, 0]
-    steps = np.diff(line.times[0])
+    step = float(np.median(np.diff(line.times[0])))
     curves: Document = {}
     for axle, name in ((0, "front_chassis"), (1, "rear_chassis")):
         there = line.kind[:, axle] == 1
@@ -215,15 +216,14 @@ def _run(fit: RunFit, vehicle: Vehicle) -> Document:
         simulated = fit.free.output[:, axle]
         measured = np.where(line.kind[:, axle] == 0, np.nan, line.reading[:, axle])
         curves[name] = {
-            "measured": _curve(measured[keep], vehicle),
-            "simulated": _curve(simulated[keep], vehicle),
+            "measured": _curve(measured[both[:, axle]], vehicle),
+            "simulated": _curve(simulated[both[:, axle]], vehicle),
             "band95": [
-                _curve((simulated - 1.96 * spread)[keep], vehicle),
-                _curve((simulated + 1.96 * spread)[keep], vehicle),
+                _curve((simulated - 1.96 * spread)[both[:, axle]], vehicle),
+                _curve((simulated + 1.96 * spread)[both[:, axle]], vehicle),
             ],
-            **_whiteness(fit.innovations[line.closes, axle], float(np.median(steps))),
-            "spectrum": _spectrum(line.reading[there, axle], residual, float(np.median(steps)),
-                                  vehicle),
+            **_whiteness(line.paired(fit.innovations)[:, axle], fit.colour.order, step),
+            "spectrum": _spectrum(line.reading[there, axle], residual, step, vehicle),
         }  # fmt: skip
     travel: Document = {"unit": display_units(vehicle.units)["deflection"]}
     for axle, name in ((0, "front"), (1, "rear")):
@@ -244,7 +244,7 @@ def _run(fit: RunFit, vehicle: Vehicle) -> Document:
     return {
         "source": line.source,
         "sha256": recording.sha256,
-        "rate": 1.0 / float(np.median(steps)),
+        "rate": 1.0 / step,
         "seconds": float(span),
         "rows": int(line.times.shape[1]),
         "missing": {n: int(np.sum(~np.isfinite(line.acceleration[c])))
@@ -274,15 +274,18 @@ def _rounded(values: Array) -> list[float | None]:
     return [float(f"{v:.6g}") if math.isfinite(v) else None for v in values]
 
 
-def _whiteness(innovations: Array, step: float) -> Document:
-    """Autocorrelation of the innovations and the Ljung–Box probability of it."""
+def _whiteness(innovations: Array, fitted: int, step: float) -> Document:
+    """Autocorrelation of the innovations and the Ljung–Box probability of it.
+
+    ``fitted`` lags were used to whiten them, so they do not count as evidence.
+    """
     x = innovations[np.isfinite(innovations)]
     x = x - x.mean()
     power = float(x @ x) or 1.0
     return {
         "autocorrelation": [float(x[j:] @ x[: len(x) - j]) / power for j in range(_LAGS + 1)],
         "autocorrelation_band95": 1.96 / math.sqrt(max(len(x), 1)),
-        "whiteness_p": portmanteau(x, _LAGS),
+        "whiteness_p": portmanteau(x, _LAGS, fitted) if fitted < _LAGS else None,
         "lag_seconds": step,
     }
 

@@ -62,12 +62,12 @@ def _stops(x: Array) -> Array:
     Of the 4 in of concrete a soft 22 in tyre swallows one; the hub climbs the rest over 14 in
     and has come down half way when the second stop lifts it again.
     """
-    height, ramp, top = 3 * INCH, 14 * INCH, 0.0
+    height, ramp = 3 * INCH, 14 * INCH
     pitch = 18 * INCH  # 6 in of stop and 12 in between
     total = np.zeros_like(x)
     for k in range(2):
         s = x - k * pitch
-        total += height * (_blend(s / ramp) - _blend((s - ramp - top) / ramp))
+        total += height * (_blend(s / ramp) - _blend((s - ramp) / ramp))
     return total
 
 

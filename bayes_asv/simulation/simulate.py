@@ -84,7 +84,9 @@ def simulate(
     rng = np.random.default_rng([seed, 1])
     if car is None:
         car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    fine = np.arange(-_SETTLE, seconds + 0.1, 1.0 / _FINE)
+    delays = [sensor.delay for sensor in vehicle.sensors]
+    bandwidths = [sensor.bandwidth for sensor in vehicle.sensors if sensor.bandwidth is not None]
+    fine = np.arange(-_SETTLE + min(*delays, 0.0), seconds + max(*delays, 0.0) + 0.1, 1.0 / _FINE)
     hubs = np.stack(
         [
             _acceleration(road, road.speed * (fine - _SETTLE)),
@@ -103,8 +105,8 @@ def simulate(
     for c, name in enumerate(CHANNELS):
         sensor = vehicle.sensor(name)
         signal = truth[c]
-        if sensor.bandwidth is not None:
-            signal = _one_pole(fine, signal, sensor.bandwidth)
+        if bandwidths:  # a sensor without one is like the slowest of the others
+            signal = _one_pole(fine, signal, sensor.bandwidth or min(bandwidths))
         sampled = CubicSpline(fine, signal)(rows + sensor.delay)
         if sensor.noise is not None:
             sampled = sampled + sensor.noise * _noise(rng, len(rows), rate, sensor.bandwidth)

@@ -42,3 +42,14 @@ def test_portmanteau_is_uniform_on_white_noise_and_small_on_coloured() -> None:
     white = rng.normal(size=801)
     assert portmanteau(white[1:] + 0.4 * white[:-1], 20) < 1e-6
     assert portmanteau(np.zeros(50), 20) == 1.0
+
+
+def test_missing_innovations_do_not_dilute_a_colour() -> None:
+    rng = np.random.default_rng(4)
+    nu = np.zeros((4000, 2))
+    for k in range(1, 4000):
+        nu[k] = 0.7 * nu[k - 1] + rng.normal(size=2)
+    nu[rng.uniform(size=4000) < 0.15, 0] = np.nan
+    colour = find_colour(nu)
+    np.testing.assert_allclose(colour.coefficients[0], 0.7 * np.eye(2), atol=0.06)
+    np.testing.assert_allclose(np.diag(colour.root), 1.0, atol=0.06)

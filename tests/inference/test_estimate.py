@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.inference.estimate import Estimate, estimate
 from bayes_asv.recording import Recording
+from bayes_asv.report.document import estimate_document
 from bayes_asv.vehicle import Given, Nominal, Sensor, Vehicle
 from tests.inference.cases import DECLARED, EXACT, INCH, case, vehicle
 from tests.rig import RigCar, SensorSpec
@@ -213,3 +214,51 @@ def test_misuse_is_an_error() -> None:
     _, _, recording = case("bump", 3, EXACT)
     with pytest.raises(ValueError, match="likelihood"):
         estimate([recording], car, likelihood="magic")
+
+
+def test_two_boards_with_clocks_of_their_own_lose_nothing_of_the_report() -> None:
+    """Front and rear read at instants of their own, more than a row apart."""
+    sensors = replace(SensorSpec(), clock_offset=(0.0, 0.004))
+    truth, run, _ = case("stops", 6, EXACT, sensors=sensors)
+    declared = (("delay rear_wheel", "0.004 s"), ("delay rear_chassis", "0.004675 s"))
+    recording = Recording(run.time, run.channels / INCH, ("in/s^2",) * 4, declared, "two.csv")
+    result = estimate([recording], vehicle(EXACT))
+    for name in ("c_f", "c_r", "i"):
+        x = result.draws[name]
+        assert abs(float(x.mean()) - getattr(truth, name)) < 4.5 * float(x.std())
+    chassis = estimate_document(result)["runs"][0]["chassis"]
+    for name in ("front_chassis", "rear_chassis"):
+        assert sum(v is not None for v in chassis[name]["measured"]) > 780
+        assert 0.0 < chassis[name]["whiteness_p"] < 1.0
+        assert chassis[name]["autocorrelation"][0] == pytest.approx(1.0)
+
+
+def test_readings_that_do_not_overlap_are_refused() -> None:
+    _, _, recording = case("stops", 1, EXACT)
+    values = recording.values.copy()
+    values[0, 60:], values[2, :700] = np.nan, np.nan
+    result = estimate(
+        [Recording(recording.time, values, recording.units, (), "run.csv")], vehicle(EXACT)
+    )
+    assert result.verdict == "refused"
+    assert any("while both wheels were measured" in reason for reason in result.reasons)
+
+
+def test_a_hole_in_one_wheel_is_refused_by_name() -> None:
+    _, _, recording = case("stops", 1, EXACT)
+    values = recording.values.copy()
+    values[2, 300:345] = np.nan
+    result = estimate(
+        [Recording(recording.time, values, recording.units, (), "run.csv")], vehicle(EXACT)
+    )
+    assert any("rear wheel of run.csv has a gap" in reason for reason in result.reasons)
+
+
+def test_a_bandwidth_for_some_sensors_only_is_said() -> None:
+    _, _, recording = case("bump", 3, EXACT)
+    car = vehicle(EXACT)
+    front = replace(car.sensors[1], bandwidth=None)
+    some = replace(car, sensors=(car.sensors[0], front, car.sensors[2], car.sensors[3]))
+    result = estimate([recording], some)
+    assert any("bandwidth for some sensors only" in warning for warning in result.warnings)
+    np.testing.assert_array_equal(result.draws["c_f"], estimate([recording], car).draws["c_f"])

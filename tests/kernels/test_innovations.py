@@ -203,3 +203,20 @@ def test_free_run_is_the_exact_response(seed: int) -> None:
     free = simulate_linear(system, time, 0.0 * u, x0)
     np.testing.assert_allclose(out[:, :, 0], driven, atol=1e-11)
     np.testing.assert_allclose(out[:, :, 1], free, atol=1e-12)
+
+
+def test_colour_scores_a_lone_reading_by_its_own_deviation() -> None:
+    """With one reading of a pair missing the other has its marginal, not conditional, spread."""
+    _, _, noise, laid = _case(5, n=2, missing=False)
+    root = np.array([[1.3, 0.0], [-0.4, 0.8]])
+    laid[3][:] = kernel.MISSING
+    laid[3][1, 1] = kernel.VALUE
+    ar = np.zeros((1, 2, 2))
+    plain, kept = np.zeros((2, 2)), np.zeros((2, 2))
+    base = kernel.residuals(np.array(CAR), noise, *laid, *NO_COLOUR, plain)
+    value = kernel.residuals(np.array(CAR), noise, *laid, ar, root, kept)
+    inverse = np.linalg.inv(root)
+    sd = math.sqrt((inverse @ inverse.T)[1, 1])
+    assert kept[1, 1] == pytest.approx(plain[1, 1] / sd)
+    shift = 0.5 * plain[1, 1] ** 2 - 0.5 * kept[1, 1] ** 2 - math.log(sd)
+    assert value == pytest.approx(base + shift)
