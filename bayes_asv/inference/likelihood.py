@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -64,31 +64,36 @@ class Target:
         """Return the same target with other colours."""
         return replace(self, colours=colours)
 
-    def log_likelihood(self, z: Array) -> Array:
-        """Log-likelihood (W,) at coordinates (W, D)."""
+    def run_log_likelihood(self, z: Array, run: int) -> Array:
+        """Log-likelihood (W,) of one run at coordinates (W, D)."""
         out = np.zeros(len(z))
-        cars = self.space.cars(z)
-        for run, colour in enumerate(self.colours):
-            kernel.log_likelihood(
-                cars,
-                self.space.noises(z, run),
-                *self._laid_out(run),
-                colour.coefficients,
-                colour.root,
-                out,
-            )
+        colour = self.colours[run]
+        kernel.log_likelihood(
+            self.space.cars(z),
+            self.space.noises(z, run),
+            *self._laid_out(run),
+            colour.coefficients,
+            colour.root,
+            out,
+        )
         return np.where(np.isfinite(out), out, -np.inf)
+
+    def log_likelihood(self, z: Array) -> Array:
+        """Log-likelihood (W,) of all runs at coordinates (W, D)."""
+        runs = range(len(self.colours))
+        return np.asarray(np.sum([self.run_log_likelihood(z, run) for run in runs], axis=0))
+
+    def in_parallel(self, work: Callable[[Array], Array], z: Array) -> Array:
+        """Share the rows of z (W, D) between two threads, if there are any to share them."""
+        if self.pool is None or len(z) < 8:
+            return work(z)
+        return np.concatenate(list(self.pool.map(work, np.array_split(z, 2))))
 
     def log_posterior(self, z: Array) -> Array:
         """Log-posterior (W,), not normalised, at coordinates (W, D)."""
         value = self.space.log_prior(z)
         ok = np.flatnonzero(np.isfinite(value))
-        if self.pool is None or len(ok) < 8:
-            parts = [self.log_likelihood(z[ok])]
-        else:
-            halves = np.array_split(ok, 2)
-            parts = list(self.pool.map(lambda part: self.log_likelihood(z[part]), halves))
-        value[ok] += np.concatenate(parts)
+        value[ok] += self.in_parallel(self.log_likelihood, z[ok])
         return value
 
     def innovations(self, z: Array, run: int, colour: Colour | None = None) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,26 +122,33 @@ def _least_squares(target: Target) -> tuple[Array, Array]:
 def derivatives(target: Target, z: Array, scale: Array) -> tuple[float, Array, Array]:
     """Value, gradient (D,) and Hessian (D, D) of the log-posterior in units of ``scale``.
 
-    Derivatives are nan where a step leaves the region in which the posterior is positive.
+    Differences are taken run by run, since a run knows nothing of another's noise; the prior
+    is a standard normal.  Derivatives are nan where a step leaves the region in which the
+    posterior is positive.
     """
-    d = len(z)
-    steps = _STEP * np.eye(d)
-    plus, minus = z + steps * scale, z - steps * scale
-    first, second = np.triu_indices(d, 1)
-    cross = z + (steps[first] + steps[second]) * scale
-    anti = z - (steps[first] + steps[second]) * scale
-    values = target.log_posterior(np.concatenate([z[None], plus, minus, cross, anti]))
-    if not np.all(np.isfinite(values)):
-        return float(values[0]), np.full(d, np.nan), np.full((d, d), np.nan)
-    f0, fp, fm = values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1]
-    fc, fa = np.split(values[2 * d + 1 :], 2)
-    gradient = (fp - fm) / (2.0 * _STEP)
-    hessian = np.diag((fp - 2.0 * f0 + fm) / _STEP**2)
-    mixed = (fc + fa - fp[first] - fm[first] - fp[second] - fm[second] + 2.0 * f0) / (
-        2.0 * _STEP**2
-    )
-    hessian[first, second] = hessian[second, first] = mixed
-    return float(f0), gradient, hessian
+    value = float(target.space.log_prior(z[None])[0])
+    gradient = -z * scale
+    hessian = -np.diag(scale**2)
+    for run in range(len(target.space.timelines)):
+        own = target.space.seen_by(run)
+        d = len(own)
+        steps = np.zeros((d, len(z)))
+        steps[np.arange(d), own] = _STEP * scale[own]
+        first, second = np.triu_indices(d, 1)
+        both = steps[first] + steps[second]
+        points = np.concatenate([z[None], z + steps, z - steps, z + both, z - both])
+        values = target.in_parallel(partial(target.run_log_likelihood, run=run), points)
+        if not np.all(np.isfinite(values)):
+            return float(values[0]), np.full(len(z), np.nan), np.full((len(z), len(z)), np.nan)
+        f0, fp, fm = values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1]
+        fc, fa = np.split(values[2 * d + 1 :], 2)
+        value += float(f0)
+        gradient[own] += (fp - fm) / (2.0 * _STEP)
+        curvature = np.diag((fp - 2.0 * f0 + fm) / _STEP**2)
+        mixed = fc + fa - fp[first] - fm[first] - fp[second] - fm[second] + 2.0 * f0
+        curvature[first, second] = curvature[second, first] = mixed / (2.0 * _STEP**2)
+        hessian[np.ix_(own, own)] += curvature
+    return value, gradient, hessian
 
 
 def _newton(target: Target, z: Array, scale: Array) -> Mode:

@@ -57,7 +57,7 @@ class Space:
     Parameters
     ----------
     names : tuple of str
-        One a coordinate: ``car 0`` … for the directions of the car that data can see, ``wdf``,
+        One a coordinate: ``car-0`` … for the directions of the car that data can see, ``wdf``,
         ``noise <channel> <run>``, ``filtered share <run>``.
     centre, scale : (D,) arrays
         A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
@@ -150,6 +150,12 @@ class Space:
             bad |= (wdf <= 0.01) | (wdf >= 0.99)
         return np.where(bad, -np.inf, value)
 
+    def seen_by(self, run: int) -> NDArray[np.int64]:
+        """Coordinates that one run's likelihood depends on: the car and the run's own noise."""
+        own = [k for k, name in enumerate(self.names) if name.endswith(f" {run}")]
+        car = range(self.car_dimension)
+        return np.array(sorted({*car, *own}), np.int64)
+
     def from_logs(self, shift: dict[str, float]) -> Array:
         """Coordinates (D,) of the prior's centre with some logarithms shifted."""
         z = np.zeros(self.dimension)
@@ -200,7 +206,7 @@ def space(
     _, strength, turns = np.linalg.svd(_SEEN * log_sd)
     rank = int(np.count_nonzero(strength > 1e-9 * strength[0]))
     directions = turns.T
-    names = [f"car {k}" for k in range(rank)]
+    names = [f"car-{k}" for k in range(rank)]
     centre = [0.0] * rank
     scale = [1.0] * rank
 
