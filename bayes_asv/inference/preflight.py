@@ -199,7 +199,7 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
     for axle, left in zip(("front", "rear"), left_in_band(line, free, top), strict=True):
         share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
         words = (
-            f"the half car explains only {share:.0f} % of the {axle} chassis' motion below "
+            f"the fitted half car explains only {share:.0f} % of the {axle} chassis' motion below "
             f"{top:.0f} Hz in {line.source}"
         )
         if left > _NOT_EXPLAINED:
