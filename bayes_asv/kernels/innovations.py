@@ -22,26 +22,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from bayes_asv.kernels.tails import upper_tail
+
 __all__ = ["ORDER", "log_likelihood", "residuals"]
 
-ORDER = 8  # input moments kept: with steps of at most 5 ms the remainder is below 1e-10
-_TAYLOR = 12
+ORDER = 8  # input moments kept, and
+_TAYLOR = 12  # powers of A h: what they leave out bounds the step, see the timeline
 _LOG_2PI = math.log(2.0 * math.pi)
-_SQRT_2 = math.sqrt(2.0)
 
 MISSING, VALUE, AT_LEAST, AT_MOST = 0, 1, 2, 3  # kinds of reading
 
 _OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
-
-
-@njit(**_OPTIONS)
-def _upper_tail(z: float) -> tuple[float, float]:
-    """Logarithm of P(Z > z), and the hazard φ(z)/P(Z > z) of a standard normal Z."""
-    if z < 25.0:
-        tail = 0.5 * math.erfc(z / _SQRT_2)
-        return math.log(tail), math.exp(-0.5 * z * z - 0.5 * _LOG_2PI) / tail
-    hazard = z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / z)))  # Laplace's continued fraction
-    return -0.5 * z * z - 0.5 * _LOG_2PI - math.log(hazard), hazard
 
 
 @njit(**_OPTIONS)
@@ -267,7 +258,7 @@ def _run(
             else:
                 sign = 1.0 if what == AT_LEAST else -1.0
                 z = sign * (reading[k, axle] - expected) / root
-                log_tail, hazard = _upper_tail(z)
+                log_tail, hazard = upper_tail(z)
                 total += log_tail
                 shift = sign * hazard / root
                 shrink = hazard * (hazard - z) / S

@@ -126,7 +126,7 @@ def test_what_was_saved_is_read_back_as_it_was(saved: Saved) -> None:
 @pytest.mark.parametrize("kind", ["us", "si", "two_runs", "refused"])
 def test_sample_documents_are_sound(kind: str) -> None:
     folder = Path(__file__).parents[1] / "report" / "data"
-    read_saved(folder / f"{kind}.json")
+    assert read_saved(folder / f"{kind}.json")["schema"] == "bayes_asv/estimate/1"
 
 
 @pytest.mark.parametrize("suffix", ["HTM", "pdf"])
