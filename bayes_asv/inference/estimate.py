@@ -6,18 +6,17 @@ import importlib
 import math
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.colour import find_colour
+from bayes_asv.inference.bestfit import best_fit, lay_out
 from bayes_asv.inference.fit import FreeRun, simulate_free
-from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
-from bayes_asv.inference.mode import Mode, find_mode
-from bayes_asv.inference.parameters import CAR, Space, space
-from bayes_asv.inference.preflight import dead_channels, misfit, preflight, swollen_noise
-from bayes_asv.inference.timeline import Timeline, build
+from bayes_asv.inference.likelihood import Colour, Target
+from bayes_asv.inference.parameters import Space
+from bayes_asv.inference.timeline import Timeline
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 
@@ -29,10 +28,6 @@ Progress = Callable[[float, str], None]
 ANSWERS = ("c_f", "c_r", "i")
 DERIVED = ("k_g", "zeta_f", "zeta_r")
 LIKELIHOODS = ("innovations", "output-error")
-
-_COLOUR_ROUNDS = 3
-# A parameter whose posterior is hardly narrower than its prior was not measured.
-_UNMEASURED = 0.7
 
 
 @dataclass(frozen=True)
@@ -164,67 +159,46 @@ def estimate(
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
     tell = progress or (lambda share, words: None)
-    reasons = [why for recording in recordings for why in dead_channels(recording, vehicle)]
-    warnings = [w for recording in recordings for w in recording.warnings]
-
-    def refused() -> Estimate:
+    lines, reasons, warnings = lay_out(recordings, vehicle)
+    found = None
+    if not reasons:
+        tell(0.0, "looking for the best fit")
+        with ThreadPoolExecutor(1) as other:
+            # emcee takes a second to load, most of it while compiled code climbs to the mode
+            loading = other.submit(importlib.import_module, "bayes_asv.inference.sampler")
+            found = best_fit(lines, vehicle, likelihood)
+            run_ensembles = loading.result().run_ensembles
+        reasons, warnings = found.reasons, warnings + found.warnings
+    if reasons or found is None:
         return Estimate(
-            "refused", tuple(reasons), tuple(warnings), vehicle, tuple(recordings),
+            "refused", reasons, warnings, vehicle, tuple(recordings),
             likelihood, seed, time.perf_counter() - began,
         )  # fmt: skip
-
-    if reasons:
-        return refused()
-    lines = tuple(build(recording, vehicle) for recording in recordings)
-    for line in lines:
-        why, notes = preflight(vehicle, line)
-        reasons += why
-        warnings += notes
-    if reasons:
-        return refused()
-    tell(0.0, "looking for the best fit")
-    where = space(vehicle, lines, likelihood)
-    with shared_work(Target(where, (WHITE,) * len(lines))) as target:
-        assert target.pool is not None
-        # emcee takes a second to load, most of it while compiled code climbs to the mode
-        loading = target.pool.submit(importlib.import_module, "bayes_asv.inference.sampler")
-        mode, target = _mode_and_colour(target)
-        run_ensembles = loading.result().run_ensembles
-    if mode.converged:  # otherwise the ensembles have the word
-        reasons += _unmeasured(where, mode)
-    best = where.cars(mode.z[None])[0]
-    noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
-    for run, line in enumerate(lines):
-        why, notes = misfit(vehicle, line, simulate_free(line, best))
-        reasons += why
-        warnings += notes + swollen_noise(line, noise, run)
-    if reasons:
-        return refused()
+    where, target = found.space, found.target
     tell(0.1, "sampling")
     ensembles = run_ensembles(
-        Target(where, target.colours),
-        mode,
+        target,
+        found.mode,
         seed,
         None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
     )
-    draws, nuisance = _named(where, ensembles.draws, seed)
+    flat = ensembles.draws.reshape(-1, where.dimension)
+    by_ensemble = ensembles.log_posterior.shape
+    draws = {n: x.reshape(by_ensemble) for n, x in where.quantities(flat, seed).items()}
+    nuisance = {n: x.reshape(by_ensemble) for n, x in where.nuisance(flat).items()}
     if not ensembles.converged:
-        warnings.append(
+        warnings += (
             f"the ensembles had not agreed after {ensembles.draws.shape[1]} draws each "
             f"(R̂ {ensembles.rhat_max:.3f}, effective draws "
             f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
-            "intervals: the recordings may hold something the half car does not know"
+            "intervals: the recordings may hold something the half car does not know",
         )
-    flat = ensembles.draws.reshape(-1, where.dimension)
-    runs = tuple(
-        _run_fit(recording, Target(where, target.colours), flat, run)
-        for run, recording in enumerate(recordings)
-    )
+    runs = tuple(_run_fit(recording, target, flat, run) for run, recording in enumerate(recordings))
     tell(1.0, "done")
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
         reasons=(),
-        warnings=tuple(warnings),
+        warnings=warnings,
         vehicle=vehicle,
         recordings=tuple(recordings),
         likelihood=likelihood,
@@ -240,61 +214,6 @@ def estimate(
         runs=runs,
         space=where,
     )
-
-
-def _mode_and_colour(target: Target) -> tuple[Mode, Target]:
-    """Climb, look at the colour of what is left, and climb again until it settles."""
-    mode = find_mode(target)
-    if target.space.likelihood == "output-error":
-        return mode, target  # white by definition
-    for _ in range(_COLOUR_ROUNDS):
-        found = []
-        for run, line in enumerate(target.space.timelines):
-            nu = target.innovations(mode.z, run, WHITE)
-            found.append(find_colour(line.paired(nu)))
-        if all(c.order == 0 for c in found) and all(c.order == 0 for c in target.colours):
-            break
-        target = target.with_colours(tuple(found))
-        mode = find_mode(target, mode.z)
-    return mode, target
-
-
-def _unmeasured(where: Space, mode: Mode) -> list[str]:
-    """Refuse when the drive taught next to nothing about an answer."""
-    words = {"c_f": "front damping", "c_r": "rear damping", "i": "pitch inertia"}
-    drives = {
-        "c_f": "drive the front wheels over a bump",
-        "c_r": "drive the rear wheels over a bump",
-        "i": "drive over a bump that pitches the car, such as a parking stop",
-    }
-    reasons = []
-    for name in words:
-        before = where.log_prior_of(name)[1]
-        # Only a wide prior can tell: a narrow one given by the user is an answer already.
-        after = where.log_deviation(mode.covariance, name)
-        if before > 0.3 and after > _UNMEASURED * before:
-            reasons.append(
-                f"the recording says next to nothing about the {words[name]} ({name}): "
-                f"{drives[name]}, faster or over a higher one"
-            )
-    return reasons
-
-
-def _named(where: Space, draws: Array, seed: int) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Physical quantities by name, SI units, one row an ensemble."""
-    e, s, d = draws.shape
-    z = draws.reshape(-1, d)
-    # What the data cannot see keeps its prior, independently of everything else.
-    rng = np.random.default_rng([seed, 2])
-    cars = where.cars(z, rng.normal(size=(len(z), where.unseen.shape[1])))
-    value = {name: cars[:, k].reshape(e, s) for k, name in enumerate(CAR)}
-    named = {name: x for name, x in value.items() if np.ptp(x) > 0.0}
-    named["k_g"] = np.sqrt(value["i"] / value["m"])
-    front, rear = value["wdf"] * value["m"], (1.0 - value["wdf"]) * value["m"]
-    named["zeta_f"] = value["c_f"] / (2.0 * np.sqrt(value["k_f"] * front))
-    named["zeta_r"] = value["c_r"] / (2.0 * np.sqrt(value["k_r"] * rear))
-    nuisance = {name: x.reshape(e, s) for name, x in where.nuisance(z).items()}
-    return named, nuisance
 
 
 def _run_fit(recording: Recording, target: Target, flat: Array, run: int) -> RunFit:

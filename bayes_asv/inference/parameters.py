@@ -116,6 +116,32 @@ class Space:
         out[:, CAR.index("wdf")] = self._other(z, "wdf") if "wdf" in self.names else self.wdf
         return out
 
+    def quantities(self, z: Array, seed: int) -> dict[str, Array]:
+        """Physical quantities of the car by name, SI units, for coordinates (N, D).
+
+        Parameters
+        ----------
+        z : (N, D) array
+            Coordinates.
+        seed : int
+            What the data cannot see keeps its prior, independently of everything else: it is
+            drawn from this seed.
+
+        Returns
+        -------
+        dict of str to (N,) array
+            Whatever of c_f, c_r, i and the given values varies, and k_g, zeta_f, zeta_r.
+        """
+        rng = np.random.default_rng([seed, 2])
+        car = self.cars(z, rng.normal(size=(len(z), self.unseen.shape[1]))).T
+        value = dict(zip(CAR, car, strict=True))
+        named = {name: x for name, x in value.items() if np.ptp(x) > 0.0}
+        named["k_g"] = np.sqrt(value["i"] / value["m"])
+        front, rear = value["wdf"] * value["m"], (1.0 - value["wdf"]) * value["m"]
+        named["zeta_f"] = value["c_f"] / (2.0 * np.sqrt(value["k_f"] * front))
+        named["zeta_r"] = value["c_r"] / (2.0 * np.sqrt(value["k_r"] * rear))
+        return named
+
     def noises(self, z: Array, run: int) -> Array:
         """Map coordinates (W, D) to the kernel's noise arguments (W, 12) of one run."""
         line = self.timelines[run]

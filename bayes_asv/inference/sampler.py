@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.inference.mode import Mode
+from bayes_asv.inference.proposal import Proposal
 
 __all__ = ["ENSEMBLES", "Ensembles", "run_ensembles"]
 
@@ -31,7 +32,6 @@ ENSEMBLES = 4
 ESS_WANTED = 1000.0
 RHAT_WANTED = 1.01
 _TAILS = (0.05, 0.95)
-_FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
 _BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
 _WALKERS = 32
 _BLOCK = 30
@@ -73,54 +73,6 @@ class Density(Protocol):
         ...
 
 
-class _Proposal:
-    """Independence proposal: a multivariate t, bent to the skew of each coordinate.
-
-    A point z is bent to y = (z − m)/s with one scale s left and another right of m; y is a
-    Student t with the given covariance.  Callable as emcee's MHMove wants it.
-    """
-
-    def __init__(self, middle: Array, left: Array, right: Array, covariance: Array) -> None:
-        self.middle, self.left, self.right = middle, left, right
-        self.root = np.linalg.cholesky(covariance)
-        self.inverse = np.linalg.inv(self.root)
-
-    @classmethod
-    def around(cls, mode: Mode, inflation: float) -> _Proposal:
-        """From the curvature at the mode."""
-        one = mode.sd
-        return cls(mode.z, one, one, inflation * mode.covariance / np.outer(one, one))
-
-    @classmethod
-    def through(cls, points: Array, inflation: float) -> _Proposal:
-        """From draws (N, D)."""
-        # Scales from the tails: a walker in a tail that is never proposed again gets stuck.
-        low, middle, high = np.quantile(points, [0.05, 0.5, 0.95], axis=0)
-        left = np.maximum(middle - low, 1e-12) / 1.645
-        right = np.maximum(high - middle, 1e-12) / 1.645
-        bent = (points - middle) / np.where(points < middle, left, right)
-        d = points.shape[1]
-        spread = bent.T @ bent / len(bent) + 1e-6 * np.eye(d)
-        return cls(middle, left, right, inflation * spread)
-
-    def _log_density(self, z: Array) -> Array:
-        scale = np.where(z < self.middle, self.left, self.right)
-        u = ((z - self.middle) / scale) @ self.inverse.T
-        power = 0.5 * (_FREEDOM + z.shape[1])
-        radial = -power * np.log1p(np.sum(u**2, axis=1) / _FREEDOM)
-        return np.asarray(radial - np.sum(np.log(scale), axis=1))
-
-    def draw(self, count: int, random: np.random.RandomState) -> Array:
-        """Draw (count, D) points."""
-        stretch = np.sqrt(_FREEDOM / random.chisquare(_FREEDOM, size=(count, 1)))
-        y = (random.normal(size=(count, len(self.middle))) * stretch) @ self.root.T
-        return np.asarray(self.middle + y * np.where(y < 0.0, self.left, self.right))
-
-    def __call__(self, z: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        q = self.draw(len(z), random)
-        return q, self._log_density(z) - self._log_density(q)
-
-
 def run_ensembles(
     target: Density, mode: Mode, seed: int, progress: Progress | None = None, most: int = _MOST
 ) -> Ensembles:
@@ -147,7 +99,7 @@ def run_ensembles(
     d = len(mode.z)
     walkers = max(_WALKERS, 2 * (d + 2))
     with ThreadPoolExecutor(2) as pool:
-        proposal = _Proposal.around(mode, 1.2)
+        proposal = Proposal.around(mode, 1.2)
         streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
         places = [_start(target, proposal, walkers, stream) for stream in streams]
         for stage, (burn, used) in enumerate(_BURN):
@@ -159,7 +111,7 @@ def run_ensembles(
             places = [end.coords for end in ends]
             # What burn-in found replaces the curvature at the mode; fixed while draws are kept.
             found = [s.get_chain(flat=True, discard=burn - used) for s in samplers]
-            proposal = _Proposal.through(np.concatenate(found), 1.1)
+            proposal = Proposal.through(np.concatenate(found), 1.1)
         samplers = _samplers(target, proposal, walkers, [seed, ENSEMBLES + len(_BURN)])
         steps, block = 0, _BLOCK
         while True:
@@ -219,7 +171,7 @@ def _advance(sampler: emcee.EnsembleSampler, place: Array, steps: int) -> emcee.
 
 
 def _samplers(
-    target: Density, proposal: _Proposal, walkers: int, seed: list[int]
+    target: Density, proposal: Proposal, walkers: int, seed: list[int]
 ) -> list[emcee.EnsembleSampler]:
     """Set up one sampler an ensemble, each with a stream of its own."""
     d = len(proposal.middle)
@@ -235,7 +187,7 @@ def _samplers(
 
 
 def _start(
-    target: Density, proposal: _Proposal, walkers: int, random: np.random.RandomState
+    target: Density, proposal: Proposal, walkers: int, random: np.random.RandomState
 ) -> Array:
     """Walkers spread as the proposal, each where the posterior is finite."""
     for _ in range(100):

@@ -74,7 +74,7 @@ def _stop_before_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(*_: Any) -> None:
         raise _Fitting
 
-    monkeypatch.setattr(job, "_mode_and_colour", stop)
+    monkeypatch.setattr(job, "best_fit", stop)
 
 
 def _holds(invoke: Command, *words: object) -> None:

@@ -1,0 +1,155 @@
+"""From recordings to the posterior's mode: what every kind of answer begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bayes_asv.inference.colour import find_colour
+from bayes_asv.inference.fit import simulate_free
+from bayes_asv.inference.likelihood import WHITE, Target, shared_work
+from bayes_asv.inference.mode import Mode, find_mode
+from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.preflight import dead_channels, misfit, preflight, swollen_noise
+from bayes_asv.inference.timeline import Timeline, build
+from bayes_asv.recording import Recording
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["BestFit", "best_fit", "lay_out"]
+
+_COLOUR_ROUNDS = 3
+# A parameter whose posterior is hardly narrower than its prior was not measured.
+_UNMEASURED = 0.7
+
+
+@dataclass(frozen=True)
+class BestFit:
+    """The mode of a posterior, and whether the data can answer at all.
+
+    Parameters
+    ----------
+    target : Target
+        The posterior with the colour of each run's innovations.
+    mode : Mode
+        Its mode and curvature.
+    reasons, warnings : tuple of str
+        Why no answer may be given; what to know otherwise.
+    """
+
+    target: Target
+    mode: Mode
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def space(self) -> Space:
+        """Coordinates and priors."""
+        return self.target.space
+
+
+def lay_out(
+    recordings: Sequence[Recording], vehicle: Vehicle
+) -> tuple[tuple[Timeline, ...], tuple[str, ...], tuple[str, ...]]:
+    """Lay recordings out in time and look at them before anything is fitted.
+
+    Parameters
+    ----------
+    recordings, vehicle : sequence of Recording, Vehicle
+        As read.
+
+    Returns
+    -------
+    lines : tuple of Timeline
+        Empty when a channel has nothing to lay out.
+    reasons, warnings : tuple of str
+        Any reason means that the data cannot answer.
+
+    Raises
+    ------
+    InputError
+        When a channel is in counts and the vehicle lacks its calibration.
+    """
+    reasons = [why for recording in recordings for why in dead_channels(recording, vehicle)]
+    warnings = [w for recording in recordings for w in recording.warnings]
+    if reasons:
+        return (), tuple(reasons), tuple(warnings)
+    lines = tuple(build(recording, vehicle) for recording in recordings)
+    for line in lines:
+        why, notes = preflight(vehicle, line)
+        reasons += why
+        warnings += notes
+    return lines, tuple(reasons), tuple(warnings)
+
+
+def best_fit(
+    lines: tuple[Timeline, ...], vehicle: Vehicle, likelihood: str = "innovations"
+) -> BestFit:
+    """Climb to the mode, with the colour that the innovations have there.
+
+    Parameters
+    ----------
+    lines : tuple of Timeline
+        Recordings that passed :func:`lay_out`.
+    vehicle : Vehicle
+        Gives the priors.
+    likelihood : str
+        ``innovations`` or ``output-error``.
+
+    Returns
+    -------
+    BestFit
+        Its reasons say when the mode answers nothing or explains too little.
+    """
+    where = space(vehicle, lines, likelihood)
+    with shared_work(Target(where, (WHITE,) * len(lines))) as shared:
+        mode, target = _mode_and_colour(shared)
+    target = Target(where, target.colours)
+    reasons: list[str] = []
+    warnings: list[str] = []
+    if mode.converged:  # otherwise the ensembles have the word
+        reasons += _unmeasured(where, mode)
+    best = where.cars(mode.z[None])[0]
+    noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
+    for run, line in enumerate(lines):
+        why, notes = misfit(vehicle, line, simulate_free(line, best))
+        reasons += why
+        warnings += notes + swollen_noise(line, noise, run)
+    return BestFit(target, mode, tuple(reasons), tuple(warnings))
+
+
+def _mode_and_colour(target: Target) -> tuple[Mode, Target]:
+    """Climb, look at the colour of what is left, and climb again until it settles."""
+    mode = find_mode(target)
+    if target.space.likelihood == "output-error":
+        return mode, target  # white by definition
+    for _ in range(_COLOUR_ROUNDS):
+        found = []
+        for run, line in enumerate(target.space.timelines):
+            nu = target.innovations(mode.z, run, WHITE)
+            found.append(find_colour(line.paired(nu)))
+        if all(c.order == 0 for c in found) and all(c.order == 0 for c in target.colours):
+            break
+        target = target.with_colours(tuple(found))
+        mode = find_mode(target, mode.z)
+    return mode, target
+
+
+def _unmeasured(where: Space, mode: Mode) -> list[str]:
+    """Refuse when the drive taught next to nothing about an answer."""
+    words = {"c_f": "front damping", "c_r": "rear damping", "i": "pitch inertia"}
+    drives = {
+        "c_f": "drive the front wheels over a bump",
+        "c_r": "drive the rear wheels over a bump",
+        "i": "drive over a bump that pitches the car, such as a parking stop",
+    }
+    reasons = []
+    for name in words:
+        before = where.log_prior_of(name)[1]
+        # Only a wide prior can tell: a narrow one given by the user is an answer already.
+        after = where.log_deviation(mode.covariance, name)
+        if before > 0.3 and after > _UNMEASURED * before:
+            reasons.append(
+                f"the recording says next to nothing about the {words[name]} ({name}): "
+                f"{drives[name]}, faster or over a higher one"
+            )
+    return reasons
