@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bayes_asv.inference.colour import find_colour
 from bayes_asv.inference.fit import simulate_free
-from bayes_asv.inference.likelihood import WHITE, Target, shared_work
+from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
 from bayes_asv.inference.parameters import Space, space
 from bayes_asv.inference.preflight import dead_channels, misfit, preflight, swollen_noise
 from bayes_asv.inference.timeline import Timeline, build
+from bayes_asv.inference.tones import find_tones, main_tones, notched
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["BestFit", "best_fit", "lay_out"]
+
+Array = NDArray[np.float64]
 
 _COLOUR_ROUNDS = 3
 # A parameter whose posterior is hardly narrower than its prior was not measured.
@@ -101,37 +108,87 @@ def best_fit(
         Its reasons say when the mode answers nothing or explains too little.
     """
     where = space(vehicle, lines, likelihood)
-    with shared_work(Target(where, (WHITE,) * len(lines))) as shared:
-        mode, target = _mode_and_colour(shared)
-    target = Target(where, target.colours)
+    mode, target = _climb(where, None)
+    if likelihood == "innovations":
+        quiet = _without_tones(target, mode, vehicle)
+        if quiet is not None:
+            where = space(vehicle, quiet, likelihood)
+            mode, target = _climb(where, None)
+        mode, target = _with_colour(target, mode, vehicle)
+        where = target.space
     reasons: list[str] = []
     warnings: list[str] = []
     if mode.converged:  # otherwise the ensembles have the word
         reasons += _unmeasured(where, mode)
     best = where.cars(mode.z[None])[0]
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
-    for run, line in enumerate(lines):
+    for run, line in enumerate(where.timelines):
         why, notes = misfit(vehicle, line, simulate_free(line, best))
         reasons += why
-        warnings += notes + swollen_noise(line, noise, run)
+        warnings += notes + swollen_noise(line, noise, run) + _cut_out(line)
     return BestFit(target, mode, tuple(reasons), tuple(warnings))
 
 
-def _mode_and_colour(target: Target) -> tuple[Mode, Target]:
-    """Climb, look at the colour of what is left, and climb again until it settles."""
-    mode = find_mode(target)
-    if target.space.likelihood == "output-error":
-        return mode, target  # white by definition
+def _cut_out(line: Timeline) -> list[str]:
+    """Say which tones were cut out of a run."""
+    if not line.notches:
+        return []
+    tones = [f"{frequency:.0f}" for frequency in main_tones(line.notches)]
+    several = " and ".join([", ".join(tones[:-1]), tones[-1]] if len(tones) > 1 else tones)
+    return [
+        f"something shakes the frame at {several} Hz in {line.source}, an engine perhaps; the "
+        "motion at these frequencies was cut out of all channels"
+    ]
+
+
+def _climb(where: Space, start: Array | None) -> tuple[Mode, Target]:
+    """Climb to the mode of a space, all innovations taken to be white."""
+    with shared_work(Target(where, (WHITE,) * len(where.timelines))) as target:
+        return find_mode(target, start), replace(target, pool=None)
+
+
+def _without_tones(target: Target, mode: Mode, vehicle: Vehicle) -> tuple[Timeline, ...] | None:
+    """Cut the tones of an engine out of every run; None where there are none."""
+    out, any_found = [], False
+    for run, line in enumerate(target.space.timelines):
+        nu = line.paired(target.innovations(mode.z, run))
+        tones = find_tones(nu, 1.0 / line.reading_step)
+        any_found |= bool(tones)
+        out.append(notched(line, vehicle, tones) if tones else line)
+    return tuple(out) if any_found else None
+
+
+def _with_colour(target: Target, mode: Mode, vehicle: Vehicle) -> tuple[Mode, Target]:
+    """Look at the colour of what is left, and climb again until it settles.
+
+    Under a colour a run's noise levels are held: left free they swell, since a colour makes
+    good for whatever filter they stand for.
+    """
+    whole = target.space
+    colours: tuple[Colour, ...] = target.colours
     for _ in range(_COLOUR_ROUNDS):
-        found = []
-        for run, line in enumerate(target.space.timelines):
-            nu = target.innovations(mode.z, run, WHITE)
-            found.append(find_colour(line.paired(nu)))
-        if all(c.order == 0 for c in found) and all(c.order == 0 for c in target.colours):
+        found = tuple(_colour_of(target, mode, run) for run in range(len(target.space.timelines)))
+        if all(c.order == 0 for c in (*found, *colours)):
             break
-        target = target.with_colours(tuple(found))
-        mode = find_mode(target, mode.z)
+        colours = found
+        hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
+        where = space(vehicle, whole.timelines, whole.likelihood, hold)
+        start = np.zeros(where.dimension)
+        start[: where.car_dimension] = mode.z[: where.car_dimension]
+        with shared_work(Target(where, found)) as shared:
+            mode = find_mode(shared, start)
+        target = Target(where, found)
     return mode, target
+
+
+def _colour_of(target: Target, mode: Mode, run: int) -> Colour:
+    """Colour of one run's innovations, scaled for what a filter took out of them."""
+    line = target.space.timelines[run]
+    found = find_colour(line.paired(target.innovations(mode.z, run, WHITE)))
+    if found.order == 0:
+        return WHITE
+    left = 1.0 if line.cut is None else line.cut.left
+    return found._replace(root=found.root * math.sqrt(left))
 
 
 def _unmeasured(where: Space, mode: Mode) -> list[str]:

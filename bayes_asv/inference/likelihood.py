@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.inference.cut import given_back
 from bayes_asv.inference.parameters import Space
-from bayes_asv.kernels import innovations as kernel
+from bayes_asv.kernels import coloured, innovations
 
 __all__ = ["WHITE", "Colour", "Target", "shared_work"]
 
@@ -67,15 +68,16 @@ class Target:
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
         out = np.zeros(len(z))
+        cars, noises = self.space.cars(z), self.space.noises(z, run)
         colour = self.colours[run]
-        kernel.log_likelihood(
-            self.space.cars(z),
-            self.space.noises(z, run),
-            *self._laid_out(run),
-            colour.coefficients,
-            colour.root,
-            out,
-        )
+        if colour.order == 0:
+            innovations.log_likelihood(cars, noises, *self._laid_out(run), out)
+            cut = self.space.timelines[run].cut
+            if cut is not None:
+                out += given_back(cut, noises)
+        else:
+            closes = self.space.timelines[run].closes
+            coloured.log_likelihood(cars, noises, *self._laid_out(run), closes, *colour, out)
         return np.where(np.isfinite(out), out, -np.inf)
 
     def log_likelihood(self, z: Array) -> Array:
@@ -99,21 +101,19 @@ class Target:
     def innovations(self, z: Array, run: int, colour: Colour | None = None) -> Array:
         """Normalised innovations (E, 2) of one run at coordinates (D,), white if all is well."""
         colour = self.colours[run] if colour is None else colour
-        kept = np.zeros((len(self.space.timelines[run].step), 2))
-        kernel.residuals(
-            self.space.cars(z[None])[0],
-            self.space.noises(z[None], run)[0],
-            *self._laid_out(run),
-            colour.coefficients,
-            colour.root,
-            kept,
-        )
+        line = self.space.timelines[run]
+        car, noise = self.space.cars(z[None])[0], self.space.noises(z[None], run)[0]
+        kept = np.zeros((len(line.step), 2))
+        if colour.order == 0:
+            innovations.residuals(car, noise, *self._laid_out(run), kept)
+        else:
+            coloured.residuals(car, noise, *self._laid_out(run), line.closes, *colour, kept)
         return kept
 
     def _laid_out(self, run: int) -> tuple[NDArray[np.generic], ...]:
         line = self.space.timelines[run]
         return (
-            line.step, line.moments, line.spread, line.kind, line.closes, line.reading,
+            line.step, line.moments, line.spread, line.kind, line.reading,
             line.extra, line.start,
         )  # fmt: skip
 

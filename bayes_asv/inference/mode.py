@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 _STEP = 0.3  # of a deviation: large against rounding, small against the posterior's curvature
 _ROUNDS = 25
+_NOTHING_LEFT = 1.3  # deviations of what is left, in units of the noise given
 # Starts besides the prior's centre, in factors on c_f, c_r and i.
 _STARTS = ((1.0, 1.0, 1.0), (2.5, 2.5, 1.0), (0.4, 0.4, 1.0), (1.0, 1.0, 2.0), (1.0, 1.0, 0.5))
 
@@ -106,9 +107,11 @@ def _least_squares(target: Target) -> tuple[Array, Array]:
         )
         z = np.zeros(space.dimension)
         z[:n] = fit.x
+        largest = 0.0
         for k, run, axle in chassis:  # noise as large as what was left over
             left = target.innovations(z, run)[:, axle]
             level = float(np.sqrt(np.mean(left[left != 0.0] ** 2)))
+            largest = max(largest, level)
             z[k] = np.clip(math.log(max(level, 1e-3)) / space.scale[k], -4.0, 4.0)
         value = float(target.log_posterior(z[None])[0])
         if value > best_value:
@@ -116,6 +119,8 @@ def _least_squares(target: Target) -> tuple[Array, Array]:
             curvature = np.sum(np.asarray(fit.jac) ** 2, axis=0)
             best_sd = np.full(space.dimension, 0.3)
             best_sd[:n] = 1.0 / np.sqrt(np.maximum(curvature, 1.0))
+        if chassis and largest < _NOTHING_LEFT:
+            break  # no start can end lower than at the noise
     return best, best_sd
 
 

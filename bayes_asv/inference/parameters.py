@@ -34,6 +34,7 @@ INERTIA_FACTOR = 2.0
 # record gives the level to within a factor of three at one deviation.
 _NOISE_GIVEN_SD = 0.3
 _NOISE_UNKNOWN_SD = math.log(3.0)
+_SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
 _WORST = 30.0  # prior deviations beyond which nothing is tried
 
 _LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
@@ -72,6 +73,8 @@ class Space:
         The recordings.
     likelihood : str
         ``innovations`` or ``output-error``.
+    held : tuple of (4,) arrays
+        Noise deviation of each channel of each run (m/s²) where it is not sampled.
     """
 
     names: tuple[str, ...]
@@ -84,6 +87,7 @@ class Space:
     wdf: float
     timelines: tuple[Timeline, ...]
     likelihood: str
+    held: tuple[Array, ...]
 
     @property
     def dimension(self) -> int:
@@ -146,18 +150,27 @@ class Space:
         """Map coordinates (W, D) to the kernel's noise arguments (W, 12) of one run."""
         line = self.timelines[run]
         out = np.zeros((len(z), 12))
-        colour: Array | float = 0.0
-        if f"filtered share {run}" in self.names:
-            colour = ndtr(self._other(z, f"filtered share {run}"))
+        share = self._share(z, run)
         for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
             name = f"noise {CHANNELS[c]} {run}"
-            if name not in self.names:
+            if name in self.names:
+                variance = np.exp(2.0 * self._other(z, name))
+            elif self.held[run][c] > 0.0:
+                variance = np.full(len(z), self.held[run][c] ** 2)
+            else:
                 continue  # the white-residual form knows no noise of the wheel sensors
-            variance = np.exp(2.0 * self._other(z, name))
-            out[:, column] = (1.0 - colour) * variance + line.steps[c] ** 2 / 12.0
-            out[:, 4 + column] = colour * variance
+            out[:, column] = (1.0 - share) * variance + line.steps[c] ** 2 / 12.0
+            out[:, 4 + column] = share * variance
             out[:, 8 + column] = line.poles[c]
         return out
+
+    def _share(self, z: Array, run: int) -> Array | float:
+        """Share of the noise that passed the sensor's filter."""
+        name = f"filtered share {run}"
+        if name in self.names:
+            return np.asarray(ndtr(self._other(z, name)))
+        filtered = self.likelihood == "innovations" and np.any(self.timelines[run].poles > 0.0)
+        return _SHARE_HELD if filtered else 0.0
 
     def nuisance(self, z: Array) -> dict[str, Array]:
         """Noise deviations (m/s²) and filtered shares by name, each (W,)."""
@@ -210,7 +223,10 @@ class Space:
 
 
 def space(
-    vehicle: Vehicle, timelines: tuple[Timeline, ...], likelihood: str = "innovations"
+    vehicle: Vehicle,
+    timelines: tuple[Timeline, ...],
+    likelihood: str = "innovations",
+    hold: frozenset[int] = frozenset(),
 ) -> Space:
     """Set up the coordinates for a vehicle and its recordings.
 
@@ -222,6 +238,9 @@ def space(
         The recordings, in order.
     likelihood : str
         ``innovations`` or ``output-error``.
+    hold : frozenset of int
+        Runs whose noise levels are held at the centre of their prior: under a colour they are
+        but the shape of a filter, and the colour has the scale.
 
     Returns
     -------
@@ -243,16 +262,20 @@ def space(
 
     if vehicle.wdf.sd > 0.0:
         add("wdf", vehicle.wdf.value, vehicle.wdf.sd)
+    held = []
     for run, line in enumerate(timelines):
+        levels = np.zeros(4)
         for c, channel in enumerate(CHANNELS):
             if likelihood == "output-error" and channel.endswith("wheel"):
                 continue
             noise = line.noise[c]
-            if noise is None:
-                add(f"noise {channel} {run}", math.log(_quiet_level(line, c)), _NOISE_UNKNOWN_SD)
-            else:
-                add(f"noise {channel} {run}", math.log(noise), _NOISE_GIVEN_SD)
-        if likelihood == "innovations" and np.any(line.poles > 0.0):
+            levels[c] = _quiet_level(line, c) if noise is None else noise
+            if run not in hold:
+                deviation = _NOISE_UNKNOWN_SD if noise is None else _NOISE_GIVEN_SD
+                add(f"noise {channel} {run}", math.log(levels[c]), deviation)
+        held.append(levels)
+        filtered = likelihood == "innovations" and np.any(line.poles > 0.0)
+        if filtered and run not in hold:
             add(f"filtered share {run}", 0.0, 1.0)
     return Space(
         names=tuple(names),
@@ -265,6 +288,7 @@ def space(
         wdf=vehicle.wdf.value,
         timelines=timelines,
         likelihood=likelihood,
+        held=tuple(held),
     )
 
 
@@ -287,6 +311,8 @@ def _quiet_level(line: Timeline, c: int) -> float:
     Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
     A hundredth of the channel's own deviation is the least that is believed.
     """
+    if line.quiet is not None:
+        return float(line.quiet[c])
     a = line.acceleration[c]
     a = a[np.isfinite(a)]
     quiet = float(np.quantile(np.abs(np.diff(a, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.errors import InputError
+from bayes_asv.inference.cut import Cut
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments, wheel_signal
 from bayes_asv.kernels.innovations import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 from bayes_asv.recording import Recording, accelerations, sample_offsets
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["FEWEST_READINGS", "Timeline", "build", "rails"]
+__all__ = ["FEWEST_READINGS", "Schedule", "Timeline", "build", "rails", "schedule"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,21 @@ _SAME_INSTANT = 1e-8  # s
 # What the state may be when a record begins, one deviation: 0.1 m, 1 m/s, and 1 m/s² for the
 # zero of a chassis channel against its wheel channel (a tenth of gravity, from tilt and offset).
 _START = np.array([0.1, 1.0, 0.1, 1.0, 1.0, 1.0]) ** 2
+
+
+class Schedule(NamedTuple):
+    """Steps and readings of a :class:`Timeline`, in its names."""
+
+    step: Array
+    moments: Array
+    spread: Array
+    kind: NDArray[np.int8]
+    closes: NDArray[np.bool_]
+    reading: Array
+    extra: Array
+    start: Array
+    instants: Array
+    pairs: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -60,6 +77,15 @@ class Timeline:
         Pole of the filter that all readings passed, rad/s; 0 when no bandwidth is given.
     source : str
         File name without its folder, for messages and reports.
+    below : float or None
+        Upper edge of the band that is left of the recording, Hz; None at full band.
+    quiet : (4,) array or None
+        Where the prior of a noise level that is not given is centred, m/s²; None for the level
+        of the record's quiet quarter.
+    notches : tuple of (frequency, half-width)
+        Bands that were cut out of all channels, Hz.
+    cut : Cut or None
+        What that did to the noise.
     """
 
     step: Array
@@ -80,6 +106,10 @@ class Timeline:
     steps: Array
     poles: Array
     source: str
+    below: float | None = None
+    quiet: Array | None = None
+    notches: tuple[tuple[float, float], ...] = ()
+    cut: Cut | None = None
 
     def paired(self, values: Array) -> Array:
         """Arrange values at instants (E, 2) by pairs of readings (R, 2), nan where missing."""
@@ -95,6 +125,11 @@ class Timeline:
     def readings(self) -> int:
         """Number of chassis readings used."""
         return int(np.count_nonzero(self.kind != MISSING))
+
+    @property
+    def reading_step(self) -> float:
+        """Usual time between two pairs of chassis readings, s."""
+        return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
 
 
 def rails(acc: Array, vehicle: Vehicle) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -165,13 +200,49 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
         wheel_signal(times[0], acc[0], low[0], high[0]),
         wheel_signal(times[2], acc[2], low[2], high[2]),
     )
-    longest = _longest_step(vehicle)
-    instants, kind, reading, pairs = _instants(acc, times, low, high, wheels, longest)
-    step = np.diff(instants, prepend=instants[0])
+    plan = schedule(acc, times, (low, high), wheels, vehicle)
+    return Timeline(
+        **plan._asdict(),
+        wheels=wheels,
+        acceleration=acc,
+        times=times,
+        clipped=low | high,
+        noise=tuple(s.noise for s in sensors),
+        steps=steps,
+        poles=poles,
+        source=Path(recording.source).name,
+    )
+
+
+def schedule(
+    acc: Array,
+    times: Array,
+    rails: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    wheels: tuple[WheelSignal, WheelSignal],
+    vehicle: Vehicle,
+) -> Schedule:
+    """Put chassis readings and wheel signals in the order in which the recursion takes them.
+
+    Parameters
+    ----------
+    acc, times : (4, N) arrays
+        Readings (m/s²), NaN where there is none, and when they were taken (s).
+    rails : pair of (4, N) bool arrays
+        Readings at the lower and at the upper rail.
+    wheels : pair of WheelSignal
+        Front and rear wheel acceleration.
+    vehicle : Vehicle
+        Its fastest motion sets the longest step.
+
+    Returns
+    -------
+    Schedule
+    """
+    instants, kind, reading, pairs = _instants(acc, times, *rails, wheels, _longest_step(vehicle))
     closes = np.zeros(len(instants), bool)
     closes[pairs.max(axis=1)] = True
-    return Timeline(
-        step=step,
+    return Schedule(
+        step=np.diff(instants, prepend=instants[0]),
         moments=np.ascontiguousarray(
             np.stack([moments(w, instants, ORDER) for w in wheels], axis=1)
         ),
@@ -183,14 +254,6 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
         start=_START.copy(),
         instants=instants,
         pairs=pairs,
-        wheels=wheels,
-        acceleration=acc,
-        times=times,
-        clipped=low | high,
-        noise=tuple(s.noise for s in sensors),
-        steps=steps,
-        poles=poles,
-        source=Path(recording.source).name,
     )
 
 

@@ -48,8 +48,8 @@ def test_what_is_called_unseen_is_not_seen(line: Timeline, sds: dict[str, float]
     cars = where.cars(z, unseen)
     out = np.zeros(6)
     kernel.log_likelihood(
-        cars, where.noises(z, 0), line.step, line.moments, line.spread, line.kind, line.closes,
-        line.reading, line.extra, line.start, np.zeros((0, 2, 2)), np.eye(2), out,
+        cars, where.noises(z, 0), line.step, line.moments, line.spread, line.kind,
+        line.reading, line.extra, line.start, out,
     )  # fmt: skip
     np.testing.assert_allclose(out, out[0], rtol=1e-9)
 

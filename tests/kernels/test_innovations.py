@@ -17,13 +17,14 @@ from bayes_asv.model.discrete import simulate_linear
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 
 Array = NDArray[np.float64]
-LaidOut = tuple[Array, Array, Array, NDArray[np.int8], NDArray[np.bool_], Array, Array, Array]
+LaidOut = tuple[Array, Array, Array, NDArray[np.int8], Array, Array, Array]
 
 CAR = HalfCar(1261.0, 1751.0, 70.7, 226.6, 1.727, 0.47, 17513.0, 17513.0)
-NO_COLOUR = (np.zeros((0, 2, 2)), np.eye(2))
 
 
-def _case(seed: int, n: int = 25, missing: bool = True) -> tuple[Array, Array, Array, LaidOut]:
+def recursion_case(
+    seed: int, n: int = 25, missing: bool = True
+) -> tuple[Array, Array, Array, LaidOut]:
     """A small recording: uneven steps, missing readings, straight wheel accelerations."""
     rng = np.random.default_rng(seed)
     step = np.append(0.0, rng.uniform(0.001, 0.005, n - 1))
@@ -44,14 +45,13 @@ def _case(seed: int, n: int = 25, missing: bool = True) -> tuple[Array, Array, A
     reading = 3.0 * rng.normal(size=(n, 2))
     extra = 0.01 * rng.uniform(size=(n, 2))
     start = np.array([0.01, 0.5, 0.02, 0.4, 1.0, 2.0])
-    closes = np.ones(n, bool)
     noise = np.array([0.02, 0.03, 0.05, 0.04, 0.01, 0.02, 0.03, 0.02, 314.0, 314.0, 280.0, 300.0])
-    return time, u, noise, (step, moments, spread, kind, closes, reading, extra, start)
+    return time, u, noise, (step, moments, spread, kind, reading, extra, start)
 
 
 def _dense(noise: Array, laid: LaidOut, u: Array, time: Array) -> float:
     """log p of all readings at once: mean and covariance built from the model's own words."""
-    step, _, spread, kind, _, reading, extra, start = laid
+    step, _, spread, kind, reading, extra, start = laid
     system = deflection_form(CAR)
     n = len(step)
     mean_x = simulate_linear(system, time, u)
@@ -101,9 +101,9 @@ def _dense(noise: Array, laid: LaidOut, u: Array, time: Array) -> float:
 
 @given(seed=st.integers(0, 10_000))
 def test_likelihood_is_that_of_the_dense_gaussian(seed: int) -> None:
-    time, u, noise, laid = _case(seed, n=8)
+    time, u, noise, laid = recursion_case(seed, n=8)
     out = np.zeros(1)
-    kernel.log_likelihood(np.array([CAR]), noise[None], *laid, *NO_COLOUR, out)
+    kernel.log_likelihood(np.array([CAR]), noise[None], *laid, out)
     # the kernel integrates the process noise by two Gauss points: good to 1e-6 here
     assert out[0] == pytest.approx(_dense(noise, laid, u, time), rel=1e-6, abs=1e-5)
 
@@ -111,32 +111,32 @@ def test_likelihood_is_that_of_the_dense_gaussian(seed: int) -> None:
 def test_innovations_of_data_from_the_model_are_white_and_normal() -> None:
     """Without noise in the wheels the model is easy to draw from independently."""
     rng = np.random.default_rng(7)
-    time, u, noise, laid = _case(7, n=4000, missing=False)
+    time, u, noise, laid = recursion_case(7, n=4000, missing=False)
     noise = noise * 0.0
     noise[2:4], noise[8:] = [0.05, 0.04], 300.0
     laid[2][:] = 0.0
-    laid[6][:] = 0.0
+    laid[5][:] = 0.0
     system = deflection_form(CAR)
     states = simulate_linear(system, time, u)
-    laid[5][:] = states @ system.C.T + rng.normal(size=(4000, 2)) * np.sqrt(noise[2:4])
+    laid[4][:] = states @ system.C.T + rng.normal(size=(4000, 2)) * np.sqrt(noise[2:4])
     kept = np.zeros((4000, 2))
-    value = kernel.residuals(np.array(CAR), noise, *laid, *NO_COLOUR, kept)
+    value = kernel.residuals(np.array(CAR), noise, *laid, kept)
     assert abs(kept.std() - 1.0) < 4.0 / math.sqrt(2 * 8000)
     lagged = [float(np.mean(kept[1:, a] * kept[:-1, a])) for a in range(2)]
     assert np.max(np.abs(lagged)) < 4.0 / math.sqrt(4000)
     out = np.zeros(1)
-    kernel.log_likelihood(np.array([CAR]), noise[None], *laid, *NO_COLOUR, out)
+    kernel.log_likelihood(np.array([CAR]), noise[None], *laid, out)
     assert value == out[0]
 
 
 def test_a_bound_is_the_integral_of_the_density_beyond_it() -> None:
-    _, _, noise, laid = _case(11, n=6, missing=False)
-    kind, reading = laid[3], laid[5]
+    _, _, noise, laid = recursion_case(11, n=6, missing=False)
+    kind, reading = laid[3], laid[4]
 
     def value(what: int, at: float) -> float:
         kind[-1], reading[-1, 0] = (what, kernel.MISSING), at
         out = np.zeros(1)
-        kernel.log_likelihood(np.array([CAR]), noise[None], *laid, *NO_COLOUR, out)
+        kernel.log_likelihood(np.array([CAR]), noise[None], *laid, out)
         return float(out[0])
 
     # As a function of the last reading the likelihood is a scaled normal density.
@@ -157,43 +157,9 @@ def test_far_tails_keep_their_digits(z: float) -> None:
     assert hazard == pytest.approx(math.exp(norm.logpdf(z) - norm.logsf(z)), rel=1e-6)
 
 
-def test_colour_is_a_linear_whitening_of_the_innovations() -> None:
-    _, _, noise, laid = _case(5, n=40, missing=False)
-    rng = np.random.default_rng(5)
-    ar = 0.2 * rng.normal(size=(3, 2, 2))
-    root = np.array([[1.3, 0.0], [-0.4, 0.8]])
-    plain, kept = np.zeros((40, 2)), np.zeros((40, 2))
-    base = kernel.residuals(np.array(CAR), noise, *laid, *NO_COLOUR, plain)
-    value = kernel.residuals(np.array(CAR), noise, *laid, ar, root, kept)
-    expected = np.zeros((40, 2))
-    for k in range(40):
-        e = plain[k].copy()
-        for j in range(min(3, k)):
-            e -= ar[j] @ plain[k - 1 - j]
-        expected[k] = root @ e
-    np.testing.assert_allclose(kept, expected, atol=1e-12)
-    shift = 0.5 * np.sum(plain**2) - 0.5 * np.sum(kept**2) + 40 * math.log(1.3 * 0.8)
-    assert value == pytest.approx(base + shift, abs=1e-8)
-
-
-def test_two_instants_a_row_are_one_row_for_the_colour() -> None:
-    """Two boards with two clocks: splitting a row by nothing must change nothing."""
-    _, _, noise, laid = _case(9, n=12, missing=False)
-    ar, root = np.full((2, 2, 2), 0.1), np.array([[1.1, 0.0], [0.2, 0.9]])
-    out, split_out = np.zeros(1), np.zeros(1)
-    kernel.log_likelihood(np.array([CAR]), noise[None], *laid, ar, root, out)
-    split = [np.repeat(part, 2, axis=0) for part in laid[:7]]
-    split[0][1::2] = 0.0  # the second instant of a row comes no later
-    split[3][0::2, 1] = kernel.MISSING
-    split[3][1::2, 0] = kernel.MISSING
-    split[4][0::2] = False
-    kernel.log_likelihood(np.array([CAR]), noise[None], *split, laid[7], ar, root, split_out)
-    assert split_out[0] == pytest.approx(out[0], abs=1e-9)
-
-
 @given(seed=st.integers(0, 1000))
 def test_free_run_is_the_exact_response(seed: int) -> None:
-    time, u, _, laid = _case(seed, n=60)
+    time, u, _, laid = recursion_case(seed, n=60)
     rng = np.random.default_rng(seed)
     x0 = 0.1 * rng.normal(size=4)
     system = deflection_form(CAR)
@@ -204,20 +170,3 @@ def test_free_run_is_the_exact_response(seed: int) -> None:
     free = simulate_linear(system, time, 0.0 * u, x0)
     np.testing.assert_allclose(out[:, :, 0], driven, atol=1e-11)
     np.testing.assert_allclose(out[:, :, 1], free, atol=1e-12)
-
-
-def test_colour_scores_a_lone_reading_by_its_own_deviation() -> None:
-    """With one reading of a pair missing the other has its marginal, not conditional, spread."""
-    _, _, noise, laid = _case(5, n=2, missing=False)
-    root = np.array([[1.3, 0.0], [-0.4, 0.8]])
-    laid[3][:] = kernel.MISSING
-    laid[3][1, 1] = kernel.VALUE
-    ar = np.zeros((1, 2, 2))
-    plain, kept = np.zeros((2, 2)), np.zeros((2, 2))
-    base = kernel.residuals(np.array(CAR), noise, *laid, *NO_COLOUR, plain)
-    value = kernel.residuals(np.array(CAR), noise, *laid, ar, root, kept)
-    inverse = np.linalg.inv(root)
-    sd = math.sqrt((inverse @ inverse.T)[1, 1])
-    assert kept[1, 1] == pytest.approx(plain[1, 1] / sd)
-    shift = 0.5 * plain[1, 1] ** 2 - 0.5 * kept[1, 1] ** 2 - math.log(sd)
-    assert value == pytest.approx(base + shift)
