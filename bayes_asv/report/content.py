@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any, Final
 
+from bayes_asv.report.agreement_tables import agreement_table, check_table
+from bayes_asv.report.agreement_words import agreement_lines, check_limits, independent_lines
 from bayes_asv.report.figures import MOST_RUNS, Figure, figures
-from bayes_asv.report.readable import number, percent, plain, probability
+from bayes_asv.report.readable import number, plain, probability
 from bayes_asv.report.svg import Panel, gauge
 from bayes_asv.report.tables import (
     fit_table,
@@ -16,6 +18,8 @@ from bayes_asv.report.tables import (
     provenance_tables,
     travel_table,
 )
+from bayes_asv.report.width_tables import budget_table, fault_table
+from bayes_asv.report.width_words import halving_lines, width_limits
 from bayes_asv.report.words import (
     LABELS,
     SHOWN,
@@ -46,7 +50,6 @@ _SIGNS: Final = (
     "compression, a negative damper velocity."
 )
 _REACHES: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-_RULED: Final = 1.25  # deviation over that of the mass up to which the mass is to blame
 _COLOURED: Final = 0.01  # whiteness probability below which the intervals are doubted
 _GAP: Final = re.compile(r"(?<=[\d<>±]) (?=[%±\d]|[A-Za-z]+[·/²]|(?:in|m|mm|kg|s|sd|Hz)\b)")
 _NEAR: Final = 0.95  # share of a travel limit that counts as reached
@@ -127,8 +130,9 @@ def limits(document: Document) -> list[str]:
         Sentences; empty when nothing was found.
     """
     found = [_sentence(w) for w in document["warnings"]]
+    found += check_limits(document)
     if document["verdict"] == "ok":
-        found += _scale_of_mass(document)
+        found += width_limits(document)
     stops = (document.get("vehicle", {}).get("travel")) or {}
     for run in document.get("runs", []):
         source = plain(run["source"])
@@ -149,28 +153,6 @@ def limits(document: Document) -> list[str]:
                     "the intervals are narrower than they should be."
                 )
     return found
-
-
-def _scale_of_mass(document: Document) -> list[str]:
-    """Say so when damping and inertia are known no better than the mass.
-
-    Accelerations alone give ratios of forces to masses: scale every mass, rate and inertia by
-    one factor and the same accelerations come out.
-    """
-    known = document.get("known", {}).get("m", {})
-    mass = known.get("posterior") or {}
-    if not mass.get("mean") or not known.get("sd"):
-        return []
-    of_mass = mass["sd"] / mass["mean"]
-    there = [(n, p) for n in ("c_f", "c_r", "i") if (p := document["parameters"].get(n))]
-    ruled = [LABELS[n] for n, p in there if 0.0 < p["sd"] <= _RULED * of_mass * abs(p["mean"])]
-    if len(ruled) < len(there) or not ruled:
-        return []
-    return [
-        f"The sprung mass: accelerations give the damping rates and the inertia only in "
-        f"proportion to it, and it is known to {percent(of_mass, 1)}. Weighing the car better "
-        "narrows all three."
-    ]
 
 
 def _sentence(text: str) -> str:
@@ -251,7 +233,17 @@ def _results(document: Document, sections: list[Document], pictures: dict[str, P
         sections.append(parameter_table(parameters, si=False, title=title))
         if units != "SI" and all("si" in p for p in parameters.values()):
             sections.append(parameter_table(parameters, si=True, title=f"{title}, in SI units"))
-    sections += [t for t in (known_table(document),) if t is not None]
+    sections += [
+        t for t in (known_table(document), budget_table(document), fault_table(document))
+        if t is not None
+    ]  # fmt: skip
+    lines = halving_lines(document)
+    if lines:
+        sections.append({"kind": "text", "title": "What would halve each width", "lines": lines})
+    sections += [t for t in (agreement_table(document),) if t is not None]
+    agreed = agreement_lines(document)
+    if agreed:
+        sections.append({"kind": "text", "title": "", "lines": agreed})
     found: list[Figure] = figures(document)
     if found:
         sections.append({"kind": "heading", "title": "Figures", "text": _SIGNS})
@@ -276,6 +268,8 @@ def _results(document: Document, sections: list[Document], pictures: dict[str, P
         t for t in (fit_table(document), travel_table(document), noise_table(document))
         if t is not None
     ]  # fmt: skip
-    lines = convergence_lines(document.get("diagnostics", {}))
+    sections += [t for t in (check_table(document),) if t is not None]
+    diagnostics = document.get("diagnostics", {})
+    lines = independent_lines(diagnostics) or convergence_lines(diagnostics)
     if lines:
         sections.append({"kind": "text", "title": "Is the sampling good enough?", "lines": lines})

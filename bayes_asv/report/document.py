@@ -21,6 +21,8 @@ from bayes_asv.inference.colour import portmanteau
 from bayes_asv.inference.estimate import ANSWERS, DERIVED, Estimate, RunFit
 from bayes_asv.inference.parameters import CAR
 from bayes_asv.quantities import QUANTITIES
+from bayes_asv.report.agreement_document import agreement_document, checks_document
+from bayes_asv.report.width_document import width_document
 from bayes_asv.units import display_units, from_si
 from bayes_asv.vehicle import Vehicle
 
@@ -50,8 +52,9 @@ def estimate_document(result: Estimate) -> Document:
     -------
     dict
         Schema ``bayes_asv/estimate/1``: ``parameters``, ``diagnostics``, ``fit`` and the rest
-        of the stable interface, and besides ``known``, ``noise``, ``runs`` (curves),
-        ``draws`` and ``provenance``. Numbers that do not exist are None.
+        of the stable interface, and besides ``known``, ``width``, ``agreement``, ``noise``,
+        ``runs`` (curves and checks), ``draws`` and ``provenance``. Numbers that do not exist are
+        None.
     """
     vehicle = result.vehicle
     names = [n for n in (*ANSWERS, *DERIVED) if n in result.draws]
@@ -70,7 +73,15 @@ def estimate_document(result: Estimate) -> Document:
             "acceptance": result.acceptance,
             "draws": result.count,
             "likelihood": result.likelihood,
+            "band": None if result.below is None else [0.0, result.below],
+            "sampler": "ensembles"
+            if result.agreement is None or result.agreement.verdict != "disagree"
+            else "random effects",
         },
+        "width": None
+        if result.width is None
+        else width_document(result.width, result.draws, vehicle),
+        "agreement": agreement_document(result),
         "fit": _pooled_fit(result.runs),
         "fit_by_run": [{"source": r.line.source, **_pooled_fit((r,))} for r in result.runs],
         "noise": _noise(result, vehicle),
@@ -209,6 +220,7 @@ def _run(fit: RunFit, vehicle: Vehicle) -> Document:
     span = line.times[0, -1] - line.times[0, 0]
     step = float(np.median(np.diff(line.times[0])))
     curves: Document = {}
+    spacing = line.reading_step
     for axle, name in ((0, "front_chassis"), (1, "rear_chassis")):
         there = line.kind[:, axle] == 1
         residual = line.reading[there, axle] - fit.free.output[there, axle]
@@ -222,8 +234,8 @@ def _run(fit: RunFit, vehicle: Vehicle) -> Document:
                 _curve((simulated - 1.96 * spread)[both[:, axle]], vehicle),
                 _curve((simulated + 1.96 * spread)[both[:, axle]], vehicle),
             ],
-            **_whiteness(line.paired(fit.innovations)[:, axle], fit.colour.order, step),
-            "spectrum": _spectrum(line.reading[there, axle], residual, step, vehicle),
+            **_whiteness(line.paired(fit.innovations)[:, axle], fit.colour.order, spacing),
+            "spectrum": _spectrum(line.reading[there, axle], residual, spacing, vehicle),
         }  # fmt: skip
     travel: Document = {"unit": display_units(vehicle.units)["deflection"]}
     for axle, name in ((0, "front"), (1, "rear")):
@@ -262,6 +274,7 @@ def _run(fit: RunFit, vehicle: Vehicle) -> Document:
             "rear_wheel": _curve(line.acceleration[2, rows], vehicle),
         },
         "travel": travel,
+        "checks": checks_document(fit.checks, vehicle),
     }  # fmt: skip
 
 

@@ -15,6 +15,13 @@ MOST_RUNS: Final = 6
 """Runs that get figures of their own: more would make a page that nobody can open."""
 
 
+_FOREST: Final = (
+    "Look whether the thick bars reach each other: they are what each run says by itself, 95 %, "
+    "with the given values held, since their errors are common to all runs; thin lines have "
+    "everything in them. The band is the answer from all runs, the dashed line nominal."
+)
+
+
 class Figure(NamedTuple):
     """One or several pictures under one caption."""
 
@@ -39,10 +46,19 @@ def figures(document: Document) -> list[Figure]:
         same bytes.
     """
     # matplotlib costs half a second, so nothing above imports it.
-    from bayes_asv.report import plots_parameters, plots_residuals, plots_time
+    from bayes_asv.report import (
+        plots_agreement,
+        plots_parameters,
+        plots_residuals,
+        plots_time,
+        plots_width,
+    )
 
     found: list[Figure] = []
     with style():
+        rows = plots_agreement.forest(document)
+        if rows is not None:
+            found.append(Figure("agreement", "One run against another", _FOREST, (rows,)))
         runs = document.get("runs", [])[:MOST_RUNS]
         for n, run in enumerate(runs):
             found += _of_run(plots_time, run, n, len(runs), document)
@@ -70,6 +86,18 @@ def figures(document: Document) -> list[Figure]:
                         (corner,),
                     )
                 )
+        bars = plots_width.budget_bars(document)
+        if bars is not None:
+            found.append(
+                Figure(
+                    "width",
+                    "What the uncertainty of each answer is made of",
+                    "Look at the longest piece of a bar: what it stands for is worth knowing "
+                    "better, and the shorter ones are not. On the right stands the answer's "
+                    "deviation.",
+                    (bars,),
+                )
+            )
         if runs:
             found.append(
                 Figure(

@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+from bayes_asv.report.agreement_words import (
+    agreement_headline,
+    agreement_lines,
+    agreement_steps,
+)
 from bayes_asv.report.readable import number, percent, plain, probability, readable_unit
+from bayes_asv.report.width_words import width_steps
 
 __all__ = [
     "Comparison",
@@ -227,10 +233,14 @@ def headline(document: Document) -> str:
         return f"No answer: {which} cannot tell how the suspension behaves."
     if verdict == "not_converged":
         return "No answer to rely on: the sampling did not converge."
+    return f"{agreement_headline(document)} {_dampers(document['parameters'])}".strip()
+
+
+def _dampers(parameters: Document) -> str:
     found = {
-        axle: compare(name, document["parameters"][name])
+        axle: compare(name, parameters[name])
         for axle, name in (("front", "c_f"), ("rear", "c_r"))
-        if name in document["parameters"]
+        if name in parameters
     }
     known = {axle: c for axle, c in found.items() if c is not None}
     if not known:
@@ -285,10 +295,11 @@ def next_steps(document: Document) -> list[str]:
             "Record again over a single, clean bump and give both files to the same command.",
             "Run once more with another --seed; an answer that moves is none.",
         ]
-    return _steps_when_ok(document["parameters"])
+    narrower = width_steps(document)
+    return [*agreement_steps(document), *_steps_when_ok(document["parameters"], narrower)]
 
 
-def _steps_when_ok(parameters: Document) -> list[str]:
+def _steps_when_ok(parameters: Document, narrower: list[str]) -> list[str]:
     steps = []
     for side, advice in (
         ("below", "Look at the {} first: oil, seals, gas charge, mounts and adjuster setting."),
@@ -310,9 +321,10 @@ def _steps_when_ok(parameters: Document) -> list[str]:
             f"The pitch inertia is {difference(inertia.share)} {inertia.side} nominal: check "
             "driver, fuel and ballast, or take the estimate into the vehicle file."
         )
+    steps += narrower
     for name in SHOWN[:3]:
         p = parameters.get(name)
-        if p and p["mean"] and p["sd"] / abs(p["mean"]) > _WIDE:
+        if not narrower and p and p["mean"] and p["sd"] / abs(p["mean"]) > _WIDE:
             steps.append(
                 f"The {LABELS[name]} is known to ±{percent(p['sd'] / abs(p['mean']))} only: add a "
                 "recording over a higher or faster bump and give all files to the same command."
@@ -338,6 +350,7 @@ def verdict_lines(document: Document) -> list[str]:
     parameters = document["parameters"]
     provisional = "Not to be relied on: " if document["verdict"] == "not_converged" else ""
     lines += [provisional + sentence(n, parameters[n]) for n in SHOWN if n in parameters]
+    lines += agreement_lines(document)
     lines += [f"Why: {plain(reason)}." for reason in document["reasons"]]
     lines += [f"Note: {plain(warning)}." for warning in document["warnings"]]
     # Each reason of a refusal carries its own mend already.

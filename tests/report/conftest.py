@@ -14,7 +14,7 @@ from bayes_asv.report.pdf import pdf_report
 Made = TypeVar("Made")
 
 DATA = Path(__file__).parent / "data"
-KINDS = ("us", "si", "two_runs", "refused", "not_converged", "hostile")
+KINDS = ("us", "si", "two_runs", "budget", "refused", "not_converged", "hostile")
 HOSTILE = "<script>alert(1)</script> {{7*7}} #[7*7] $x$ & \"q\" 's' \x00\x1b[31m\u202eevil"
 
 
@@ -25,6 +25,10 @@ def load(kind: str) -> Document:
         document["verdict"] = kind
         document["diagnostics"].update(rhat_max=1.034, ess_bulk_min=212.0, ess_tail_min=140.0)
         document["warnings"] = ["the ensembles had not agreed after 7680 draws each"]
+        return document
+    if kind == "budget":
+        document = load("us")
+        document["width"] = json.loads((DATA / "width.json").read_text(encoding="utf-8"))
         return document
     if kind == "hostile":
         document = load("us")

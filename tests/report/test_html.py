@@ -171,14 +171,6 @@ def test_limits_name_a_stop_that_was_reached_and_residuals_with_a_pattern(
     assert "The front residuals of stops.csv are not white (probability < 0.1 %)" in found
 
 
-def test_limits_name_the_mass_when_it_rules(documents: dict[str, Document]) -> None:
-    document = documents["us"]
-    assert any("sprung mass" in limit for limit in limits(document))
-    for name in ("c_f", "c_r"):
-        document["parameters"][name]["sd"] *= 5.0
-    assert not any("sprung mass" in limit for limit in limits(document))
-
-
 def test_content_is_plain_data(documents: dict[str, Document]) -> None:
     import json
 

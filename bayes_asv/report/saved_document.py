@@ -1,0 +1,353 @@
+"""What a saved document has to hold: shape, size and sense of what the report counts on.
+
+Further keys are left alone, so that newer documents stay readable.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+__all__ = ["SavedDocument"]
+
+_MOST_POINTS: Final = 100_000
+_LARGEST: Final = 1e15
+_SMALLEST: Final = 1e-30
+
+Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
+Size = Annotated[float, Field(ge=0.0, le=_LARGEST, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Words = Annotated[str, Field(max_length=10_000)]
+Unit = Annotated[str, Field(max_length=64)]
+Count = Annotated[int, Field(ge=0, le=10**12)]
+Curve = Annotated[list[Finite | None], Field(max_length=_MOST_POINTS)]
+Sentences = Annotated[list[Words], Field(max_length=1000)]
+Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+Band = Annotated[list[Curve], Field(min_length=2, max_length=2)]
+Axle = Literal["front", "rear"]
+Channel = Literal["front_wheel", "front_chassis", "rear_wheel", "rear_chassis"]
+Chassis = Literal["front_chassis", "rear_chassis"]
+Answer = Literal["c_f", "c_r", "i", "k_g"]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(strict=True, extra="allow")
+
+
+class _Summary(_Part):
+    mean: Finite
+    median: Finite | None = None
+    sd: Size
+    eti95: Pair
+
+    @model_validator(mode="after")
+    def _ordered(self) -> _Summary:
+        low, high = self.eti95
+        if low > high:
+            raise ValueError("the interval ends before it begins")
+        return self
+
+
+class _Shown(_Summary):
+    unit: Unit
+    nominal: Finite | None = None
+
+
+class _Parameter(_Shown):
+    label: Words = ""
+    p_below_nominal: Share | None = None
+    si: _Shown | None = None
+
+
+class _Known(_Part):
+    label: Words = ""
+    unit: Unit
+    value: Finite
+    sd: Size | None = None
+    posterior: _Summary | None = None
+
+
+class _Prior(_Part):
+    median: Positive
+    log_sd: Annotated[float, Field(ge=1e-9, le=50.0, allow_inf_nan=False)]
+
+
+class _Diagnostics(_Part):
+    rhat_max: Finite | None = None
+    ess_bulk_min: Finite | None = None
+    ess_tail_min: Finite | None = None
+    acceptance: Finite | None = None
+    draws: Count | None = None
+    likelihood: Words = ""
+
+
+class _Fit(_Part):
+    nrmse_percent: Size
+
+
+class _Fits(_Part):
+    source: Words = ""
+    front_chassis: _Fit | None = None
+    rear_chassis: _Fit | None = None
+
+
+class _NoiseOf(_Summary):
+    given: Size | None = None
+
+
+class _Noise(_Part):
+    source: Words
+    unit: Unit
+    front_wheel: _NoiseOf | None = None
+    front_chassis: _NoiseOf | None = None
+    rear_wheel: _NoiseOf | None = None
+    rear_chassis: _NoiseOf | None = None
+
+
+class _Spectrum(_Part):
+    unit: Unit = ""
+    frequency: Curve
+    measured: Curve
+    residual: Curve
+
+    @model_validator(mode="after")
+    def _long(self) -> _Spectrum:
+        _alike(len(self.frequency), self.measured, self.residual)
+        return self
+
+
+class _Chassis(_Part):
+    measured: Curve
+    simulated: Curve
+    band95: Band
+    autocorrelation: Annotated[list[Finite | None], Field(max_length=1000)] = []
+    autocorrelation_band95: Size = 0.0
+    whiteness_p: Share | None = None
+    lag_seconds: Size = 0.0
+    spectrum: _Spectrum | None = None
+
+
+class _TravelOf(_Part):
+    deflection: Curve
+    velocity: Curve
+    band95: Band
+    largest_bump: Size
+    largest_droop: Size
+
+
+class _Travel(_Part):
+    unit: Unit
+    velocity_unit: Unit = ""
+    front: _TravelOf | None = None
+    rear: _TravelOf | None = None
+
+
+class _Wheels(_Part):
+    time: Curve
+    front_wheel: Curve
+    rear_wheel: Curve
+
+    @model_validator(mode="after")
+    def _long(self) -> _Wheels:
+        _alike(len(self.time), self.front_wheel, self.rear_wheel)
+        return self
+
+
+class _Replicated(_Part):
+    median: Size
+    eti95: Pair
+
+
+class _Check(_Part):
+    channel: Chassis
+    of: Literal["reading", "residual"]
+    quantity: Literal["peak", "rms"]
+    band: Annotated[list[Size], Field(min_length=2, max_length=2)] | None = None
+    unit: Unit
+    observed: Size
+    replicated: _Replicated
+    p: Share
+    p_family: Share
+
+
+class _OfRun(_Shown):
+    own: _Summary | None = None
+
+
+class _Alone(_Part):
+    source: Words
+    parameters: dict[Answer, _OfRun]
+
+
+class _Spread(_Part):
+    median: Size
+    eti95: Pair
+
+
+class _Test(_Part):
+    p: Share | None = None
+
+
+class _Agreement(_Part):
+    verdict: Literal["agree", "disagree", "unknown"]
+    p: Share | None = None
+    each: dict[Answer, _Test]
+    spread_percent: dict[Answer, _Spread]
+    runs: Annotated[list[_Alone], Field(max_length=1000)]
+    joint: dict[Answer, _Shown]
+    mean_car: dict[Answer, _Shown]
+    next_run: dict[Answer, _Shown]
+
+    @model_validator(mode="after")
+    def _whole(self) -> _Agreement:
+        for name in ("c_f", "c_r", "i"):
+            if any(name not in part for part in (self.each, self.spread_percent, self.mean_car)):
+                raise ValueError(f"it holds runs against each other but not their {name}")
+        if self.verdict == "disagree" and any(
+            n not in part for n in ("c_f", "c_r", "i") for part in (self.next_run, self.joint)
+        ):
+            raise ValueError("its runs disagree but it does not say how")
+        return self
+
+
+class _Run(_Part):
+    source: Words
+    unit: Unit
+    rate: Annotated[float, Field(ge=1e-3, le=1e8, allow_inf_nan=False)]
+    seconds: Size
+    time: Curve
+    chassis: dict[Chassis, _Chassis]
+    wheels: _Wheels
+    travel: _Travel
+    checks: Annotated[list[_Check], Field(max_length=200)] = []
+
+    @model_validator(mode="after")
+    def _long(self) -> _Run:
+        n = len(self.time)
+        for part in self.chassis.values():
+            _alike(n, part.measured, part.simulated, *part.band95)
+        for side in (self.travel.front, self.travel.rear):
+            if side is not None:
+                _alike(n, side.deflection, side.velocity, *side.band95)
+        return self
+
+
+class _Measure(_Part):
+    what: Literal["runs", "m", "l", "wdf", "k_f", "k_r"]
+    further: Count = 0
+    now_sd_percent: Positive = 1.0
+    needed_sd_percent: Positive = 1.0
+    needed_sd: Positive = 1.0
+    unit: Unit = ""
+
+
+class _Halving(_Part):
+    measures: Annotated[list[_Measure], Field(min_length=1, max_length=6)]
+
+
+class _Budget(_Part):
+    sd_percent: Size
+    posterior_sd_percent: Positive | None = None
+    shares: Annotated[dict[Words, Finite], Field(min_length=1)]
+    noises: dict[Words, Finite]
+    exact_sd_percent: dict[Words, Size]
+    better_sd_percent: dict[Words, Size]
+    twice_the_runs_sd_percent: Size
+    halve: Annotated[list[_Halving], Field(max_length=100)]
+    runs_to_halve: Count | None = None
+
+
+class _Moved(_Part):
+    percent: Finite
+    sd: Finite
+
+
+class _Fault(_Part):
+    kind: Literal["given", "gain", "delay", "bandwidth", "place"]
+    where: Channel | Literal["c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r"]
+    size: Positive
+    larger_shows: bool
+    shift: dict[Literal["c_f", "c_r", "i", "k_g"], _Moved]
+
+
+class _Width(_Part):
+    white: bool
+    runs: Count
+    c_f: _Budget | None = None
+    c_r: _Budget | None = None
+    i: _Budget | None = None
+    k_g: _Budget | None = None
+    faults: Annotated[dict[Words, _Fault], Field(max_length=100)] = {}
+
+
+class _Stops(_Part):
+    unit: Unit = ""
+    front_bump: Positive | None = None
+    front_droop: Positive | None = None
+    rear_bump: Positive | None = None
+    rear_droop: Positive | None = None
+
+
+class _Vehicle(_Part):
+    name: Words = ""
+    units: Literal["US", "SI"] = "SI"
+    source: Words = ""
+    sha256: Words = ""
+    travel: _Stops | None = None
+
+
+class _File(_Part):
+    file: Words = ""
+    sha256: Words = ""
+
+
+class _Provenance(_Part):
+    recordings: Annotated[list[_File], Field(max_length=1000)] = []
+    vehicle: _File | None = None
+    python: Words = ""
+    packages: dict[Words, Words] = {}
+
+
+class SavedDocument(_Part):
+    """Schema ``bayes_asv/estimate/1``, as far as the report counts on it."""
+
+    verdict: Literal["ok", "not_converged", "refused"]
+    reasons: Sentences
+    warnings: Sentences
+    parameters: dict[
+        Literal["c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r", "m", "l", "wdf", "k_f", "k_r"],
+        _Parameter,
+    ]
+    diagnostics: _Diagnostics
+    fit: _Fits
+    known: dict[Words, _Known] = {}
+    prior: dict[Words, _Prior] = {}
+    width: _Width | None = None
+    agreement: _Agreement | None = None
+    fit_by_run: Annotated[list[_Fits], Field(max_length=1000)] = []
+    noise: Annotated[list[_Noise], Field(max_length=1000)] = []
+    runs: Annotated[list[_Run], Field(max_length=1000)] = []
+    draws: dict[Words, Curve] = {}
+    vehicle: _Vehicle = _Vehicle()
+    provenance: _Provenance = _Provenance()
+    version: Words
+    seed: Count
+
+    @model_validator(mode="after")
+    def _sense(self) -> SavedDocument:
+        if self.verdict == "refused" and not self.reasons:
+            raise ValueError("it is refused without a reason")
+        if self.verdict != "refused":
+            missing = [n for n in ("c_f", "c_r", "i", "k_g") if n not in self.parameters]
+            if missing:
+                raise ValueError(f"it has a verdict but no parameter {missing[0]}")
+        _alike(None, *self.draws.values())
+        return self
+
+
+def _alike(count: int | None, *curves: list[float | None]) -> None:
+    wanted = len(curves[0]) if count is None and curves else count
+    if any(len(curve) != wanted for curve in curves):
+        raise ValueError("curves of one figure differ in length")

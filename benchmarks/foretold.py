@@ -1,0 +1,130 @@
+"""How well error budgets foretell what happens: deviations, and shifts by undeclared faults.
+
+Every fault is put into a rig drive's recording at the size at which the budget tells it, the mode
+is climbed to again, and the two shifts are compared in deviations of the answer.
+``python -m benchmarks.foretold`` writes ``benchmarks/results/foretold.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayes_asv import __version__
+from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
+from bayes_asv.inference.likelihood import shared_work
+from bayes_asv.inference.mode import Mode, find_mode
+from bayes_asv.inference.parameters import CAR, Space, space
+from bayes_asv.inference.width import ANSWERS, Shift, by_answer, find_width
+from bayes_asv.inference.width.faults import Fault, with_fault
+from bayes_asv.vehicle import Vehicle
+from tests.inference.cases import DECLARED, EXACT, case, vehicle
+
+__all__ = ["main"]
+
+RESULTS = Path(__file__).parent / "results" / "foretold.json"
+TERRAINS = ("bump", "stops", "rough", "rollers")
+KNOWN = {"declared": DECLARED, "exact": EXACT}
+
+
+def answers(where: Space, mode: Mode) -> dict[str, float]:
+    """Logarithms of the answers at a mode."""
+    logs = dict(zip(CAR, np.log(where.cars(mode.z[None])[0]), strict=True))
+    return {n: sum(w * logs[p] for p, w in parts.items()) for n, parts in ANSWERS.items()}
+
+
+def again(fit: BestFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
+    """Put the fault in and climb to the mode; None where the climb does not settle."""
+    if shift.kind == "given":
+        value = getattr(car, shift.where)
+        wrong = replace(value, value=value.value / (1.0 + shift.size))
+        where = space(replace(car, **{shift.where: wrong}), fit.space.timelines)
+    else:
+        fault = Fault(shift.kind, shift.where, shift.size)
+        lines = tuple(with_fault(line, fault, car) for line in fit.space.timelines)
+        where = replace(fit.space, timelines=lines)
+    with shared_work(replace(fit.target, space=where)) as target:
+        for start in (fit.mode.z, None):
+            mode = find_mode(target, start)
+            if mode.converged:
+                return answers(where, mode)
+    return None
+
+
+def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
+    """Budget of one drive, and what came of each of its forecasts."""
+    car = vehicle(KNOWN[known])
+    lines, _, _ = lay_out((case(terrain, seed, KNOWN[known])[2],), car)
+    fit = best_fit(lines, car)
+    began = time.process_time()
+    width = find_width(fit.target, fit.mode, car)
+    seconds = time.process_time() - began
+    before = answers(fit.space, fit.mode)
+    misses, stuck = [], 0
+    for shift in width.shifts:
+        after, foretold = again(fit, car, shift), by_answer(shift.moved)
+        if after is None:
+            stuck += 1
+            continue
+        for name, answer in width.answers.items():
+            misses.append(round((after[name] - before[name] - foretold[name]) / answer.sd, 4))
+    sds = {n: fit.space.log_deviation(fit.mode.covariance, n) for n in ("c_f", "c_r", "i")}
+    return {
+        "terrain": terrain,
+        "known": known,
+        "seed": seed,
+        "seconds": seconds,
+        "faults": len(width.shifts),
+        "not_settled": stuck,
+        "misses": misses,
+        "deviation_ratio": {n: width.answers[n].sd / sd for n, sd in sds.items()},
+    }
+
+
+def main() -> int:
+    """Run the bench and write its results; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--runs", type=int, default=2, help="per terrain and kind of vehicle")
+    parser.add_argument("--seed", type=int, default=31)
+    given = parser.parse_args()
+    rows = []
+    for terrain in TERRAINS:
+        for known in KNOWN:
+            for k in range(given.runs):
+                rows.append(one(terrain, known, given.seed + k))
+                worst = max(map(abs, rows[-1]["misses"]))
+                print(terrain, known, given.seed + k, f"{worst:.2f}", file=sys.stderr, flush=True)
+    misses = np.abs(np.concatenate([row["misses"] for row in rows]))
+    ratios = [abs(math.log(r)) for row in rows for r in row["deviation_ratio"].values()]
+    summary = {
+        "drives": len(rows),
+        "faults": sum(row["faults"] for row in rows),
+        "not_settled": sum(row["not_settled"] for row in rows),
+        "forecasts": len(misses),
+        "miss_median": float(np.median(misses)),
+        "miss_95_percent": float(np.quantile(misses, 0.95)),
+        "miss_largest": float(misses.max()),
+        "deviations_apart_percent": 100.0 * math.expm1(max(ratios)),
+        "seconds_median": float(np.median([row["seconds"] for row in rows])),
+    }
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    about = {"commit": commit, "version": __version__, "seed": given.seed, "runs": given.runs}
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps({"about": about, "summary": summary, "rows": rows}, indent=1))
+    print(json.dumps(summary, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
