@@ -1,0 +1,132 @@
+"""Recordings drawn from the model, against the kernel's density and exact responses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from bayes_asv.inference.likelihood import WHITE, Target
+from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.timeline import Timeline, build
+from bayes_asv.model.discrete import simulate_linear
+from bayes_asv.model.halfcar import HalfCar, deflection_form
+from bayes_asv.recording import Recording
+from benchmarks.calibration.cells import MODEL, Cell, Group
+from benchmarks.calibration.model_draws import chassis_readings, draw_run, driven_states
+from benchmarks.calibration.rig_runs import drive_cell
+
+Array = NDArray[np.float64]
+
+CELL = Cell(Group("short", "Short draws"), MODEL, rate=200.0, seconds=1.2, checked=0)
+BUMP = replace(CELL, terrain="bump")
+
+
+RUNS = 20
+
+
+@pytest.fixture(scope="module")
+def drawn() -> tuple[Timeline, Space]:
+    """A short drive over a bump, laid out."""
+    case = drive_cell(BUMP, 1, 0)
+    line = build(case.recording, case.vehicle)
+    return line, space(case.vehicle, (line,))
+
+
+def _targets(line: Timeline, where: Space, truth: Array, runs: int, seed: int) -> list[Target]:
+    """Posteriors of recordings drawn at a truth."""
+    rng = np.random.default_rng(seed)
+    car, noise = where.cars(truth[None])[0], where.noises(truth[None], 0)[0]
+    out = []
+    for _ in range(runs):
+        mine = replace(line, reading=chassis_readings(line, car, noise, rng))
+        out.append(Target(replace(where, timelines=(mine,)), (WHITE,)))
+    return out
+
+
+def _squares(targets: list[Target], z: Array) -> float:
+    return float(sum(np.sum(target.innovations(z, 0) ** 2) for target in targets))
+
+
+def test_innovations_of_draws_are_as_large_as_the_kernel_says(
+    drawn: tuple[Timeline, Space],
+) -> None:
+    """Whitened squares of 20 recordings (seed 6) sum to a χ²; false alarm one in 5000.
+
+    And with any one source of noise taken half or twice as strong their density is smaller.
+    """
+    line, where = drawn
+    line = replace(line, steps=np.zeros(4))  # a converter's steps would hide the wheels' noise
+    where = replace(where, timelines=(line,))
+    truth = np.random.default_rng(8).normal(size=where.dimension)
+    targets = _targets(line, where, truth, RUNS, 6)
+    count = RUNS * line.readings
+    assert chi2.cdf(_squares(targets, truth), count) == pytest.approx(0.5, abs=0.4999)
+    sources = [k for k, name in enumerate(where.names) if name.startswith("noise")]
+    assert len(sources) == 4
+    for k in (*sources, where.names.index("filtered share 0")):
+        for factor in (0.5, 2.0):
+            off = truth.copy()
+            off[k] += np.log(factor) / where.scale[k]
+            points = np.stack([truth, off])
+            right, wrong = np.sum([target.log_likelihood(points) for target in targets], axis=0)
+            assert right > wrong + 5.0, where.names[k]
+
+
+def test_readings_have_the_covariance_that_the_kernel_states() -> None:
+    """Whitened by the kernel, the first readings of 100 draws (seed 7) are uncorrelated."""
+    case = drive_cell(BUMP, 1, 0)
+    first = 14  # rows
+    cut = Recording(case.recording.time[:first], case.recording.values[:, :first], ("m/s^2",) * 4)
+    line = build(cut, case.vehicle)
+    where = space(case.vehicle, (line,))
+    truth = np.random.default_rng(9).normal(size=where.dimension)
+    targets = _targets(line, where, truth, 100, 7)
+    x = np.array([target.innovations(truth, 0)[:12].ravel() for target in targets])
+    second = x.T @ x / len(x)
+    apart = (second - np.eye(x.shape[1])) * np.sqrt(len(x))
+    apart[np.diag_indices_from(apart)] /= np.sqrt(2.0)
+    # 300 standard normal entries: beyond 4.6 one in a thousand times
+    assert np.abs(apart).max() < 4.6
+
+
+def test_driven_states_are_the_exact_response_to_the_splines(
+    drawn: tuple[Timeline, Space],
+) -> None:
+    """Against the exact response to straight pieces so short that they are the spline."""
+    line, where = drawn
+    car = where.cars(np.zeros((1, where.dimension)))[0]
+    fine = np.union1d(line.instants, np.linspace(line.instants[0], line.instants[-1], 6000))
+    u = np.stack([np.asarray(w.spline(fine)) for w in line.wheels], axis=1)
+    system = deflection_form(HalfCar(*(float(v) for v in car)))
+    wanted = simulate_linear(system, fine, u)[np.searchsorted(fine, line.instants)]
+    found = driven_states(line, car)
+    scale = np.abs(wanted).max(axis=0)
+    np.testing.assert_allclose(found / scale, wanted / scale, atol=1e-5)
+
+
+def test_a_drawn_recording_is_laid_out_as_the_drive_it_came_from() -> None:
+    """Only the chassis readings differ: the model's input must not move with its output."""
+    drawn = draw_run(CELL, 3, 1)
+    case = drive_cell(CELL, 3, 1)
+    mine, theirs = build(drawn.recording, drawn.vehicle), build(case.recording, drawn.vehicle)
+    np.testing.assert_array_equal(mine.moments, theirs.moments)
+    np.testing.assert_array_equal(mine.spread, theirs.spread)
+    np.testing.assert_array_equal(mine.instants, theirs.instants)
+    np.testing.assert_array_equal(mine.kind, theirs.kind)
+    assert np.abs(mine.reading - theirs.reading).max() > 0.1
+    again = draw_run(CELL, 3, 1)
+    np.testing.assert_array_equal(again.recording.values, drawn.recording.values)
+
+
+def test_truths_are_drawn_from_the_prior() -> None:
+    """Seed 1, 16 draws: coordinates standard normal, c_f log-normal about nominal by 30 %."""
+    some = [draw_run(replace(CELL, seconds=0.5), 1, k) for k in range(16)]
+    z = np.array([one.z for one in some])
+    assert chi2.cdf(float(np.sum(z**2)), z.size) == pytest.approx(0.5, abs=0.4999)
+    assert abs(float(z.mean())) < 4.0 / np.sqrt(z.size)
+    logs = np.log([one.car[0] for one in some]) - np.log(some[0].vehicle.c_f.value)
+    assert 0.29 * 0.4 < float(np.std(logs)) < 0.29 * 1.8
