@@ -23,6 +23,7 @@ __all__ = ["COMMANDS", "cli", "main"]
 COMMANDS = {
     "estimate": "Posterior of c_f, c_r and i from one or several recordings.",
     "report": "An HTML or PDF report of recordings or of saved estimates.",
+    "plan": "Which road, speed, rate and passes give what is wanted, before the drive.",
     "simulate": "A recording from a road and a vehicle, with a seed.",
     "demo": "The whole way on shipped data, with a report at the end.",
 }

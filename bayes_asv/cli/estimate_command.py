@@ -19,6 +19,12 @@ __all__ = ["command"]
     show_default=True,
     help="With the wheel sensors' noise in the covariance, or with white residuals.",
 )
+@click.option(
+    "--below",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="HZ",
+    help="Use the motion below this frequency alone.",
+)
 @click.option("--netcdf", metavar="FILE", help="Write the draws as ArviZ InferenceData.")
 @common.json_option
 @common.rate_option
@@ -27,6 +33,7 @@ def command(
     recordings: tuple[str, ...],
     vehicle: str,
     likelihood: str,
+    below: float | None,
     netcdf: str | None,
     json_file: str | None,
     rate: float | None,
@@ -38,7 +45,9 @@ def command(
     with common.progress_bar() as progress:
         from bayes_asv.inference.estimate import estimate
 
-        result = estimate(runs, car, likelihood=likelihood, seed=seed, progress=progress)
+        result = estimate(
+            runs, car, likelihood=likelihood, below=below, seed=seed, progress=progress
+        )
     from bayes_asv.report.document import estimate_document
     from bayes_asv.report.words import verdict_lines
 

@@ -9,12 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.inference.band import check_band, limited, too_short
+from bayes_asv.inference.bandfit import fit_in_band
+from bayes_asv.inference.bandfit import notes as band_notes
+from bayes_asv.inference.coherence import mend
 from bayes_asv.inference.colour import find_colour
-from bayes_asv.inference.fit import simulate_free
+from bayes_asv.inference.fit import left_in_band, simulate_free
 from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
 from bayes_asv.inference.parameters import Space, space
-from bayes_asv.inference.preflight import dead_channels, misfit, preflight, swollen_noise
+from bayes_asv.inference.preflight import (
+    dead_channels,
+    meant_for,
+    misfit,
+    preflight,
+    swollen_noise,
+)
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.inference.tones import find_tones, main_tones, notched
 from bayes_asv.recording import Recording
@@ -41,12 +51,19 @@ class BestFit:
         Its mode and curvature.
     reasons, warnings : tuple of str
         Why no answer may be given; what to know otherwise.
+    faults : tuple of str
+        Those of the reasons that say that a recording is not of this half car.
+    shares : tuple of float or None
+        In a band, the share of its readings that each run counts for; see
+        :class:`bayes_asv.inference.bandfit.InBand`.
     """
 
     target: Target
     mode: Mode
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
+    shares: tuple[float | None, ...] = ()
+    faults: tuple[str, ...] = ()
 
     @property
     def space(self) -> Space:
@@ -55,7 +72,7 @@ class BestFit:
 
 
 def lay_out(
-    recordings: Sequence[Recording], vehicle: Vehicle
+    recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None
 ) -> tuple[tuple[Timeline, ...], tuple[str, ...], tuple[str, ...]]:
     """Lay recordings out in time and look at them before anything is fitted.
 
@@ -63,6 +80,8 @@ def lay_out(
     ----------
     recordings, vehicle : sequence of Recording, Vehicle
         As read.
+    below : float, optional
+        Keep the motion below this frequency (Hz) alone.
 
     Returns
     -------
@@ -74,8 +93,11 @@ def lay_out(
     Raises
     ------
     InputError
-        When a channel is in counts and the vehicle lacks its calibration.
+        When a channel is in counts and the vehicle lacks its calibration, or the car's own
+        motion is not in the band.
     """
+    if below is not None:
+        check_band(below, vehicle)
     reasons = [why for recording in recordings for why in dead_channels(recording, vehicle)]
     warnings = [w for recording in recordings for w in recording.warnings]
     if reasons:
@@ -85,6 +107,12 @@ def lay_out(
         why, notes = preflight(vehicle, line)
         reasons += why
         warnings += notes
+    if below is not None and not reasons:
+        short = [too_short(line, below) for line in lines]
+        reasons += [why for why in short if why is not None]
+        if not reasons:
+            lines = tuple(limited(line, vehicle, below) for line in lines)
+            warnings.append(f"only the motion below {below:g} Hz was used")
     return lines, tuple(reasons), tuple(warnings)
 
 
@@ -107,26 +135,42 @@ def best_fit(
     BestFit
         Its reasons say when the mode answers nothing or explains too little.
     """
-    where = space(vehicle, lines, likelihood)
-    mode, target = _climb(where, None)
-    if likelihood == "innovations":
-        quiet = _without_tones(target, mode, vehicle)
-        if quiet is not None:
-            where = space(vehicle, quiet, likelihood)
-            mode, target = _climb(where, None)
-        mode, target = _with_colour(target, mode, vehicle)
-        where = target.space
-    reasons: list[str] = []
+    shares: tuple[float | None, ...] = ()
+    if likelihood == "innovations" and lines[0].below is not None:
+        mode, target, shares = fit_in_band(lines, vehicle)
+    else:
+        mode, target = _at_full_band(lines, vehicle, likelihood)
+    where = target.space
+    # A mode that has not settled leaves the word to the ensembles.
+    reasons = _unmeasured(where, mode) if mode.converged else []
+    faults: list[str] = []
     warnings: list[str] = []
-    if mode.converged:  # otherwise the ensembles have the word
-        reasons += _unmeasured(where, mode)
     best = where.cars(mode.z[None])[0]
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
     for run, line in enumerate(where.timelines):
-        why, notes = misfit(vehicle, line, simulate_free(line, best))
-        reasons += why
+        free = simulate_free(line, best)
+        why, notes = misfit(vehicle, line, free, bool(shares))
+        if line.below is None and (why or notes):
+            top = meant_for(vehicle, line)
+            why += mend(line, vehicle, left_in_band(line, free, top) ** 2, top)
+        faults += why
         warnings += notes + swollen_noise(line, noise, run) + _cut_out(line)
-    return BestFit(target, mode, tuple(reasons), tuple(warnings))
+        if shares:
+            warnings += band_notes(line, shares[run], vehicle)
+    return BestFit(target, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
+
+
+def _at_full_band(
+    lines: tuple[Timeline, ...], vehicle: Vehicle, likelihood: str
+) -> tuple[Mode, Target]:
+    """Climb to the mode, cut tones out, and climb again with the colour that is left."""
+    mode, target = _climb(space(vehicle, lines, likelihood), None)
+    if likelihood != "innovations":
+        return mode, target
+    quiet = _without_tones(target, mode, vehicle)
+    if quiet is not None:
+        mode, target = _climb(space(vehicle, quiet, likelihood), None)
+    return _with_colour(target, mode, vehicle)
 
 
 def _cut_out(line: Timeline) -> list[str]:

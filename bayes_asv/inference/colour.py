@@ -25,13 +25,15 @@ _ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
 _MARGIN = 5.0
 
 
-def find_colour(nu: Array) -> Colour:
+def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Colour:
     """Fit the autoregression that the information criterion asks for.
 
     Parameters
     ----------
     nu : (N, 2) array
         Normalised innovations of one run, in time order; nan where a reading was missing.
+    least, most : int
+        Lowest and highest order to consider.
 
     Returns
     -------
@@ -39,13 +41,14 @@ def find_colour(nu: Array) -> Colour:
         :data:`~bayes_asv.inference.likelihood.WHITE` when no order beats order zero.
     """
     n = len(nu)
-    longest = max((p for p in _ORDERS if 20 * p <= n), default=0)
+    orders = [p for p in _ORDERS if least <= p <= most and 20 * p <= n]
+    longest = max(orders, default=0)
     if longest == 0:
         return WHITE
     target = nu[longest:]
     lagged = np.concatenate([nu[longest - j : n - j] for j in range(1, longest + 1)], axis=1)
     best, best_score = 0, math.inf
-    for p in (order for order in _ORDERS if order <= longest):
+    for p in orders:
         rows, design = _whole(target, lagged[:, : 2 * p])
         if len(rows) < max(20 * p, 50):
             break  # too many gaps to tell

@@ -20,7 +20,6 @@ __all__ = ["Cut", "cut_by", "given_back"]
 Array = NDArray[np.float64]
 
 
-
 class Cut(NamedTuple):
     """A missing band.
 
@@ -113,5 +112,7 @@ def given_back(cut: Cut, noises: Array) -> Array:
         cut.transfer[:, 0, 0] * cut.transfer[:, 1, 0].conj() * wheels[:, 0]
         + cut.transfer[:, 0, 1] * cut.transfer[:, 1, 1].conj() * wheels[:, 1]
     )
-    log_det = np.log(front * rear - np.abs(cross) ** 2)
+    # The chassis' own noise alone is never more than the whole, whatever rounding says.
+    det = np.maximum(front * rear - np.abs(cross) ** 2, chassis[:, 0] * chassis[:, 1])
+    log_det = np.log(np.maximum(det, 1e-300))
     return np.asarray(0.5 * log_det @ cut.readings)

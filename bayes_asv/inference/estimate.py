@@ -7,16 +7,19 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.inference.agreement import Agreement, compare_runs, run_alone
 from bayes_asv.inference.bestfit import best_fit, lay_out
 from bayes_asv.inference.fit import FreeRun, simulate_free
 from bayes_asv.inference.likelihood import Colour, Target
 from bayes_asv.inference.parameters import Space
+from bayes_asv.inference.predictive import Check, predictive_checks
 from bayes_asv.inference.timeline import Timeline
+from bayes_asv.inference.width import Width, find_width
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 
@@ -28,6 +31,8 @@ Progress = Callable[[float, str], None]
 ANSWERS = ("c_f", "c_r", "i")
 DERIVED = ("k_g", "zeta_f", "zeta_r")
 LIKELIHOODS = ("innovations", "output-error")
+
+_APART = (4, 2500)  # draws where runs do not agree: independent, in as many rows as ensembles
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,8 @@ class RunFit:
         Normalised innovations after the colour was taken out; nan where there was no reading.
     colour : Colour
         Colour that the innovations had.
+    checks : tuple of Check
+        Posterior predictive checks.
     """
 
     recording: Recording
@@ -59,6 +66,7 @@ class RunFit:
     travel: Array
     innovations: Array
     colour: Colour
+    checks: tuple[Check, ...]
 
 
 @dataclass(frozen=True)
@@ -86,8 +94,18 @@ class Estimate:
         One a recording; empty when refused.
     space : Space or None
         Coordinates and priors.
+    width : Width or None
+        What makes each answer as wide as it is; only with an answer, and only when runs agree.
+    agreement : Agreement or None
+        One run against another; None with a single run.  Where it says ``disagree`` the draws
+        are those of its mean car, and each run is explained at its own posterior.
+    joint : dict of str to array
+        Draws of the same car if all runs were alike; empty unless they disagree.
     likelihood : str
-        Which likelihood was used.
+        Which likelihood was used: ``coloured`` in a band where the sensors' noise does not
+        explain what is left.
+    below : float or None
+        Upper edge of the band that was used, Hz; None at full band.
     seconds : float
         Time it took.
     seed : int
@@ -111,6 +129,10 @@ class Estimate:
     acceptance: float = math.nan
     runs: tuple[RunFit, ...] = ()
     space: Space | None = None
+    width: Width | None = None
+    agreement: Agreement | None = None
+    joint: dict[str, Array] = field(default_factory=dict)
+    below: float | None = None
 
     @property
     def count(self) -> int:
@@ -123,6 +145,7 @@ def estimate(
     vehicle: Vehicle,
     *,
     likelihood: str = "innovations",
+    below: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Estimate:
@@ -136,6 +159,8 @@ def estimate(
         Nominal and known values with their deviations.
     likelihood : {'innovations', 'output-error'}
         With the noise of the wheel sensors in the covariance, or with white residuals.
+    below : float, optional
+        Use the motion below this frequency (Hz) alone.
     seed : int
         Same seed, same answer.
     progress : callable, optional
@@ -149,7 +174,8 @@ def estimate(
     Raises
     ------
     InputError
-        When a channel is in counts and the vehicle lacks its calibration.
+        When a channel is in counts and the vehicle lacks its calibration, or the car's own
+        motion is not below the frequency.
     ValueError
         For an unknown likelihood or no recording.
     """
@@ -159,20 +185,31 @@ def estimate(
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
     tell = progress or (lambda share, words: None)
-    lines, reasons, warnings = lay_out(recordings, vehicle)
-    found = None
+    lines, reasons, warnings = lay_out(recordings, vehicle, below)
+    found, agreement = None, None
     if not reasons:
         tell(0.0, "looking for the best fit")
         with ThreadPoolExecutor(1) as other:
             # emcee takes a second to load, most of it while compiled code climbs to the mode
             loading = other.submit(importlib.import_module, "bayes_asv.inference.sampler")
-            found = best_fit(lines, vehicle, likelihood)
+            if len(lines) > 1 and likelihood == "innovations":  # the other form claims too much
+                alone = [run_alone(line, vehicle, seed) for line in lines]
+                agreement = compare_runs(alone, math.prod(_APART), seed)
+            if agreement is not None and agreement.verdict == "disagree":
+                reasons, warnings = agreement.reasons, warnings + agreement.warnings
+            else:
+                found = best_fit(lines, vehicle, likelihood)
+                reasons, warnings = found.reasons, warnings + found.warnings
             run_ensembles = loading.result().run_ensembles
-        reasons, warnings = found.reasons, warnings + found.warnings
+    if agreement is not None and found is None and not reasons:
+        tell(0.9, "the runs do not agree")
+        told = _apart(agreement, recordings, vehicle, warnings, seed)
+        tell(1.0, "done")
+        return replace(told, seconds=time.perf_counter() - began)
     if reasons or found is None:
         return Estimate(
             "refused", reasons, warnings, vehicle, tuple(recordings),
-            likelihood, seed, time.perf_counter() - began,
+            likelihood, seed, time.perf_counter() - began, agreement=agreement, below=below,
         )  # fmt: skip
     where, target = found.space, found.target
     tell(0.1, "sampling")
@@ -193,7 +230,10 @@ def estimate(
             f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
             "intervals: the recordings may hold something the half car does not know",
         )
-    runs = tuple(_run_fit(recording, target, flat, run) for run, recording in enumerate(recordings))
+    runs = tuple(
+        _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
+    )
+    width = find_width(target, found.mode, vehicle) if ensembles.converged else None
     tell(1.0, "done")
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
@@ -201,7 +241,7 @@ def estimate(
         warnings=warnings,
         vehicle=vehicle,
         recordings=tuple(recordings),
-        likelihood=likelihood,
+        likelihood=where.likelihood,
         seed=seed,
         seconds=time.perf_counter() - began,
         draws=draws,
@@ -213,10 +253,52 @@ def estimate(
         acceptance=ensembles.acceptance,
         runs=runs,
         space=where,
+        width=width,
+        agreement=agreement,
+        below=below,
     )
 
 
-def _run_fit(recording: Recording, target: Target, flat: Array, run: int) -> RunFit:
+def _apart(
+    agreement: Agreement,
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    warnings: tuple[str, ...],
+    seed: int,
+) -> Estimate:
+    """Answer where runs do not agree: the mean car, and each run at its own posterior."""
+    from bayes_asv.inference.sampler import diagnose
+
+    found = agreement.population
+    together = agreement.joint(math.prod(_APART), seed)
+    rhat, bulk, tail = diagnose(found.centre.reshape(_APART[0], _APART[1], 1, -1))
+    return Estimate(
+        verdict="ok",
+        reasons=(),
+        warnings=warnings,
+        vehicle=vehicle,
+        recordings=tuple(recordings),
+        likelihood=agreement.space.likelihood,
+        seed=seed,
+        seconds=math.nan,
+        draws={n: x.reshape(_APART) for n, x in agreement.quantities(found.centre, seed).items()},
+        nuisance=agreement.nuisance(_APART, seed),
+        log_posterior=found.log_density.reshape(_APART),
+        rhat_max=rhat,
+        ess_bulk_min=bulk,
+        ess_tail_min=tail,
+        runs=tuple(
+            _run_fit(recording, alone.fit.target, alone.z, 0, seed + run)
+            for run, (recording, alone) in enumerate(zip(recordings, agreement.runs, strict=True))
+        ),
+        space=agreement.space,
+        agreement=agreement,
+        below=agreement.space.timelines[0].below,
+        joint=agreement.quantities(together, seed),
+    )
+
+
+def _run_fit(recording: Recording, target: Target, flat: Array, run: int, seed: int) -> RunFit:
     """Simulate one recording at the posterior's centre and at a few of its draws."""
     line = target.space.timelines[run]
     centre = flat.mean(axis=0)
@@ -232,4 +314,9 @@ def _run_fit(recording: Recording, target: Target, flat: Array, run: int) -> Run
         travel=np.stack([one.states[:, [0, 2]] for one in each]),
         innovations=innovations,
         colour=target.colours[run],
+        # Replicates know the sensors' noise alone; where it explains little there is nothing
+        # to check.
+        checks=()
+        if target.space.likelihood == "coloured"
+        else predictive_checks(target, flat, run, seed),
     )

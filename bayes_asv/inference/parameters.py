@@ -72,7 +72,7 @@ class Space:
     timelines : tuple of Timeline
         The recordings.
     likelihood : str
-        ``innovations`` or ``output-error``.
+        ``innovations``, or ``output-error`` and ``coloured`` in which wheels have no noise.
     held : tuple of (4,) arrays
         Noise deviation of each channel of each run (m/s²) where it is not sampled.
     """
@@ -237,7 +237,7 @@ def space(
     timelines : tuple of Timeline
         The recordings, in order.
     likelihood : str
-        ``innovations`` or ``output-error``.
+        ``innovations``, or ``output-error`` and ``coloured`` in which wheels have no noise.
     hold : frozenset of int
         Runs whose noise levels are held at the centre of their prior: under a colour they are
         but the shape of a filter, and the colour has the scale.
@@ -266,7 +266,7 @@ def space(
     for run, line in enumerate(timelines):
         levels = np.zeros(4)
         for c, channel in enumerate(CHANNELS):
-            if likelihood == "output-error" and channel.endswith("wheel"):
+            if likelihood != "innovations" and channel.endswith("wheel"):
                 continue
             noise = line.noise[c]
             levels[c] = _quiet_level(line, c) if noise is None else noise

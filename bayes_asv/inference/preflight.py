@@ -15,7 +15,10 @@ from bayes_asv.model.modes import Mode, modes
 from bayes_asv.recording import Recording, accelerations, sample_offsets
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["PLAIN", "clipping_limit", "dead_channels", "misfit", "preflight", "swollen_noise"]
+__all__ = [
+    "DOUBTFUL", "PLAIN", "clipping_limit", "dead_channels", "meant_for", "misfit", "preflight",
+    "swollen_noise",
+]  # fmt: skip
 
 PLAIN = {
     "front_wheel": "front wheel",
@@ -29,7 +32,8 @@ _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
 _FEWEST = 100  # rows
 _BAND = 2.5  # times the fastest mode: where the half car has to explain what is measured
 _NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is not this half car
-_DOUBTFUL = 0.3  # and beyond which the intervals are too good to be true
+DOUBTFUL = 0.3
+"""Share left over (rms) beyond which the intervals are too good to be true."""
 _FARTHEST = 0.4  # m of suspension travel that no small car has
 _SWOLLEN = 3.0  # times the given noise beyond which something else hides in it
 _SHAKEN = 5.0  # wheel rms in units of its noise, below which nothing was driven over
@@ -179,7 +183,9 @@ def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
     return reasons, warnings
 
 
-def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], list[str]]:
+def misfit(
+    vehicle: Vehicle, line: Timeline, free: FreeRun, widened: bool = False
+) -> tuple[list[str], list[str]]:
     """Look whether the fitted half car explains the motion it is meant for.
 
     Parameters
@@ -188,6 +194,8 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
         Its fastest nominal mode says up to which frequency the half car has to hold.
     line, free : Timeline and FreeRun
         One recording and its best simulation.
+    widened : bool
+        Whether the intervals account for what is left over.
 
     Returns
     -------
@@ -195,7 +203,7 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    top = _BAND * _modes(vehicle)[-1].natural
+    top = meant_for(vehicle, line)
     for axle, left in zip(("front", "rear"), left_in_band(line, free, top), strict=True):
         share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
         words = (
@@ -208,10 +216,10 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
                 "clocks, and that the sensors sit on hubs and frame above the axles; if all that "
                 "is right, this car does something that a linear half car cannot"
             )
-        elif left > _DOUBTFUL:
+        elif left > DOUBTFUL:
+            words += "; something that it does not know is at work"
             warnings.append(
-                f"{words}; something that it does not know is at work, and the intervals do not "
-                "account for it"
+                words if widened else f"{words}, and the intervals do not account for it"
             )
     travel = float(np.max(np.abs(free.states[:, [0, 2]])))
     if travel > _FARTHEST:
@@ -220,6 +228,12 @@ def misfit(vehicle: Vehicle, line: Timeline, free: FreeRun) -> tuple[list[str], 
             "scales of the sensors"
         )
     return reasons, warnings
+
+
+def meant_for(vehicle: Vehicle, line: Timeline) -> float:
+    """Frequency (Hz) up to which the half car has to explain a recording."""
+    top = _BAND * _modes(vehicle)[-1].natural
+    return top if line.below is None else min(top, line.below)
 
 
 def swollen_noise(line: Timeline, found: dict[str, float], run: int) -> list[str]:

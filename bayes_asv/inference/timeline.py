@@ -220,6 +220,7 @@ def schedule(
     rails: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     wheels: tuple[WheelSignal, WheelSignal],
     vehicle: Vehicle,
+    longest: float = _LONGEST_STEP,
 ) -> Schedule:
     """Put chassis readings and wheel signals in the order in which the recursion takes them.
 
@@ -232,13 +233,16 @@ def schedule(
     wheels : pair of WheelSignal
         Front and rear wheel acceleration.
     vehicle : Vehicle
-        Its fastest motion sets the longest step.
+        Its fastest motion limits the step.
+    longest : float
+        Longest step whatever the car, s.
 
     Returns
     -------
     Schedule
     """
-    instants, kind, reading, pairs = _instants(acc, times, *rails, wheels, _longest_step(vehicle))
+    longest = min(longest, _longest_step(vehicle))
+    instants, kind, reading, pairs = _instants(acc, times, *rails, wheels, longest)
     closes = np.zeros(len(instants), bool)
     closes[pairs.max(axis=1)] = True
     return Schedule(
@@ -258,10 +262,10 @@ def schedule(
 
 
 def _longest_step(vehicle: Vehicle) -> float:
-    """Length of step (s) over which the kernel's series hold for this car."""
+    """Length of step (s) over which the kernel's series hold for this car's motion."""
     car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
     fastest = float(np.max(np.abs(np.linalg.eigvals(deflection_form(car).A))))
-    return min(_LONGEST_STEP, _LONGEST_PHASE / fastest)
+    return _LONGEST_PHASE / fastest
 
 
 def _common_bandwidth(

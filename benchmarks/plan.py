@@ -1,0 +1,349 @@
+"""What ``bayes-asv plan`` promises against what the estimator then gives on the rig.
+
+The rig shares no code with the plan: its own tyres, tyre envelope, integrator, sensors.  Three
+parts, all with cars and tyres that the plan is not told:
+
+*widths*  Drives drawn from the plan's own grid, driven by the rig and estimated by
+``best_fit`` and ``importance``: posterior deviation over promised width.
+
+*errors*  A few drives many times with cars drawn anew: root mean square of the true error over
+the promised width.
+
+*information*  The plan's formula on the rig's own recordings at the true car, so that nothing
+about motion is assumed: posterior deviation over the formula's.
+
+``python -m benchmarks.plan`` writes ``benchmarks/results/plan.json`` and ``docs/plan.png``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv import __version__
+from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
+from bayes_asv.inference.importance import importance
+from bayes_asv.model.halfcar import HalfCar
+from bayes_asv.planning.grid import RATES, Planned
+from bayes_asv.planning.grounds import KINDS, Ground
+from bayes_asv.planning.information import information
+from bayes_asv.planning.motion import Pass, assumed_tyres, drive_all
+from bayes_asv.planning.plan import plan
+from bayes_asv.planning.sensing import with_assumed_noise
+from bayes_asv.planning.trial import attempt
+from bayes_asv.planning.widths import ANSWERS, known, widths
+from bayes_asv.recording import Recording
+from bayes_asv.vehicle import Vehicle, read_vehicle
+from benchmarks.plan_cars import CARS, chance_car
+from benchmarks.plan_picture import draw_picture
+from tests.rig import (
+    DECLARED_SDS,
+    SPREADS,
+    RigCar,
+    SensorSpec,
+    Terrain,
+    baja,
+    bump,
+    draw,
+    draw_biases,
+    drive,
+    parking_stops,
+    rollers,
+    rough_road,
+    vehicle_toml,
+)
+
+__all__ = [
+    "KNOWLEDGE",
+    "main",
+    "posterior",
+    "promise",
+    "rig_terrain",
+    "vehicle_of",
+]
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+RESULTS = Path(__file__).parent / "results" / "plan.json"
+EXACT = dict.fromkeys(DECLARED_SDS, 0.0)
+KNOWLEDGE: Mapping[str, Mapping[str, float]] = {"exact": EXACT, "declared": DECLARED_SDS}
+WANT = dict.fromkeys(ANSWERS, 0.05)
+_DRAWS = 512
+_INCH = 0.0254
+
+
+def vehicle_of(car: RigCar, sds: Mapping[str, float]) -> Vehicle:
+    """Vehicle file of a nominal car with the rig's usual sensors."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "car.toml"
+        path.write_text(vehicle_toml(car, SensorSpec(), sds), encoding="utf-8")
+        return replace(read_vehicle(path), source="car.toml")
+
+
+def rig_terrain(ground: Ground, seed: int) -> Terrain:
+    """Lay the plan's ground on the rig's road."""
+    built = {
+        "bump": lambda: bump(ground.height, ground.length),
+        "stops": lambda: parking_stops(ground.height, ground.length),
+        "rollers": lambda: rollers(ground.height, ground.length, ground.count),
+        "rough": lambda: rough_road(seed, ground.iso),
+    }[ground.kind]()
+    return replace(built, lead_in=0.5)
+
+
+def rig_recording(car: RigCar, planned: Planned, seed: int) -> Recording:
+    """Drive the rig over the plan's ground, with biases of its own."""
+    rng = np.random.default_rng([seed, 77])
+    sensors = draw_biases(SensorSpec(), rng)
+    road, run = (int(v) for v in rng.integers(2**31, size=2))
+    where = rig_terrain(planned.ground, road)
+    done = drive(car, where, planned.speed, planned.rate, planned.seconds, sensors, run)
+    return Recording(done.time, done.channels / _INCH, ("in/s^2",) * 4, (), f"run-{seed}.csv")
+
+
+def fitted(car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]) -> BestFit | None:
+    """Mode of the posterior of rig runs; None when they are refused."""
+    runs = [rig_recording(car, planned, seed) for seed in seeds]
+    lines, reasons, _ = lay_out(runs, vehicle)
+    if reasons:
+        return None
+    found = best_fit(lines, vehicle)
+    return None if found.reasons else found
+
+
+def error(car: RigCar, found: BestFit) -> Array:
+    """Relative error (4,) of the mode."""
+    c_f, c_r, i, m, *_ = found.space.cars(found.mode.z[None])[0]
+    truth = np.array([getattr(car, name) for name in ANSWERS])
+    return np.asarray(np.array([c_f, c_r, i, np.sqrt(i / m)]) / truth - 1.0)
+
+
+def posterior(
+    car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]
+) -> Array | None:
+    """Relative posterior deviations (4,) of rig runs; None when they are refused."""
+    found = fitted(car, vehicle, planned, seeds)
+    if found is None:
+        return None
+    draws = importance(found.target, found.mode, _DRAWS, seeds[0])
+    value = found.space.quantities(draws.z, seeds[0])
+    mean = np.array([draws.mean(value[name]) for name in ANSWERS])
+    sd = np.array([draws.sd(value[name]) for name in ANSWERS])
+    return np.asarray(sd / mean)
+
+
+def promise(vehicle: Vehicle, planned: Planned, passes: int, seed: int) -> Array | None:
+    """Promised widths (4,) of one drive; None when the plan would not use it."""
+    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
+    noisy, _ = with_assumed_noise(vehicle)
+    roads = 2 if planned.ground.kind == "rough" else 1
+    passes_ = [Pass(planned.ground, planned.speed, planned.seconds, seed + k) for k in range(roads)]
+    motions = drive_all(car, assumed_tyres(car), passes_)
+    (trial,) = attempt(noisy, [planned], motions, seed)
+    return widths(trial.information, passes, known(vehicle)) if trial.usable else None
+
+
+def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
+    """Promised against posterior on drives of the grid; also how many were tried and refused.
+
+    Parameters
+    ----------
+    each : int
+        Drives of each kind of road and car with exact given values, and half as many with
+        declared ones, at two rates drawn for each car.
+    cars : int
+        Cars of chance beside the named ones.
+    seed : int
+        Of everything.
+    """
+    rows: list[Row] = []
+    tried = refused = 0
+    chance = {f"chance {k}": chance_car(seed + k) for k in range(cars)}
+    named = {name: make() for name, make in CARS.items()}
+    for place, (name, nominal) in enumerate({**named, **chance}.items()):
+        rng = np.random.default_rng([seed, place])
+        rates = sorted(rng.choice(RATES, 2, replace=False).tolist())
+        made = plan(vehicle_of(nominal, EXACT), WANT, rates=rates, seed=seed)
+        usable = [one for one in made.judged if one.trial.usable]
+        for knowledge, sds in KNOWLEDGE.items():
+            vehicle = vehicle_of(nominal, sds)
+            before = known(vehicle)
+            for kind in KINDS:
+                count = each if knowledge == "exact" else (each + 1) // 2
+                cell = [one for one in usable if one.trial.drive.ground.kind == kind]
+                for _ in range(count if cell else 0):
+                    one = cell[int(rng.integers(len(cell)))]
+                    # every other car is another one than nominal, as cars are
+                    other = bool(rng.integers(2))
+                    passes = (1, 1, 3)[int(rng.integers(3))]
+                    car = draw(nominal, rng, sds, SPREADS if other else {})
+                    first = int(rng.integers(2**31))
+                    drive = one.trial.drive
+                    got = posterior(car, vehicle, drive, [first + k for k in range(passes)])
+                    tried += 1
+                    if got is None:
+                        refused += 1
+                        continue
+                    promised = widths(one.trial.information, passes, before)
+                    rows.append(
+                        {
+                            "car": name, "drawn": other, "knowledge": knowledge, "road": kind,
+                            "height": drive.ground.height, "length": drive.ground.length,
+                            "iso": drive.ground.iso, "speed": drive.speed, "rate": drive.rate,
+                            "passes": passes, "gentle": one.trial.gentle, "seed": first,
+                            "promised": promised.tolist(), "posterior": got.tolist(),
+                            "ratio": (got / promised).tolist(),
+                        }
+                    )  # fmt: skip
+        print(f"{name}: {len(rows)} rows", file=sys.stderr, flush=True)
+    return rows, tried, refused
+
+
+# Drives of the second and third part: shapes and speeds of the rig's own defaults.
+_CLASSIC = {
+    "bump": Planned(Ground("bump", 3.5 * _INCH, 1.5, 1), 4.47, 400.0, 2.2),
+    "stops": Planned(Ground("stops", 3.0 * _INCH, 12.0 * _INCH, 2), 2.24, 400.0, 2.6),
+    "rollers": Planned(Ground("rollers", 2.25 * _INCH, 1.4, 8), 3.58, 400.0, 4.6),
+    "rough": Planned(Ground("rough", iso="D"), 5.36, 400.0, 2.5),
+}
+
+
+def error_rows(runs: int, seed: int) -> list[Row]:
+    """Root mean square error over promised width, cars drawn anew each time."""
+    rows: list[Row] = []
+    for knowledge, sds in KNOWLEDGE.items():
+        vehicle = vehicle_of(baja(), sds)
+        for kind, planned in _CLASSIC.items():
+            promised = promise(vehicle, planned, 1, seed)
+            assert promised is not None, kind
+            errors = []
+            for k in range(runs):
+                rng = np.random.default_rng([seed, k, KINDS.index(kind)])
+                car = draw(baja(), rng, sds)
+                found = fitted(car, vehicle, planned, [int(rng.integers(2**31))])
+                if found is not None:
+                    errors.append(error(car, found))
+            rms = np.sqrt(np.mean(np.square(errors), axis=0))
+            rows.append(
+                {
+                    "knowledge": knowledge, "road": kind, "runs": len(errors), "tried": runs,
+                    "promised": promised.tolist(), "rms_error": rms.tolist(),
+                    "ratio": (rms / promised).tolist(),
+                }
+            )  # fmt: skip
+            print(rows[-1], file=sys.stderr, flush=True)
+    return rows
+
+
+def information_rows(runs: int, seed: int) -> list[Row]:
+    """Posterior deviation over the formula's, both from one rig recording at its true car."""
+    rows: list[Row] = []
+    vehicle = vehicle_of(baja(), EXACT)
+    for rate in RATES:
+        ratios = []
+        for kind, planned in _CLASSIC.items():
+            at = planned._replace(rate=rate)
+            for k in range(runs):
+                rng = np.random.default_rng([seed, k, KINDS.index(kind), int(rate)])
+                car, first = draw(baja(), rng, EXACT), int(rng.integers(2**31))
+                got = posterior(car, vehicle, at, [first])
+                if got is None:
+                    continue
+                true = vehicle_of(car, EXACT)
+                lines, _, _ = lay_out([rig_recording(car, at, first)], true)
+                formula = widths(information(lines[0], true), 1, known(true))
+                ratios.append(got / formula)
+        found = np.array(ratios)
+        rows.append(
+            {
+                "rate": rate, "recordings": len(found), "mean": found.mean(axis=0).tolist(),
+                "sd": found.std(axis=0).tolist(), "least": found.min(axis=0).tolist(),
+                "largest": found.max(axis=0).tolist(),
+            }
+        )  # fmt: skip
+        print(rows[-1], file=sys.stderr, flush=True)
+    return rows
+
+
+def summarise(rows: Sequence[Row]) -> dict[str, Any]:
+    """Distribution of ratios: all four answers of all rows together, and by group."""
+
+    def numbers(some: Sequence[Row]) -> dict[str, Any]:
+        ratio = np.array([row["ratio"] for row in some])
+        inside = (ratio > 1.0 / 1.5) & (ratio < 1.5)
+        low, five, middle, ninety, high = np.quantile(ratio, [0.0, 0.05, 0.5, 0.95, 1.0])
+        return {
+            "drives": len(some), "median": float(middle),
+            "quantiles_5_95": [float(five), float(ninety)],
+            "range": [float(low), float(high)], "within_1.5": float(inside.mean()),
+            "drives_within_1.5": float(inside.all(axis=1).mean()),
+        }  # fmt: skip
+
+    out: dict[str, Any] = {}
+    for knowledge in KNOWLEDGE:
+        mine = [row for row in rows if row["knowledge"] == knowledge]
+        if not mine:
+            continue
+        out[knowledge] = {"all": numbers(mine)}
+        for key in ("road", "rate", "passes", "car", "gentle", "drawn"):
+            out[knowledge][key] = {
+                str(value): numbers([row for row in mine if row[key] == value])
+                for value in dict.fromkeys(row[key] for row in mine)
+            }
+    return out
+
+
+def main() -> int:
+    """Run all parts and write the results; return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--each", type=int, default=2, help="drives of a car and kind of road")
+    parser.add_argument("--cars", type=int, default=10, help="cars of chance beside the named")
+    parser.add_argument("--runs", type=int, default=40, help="runs a drive for the errors")
+    parser.add_argument("--recordings", type=int, default=4, help="a road and rate for the formula")
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    began = time.perf_counter()
+    rows, tried, refused = width_rows(given.each, given.cars, given.seed)
+    errors = error_rows(given.runs, given.seed)
+    formula = information_rows(given.recordings, given.seed)
+    about = {
+        "commit": commit,
+        "version": __version__,
+        "python": platform.python_version(),
+        "packages": {name: metadata.version(name) for name in ("numpy", "scipy", "numba")},
+        "cores": os.cpu_count(),
+        "seed": given.seed,
+        "seconds": time.perf_counter() - began,
+        "answers": list(ANSWERS),
+    }
+    summary = {"tried": tried, "refused_on_the_rig": refused, "widths": summarise(rows)}
+    document = {
+        "about": about, "summary": summary, "errors": errors, "information": formula, "rows": rows,
+    }  # fmt: skip
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    draw_picture(plan(vehicle_of(baja(), DECLARED_SDS), WANT, rates=[400.0], seed=given.seed), rows)
+    print(json.dumps(summary, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

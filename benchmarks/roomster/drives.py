@@ -1,0 +1,213 @@
+"""The drives, one by one: what the wheels can explain, and what each drive says of the car."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.formats import read_recording
+from bayes_asv.inference.agreement import RunAlone, run_alone
+from bayes_asv.inference.bestfit import best_fit, lay_out
+from bayes_asv.inference.between import Contrast, Site, contrast
+from bayes_asv.inference.coherence import coherence
+from bayes_asv.inference.fit import simulate_free
+from bayes_asv.inference.parameters import CAR
+from bayes_asv.inference.timeline import Timeline, build
+from bayes_asv.kernels.innovations import VALUE
+from bayes_asv.recording import Recording
+from bayes_asv.vehicle import Vehicle, read_vehicle
+
+__all__ = [
+    "BELOW", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",
+    "left_over", "posterior_row", "ratios", "read_all", "run_of", "variants",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+WORKED_ON = ("04_1", "06_1", "08_1", "08_2")
+HELD_OUT = ("02_1", "10_1", "10_2")  # looked at for prediction alone, once the method stood
+BELOW = 4.0
+WINDOW = 3.5  # s of a spectrum
+EDGES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0)
+LAGS = (0.01, 0.02)  # s by which both wheels may have been stamped too early
+GAINS = (0.95, 1.05)  # of both wheels
+
+
+def read_all(folder: Path) -> tuple[dict[str, Recording], Vehicle]:
+    """Read every drive and the vehicle file."""
+    names = (*WORKED_ON, *HELD_OUT)
+    drives = {name: read_recording(folder / f"drive{name}.csv") for name in names}
+    return drives, read_vehicle(folder / "roomster.toml")
+
+
+def run_of(
+    recording: Recording, vehicle: Vehicle, seed: int, below: float = BELOW
+) -> tuple[Timeline, RunAlone]:
+    """Lay a drive out below a frequency and ask it alone."""
+    lines, reasons, _ = lay_out([recording], vehicle, below)
+    if reasons:
+        raise SystemExit("\n".join(reasons))
+    return lines[0], run_alone(lines[0], vehicle, seed)
+
+
+def ratios(run: RunAlone) -> Array:
+    """c_f/m, c_r/m (1/s), i/m (m²), k_f/m, k_r/m (1/s²) and the weight share: draws (S, 6)."""
+    car = dict(zip(CAR, run.fit.space.cars(run.z).T, strict=True))
+    over_mass = [car[name] / car["m"] for name in ("c_f", "c_r", "i", "k_f", "k_r")]
+    return np.stack([*over_mass, car["wdf"]], axis=1)
+
+
+def left_over(line: Timeline, car: Array) -> Array:
+    """Root mean square of what a free-running car leaves of each chassis channel, a share (2,)."""
+    output = simulate_free(line, car).output
+    out = np.empty(2)
+    for axle in range(2):
+        use = line.kind[:, axle] == VALUE
+        y = line.reading[use, axle]
+        out[axle] = np.sqrt(np.mean((y - output[use, axle]) ** 2) / np.var(y))
+    return out
+
+
+def posterior_row(line: Timeline, run: RunAlone) -> Row:
+    """Tell one drive's posterior and how much its car leaves unexplained."""
+    draws = ratios(run)
+    names = ("c_f/m", "c_r/m", "i/m", "k_f/m", "k_r/m", "wdf")
+    row: Row = {
+        name: {"mean": float(x.mean()), "sd": float(x.std()), "eti95": _eti(x)}
+        for name, x in zip(names, draws.T, strict=True)
+    }
+    for name, x in run.fit.space.quantities(run.z, 0).items():
+        if name in ("c_f", "c_r", "i"):
+            row[name] = {"mean": float(x.mean()), "sd": float(x.std()), "eti95": _eti(x)}
+    best = run.fit.space.cars(run.fit.mode.z[None])[0]
+    row["nrmse"] = left_over(line, best).tolist()
+    row["share"] = run.fit.shares[0] if run.fit.shares else None
+    row["colour_order"] = run.fit.target.colours[0].order
+    row["effective_draws"] = run.effective
+    row["refused"] = list(run.fit.reasons)
+    row["seconds"] = float(line.instants[-1] - line.instants[0])
+    return row
+
+
+def coherence_row(recording: Recording, vehicle: Vehicle, car: Array) -> Row:
+    """Share of the chassis' power that both wheels, and one half car, leave over by frequency."""
+    line = build(recording, vehicle)
+    seen = coherence(line, WINDOW)
+    if seen is None:
+        raise SystemExit(f"{line.source} is too short for a spectrum")
+    bands = list(pairwise(EDGES))
+    return {
+        "windows": seen.windows,
+        "bands": [list(band) for band in bands],
+        "left_by_any": [(1.0 - seen.explained(*band)).tolist() for band in bands],
+        "left_by_half_car": [x.tolist() for x in _left_by_car(line, car, bands)],
+        "explained_below": {
+            f"{top:g}": seen.explained(EDGES[0], top).tolist() for top in (3.0, 4.0, 6.0, 8.0)
+        },
+    }
+
+
+def _left_by_car(line: Timeline, car: Array, bands: Sequence[tuple[float, float]]) -> list[Array]:
+    """Shares (2,) of the power in each band that a free-running car leaves over."""
+    from scipy.signal import welch
+
+    output = simulate_free(line, car).output
+    shares = []
+    for axle in range(2):
+        use = line.kind[:, axle] == VALUE
+        y = line.reading[use, axle]
+        rate = 1.0 / line.reading_step
+        f, whole = welch(y, rate, nperseg=int(WINDOW * rate))
+        _, left = welch(y - output[use, axle], rate, nperseg=int(WINDOW * rate))
+        inside = [(f > low) & (f <= high) for low, high in bands]
+        shares.append([left[k].sum() / whole[k].sum() for k in inside])
+    return list(np.array(shares).T)
+
+
+def at_full_band(recording: Recording, vehicle: Vehicle) -> Row:
+    """Tell what the estimator says of a drive when no band is given."""
+    lines, reasons, _ = lay_out([recording], vehicle)
+    fit = best_fit(lines, vehicle)
+    car = dict(zip(CAR, fit.space.cars(fit.mode.z[None])[0].tolist(), strict=True))
+    return {
+        "reasons": [*reasons, *fit.reasons],
+        "mode": {f"{name}/m": car[name] / car["m"] for name in ("c_f", "c_r", "i")},
+        "converged": fit.mode.converged,
+    }
+
+
+def between(runs: Sequence[RunAlone], counted: bool) -> Contrast:
+    """Test whether runs share c_f, c_r and i, given values shared.
+
+    Parameters
+    ----------
+    runs : sequence of RunAlone
+        Drives.
+    counted : bool
+        Whether readings count for the share that the parts of each drive say, or all of them.
+    """
+    scale = [1.0 if counted else 1.0 / (run.fit.shares[0] or 1.0) for run in runs]
+    sites = [_scaled(run.site, by) for run, by in zip(runs, scale, strict=True)]
+    return contrast(sites, _way(runs[0]))
+
+
+def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> Row:
+    """Hold the halves of a drive against each other, with and without the drive's share."""
+    middle = 0.5 * (recording.time[0] + recording.time[-1])
+    runs = [
+        run_of(_part(recording, rows), vehicle, seed)[1]
+        for rows in (recording.time < middle, recording.time >= middle)
+    ]
+    sites = [run.site for run in runs]
+    plain = contrast(sites, _way(runs[0]))
+    counted = contrast([_scaled(site, share) for site in sites], _way(runs[0]))
+    return {"q": plain.q, "q_counted": counted.q, "freedom": plain.freedom}
+
+
+def variants(recording: Recording, vehicle: Vehicle, seed: int) -> tuple[Row, dict[str, RunAlone]]:
+    """Ask a drive again with its wheels stamped later, or read larger or smaller."""
+    changed = {"as given": recording}
+    for lag in LAGS:
+        stamps = tuple((f"delay {wheel}", f"{lag} s") for wheel in ("front_wheel", "rear_wheel"))
+        changed[f"{1e3 * lag:g} ms"] = replace(recording, metadata=recording.metadata + stamps)
+    for gain in GAINS:
+        values = recording.values.copy()
+        values[[0, 2]] *= gain
+        changed[f"gain {gain:g}"] = replace(recording, values=values)
+    row, runs = {}, {}
+    for name, one in changed.items():
+        line, run = run_of(one, vehicle, seed)
+        best = run.fit.space.cars(run.fit.mode.z[None])[0]
+        c_f, c_r, inertia = ratios(run).mean(axis=0)[:3]
+        runs[name] = run
+        row[name] = {
+            "nrmse": left_over(line, best).tolist(),
+            "c_f/m": float(c_f), "c_r/m": float(c_r), "i/m": float(inertia),
+        }  # fmt: skip
+    return row, runs
+
+
+def _way(run: RunAlone) -> Array:
+    """Directions of c_f, c_r and i in the coordinates of the car."""
+    where = run.fit.space
+    n = where.car_dimension
+    return np.stack([where.from_logs({name: 1.0})[:n] for name in ("c_f", "c_r", "i")], axis=1)
+
+
+def _scaled(site: Site, by: float) -> Site:
+    return Site(by * site.precision, by * site.linear)
+
+
+def _part(recording: Recording, rows: NDArray[np.bool_]) -> Recording:
+    return replace(recording, time=recording.time[rows], values=recording.values[:, rows])
+
+
+def _eti(x: Array) -> list[float]:
+    return [float(v) for v in np.quantile(x, [0.025, 0.975])]

@@ -1,0 +1,155 @@
+"""One drive predicted from another: a posterior's cars over wheels that they never saw.
+
+The prediction of a chassis reading is the free-running car of each draw, with the drive's own
+start and biases, plus what the drive it was learnt from left over, taken as a normal of the
+same size.  It is held against three others that learnt from the same drive: *nothing moves*
+(the chassis' own spread), *stiff* (the chassis does what its wheel does), and a *filter*, the
+best linear relation of either chassis channel with 15 readings of both wheels before, at and
+after its time, 60 coefficients that need not make a car.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from bayes_asv.inference.fit import simulate_free
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.kernels.innovations import VALUE
+
+__all__ = ["Learnt", "Reference", "learn", "learn_reference", "predict"]
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+CARS = 48  # draws that predict
+_BEFORE, _AFTER = 10, 4  # readings of the filter
+_SHARES = (0.50, 0.95)
+_HALF = {0.50: 0.6745, 0.95: 1.9600}
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What one drive taught.
+
+    Parameters
+    ----------
+    cars : (S, 8) array
+        Cars of its posterior.
+    left : (2,) array
+        Deviation of what its best car left of each chassis channel, m/s².
+    """
+
+    cars: Array
+    left: Array
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What predictors that know no car learnt from one drive.
+
+    Parameters
+    ----------
+    weights : (2, 30) array
+        The filter's, front and rear.
+    left : dict of str to (2,) array
+        Deviations of what ``nothing``, ``stiff`` and ``filter`` left, m/s².
+    """
+
+    weights: Array
+    left: dict[str, Array]
+
+
+def _signals(line: Timeline) -> tuple[Array, Array]:
+    """Chassis readings (R, 2) and wheels (R, 2) at the same instants, means taken out."""
+    both = line.pairs[np.all(line.pairs >= 0, axis=1), 0]
+    both = both[np.all(line.kind[both] == VALUE, axis=1)]
+    y = line.reading[both]
+    u = np.stack([wheel.spline(line.instants[both]) for wheel in line.wheels], axis=1)
+    return y - y.mean(axis=0), u - u.mean(axis=0)
+
+
+def _taps(u: Array) -> tuple[Array, slice]:
+    """Wheels around each reading (R', 30), and the readings they belong to."""
+    rows = slice(_BEFORE, len(u) - _AFTER)
+    shifts = range(-_AFTER, _BEFORE + 1)
+    columns = [np.roll(u, shift, axis=0)[rows] for shift in shifts]
+    return np.concatenate(columns, axis=1), rows
+
+
+def learn(line: Timeline, cars: Array, best: Array) -> Learnt:
+    """Take cars of a drive's posterior, and the size of what its best car left."""
+    picked = cars[np.linspace(0, len(cars) - 1, CARS).astype(int)]
+    error = line.reading - simulate_free(line, best).output
+    left = [np.std(error[line.kind[:, axle] == VALUE, axle]) for axle in range(2)]
+    return Learnt(picked, np.array(left))
+
+
+def learn_reference(line: Timeline) -> Reference:
+    """Fit the predictors that know no car to a drive."""
+    y, u = _signals(line)
+    taps, rows = _taps(u)
+    weights, *_ = np.linalg.lstsq(taps, y[rows], rcond=None)
+    spare = len(taps) - taps.shape[1]
+    filtered = np.sqrt(np.sum((y[rows] - taps @ weights) ** 2, axis=0) / spare)
+    left = {"nothing": y.std(axis=0), "stiff": (y - u).std(axis=0), "filter": filtered}
+    return Reference(np.asarray(weights.T, np.float64), left)
+
+
+def predict(line: Timeline, learnt: Learnt, reference: Reference) -> Row:
+    """Score the prediction of a drive.
+
+    Parameters
+    ----------
+    line : Timeline
+        The drive.
+    learnt, reference : Learnt and Reference
+        From another one.
+
+    Returns
+    -------
+    dict
+        For front and rear: ``nrmse`` of the mean prediction and of each reference, ``cover50``
+        and ``cover95`` of the predictive bands, ``gain`` in log predictive density a reading
+        over each reference, nats.
+    """
+    outputs = np.stack([simulate_free(line, car).output for car in learnt.cars])
+    y_even, u = _signals(line)
+    taps, rows = _taps(u)
+    plain = {
+        "nothing": (y_even, np.zeros_like(y_even)),
+        "stiff": (y_even, u),
+        "filter": (y_even[rows], taps @ reference.weights.T),
+    }
+    row: Row = {"nrmse": [], "cover50": [], "cover95": [], "gain": {n: [] for n in plain}}
+    row |= {f"nrmse_{name}": [] for name in plain}
+    for axle in range(2):
+        use = line.kind[:, axle] == VALUE
+        y = line.reading[use, axle]
+        made = outputs[:, use, axle]
+        error = y - made.mean(axis=0)
+        spread = np.sqrt(made.var(axis=0) + learnt.left[axle] ** 2)
+        row["nrmse"].append(float(np.sqrt(np.mean(error**2) / np.var(y))))
+        for share in _SHARES:
+            inside = float(np.mean(np.abs(error) < _HALF[share] * spread))
+            row[f"cover{100 * share:.0f}"].append(inside)
+        score = float(np.mean(_log_mixture(y, made, float(learnt.left[axle]))))
+        for name, (target, guess) in plain.items():
+            left = target[:, axle] - guess[:, axle]
+            row[f"nrmse_{name}"].append(float(left.std() / target[:, axle].std()))
+            other = _log_normal(left, float(reference.left[name][axle]))
+            row["gain"][name].append(score - float(np.mean(other)))
+    return row
+
+
+def _log_normal(left: Array, sd: float) -> Array:
+    return np.asarray(-0.5 * (left / sd) ** 2 - np.log(sd) - 0.5 * np.log(2.0 * np.pi))
+
+
+def _log_mixture(y: Array, made: Array, sd: float) -> Array:
+    """Log density (M,) of readings under draws (S, M) with normal remainders."""
+    return np.asarray(logsumexp(_log_normal(y - made, sd), axis=0) - np.log(len(made)))
