@@ -4,7 +4,8 @@ The rig shares no code with the plan: its own tyres, tyre envelope, integrator, 
 parts, all with cars and tyres that the plan is not told:
 
 *widths*  Drives drawn from the plan's own grid, driven by the rig and estimated by
-``best_fit`` and ``importance``: posterior deviation over promised width.
+``best_fit`` and ``importance``: posterior deviation over promised width, and over what would
+have been promised with tyre rate and unsprung mass told.
 
 *errors*  A few drives many times with cars drawn anew: root mean square of the true error over
 the promised width.
@@ -147,13 +148,19 @@ def posterior(
     return np.asarray(sd / mean)
 
 
-def promise(vehicle: Vehicle, planned: Planned, passes: int, seed: int) -> Array | None:
-    """Promised widths (4,) of one drive; None when the plan would not use it."""
+def promise(
+    vehicle: Vehicle, planned: Planned, passes: int, seed: int, tyres: RigCar | None = None
+) -> Array | None:
+    """Promised widths (4,) of one drive, if need be told a car's tyres; None when not usable."""
     car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
     noisy, _ = with_assumed_noise(vehicle)
     roads = 2 if planned.ground.kind == "rough" else 1
     passes_ = [Pass(planned.ground, planned.speed, planned.seconds, seed + k) for k in range(roads)]
-    motions = drive_all(car, assumed_tyres(car), passes_)
+    below = assumed_tyres(car)
+    if tyres is not None:
+        rate, unsprung = 0.5 * (tyres.k_tf + tyres.k_tr), 0.5 * (tyres.m_uf + tyres.m_ur)
+        below = assumed_tyres(car, rate, unsprung)
+    motions = drive_all(car, below, passes_)
     (trial,) = attempt(noisy, [planned], motions, seed)
     return widths(trial.information, passes, known(vehicle)) if trial.usable else None
 
@@ -200,6 +207,7 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
                         refused += 1
                         continue
                     promised = widths(one.trial.information, passes, before)
+                    told = promise(vehicle, drive, passes, seed, nominal)
                     rows.append(
                         {
                             "car": name, "drawn": other, "knowledge": knowledge, "road": kind,
@@ -208,6 +216,7 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
                             "passes": passes, "gentle": one.trial.gentle, "seed": first,
                             "promised": promised.tolist(), "posterior": got.tolist(),
                             "ratio": (got / promised).tolist(),
+                            "ratio_told": None if told is None else (got / told).tolist(),
                         }
                     )  # fmt: skip
         print(f"{name}: {len(rows)} rows", file=sys.stderr, flush=True)
@@ -283,12 +292,12 @@ def information_rows(runs: int, seed: int) -> list[Row]:
 def summarise(rows: Sequence[Row]) -> dict[str, Any]:
     """Distribution of ratios: all four answers of all rows together, and by group."""
 
-    def numbers(some: Sequence[Row]) -> dict[str, Any]:
-        ratio = np.array([row["ratio"] for row in some])
+    def numbers(some: Sequence[Row], key: str = "ratio") -> dict[str, Any]:
+        ratio = np.array([row[key] for row in some if row[key] is not None])
         inside = (ratio > 1.0 / 1.5) & (ratio < 1.5)
         low, five, middle, ninety, high = np.quantile(ratio, [0.0, 0.05, 0.5, 0.95, 1.0])
         return {
-            "drives": len(some), "median": float(middle),
+            "drives": len(ratio), "median": float(middle),
             "quantiles_5_95": [float(five), float(ninety)],
             "range": [float(low), float(high)], "within_1.5": float(inside.mean()),
             "drives_within_1.5": float(inside.all(axis=1).mean()),
@@ -299,7 +308,9 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
         mine = [row for row in rows if row["knowledge"] == knowledge]
         if not mine:
             continue
-        out[knowledge] = {"all": numbers(mine)}
+        out[knowledge] = {"all": numbers(mine), "tyres_told": numbers(mine, "ratio_told")}
+        nominal = [row for row in mine if not row["drawn"]]
+        out[knowledge]["tyres_told_car_as_nominal"] = numbers(nominal, "ratio_told")
         for key in ("road", "rate", "passes", "car", "gentle", "drawn"):
             out[knowledge][key] = {
                 str(value): numbers([row for row in mine if row[key] == value])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import click
 
 from bayes_asv.cli import common
@@ -31,6 +33,14 @@ _USUAL = 5.0  # percent
 )  # fmt: skip
 @click.option("--speed-limit", "top", metavar="TEXT", help="Such as '12 mph' or '20 km/h'.")
 @click.option(
+    "--tyre-rate", metavar="TEXT",
+    help="Of an axle, both tyres together, such as '300 lbf/in'; guessed otherwise.",
+)  # fmt: skip
+@click.option(
+    "--unsprung", metavar="TEXT",
+    help="Mass of an axle that is not on springs, such as '65 lbm'; guessed otherwise.",
+)  # fmt: skip
+@click.option(
     "--passes", type=click.IntRange(1, 1000), default=10, show_default=True,
     help="The most passes that you will drive.",
 )  # fmt: skip
@@ -42,13 +52,18 @@ def command(
     rates: tuple[float, ...],
     kinds: tuple[str, ...],
     top: str | None,
+    tyre_rate: str | None,
+    unsprung: str | None,
     passes: int,
     json_file: str | None,
     seed: int,
 ) -> int:
     """Which road, speed, rate and passes give each parameter as well as wanted."""
     want = _want(wanted)
-    limit = _speed(top)
+    limit = _quantity("--speed-limit", top, "velocity", "12 mph")
+    limit = math.inf if limit is None else limit
+    rate = _quantity("--tyre-rate", tyre_rate, "stiffness", "300 lbf/in")
+    mass = _quantity("--unsprung", unsprung, "mass", "65 lbm")
     common.check_outputs((vehicle,), json_file)
     from bayes_asv.vehicle import read_vehicle
 
@@ -72,6 +87,8 @@ def command(
             kinds=[kind for kind in _KINDS if kind in (kinds or _KINDS)],
             speed_limit=limit,
             most_passes=passes,
+            tyre_rate=rate,
+            unsprung=mass,
             seed=seed,
             progress=progress,
         )
@@ -102,18 +119,17 @@ def _want(texts: tuple[str, ...]) -> dict[str, float]:
     return {**want, **named}
 
 
-def _speed(text: str | None) -> float:
-    """Speed limit in m/s; infinite without one."""
+def _quantity(option: str, text: str | None, dimension: str, example: str) -> float | None:
+    """Value of an option in SI units, above zero; None where it was not given."""
     if text is None:
-        return float("inf")
+        return None
     from bayes_asv.units import parse_quantity, to_si
 
     try:
-        value = to_si(*parse_quantity(text), "velocity")
+        value = to_si(*parse_quantity(text), dimension)
     except InputError as fault:
-        raise click.UsageError(
-            f"--speed-limit: {fault.where} {fault.what}; write '12 mph'"
-        ) from None
-    if not value > 0.0:
-        raise click.UsageError("--speed-limit has to be above zero")
+        words = f"{option}: {fault.where} {fault.what}; write '{example}'"
+        raise click.UsageError(words) from None
+    if not 0.0 < value < math.inf:
+        raise click.UsageError(f"{option} has to be above zero")
     return value

@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bayes_asv import __version__
 from bayes_asv.channels import CHANNELS
 from bayes_asv.planning.grounds import Ground
@@ -66,6 +69,11 @@ def plan_document(plan: Plan) -> Document:
             "name": plan.vehicle.name,
             "units": plan.vehicle.units,
             "sha256": plan.vehicle.sha256,
+        },
+        "tyres": {
+            "assumed": not plan.tyres_told,
+            "rate": _axles(plan, plan.tyres.rate, "stiffness"),
+            "unsprung_mass": _axles(plan, plan.tyres.mass, "mass"),
         },
         "width": _MEANING,
         "want_percent": _percent(plan.want),
@@ -177,6 +185,12 @@ def _travel(one: Judged, units: str) -> Document:
         for name, value in zip(names, one.trial.travel, strict=True)
     }
     return {"unit": unit, **values}
+
+
+def _axles(plan: Plan, values: NDArray[np.float64], dimension: str) -> Document:
+    unit = display_units(plan.vehicle.units)[dimension]
+    front, rear = (from_si(float(value), unit, dimension) for value in values)
+    return {"unit": unit, "front": front, "rear": rear}
 
 
 def _percent(shares: Mapping[str, float]) -> dict[str, float | None]:

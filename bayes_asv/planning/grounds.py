@@ -139,6 +139,6 @@ def ground_under_tyre(
         [np.roll(height, int(k)) - s for k, s in zip(range(-half, half + 1), sag, strict=True)],
         axis=0,
     )
-    patch = 1.0 + np.cos(np.linspace(-np.pi, np.pi, round(patch_length / _GRID) | 1))
+    patch = 1.0 + np.cos(np.linspace(-np.pi, np.pi, max(round(patch_length / _GRID), 3) | 1))
     smooth = np.convolve(np.pad(rolled, len(patch) // 2, mode="edge"), patch / patch.sum(), "valid")
     return CubicSpline(x, smooth)

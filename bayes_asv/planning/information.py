@@ -3,7 +3,7 @@
 With ν the normalised innovations at the true car, the information of a Gaussian record about
 parameters θ that move its mean is Σ (∂ν/∂θ)(∂ν/∂θ)ᵀ: the negative Hessian of the log-likelihood
 in expectation, positive by construction.  Noise levels are held at their true values.  Against
-the curvature of the whole posterior, with every noise level free, that errs by 1 % on average
+the curvature of the whole posterior, with every noise level free, that errs by 2 % on average
 and 4 to 9 % in a single record (``benchmarks/plan.py``).
 
 Mass and wheel base are fixed here: accelerations say nothing about them beyond the ratios

@@ -2,8 +2,8 @@
 
 The estimator takes the hubs' motion as it is measured, so nothing about tyres is asked of the
 vehicle file.  A plan needs them before there is a measurement.  What a tyre does between road
-and hub is therefore assumed from what small cars have; the widths depend little on it, and
-``benchmarks/plan.py`` says how little.
+and hub is therefore assumed from what small cars have, unless it is told; ``benchmarks/plan.py``
+says what that costs: most of what a promise is off by.
 
 With z and θ the heave and pitch (nose-up) of the chassis, u the hubs, h the road under the tyre::
 
@@ -48,6 +48,7 @@ _PHASE = 0.5  # of the fastest eigenvalue in a step, where Runge and Kutta are g
 _UNSPRUNG = 0.25
 _STIFFER = 4.0  # than the spring, at least
 _FLATTENED = 0.018  # m, at most
+_FLATTEST = 0.1  # m, beyond which a number is in a wrong unit
 _TYRE_RATIO = 0.03  # damping of the tyre itself: a few per cent
 
 
@@ -113,14 +114,27 @@ class Motion:
     flight: Array
 
 
-def assumed_tyres(car: HalfCar) -> Tyres:
-    """Tyres and unsprung masses in the middle of what cars have, for this car's springs."""
+def assumed_tyres(car: HalfCar, rate: float | None = None, unsprung: float | None = None) -> Tyres:
+    """Tyres and unsprung masses in the middle of what cars have, for this car's springs.
+
+    Parameters
+    ----------
+    car : HalfCar
+        SI units.
+    rate, unsprung : float, optional
+        Of an axle, both sides together, where a person knows them: N/m and kg.
+
+    Returns
+    -------
+    Tyres
+    """
     carried = car.m * np.array([car.wdf, 1.0 - car.wdf])
-    mass = _UNSPRUNG * carried
+    mass = _UNSPRUNG * carried if unsprung is None else np.full(2, unsprung)
     weight = _GRAVITY * (carried + mass)
-    rate = np.maximum(_STIFFER * np.array([car.k_f, car.k_r]), weight / _FLATTENED)
-    damping = 2.0 * _TYRE_RATIO * np.sqrt(rate * mass)
-    return Tyres(mass, rate, damping, float(np.mean(weight / rate)))
+    usual = np.maximum(_STIFFER * np.array([car.k_f, car.k_r]), weight / _FLATTENED)
+    rates = usual if rate is None else np.full(2, rate)
+    damping = 2.0 * _TYRE_RATIO * np.sqrt(rates * mass)
+    return Tyres(mass, rates, damping, float(np.mean(weight / rates)))
 
 
 def drive_all(car: HalfCar, tyres: Tyres, passes: Sequence[Pass]) -> list[Motion]:
@@ -145,8 +159,14 @@ def drive_all(car: HalfCar, tyres: Tyres, passes: Sequence[Pass]) -> list[Motion
     Raises
     ------
     InputError
-        When the car is so stiff for its mass that no real one moves like that.
+        When the car is so stiff for its mass, or its tyres so soft, that no real one is.
     """
+    if not tyres.flattened <= _FLATTEST:
+        raise InputError(
+            "tyres",
+            f"would flatten by {1e3 * tyres.flattened:.0f} mm at rest",
+            "check the unit of their rate, and that it is of both sides together",
+        )
     free, push = _matrices(car, tyres.mass)
     springy = free.copy()
     for axle in range(2):  # with its tyres on the ground
@@ -157,8 +177,8 @@ def drive_all(car: HalfCar, tyres: Tyres, passes: Sequence[Pass]) -> list[Motion
     if not rate <= _HIGHEST_RATE:
         raise InputError(
             "vehicle",
-            f"springs and dampers would make this car's wheels move at {fastest / 6.28:.0f} Hz",
-            "check the units of mass, springs and damping",
+            f"springs, dampers and tyres would make the wheels move at {fastest / 6.28:.0f} Hz",
+            "check the units of masses, springs, damping and tyres",
         )
     curves = _lay(car, tyres, passes)
     # those of like length side by side, so that short ones need not wait for long ones

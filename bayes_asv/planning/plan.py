@@ -14,7 +14,7 @@ from bayes_asv.model.halfcar import HalfCar
 from bayes_asv.planning.grid import RATES, Planned, drives
 from bayes_asv.planning.grounds import KINDS, Ground
 from bayes_asv.planning.limits import Limit, limit
-from bayes_asv.planning.motion import Motion, Pass, assumed_tyres, drive_all
+from bayes_asv.planning.motion import Motion, Pass, Tyres, assumed_tyres, drive_all
 from bayes_asv.planning.sensing import with_assumed_noise
 from bayes_asv.planning.trial import Trial, attempt
 from bayes_asv.planning.widths import ANSWERS, Known, floors, known, passes_needed, widths
@@ -72,6 +72,10 @@ class Plan:
         As read.
     assumed_noise : tuple of str
         Channels whose noise the vehicle file does not give.
+    tyres : Tyres
+        What the car was driven on.
+    tyres_told : bool
+        Whether both their rate and the unsprung mass were given.
     want : Mapping of str to float
         Wanted width of each answer, share of one.
     most_passes : int
@@ -97,6 +101,8 @@ class Plan:
 
     vehicle: Vehicle
     assumed_noise: tuple[str, ...]
+    tyres: Tyres
+    tyres_told: bool
     want: Mapping[str, float]
     most_passes: int
     before: Known
@@ -127,6 +133,8 @@ def plan(
     kinds: Sequence[str] = KINDS,
     speed_limit: float = math.inf,
     most_passes: int = 10,
+    tyre_rate: float | None = None,
+    unsprung: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Plan:
@@ -144,6 +152,8 @@ def plan(
         m/s.
     most_passes : int
         The most that anyone will drive.
+    tyre_rate, unsprung : float, optional
+        Of an axle, both sides together, N/m and kg; assumed where not known.
     seed : int
         Of rough roads and noise.
     progress : callable, optional
@@ -163,7 +173,8 @@ def plan(
     noisy, assumed = with_assumed_noise(vehicle)
     grid = drives(car, vehicle.units, rates, kinds, speed_limit)
     tell(0.0, "driving on paper")
-    motions = _motions(car, grid, seed)
+    tyres = assumed_tyres(car, tyre_rate, unsprung)
+    motions = _motions(car, tyres, grid, seed)
     tell(0.1, "asking what each drive says")
     trials: list[Trial] = []
     keys = list(motions)
@@ -191,6 +202,8 @@ def plan(
     return Plan(
         vehicle=vehicle,
         assumed_noise=assumed,
+        tyres=tyres,
+        tyres_told=tyre_rate is not None and unsprung is not None,
         want=dict(want),
         most_passes=most_passes,
         before=before,
@@ -204,7 +217,9 @@ def plan(
     )
 
 
-def _motions(car: HalfCar, grid: Sequence[Planned], seed: int) -> dict[Place, list[Motion]]:
+def _motions(
+    car: HalfCar, tyres: Tyres, grid: Sequence[Planned], seed: int
+) -> dict[Place, list[Motion]]:
     """Drive over each ground at each speed, whatever the rate."""
     passes: dict[Place, list[Pass]] = {}
     for drive in grid:
@@ -213,7 +228,7 @@ def _motions(car: HalfCar, grid: Sequence[Planned], seed: int) -> dict[Place, li
             Pass(drive.ground, drive.speed, drive.seconds, seed + k) for k in range(roads)
         ]
     flat = [one for each in passes.values() for one in each]
-    driven = iter(drive_all(car, assumed_tyres(car), flat) if flat else [])
+    driven = iter(drive_all(car, tyres, flat) if flat else [])
     return {key: [next(driven) for _ in each] for key, each in passes.items()}
 
 

@@ -12,7 +12,8 @@ from bayes_asv.planning.pairs import ALWAYS, Pair, pairs
 from bayes_asv.planning.plan import Judged, Plan
 from bayes_asv.planning.widths import ANSWERS
 from bayes_asv.quantities import QUANTITIES
-from bayes_asv.report.readable import plain
+from bayes_asv.report.readable import plain, readable_unit
+from bayes_asv.units import display_units, from_si, si_factor
 
 __all__ = [
     "always_words",
@@ -158,6 +159,13 @@ def assumption_lines(plan: Plan) -> list[str]:
         lines.append(
             f"the vehicle file gives no noise for {which}; that of a small 10-bit logger is assumed"
         )
+    if not plan.tyres_told:
+        rate = [_shown(value, "stiffness", plan) for value in plan.tyres.rate]
+        mass = [_weight(value, plan) for value in plan.tyres.mass]
+        lines.append(
+            f"tyres of {rate[0]} and {rate[1]} and unsprung masses of {mass[0]} and {mass[1]}, "
+            "front and rear, are taken; say --tyre-rate and --unsprung if yours differ"
+        )
     if any(not math.isfinite(s.low) and not math.isfinite(s.high) for s in plan.vehicle.sensors):
         lines.append(
             "the vehicle file gives no range for some sensors; compare the largest readings of "
@@ -169,6 +177,19 @@ def assumption_lines(plan: Plan) -> list[str]:
             "the vehicle file does not give all suspension travel; what is missing is not checked"
         )
     return lines
+
+
+def _shown(value: float, dimension: str, plan: Plan) -> str:
+    """Write a quantity in the vehicle's units, two digits."""
+    unit = display_units(plan.vehicle.units)[dimension]
+    digits = 1 - math.floor(math.log10(value / si_factor(unit, dimension)))
+    return f"{round(from_si(value, unit, dimension), digits):g} {readable_unit(unit)}"
+
+
+def _weight(value: float, plan: Plan) -> str:
+    """Write a mass as scales show it."""
+    unit = "lbm" if plan.vehicle.units == "US" else "kg"
+    return f"{from_si(value, unit, 'mass'):.0f} {unit}"
 
 
 def plan_lines(plan: Plan) -> list[str]:

@@ -28,6 +28,7 @@ Row = dict[str, Any]
 
 CARS = 48  # draws that predict
 _BEFORE, _AFTER = 10, 4  # readings of the filter
+_ENDS = 3.0  # s at either end of a drive that are not scored
 _SHARES = (0.50, 0.95)
 _HALF = {0.50: 0.6745, 0.95: 1.9600}
 
@@ -64,39 +65,45 @@ class Reference:
     left: dict[str, Array]
 
 
-def _signals(line: Timeline) -> tuple[Array, Array]:
-    """Chassis readings (R, 2) and wheels (R, 2) at the same instants, means taken out."""
+def _scored(line: Timeline) -> NDArray[np.int64]:
+    """Instants (R,) of the pairs of readings that every predictor can tell.
+
+    The filter needs readings before and after; and at its ends a drive has the transients of
+    the filters that it went through before it was published.
+    """
     both = line.pairs[np.all(line.pairs >= 0, axis=1), 0]
     both = both[np.all(line.kind[both] == VALUE, axis=1)]
-    y = line.reading[both]
-    u = np.stack([wheel.spline(line.instants[both]) for wheel in line.wheels], axis=1)
-    return y - y.mean(axis=0), u - u.mean(axis=0)
+    ends = max(round(_ENDS / line.reading_step), _BEFORE, _AFTER)
+    return np.asarray(both[ends : len(both) - ends], np.int64)
 
 
-def _taps(u: Array) -> tuple[Array, slice]:
-    """Wheels around each reading (R', 30), and the readings they belong to."""
-    rows = slice(_BEFORE, len(u) - _AFTER)
+def _wheels(line: Timeline, shift: float = 0.0) -> Array:
+    """Both wheels (R, 2) at the scored instants, or so much (s) before them."""
+    time = line.instants[_scored(line)] - shift
+    return np.stack([wheel.spline(time) for wheel in line.wheels], axis=1)
+
+
+def _taps(line: Timeline) -> Array:
+    """Wheels around each scored reading (R, 30)."""
     shifts = range(-_AFTER, _BEFORE + 1)
-    columns = [np.roll(u, shift, axis=0)[rows] for shift in shifts]
-    return np.concatenate(columns, axis=1), rows
+    return np.concatenate([_wheels(line, k * line.reading_step) for k in shifts], axis=1)
 
 
 def learn(line: Timeline, cars: Array, best: Array) -> Learnt:
     """Take cars of a drive's posterior, and the size of what its best car left."""
     picked = cars[np.linspace(0, len(cars) - 1, CARS).astype(int)]
-    error = line.reading - simulate_free(line, best).output
-    left = [np.std(error[line.kind[:, axle] == VALUE, axle]) for axle in range(2)]
-    return Learnt(picked, np.array(left))
+    error = (line.reading - simulate_free(line, best).output)[_scored(line)]
+    return Learnt(picked, np.asarray(error.std(axis=0), np.float64))
 
 
 def learn_reference(line: Timeline) -> Reference:
     """Fit the predictors that know no car to a drive."""
-    y, u = _signals(line)
-    taps, rows = _taps(u)
-    weights, *_ = np.linalg.lstsq(taps, y[rows], rcond=None)
+    y, taps = line.reading[_scored(line)], _taps(line)
+    weights, *_ = np.linalg.lstsq(taps, y, rcond=None)
     spare = len(taps) - taps.shape[1]
-    filtered = np.sqrt(np.sum((y[rows] - taps @ weights) ** 2, axis=0) / spare)
-    left = {"nothing": y.std(axis=0), "stiff": (y - u).std(axis=0), "filter": filtered}
+    filtered = np.sqrt(np.sum((y - taps @ weights) ** 2, axis=0) / spare)
+    stiff = (y - _wheels(line)).std(axis=0)
+    left = {"nothing": y.std(axis=0), "stiff": stiff, "filter": filtered}
     return Reference(np.asarray(weights.T, np.float64), left)
 
 
@@ -117,20 +124,18 @@ def predict(line: Timeline, learnt: Learnt, reference: Reference) -> Row:
         and ``cover95`` of the predictive bands, ``gain`` in log predictive density a reading
         over each reference, nats.
     """
-    outputs = np.stack([simulate_free(line, car).output for car in learnt.cars])
-    y_even, u = _signals(line)
-    taps, rows = _taps(u)
+    rows = _scored(line)
+    outputs = np.stack([simulate_free(line, car).output[rows] for car in learnt.cars])
     plain = {
-        "nothing": (y_even, np.zeros_like(y_even)),
-        "stiff": (y_even, u),
-        "filter": (y_even[rows], taps @ reference.weights.T),
+        "nothing": np.zeros((len(rows), 2)),
+        "stiff": _wheels(line),
+        "filter": _taps(line) @ reference.weights.T,
     }
     row: Row = {"nrmse": [], "cover50": [], "cover95": [], "gain": {n: [] for n in plain}}
     row |= {f"nrmse_{name}": [] for name in plain}
     for axle in range(2):
-        use = line.kind[:, axle] == VALUE
-        y = line.reading[use, axle]
-        made = outputs[:, use, axle]
+        y = line.reading[rows, axle]
+        made = outputs[:, :, axle]
         error = y - made.mean(axis=0)
         spread = np.sqrt(made.var(axis=0) + learnt.left[axle] ** 2)
         row["nrmse"].append(float(np.sqrt(np.mean(error**2) / np.var(y))))
@@ -138,9 +143,9 @@ def predict(line: Timeline, learnt: Learnt, reference: Reference) -> Row:
             inside = float(np.mean(np.abs(error) < _HALF[share] * spread))
             row[f"cover{100 * share:.0f}"].append(inside)
         score = float(np.mean(_log_mixture(y, made, float(learnt.left[axle]))))
-        for name, (target, guess) in plain.items():
-            left = target[:, axle] - guess[:, axle]
-            row[f"nrmse_{name}"].append(float(left.std() / target[:, axle].std()))
+        for name, guess in plain.items():
+            left = y - guess[:, axle]
+            row[f"nrmse_{name}"].append(float(np.sqrt(np.mean(left**2) / np.var(y))))
             other = _log_normal(left, float(reference.left[name][axle]))
             row["gain"][name].append(score - float(np.mean(other)))
     return row

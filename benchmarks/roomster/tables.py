@@ -47,7 +47,7 @@ def tables(result: Row) -> dict[str, str]:
         "widths": _widths(result),
         "between": _between(result["between"]),
         "variants": _variants(result["variants"]),
-        "prediction": _prediction(result["prediction"], result["posterior"]),
+        "prediction": _prediction(result["prediction"]),
     }
 
 
@@ -150,14 +150,14 @@ def _variants(rows: Row) -> str:
     return _table(["drive", *names], out)
 
 
-def _prediction(rows: Row, fitted: Row) -> str:
+def _prediction(rows: Row) -> str:
     head = ["learnt from", "predicted", "car", "own car", "filter", "stiff", "inside 50 %",
             "inside 95 %", "gain over filter", "gain over nothing"]  # fmt: skip
     out = []
     for group, label in ((WORKED_ON, "the other three"), (HELD_OUT, "*02 and 10*")):
-        for name, row in rows.items():
-            others = [row[other] for other in group if other != name]
-            fits = [fitted[other]["nrmse"] for other in group if other != name]
+        for name in WORKED_ON:
+            others = [rows[name][other] for other in group if other != name]
+            fits = [rows[other][other]["nrmse"] for other in group if other != name]
             out.append(
                 [
                     name,

@@ -55,13 +55,18 @@ def test_what_no_drive_can_give_leaves_with_three_and_the_json(invoke: Command, 
         (("--speed-limit", "3 kg"), "write '12 mph'"),
         (("--speed-limit", "0.1 mph"), "no drive of the plan is that slow"),
         (("--speed-limit", "-3 mph"), "above zero"),
+        (("--tyre-rate", "300 lbf"), "write '300 lbf/in'"),
+        (("--tyre-rate", "0 lbf/in"), "above zero"),
+        (("--tyre-rate", "1 lbf/in", *QUICK), "would flatten by"),
+        (("--unsprung", "65 lb"), "write '65 lbm'"),
+        (("--unsprung", "0.0001 lbm", *QUICK), "check the units of masses"),
         (("--rate", "1"), "--rate"),
         (("--road", "beach"), "--road"),
         (("--passes", "0"), "--passes"),
     ],
 )
 def test_wrong_usage_is_one_line(
-    invoke: Command, refuse: Check, baja: Path, words: tuple[str, ...], told: str
+    invoke: Command, refuse: Check, baja: Path, words: tuple[object, ...], told: str
 ) -> None:
     refuse(invoke("plan", "-v", baja, *words), told)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -178,7 +179,7 @@ def _shaken(number: int) -> tuple[RigCar, Recording]:
     road, noise = (int(v) for v in rng.integers(2**31, size=2))
     engine = Engine(frequency=32.0, amplitude=600.0, seed=number)
     where = TERRAINS["rough"](road)
-    run = drive(car, where, DEFAULT_SPEEDS["rough"], 400.0, 4.0, sensors, noise, forces=(engine,))
+    run = drive(car, where, DEFAULT_SPEEDS["rough"], 200.0, 4.0, sensors, noise, forces=(engine,))
     return car, as_recording(run, f"rough-{number}.csv")
 
 
@@ -194,21 +195,37 @@ def _answers(fit: BestFit) -> tuple[Array, Array]:
     return mode, np.array([fit.space.log_deviation(fit.mode.covariance, n) for n in NAMES])
 
 
-def test_an_engine_above_the_band_leaves_the_answer_honest() -> None:
-    runs = 40
+def _swaying(number: int) -> tuple[RigCar, Recording]:
+    """Rough road, and on the frame a slow motion that no wheel caused."""
+    car, _, recording = case("rough", number, EXACT, rate=100.0, seconds=7.0)
+    rng = np.random.default_rng([number, 5])
+    values = recording.values.copy()
+    for c in (1, 3):
+        slow = np.convolve(rng.normal(size=(values.shape[1],)), np.hanning(25), "same")
+        values[c] += 0.2 * values[c].std() * slow / slow.std()
+    return car, replace(recording, values=values)
+
+
+@pytest.mark.parametrize(
+    ("made", "below", "runs"), [(_shaken, BELOW, 40), (_swaying, 6.0, 20)], ids=["above", "inside"]
+)
+def test_what_no_half_car_does_leaves_the_answer_honest(
+    made: Callable[[int], tuple[RigCar, Recording]], below: float, runs: int
+) -> None:
     z = np.empty((runs, 3))
     for number in range(runs):
-        car, recording = _shaken(number)
-        mode, sd = _answers(_fit(recording, BELOW))
+        car, recording = made(number)
+        mode, sd = _answers(_fit(recording, below))
         z[number] = (mode - np.log([getattr(car, name) for name in NAMES])) / sd
     covered = np.count_nonzero(np.abs(z) < 1.96, axis=0)
-    # An honest interval fails this once in a thousand; one half as wide as it should be always.
+    # An honest interval fails this once in a thousand; one half as wide nearly always: it would
+    # cover 67 %, and 40 runs ask for 80 %.
     assert np.all(covered >= binom(runs, 0.95).ppf(1e-3 / 3.0))
     assert np.all(np.abs(z.mean(axis=0)) < 3.5 / np.sqrt(runs))
 
 
 def test_a_band_agrees_with_the_whole_where_nothing_is_above_it() -> None:
-    for number in range(4):
+    for number in range(2):
         _, _, recording = case("rough", number, EXACT, seconds=4.0)
         (whole, own), (mode, sd) = (_answers(_fit(recording, hz)) for hz in (None, BELOW))
         # What the band leaves out was information, so that its deviation is the larger one.

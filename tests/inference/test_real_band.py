@@ -66,7 +66,8 @@ def test_two_drives_in_the_band_tell_of_one_car() -> None:
 
 def test_a_chassis_that_the_wheels_did_not_move_is_refused() -> None:
     recording = _drive("08_1")
-    values = recording.values.copy()
+    rows = slice(1000, 2800)
+    values = recording.values[:, rows].copy()
     values[[1, 3]] = values[[1, 3], ::-1]
-    fit = _below_4(replace(recording, values=values))
+    fit = _below_4(replace(recording, time=recording.time[rows], values=values))
     assert any("explains only" in reason for reason in fit.reasons)

@@ -90,5 +90,5 @@ def test_the_road_ahead_of_the_lead_is_level() -> None:
 def test_a_car_that_no_unit_can_mean_is_refused() -> None:
     stiff = CAR._replace(k_f=1e9 * CAR.k_f)
     passes = [Pass(Ground("bump", 0.05, 0.9, 1), 3.0, 1.0)]
-    with pytest.raises(InputError, match="check the units"):
+    with pytest.raises(InputError, match="check the units of masses"):
         drive_all(stiff, assumed_tyres(stiff), passes)

@@ -131,3 +131,17 @@ def test_without_sensors_the_plan_says_what_it_assumed() -> None:
     for words in ("no noise for any sensor", "no range for some", "suspension travel"):
         assert words in warnings
     assert np.isfinite([one.quality for one in made.judged if one.trial.usable]).all()
+
+
+def test_told_tyres_are_driven_on_and_guessed_ones_are_said(made: Plan) -> None:
+    guessed = plan_document(made)["tyres"]
+    assert guessed["assumed"]
+    assert any("say --tyre-rate" in line for line in plan_lines(made))
+    own = _plan(BAJA, tyre_rate=52_540.0, unsprung=33.0, rates=[200.0], speed_limit=6 * MPH)
+    assert own.tyres.rate.tolist() == [52_540.0, 52_540.0]
+    assert own.tyres.mass.tolist() == [33.0, 33.0]
+    told = plan_document(own)["tyres"]
+    assert not told["assumed"]
+    assert told["rate"]["unit"] == "lbf/in"
+    assert told["rate"]["front"] == pytest.approx(300.0, rel=1e-3)
+    assert not any("say --tyre-rate" in line for line in plan_lines(own))
