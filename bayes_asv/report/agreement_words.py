@@ -169,7 +169,7 @@ def _sentence(found: list[tuple[Document, Document]], count: int) -> str:
     clearest = band_words(worst).removeprefix("rms, ")
     return (
         f"Predictive check: {what}{some} than the half car and its sensors would make, most "
-        f"clearly {'as' if worst['band'] is None else 'in the'} {clearest}{which}: "
+        f"clearly in the {clearest}{which}: "
         f"{number(worst['observed'], sd)} {readable_unit(worst['unit'])} against "
         f"{number(low, sd)} to {number(high, sd)} "
         f"(probability {probability(worst['p_family'])}, all checks of a run counted)."

@@ -20,11 +20,14 @@ import numpy as np
 
 from bayes_asv import __version__
 from bayes_asv.inference.agreement import compare_runs
+from bayes_asv.inference.fit import simulate_free
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.kernels.innovations import VALUE
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 from benchmarks.roomster import drives as of
 from benchmarks.roomster.picture import draw_picture
-from benchmarks.roomster.prediction import learn, learn_reference, predict
+from benchmarks.roomster.prediction import Learnt, learn, learn_reference, predict
 from benchmarks.roomster.tables import write_tables
 
 __all__ = ["main"]
@@ -82,16 +85,18 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
         },
     }  # fmt: skip
     out["variants"] = {}
-    chosen = []
+    chosen, cut = [], []
     for name in of.WORKED_ON:
         tell(f"lags and gains of {name}")
         row, asked = of.variants(drives[name], vehicle, seed)
         out["variants"][name] = row
-        best_name = min(row, key=lambda v: float(np.sum(np.square(row[v]["nrmse"]))))
+        cut.append(asked.pop(of.CUT))
+        best_name = min(asked, key=lambda v: float(np.sum(np.square(row[v]["nrmse"]))))
         chosen.append(asked[best_name])
         row["best"] = best_name
-    counted = of.between(chosen, counted=True)
-    out["between"]["best_variants"] = {"q": counted.q, "p": counted.p}
+    for what, those in (("best_variants", chosen), ("ends_cut", cut)):
+        counted = of.between(those, counted=True)
+        out["between"][what] = {"q": counted.q, "p": counted.p}
     tell("prediction")
     out["prediction"] = {}
     for name in drives:  # what 02 and 10 teach is used for nothing but their own columns
@@ -107,21 +112,20 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
     return out
 
 
-def _shown(line: Any, learnt: Any) -> Row:
+def _shown(line: Timeline, learnt: Learnt) -> Row:
     """Take a few seconds of a drive and of its prediction, for the picture."""
-    from bayes_asv.inference.fit import simulate_free
-
     outputs = np.stack([simulate_free(line, car).output for car in learnt.cars])
-    use = line.kind[:, 0] == 1
-    time = line.instants[use] - line.instants[0]
+    time = line.instants - line.instants[0]
     here = (time >= SHOWN[2]) & (time <= SHOWN[3])
-    row: Row = {"from": SHOWN[0], "drive": SHOWN[1], "time": time[here].round(4).tolist()}
+    row: Row = {"from": SHOWN[0], "drive": SHOWN[1], "time": time[here].round(3).tolist()}
     for axle, name in enumerate(("front", "rear")):
-        made = outputs[:, use, axle][:, here]
+        made = outputs[:, here, axle]
+        read = here & (line.kind[:, axle] == VALUE)
         row[name] = {
-            "measured": line.reading[use, axle][here].round(4).tolist(),
-            "mean": made.mean(axis=0).round(4).tolist(),
-            "sd": np.sqrt(made.var(axis=0) + learnt.left[axle] ** 2).round(4).tolist(),
+            "read_at": time[read].round(3).tolist(),
+            "measured": line.reading[read, axle].round(3).tolist(),
+            "mean": made.mean(axis=0).round(3).tolist(),
+            "sd": np.sqrt(made.var(axis=0) + learnt.left[axle] ** 2).round(3).tolist(),
         }
     return row
 

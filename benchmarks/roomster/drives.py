@@ -24,7 +24,7 @@ from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle, read_vehicle
 
 __all__ = [
-    "BELOW", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",
+    "BELOW", "CUT", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",
     "left_over", "posterior_row", "ratios", "read_all", "run_of", "variants",
 ]  # fmt: skip
 
@@ -38,6 +38,8 @@ WINDOW = 3.5  # s of a spectrum
 EDGES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0)
 LAGS = (0.01, 0.02)  # s by which both wheels may have been stamped too early
 GAINS = (0.95, 1.05)  # of both wheels
+ENDS = 3.0  # s at either end, where the drives have the transients of filters
+CUT = "ends cut"
 
 
 def read_all(folder: Path) -> tuple[dict[str, Recording], Vehicle]:
@@ -172,7 +174,7 @@ def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> R
 
 
 def variants(recording: Recording, vehicle: Vehicle, seed: int) -> tuple[Row, dict[str, RunAlone]]:
-    """Ask a drive again with its wheels stamped later, or read larger or smaller."""
+    """Ask a drive again: wheels stamped later, read larger or smaller, or without its ends."""
     changed = {"as given": recording}
     for lag in LAGS:
         stamps = tuple((f"delay {wheel}", f"{lag} s") for wheel in ("front_wheel", "rear_wheel"))
@@ -181,6 +183,9 @@ def variants(recording: Recording, vehicle: Vehicle, seed: int) -> tuple[Row, di
         values = recording.values.copy()
         values[[0, 2]] *= gain
         changed[f"gain {gain:g}"] = replace(recording, values=values)
+    start, end = recording.time[[0, -1]]
+    inside = (recording.time >= start + ENDS) & (recording.time <= end - ENDS)
+    changed[CUT] = _part(recording, inside)
     row, runs = {}, {}
     for name, one in changed.items():
         line, run = run_of(one, vehicle, seed)

@@ -85,8 +85,8 @@ def _drives(axes: Any, result: Row, name: str, words: str, named: bool) -> None:
     high = max(result["posterior"][drive][name]["eti95"][1] for drive in WORKED_ON)
     axes.set_ylim(low - 0.08 * (high - low), high + (0.45 if named else 0.08) * (high - low))
     if named:
-        axes.plot([], [], color=GREY, lw=1.2, label="with mass, springs")
-        axes.plot([], [], color=FRONT, lw=4.5, alpha=0.75, label="those held")
+        axes.plot([], [], color=GREY, lw=1.2, label="all free")
+        axes.plot([], [], color=FRONT, lw=4.5, alpha=0.75, label="given held")
         axes.fill_between([], [], color=REAR, alpha=0.2, label="mean car")
         axes.legend(fontsize=7, frameon=False, loc="upper left")
 
@@ -98,7 +98,9 @@ def _predicted(axes: Any, shown: Row, axle: str) -> None:
     colour = FRONT if axle == "front" else REAR
     axes.fill_between(time, mean - 1.96 * sd, mean + 1.96 * sd, color=colour, alpha=0.18, lw=0)
     axes.plot(time, mean, color=colour, lw=1.4, label=f"car of drive {shown['from']}")
-    axes.plot(time, row["measured"], "k.", ms=4, label=f"measured in drive {shown['drive']}")
+    axes.plot(
+        row["read_at"], row["measured"], "k.", ms=4, label=f"measured in drive {shown['drive']}"
+    )
     axes.set(xlabel="time, s", title=f"{axle} chassis below 4 Hz, 95 % predictive band")
     axes.set_ylabel("upward acceleration, m/s²")
     axes.legend(fontsize=8, frameon=False, loc="upper right", ncols=2)

@@ -111,6 +111,11 @@ def _widths(result: Row) -> str:
     found = result["between"]
     every, some = found["all_readings"]["q"], found["counted"]["q"]
     out.append(_ratio_row("the four drives", every, some, found["freedom"]))
+    for key, words in (
+        ("ends_cut", "the four drives without their ends"),
+        ("best_variants", "the four drives, each with the lag or gain that fits best"),
+    ):
+        out.append([words, "–", f"{found[key]['q'] / found['freedom']:.1f} (of 9)"])
     return _table(head, out)
 
 
@@ -145,7 +150,9 @@ def _variants(rows: Row) -> str:
             one = row[name]
             left = ", ".join(f"{100 * x:.1f}" for x in one["nrmse"])
             mark = "**" if name == row["best"] else ""
-            cells.append(f"{mark}{left}{mark}; {one['c_f/m']:.2f}, {one['c_r/m']:.2f}")
+            cells.append(
+                f"{mark}{left}{mark}; {one['c_f/m']:.2f}, {one['c_r/m']:.2f}, {one['i/m']:.2f}"
+            )
         out.append([drive, *cells])
     return _table(["drive", *names], out)
 
