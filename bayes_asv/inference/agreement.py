@@ -27,7 +27,7 @@ from bayes_asv.inference.between import (
     site_of,
 )
 from bayes_asv.inference.fit import simulate_free
-from bayes_asv.inference.importance import importance
+from bayes_asv.inference.importance import Weighted, importance
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.parameters import CAR, Space
 from bayes_asv.inference.preflight import misfit
@@ -146,6 +146,11 @@ class Agreement:
         return value, value * self.sd[:, k]
 
     @property
+    def apart(self) -> bool:
+        """Whether a joint fit is idle: the runs disagree, or one is explained by no half car."""
+        return self.verdict == "disagree" or any(run.faults for run in self.runs)
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Why the runs cannot answer even apart: one is not of this car, or none tells enough."""
         faults = [why for run in self.runs for why in run.faults]
@@ -156,9 +161,10 @@ class Agreement:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know of runs that disagree: that they do, and what each has on its own."""
+        """What to know of the runs: that they disagree, if so, and what each has on its own."""
+        told = [self.sentence()] if self.verdict == "disagree" else []
         own = [note for run in self.runs for note in run.fit.warnings]
-        return tuple(dict.fromkeys([self.sentence(), *own]))
+        return tuple(dict.fromkeys([*told, *own]))
 
     @property
     def space(self) -> Space:
@@ -231,10 +237,7 @@ def run_alone(line: Timeline, vehicle: Vehicle, seed: int) -> RunAlone:
     fit = best_fit((line,), vehicle)
     with shared_work(fit.target) as shared:
         weighted = importance(shared, fit.mode, _WEIGHTED, seed)
-    n = fit.space.car_dimension
-    car, w = weighted.z[:, :n], weighted.weight
-    mean = w @ car
-    covariance = (car - mean).T @ ((car - mean) * w[:, None])
+    w = weighted.weight
     rng = np.random.default_rng([seed, 8])
     # Systematic: every draw is kept as often as its weight says, give or take one.
     at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_KEPT)) / _KEPT)
@@ -242,7 +245,23 @@ def run_alone(line: Timeline, vehicle: Vehicle, seed: int) -> RunAlone:
     line = fit.space.timelines[0]
     best = fit.space.cars(fit.mode.z[None])[0]
     faults, _ = misfit(vehicle, line, simulate_free(line, best), bool(fit.shares))
-    return RunAlone(fit, z, weighted.effective, site_of(mean, covariance), tuple(faults))
+    return RunAlone(fit, z, weighted.effective, _site(fit, weighted), tuple(faults))
+
+
+def _site(fit: BestFit, weighted: Weighted) -> Site:
+    """Likelihood of a run by its posterior's moments, or by its mode where they are worth little.
+
+    The second happens to runs whose verdict is open anyway; it only must not get in the way.
+    """
+    n = fit.space.car_dimension
+    if weighted.effective >= _FEWEST:
+        car, w = weighted.z[:, :n], weighted.weight
+        mean = w @ car
+        return site_of(mean, (car - mean).T @ ((car - mean) * w[:, None]))
+    mean, covariance = fit.mode.z[:n], fit.mode.covariance[:n, :n]
+    if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
+        return Site(np.zeros((n, n)), np.zeros(n))
+    return site_of(mean, covariance)
 
 
 def compare_runs(runs: Sequence[RunAlone], count: int, seed: int) -> Agreement:

@@ -44,6 +44,7 @@ SAME = 0.5
 that was turned is no reason to doubt the rear one."""
 
 _NO_EFFECT = 0.03  # share of the smallest own deviation below which a spread changes nothing
+_SHARPEST = 1e-16  # variance, in those of the prior: nothing is known better
 _SILENT = 0.1  # a direction of which a run says less than a tenth of what the prior says
 _COARSE, _FINE = 11, 21  # nodes a deviation, first and final grid
 _EDGE = 1e-4  # share of the mass that the final grid may leave out at either end
@@ -104,7 +105,7 @@ def site_of(mean: Array, covariance: Array) -> Site:
         Nothing is left in directions that the run is silent about.
     """
     eigen, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    told = 1.0 / np.maximum(eigen, 1e-300) - 1.0
+    told = 1.0 / np.maximum(eigen, _SHARPEST) - 1.0
     speaks = told > _SILENT
     told = np.where(speaks, told, 0.0)
     # A site's own mean is the posterior's, scaled back from the pull of the prior.

@@ -195,7 +195,7 @@ def estimate(
             if len(lines) > 1 and likelihood == "innovations":  # the other form claims too much
                 alone = [run_alone(line, vehicle, seed) for line in lines]
                 agreement = compare_runs(alone, math.prod(_APART), seed)
-            if agreement is not None and agreement.verdict == "disagree":
+            if agreement is not None and agreement.apart:
                 reasons, warnings = agreement.reasons, warnings + agreement.warnings
             else:
                 found = best_fit(lines, vehicle, likelihood)

@@ -80,6 +80,14 @@ def test_a_run_that_says_nothing_leaves_nothing() -> None:
     assert site.linear[1] / site.precision[1, 1] == pytest.approx(3.0, rel=1e-3)
 
 
+def test_a_run_known_without_any_doubt_does_not_break_the_rest() -> None:
+    site = site_of(np.array([0.5, -0.5]), np.zeros((2, 2)))
+    assert np.all(np.isfinite(site.precision))
+    assert np.linalg.solve(site.precision, site.linear) == pytest.approx([0.5, -0.5])
+    way = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    assert np.all(np.isfinite(population([site, site], way, 100, 0).centre))
+
+
 @given(seeds, st.integers(2, 4))
 @settings(deadline=None, max_examples=30)
 def test_the_test_is_a_difference_of_two_least_squares(seed: int, runs: int) -> None:
