@@ -173,6 +173,7 @@ def limited(line: Timeline, vehicle: Vehicle, below: float) -> Timeline:
         steps=line.steps * share,
         poles=np.zeros(4),
         source=line.source,
+        scale_sd=line.scale_sd,
         below=below,
         quiet=_LEFT * np.std(acc, axis=1) / passed * share,
     )

@@ -218,7 +218,7 @@ def _with_colour(target: Target, mode: Mode, vehicle: Vehicle) -> tuple[Mode, Ta
         hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
         where = space(vehicle, whole.timelines, whole.likelihood, hold)
         start = np.zeros(where.dimension)
-        start[: where.car_dimension] = mode.z[: where.car_dimension]
+        start[: where.lasting_dimension] = mode.z[: where.lasting_dimension]
         with shared_work(Target(where, found)) as shared:
             mode = find_mode(shared, start)
         target = Target(where, found)

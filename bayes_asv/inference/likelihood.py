@@ -68,7 +68,7 @@ class Target:
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
         out = np.zeros(len(z))
-        cars, noises = self.space.cars(z), self.space.noises(z, run)
+        cars, noises = self.space.measured(z, run), self.space.noises(z, run)
         colour = self.colours[run]
         if colour.order == 0:
             innovations.log_likelihood(cars, noises, *self._laid_out(run), out)
@@ -102,7 +102,7 @@ class Target:
         """Normalised innovations (E, 2) of one run at coordinates (D,), white if all is well."""
         colour = self.colours[run] if colour is None else colour
         line = self.space.timelines[run]
-        car, noise = self.space.cars(z[None])[0], self.space.noises(z[None], run)[0]
+        car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
         kept = np.zeros((len(line.step), 2))
         if colour.order == 0:
             innovations.residuals(car, noise, *self._laid_out(run), kept)

@@ -80,7 +80,7 @@ def find_mode(target: Target, start: Array | None = None) -> Mode:
 def _least_squares(target: Target) -> tuple[Array, Array]:
     """Best of several least-squares fits, noise held at its prior centre."""
     space = target.space
-    n = space.car_dimension
+    n = space.lasting_dimension
     runs = range(len(space.timelines))
     chassis = [
         (k, int(name.split()[-1]), 0 if "front" in name else 1)

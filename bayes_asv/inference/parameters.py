@@ -59,7 +59,7 @@ class Space:
     ----------
     names : tuple of str
         One a coordinate: ``car-0`` … for the directions of the car that data can see, ``wdf``,
-        ``noise <channel> <run>``, ``filtered share <run>``.
+        ``gain <channel>``, ``noise <channel> <run>``, ``filtered share <run>``.
     centre, scale : (D,) arrays
         A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
         probit for the filtered share).
@@ -98,6 +98,11 @@ class Space:
     def car_dimension(self) -> int:
         """Number of coordinates that describe the car; they come first."""
         return int(self.seen.shape[1]) + ("wdf" in self.names)
+
+    @property
+    def lasting_dimension(self) -> int:
+        """Number of coordinates that all runs share: the car and the gains, which come next."""
+        return self.car_dimension + sum(name.startswith("gain ") for name in self.names)
 
     def cars(self, z: Array, unseen: Array | None = None) -> Array:
         """Map coordinates (W, D) to physical parameters (W, 8), SI units.
@@ -146,6 +151,15 @@ class Space:
         named["zeta_r"] = value["c_r"] / (2.0 * np.sqrt(value["k_r"] * rear))
         return named
 
+    def measured(self, z: Array, run: int) -> Array:
+        """Cars (W, 12) as the kernels take them: with the gains of one run's sensors."""
+        gains = np.ones((len(z), 4))
+        for c, channel in enumerate(CHANNELS):
+            name = f"gain {channel}"
+            if name in self.names and self.timelines[run].scale_sd[c] > 0.0:
+                gains[:, c] = np.exp(self._other(z, name))
+        return np.hstack([self.cars(z), gains])
+
     def noises(self, z: Array, run: int) -> Array:
         """Map coordinates (W, D) to the kernel's noise arguments (W, 12) of one run."""
         line = self.timelines[run]
@@ -191,7 +205,11 @@ class Space:
 
     def seen_by(self, run: int) -> NDArray[np.int64]:
         """Coordinates that one run's likelihood depends on: the car and the run's own noise."""
-        own = [k for k, name in enumerate(self.names) if name.endswith(f" {run}")]
+        own = [
+            k
+            for k, name in enumerate(self.names)
+            if name.endswith(f" {run}") or name.startswith("gain ")
+        ]
         car = range(self.car_dimension)
         return np.array(sorted({*car, *own}), np.int64)
 
@@ -262,6 +280,10 @@ def space(
 
     if vehicle.wdf.sd > 0.0:
         add("wdf", vehicle.wdf.value, vehicle.wdf.sd)
+    for c, channel in enumerate(CHANNELS):  # one sensor, one scale, whatever the run
+        deviation = max((float(line.scale_sd[c]) for line in timelines), default=0.0)
+        if deviation > 0.0:
+            add(f"gain {channel}", 0.0, deviation)
     held = []
     for run, line in enumerate(timelines):
         levels = np.zeros(4)

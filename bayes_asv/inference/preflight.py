@@ -175,10 +175,10 @@ def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
                     "samples in a row, as a sensor at the end of its range does; give its range "
                     "in the vehicle file"
                 )
-        if vehicle.sensor(name).counts_scale_sd > 0.0:
+        if vehicle.sensor(name).counts_scale_sd > 0.0 and line.scale_sd[c] == 0.0:
             warnings.append(
-                f"the deviation given for the scale of the {PLAIN[name]} sensor is not used; the "
-                "intervals take its scale as exact"
+                f"the deviation given for the scale of the {PLAIN[name]} sensor is not used: "
+                f"{line.source} is not in counts, and the intervals take its scale as exact"
             )
     return reasons, warnings
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -77,6 +77,8 @@ class Timeline:
         Pole of the filter that all readings passed, rad/s; 0 when no bandwidth is given.
     source : str
         File name without its folder, for messages and reports.
+    scale_sd : (4,) array
+        Relative deviation of each sensor's scale; 0 where it is exact or not in counts.
     below : float or None
         Upper edge of the band that is left of the recording, Hz; None at full band.
     quiet : (4,) array or None
@@ -106,6 +108,7 @@ class Timeline:
     steps: Array
     poles: Array
     source: str
+    scale_sd: Array = field(default_factory=lambda: np.zeros(4))
     below: float | None = None
     quiet: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
@@ -190,6 +193,14 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
             )
     sensors = [vehicle.sensor(name) for name in CHANNELS]
     acc, poles = _common_bandwidth(acc, times, [s.bandwidth for s in sensors])
+    scale_sd = np.array(
+        [
+            s.counts_scale_sd / abs(s.counts_scale)
+            if recording.units[c] == "counts" and s.counts_scale
+            else 0.0
+            for c, s in enumerate(sensors)
+        ]
+    )
     steps = np.array(
         [
             s.resolution or (abs(s.counts_scale or 0.0) if recording.units[c] == "counts" else 0.0)
@@ -211,6 +222,7 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
         steps=steps,
         poles=poles,
         source=Path(recording.source).name,
+        scale_sd=scale_sd,
     )
 
 

@@ -154,8 +154,9 @@ def log_likelihood(
 
     Parameters
     ----------
-    cars : (W, 8) array
-        c_f, c_r, i, m, l, wdf, k_f, k_r in SI units.
+    cars : (W, 8) or (W, 12) array
+        c_f, c_r, i, m, l, wdf, k_f, k_r in SI units, and the gains (reading over truth) of front
+        wheel, front chassis, rear wheel and rear chassis; one where there are eight.
     noises : (W, 12) array
         Variances (m²/s⁴) of one sample: white of the two wheel, then of the two chassis
         channels; filtered noise in the same order; its poles (rad/s) in the same order.

@@ -25,7 +25,11 @@ Array = NDArray[np.float64]
 
 @njit(**OPTIONS)
 def series(car: Array, C: Array, powers: Array, drive: Array) -> None:
-    """Fill C (2, 4), Aʲ/j! (TAYLOR + 1, 4, 4) and Aʲ B for both wheels (2, ORDER, 4)."""
+    """Fill C (2, 4), Aʲ/j! (TAYLOR + 1, 4, 4) and Aʲ B for both wheels (2, ORDER, 4).
+
+    ``car`` holds eight parameters, and the gains of the four sensors after them if there are
+    twelve numbers: C then gives readings and the drive takes them.
+    """
     c_f, c_r, i, m, l, wdf, k_f, k_r = (
         car[0], car[1], car[2], car[3], car[4], car[5], car[6], car[7],
     )  # fmt: skip
@@ -57,6 +61,13 @@ def series(car: Array, C: Array, powers: Array, drive: Array) -> None:
         for a in range(4):
             drive[0, j, a] = -powers[j, a, 1] * factorial
             drive[1, j, a] = -powers[j, a, 3] * factorial
+    if car.shape[0] > 8:  # readings over truth: what a wheel read is divided, a chassis multiplied
+        for a in range(4):
+            C[0, a] *= car[9]
+            C[1, a] *= car[11]
+            for j in range(ORDER):
+                drive[0, j, a] /= car[8]
+                drive[1, j, a] /= car[10]
 
 
 @njit(**OPTIONS)

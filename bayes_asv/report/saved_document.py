@@ -235,7 +235,10 @@ class _Run(_Part):
 
 
 class _Measure(_Part):
-    what: Literal["runs", "m", "l", "wdf", "k_f", "k_r"]
+    what: Literal[
+        "runs", "m", "l", "wdf", "k_f", "k_r",
+        "gain front_wheel", "gain front_chassis", "gain rear_wheel", "gain rear_chassis",
+    ]  # fmt: skip
     further: Count = 0
     now_sd_percent: Positive = 1.0
     needed_sd_percent: Positive = 1.0

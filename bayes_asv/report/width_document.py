@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.parameters import CAR
 from bayes_asv.inference.width import Answer, Shift, Width, by_answer
 from bayes_asv.quantities import QUANTITIES
 from bayes_asv.report.width_words import remedy_sentence
@@ -54,9 +53,7 @@ def width_document(width: Width, draws: dict[str, Array], vehicle: Vehicle) -> D
 def _answer(name: str, answer: Answer, width: Width, draws: Array, vehicle: Vehicle) -> Document:
     halve = []
     for remedy in answer.remedies:
-        measures = [
-            _measure(source, remedy.times, width.runs, vehicle) for source in remedy.sources
-        ]
+        measures = [_measure(source, remedy.times, width, vehicle) for source in remedy.sources]
         sentence = remedy_sentence(measures, [name], width.runs)
         what = " + ".join(measure["what"] for measure in measures)
         halve.append({"what": what, "measures": measures, "sentence": sentence})
@@ -77,11 +74,18 @@ def _percents(shares: dict[str, float]) -> dict[str, float]:
     return {name: 100.0 * share for name, share in shares.items()}
 
 
-def _measure(source: int, times: float, runs: int, vehicle: Vehicle) -> Document:
+def _measure(source: int, times: float, width: Width, vehicle: Vehicle) -> Document:
     """Tell how well one thing has to be known: information grows by `times`."""
     if source < 0:
-        return {"what": "runs", "further": max(math.ceil((times - 1.0) * runs - 1e-2), 1)}
-    name = CAR[source]
+        return {"what": "runs", "further": max(math.ceil((times - 1.0) * width.runs - 1e-2), 1)}
+    name = width.parameters[source]
+    if name.startswith("gain "):
+        now = 100.0 * float(width.given_sd[source])
+        needed = now / math.sqrt(times)
+        return {
+            "what": name, "now_sd_percent": now, "needed_sd_percent": needed,
+            "now_sd": now, "needed_sd": needed, "unit": "",
+        }  # fmt: skip
     given = getattr(vehicle, name)
     dimension, _ = QUANTITIES[name]
     unit = display_units(vehicle.units)[dimension]

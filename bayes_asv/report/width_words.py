@@ -74,7 +74,8 @@ def _two(value: float) -> str:
 def source_words(source: str) -> str:
     """Say what a share of the variance belongs to, in a few words."""
     kind, _, channel = source.partition(" ")
-    if kind in ("noise", "steps"):
+    if kind in ("noise", "steps", "gain"):
+        kind = "scale" if kind == "gain" else kind
         return plain(f"{channel.replace('_', ' ')}: {kind}")
     if source in QUANTITIES:
         return QUANTITIES[source][1]
@@ -118,8 +119,14 @@ def _measure(measure: Document, runs: int) -> str:
     unit = readable_unit(measure["unit"])
     needed = measure["needed_sd"]
     size = f"±{_two(needed)} {unit}; " if unit else ""
+    kind, _, channel = measure["what"].partition(" ")
+    what = (
+        f"calibrate the {channel.replace('_', ' ')} sensor to"
+        if kind == "gain"
+        else _MEASURES[measure["what"]]
+    )
     return (
-        f"{_MEASURES[measure['what']]} {sd_words(measure['needed_sd_percent'])} "
+        f"{what} {sd_words(measure['needed_sd_percent'])} "
         f"({size}now {sd_words(measure['now_sd_percent'])})"
     )
 

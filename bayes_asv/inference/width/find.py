@@ -12,7 +12,13 @@ from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.mode import Mode
 from bayes_asv.inference.parameters import CAR
 from bayes_asv.inference.width.budget import Budget, Remedy
-from bayes_asv.inference.width.sensitivity import in_logs, information, jacobian, prior_sd
+from bayes_asv.inference.width.sensitivity import (
+    in_logs,
+    information,
+    jacobian,
+    parameters,
+    prior_sd,
+)
 from bayes_asv.inference.width.shifts import Linearised, Shift, find_shifts
 from bayes_asv.inference.width.sources import Source, found_again, lost_readings, sources
 from bayes_asv.vehicle import Vehicle
@@ -84,12 +90,18 @@ class Width:
         The innovations had no colour, so that the data's part is the sensors' noise.
     runs : int
         Number of runs it stands on.
+    parameters : tuple of str
+        What remedies and shifts count: CAR, and ``gain <channel>`` where a scale is uncertain.
+    given_sd : (P,) array
+        Relative deviation of each beforehand; zero where it is exact.
     """
 
     answers: dict[str, Answer]
     shifts: tuple[Shift, ...]
     white: bool
     runs: int
+    parameters: tuple[str, ...]
+    given_sd: Array
 
 
 def find_width(target: Target, mode: Mode, vehicle: Vehicle) -> Width:
@@ -112,7 +124,8 @@ def find_width(target: Target, mode: Mode, vehicle: Vehicle) -> Width:
     logs, z = in_logs(target, mode.z)
     slopes = [jacobian(logs, z, run) for run in runs]
     budget = Budget(prior_sd(target, mode.z), information(slopes))
-    car = target.space.car_dimension
+    known = parameters(logs)
+    car = target.space.car_dimension + len(known) - len(CAR)
     noise_precision = np.asarray(np.linalg.inv(mode.covariance), np.float64)[car:, car:]
     white = all(colour.order == 0 for colour in target.colours)
     noises = sources(logs) if white else []
@@ -126,10 +139,10 @@ def find_width(target: Target, mode: Mode, vehicle: Vehicle) -> Width:
         bettered["lost readings"] = _all(found_again(logs, z), z)
     answers = {}
     for name, parts in ANSWERS.items():
-        g = np.array([parts.get(parameter, 0.0) for parameter in CAR])
-        answers[name] = _answer(g, budget, nudged, bettered, len(runs))
+        g = np.array([parts.get(parameter, 0.0) for parameter in known])
+        answers[name] = _answer(g, known, budget, nudged, bettered, len(runs))
     shifts = find_shifts(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
-    return Width(answers, tuple(shifts), white, len(runs))
+    return Width(answers, tuple(shifts), white, len(runs), known, budget.sd)
 
 
 def by_answer(moved: Array) -> dict[str, float]:
@@ -158,13 +171,15 @@ def _slope(source: Source, logs: Target, z: Array) -> Array:
 
 def _answer(
     g: Array,
+    known: tuple[str, ...],
     budget: Budget,
     nudged: dict[str, Array],
     bettered: dict[str, Array],
     runs: int,
 ) -> Answer:
     """Budget of one answer."""
-    given = {name: CAR.index(name) for name in GIVEN if budget.sd[CAR.index(name)] > 0.0}
+    names = [*GIVEN, *known[len(CAR) :]]
+    given = {n: known.index(n) for n in names if budget.sd[known.index(n)] > 0.0}
     prior, data = budget.shares(g)
     shares = {name: float(prior[k]) for name, k in given.items()}
     shares["prior"] = float(prior[:3].sum())

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.parameters import CAR
 
-__all__ = ["in_logs", "information", "jacobian", "moved", "prior_sd"]
+__all__ = ["in_logs", "information", "jacobian", "moved", "parameters", "prior_sd"]
 
 Array = NDArray[np.float64]
 
@@ -48,18 +48,26 @@ def in_logs(target: Target, z: Array) -> tuple[Target, Array]:
     space = target.space
     car = dict(zip(CAR, space.cars(z[None])[0], strict=True))
     other = [k for k, n in enumerate(space.names) if n != "wdf" and not n.startswith("car-")]
+    gains = len(parameters(target)) - len(CAR)  # they come first, and in logarithms themselves
+    scale, start = space.scale[other], z[other]
+    start[:gains] *= scale[:gains]
+    scale[:gains] = 1.0
     turned = replace(
         space,
         names=(*(f"car-{k}" for k in range(len(_LOGS))), "wdf", *(space.names[k] for k in other)),
         centre=np.concatenate([np.zeros(len(_LOGS)), [car["wdf"]], space.centre[other]]),
-        scale=np.concatenate([np.ones(len(_LOGS)), [car["wdf"]], space.scale[other]]),
+        scale=np.concatenate([np.ones(len(_LOGS)), [car["wdf"]], scale]),
         log_mean=np.log([car[name] for name in _LOGS]),
         log_sd=np.ones(len(_LOGS)),
         seen=np.eye(len(_LOGS)),
         unseen=np.zeros((len(_LOGS), 0)),
     )
-    start = np.concatenate([np.zeros(len(_LOGS) + 1), z[other]])
-    return replace(target, space=turned), start
+    return replace(target, space=turned), np.concatenate([np.zeros(len(CAR)), start])
+
+
+def parameters(target: Target) -> tuple[str, ...]:
+    """Names of what an answer may depend on: CAR, and the gains that are uncertain."""
+    return (*CAR, *(name for name in target.space.names if name.startswith("gain ")))
 
 
 def jacobian(target: Target, z: Array, run: int) -> Array:
@@ -80,11 +88,13 @@ def jacobian(target: Target, z: Array, run: int) -> Array:
         factor changes no acceleration, nor does i in proportion to l².
     """
     middle = target.innovations(z, run).ravel()
-    out = np.zeros((len(middle), len(CAR)))
-    for name in _MOVED:
-        away = np.zeros(len(CAR))
-        away[CAR.index(name)] = _STEP
-        out[:, CAR.index(name)] = (target.innovations(moved(z, away), run).ravel() - middle) / _STEP
+    names = parameters(target)
+    out = np.zeros((len(middle), len(names)))
+    for name in (*_MOVED, *names[len(CAR) :]):
+        away = np.zeros(len(names))
+        away[names.index(name)] = _STEP
+        beyond = target.innovations(moved(z, away), run).ravel()
+        out[:, names.index(name)] = (beyond - middle) / _STEP
     scaled = [CAR.index(name) for name in ("c_f", "c_r", "i", "k_f", "k_r")]
     out[:, CAR.index("m")] = -out[:, scaled].sum(axis=1)
     out[:, CAR.index("l")] = -2.0 * out[:, CAR.index("i")]
@@ -92,9 +102,9 @@ def jacobian(target: Target, z: Array, run: int) -> Array:
 
 
 def moved(z: Array, away: Array) -> Array:
-    """Move a point of :func:`in_logs` by relative changes (8,) in the order of CAR."""
+    """Move a point of :func:`in_logs` by relative changes (P,) of :func:`parameters`."""
     out = z.copy()
-    out[_PLACES] += away
+    out[[*_PLACES, *range(len(CAR), len(away))]] += away
     return out
 
 
@@ -117,4 +127,5 @@ def prior_sd(target: Target, z: Array) -> Array:
     if "wdf" in space.names:
         value = space.cars(z[None])[0][CAR.index("wdf")]
         share = float(space.scale[space.names.index("wdf")] / value)
-    return np.array([share if name == "wdf" else float(logs[name]) for name in CAR])
+    gains = [space.scale[space.names.index(name)] for name in parameters(target)[len(CAR) :]]
+    return np.array([*(share if name == "wdf" else float(logs[name]) for name in CAR), *gains])

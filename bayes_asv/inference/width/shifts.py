@@ -19,7 +19,7 @@ from bayes_asv.inference.parameters import CAR
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.width.budget import Budget
 from bayes_asv.inference.width.faults import Fault, faults, with_fault
-from bayes_asv.inference.width.sensitivity import information, jacobian, moved
+from bayes_asv.inference.width.sensitivity import information, jacobian, moved, parameters
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["HIDDEN", "Linearised", "Shift", "find_shifts"]
@@ -98,7 +98,7 @@ class Linearised:
 
         The second would be zero at an ideal mode.
         """
-        pull = np.zeros(len(CAR))
+        pull = np.zeros(len(self.budget.sd))
         for run, j in enumerate(self.slopes):
             pull += j.T @ self.logs.innovations(self.z, run).ravel()
         return pull, _noise_slope(self, self.logs, self.z)[0]
@@ -123,18 +123,21 @@ def find_shifts(there: Linearised, vehicle: Vehicle) -> list[Shift]:
     found = []
     for k, name in enumerate(CAR):
         if there.budget.sd[k] == 0.0:
-            own = -_OFF * np.eye(len(CAR))[k]  # held that much below the truth
+            own = -_OFF * np.eye(len(there.budget.sd))[k]  # held that much below the truth
             found.append(_shift(there, Fault("given", name, _OFF), lines, own))
+    declared = parameters(there.logs)
     for fault in faults(vehicle):
+        if fault.name in declared:
+            continue  # no surprise: it is among the parameters
         faulty = tuple(with_fault(line, fault, vehicle) for line in lines)
-        found.append(_shift(there, fault, faulty, np.zeros(len(CAR))))
+        found.append(_shift(there, fault, faulty, np.zeros(len(there.budget.sd))))
     return found
 
 
 def _shift(there: Linearised, fault: Fault, faulty: tuple[Timeline, ...], own: Array) -> Shift:
     """Foretell one: faulty recordings, or parameters (8,) held wrong."""
     target = _on(there.logs, faulty)
-    pull, power = np.zeros(len(CAR)), 0.0
+    pull, power = np.zeros(len(there.budget.sd)), 0.0
     for run, j in enumerate(there.slopes):
         change = target.innovations(there.z, run) - there.logs.innovations(there.z, run)
         change = change.ravel() + j @ own
@@ -173,10 +176,13 @@ def _settled(there: Linearised, target: Target, own: Array, away: Array) -> Arra
         step = np.linalg.solve(curvature, slope - there.still[1])
         if not np.all(np.isfinite(step)):
             break
-        z[len(CAR) :] += step
+        z[len(sd) :] += step
         at = moved(z, own + away)
         slopes = [jacobian(target, at, run) for run in runs]
-        pull = np.divide(away, sd**2, out=np.zeros(len(CAR)), where=sd > 0.0) - there.still[0]
+        pull = (
+            np.divide(away, sd**2, out=np.zeros(len(there.budget.sd)), where=sd > 0.0)
+            - there.still[0]
+        )
         for run, j in enumerate(slopes):
             pull += j.T @ target.innovations(at, run).ravel()
         away = away - Budget(sd, information(slopes)).covariance() @ pull
@@ -190,7 +196,7 @@ def _noise_slope(there: Linearised, target: Target, z: Array) -> tuple[Array, Ar
 
     The curvature is no less than at the mode, so that a step never overshoots by much.
     """
-    car = len(CAR)
+    car = len(there.budget.sd)
     reach = _REACH / np.sqrt(np.diag(there.noise_precision))
     slope, curvature = -z[car:], there.noise_precision.copy()
     for run in range(len(there.slopes)):
