@@ -22,9 +22,15 @@ __all__ = ["COMMANDS", "cli", "main"]
 # Name, module under bayes_asv.cli, and what it does.
 COMMANDS = {
     "estimate": "Posterior of c_f, c_r and i from one or several recordings.",
+    "track": "The same online, row by row, with a check of itself; or live from a port.",
+    "watch": "Track, and raise an alarm when a damper has lost more than a chosen share.",
+    "diagnose": "Where simulation and measurement disagree, and what is missing.",
     "report": "An HTML or PDF report of recordings or of saved estimates.",
     "plan": "Which road, speed, rate and passes give what is wanted, before the drive.",
     "simulate": "A recording from a road and a vehicle, with a seed.",
+    "modes": "Eigenvalue modes, and the spectrum of a recording.",
+    "greybox": "Prediction-error point estimate, the reference's own method.",
+    "reproduce": "The reference's tables, as printed, as corrected, as obtained here.",
     "demo": "The whole way on shipped data, with a report at the end.",
 }
 
@@ -69,7 +75,8 @@ class _LazyGroup(click.Group):
 @click.group(
     cls=_LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Exit status: 0 done, 2 unreadable input, 3 the data cannot answer, 4 not converged.",
+    epilog="Exit status: 0 done, 2 unreadable input, 3 the data cannot answer, 4 not converged, "
+    "5 watch raised its alarm.",
 )
 @click.version_option(__version__, prog_name="bayes-asv")
 def cli() -> None:

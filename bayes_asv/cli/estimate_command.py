@@ -25,6 +25,20 @@ __all__ = ["command"]
     metavar="HZ",
     help="Use the motion below this frequency alone.",
 )
+@click.option(
+    "--with",
+    "effects",
+    multiple=True,
+    metavar="EFFECT",
+    help="An effect the car has, such as bound_rebound@rear; may be given several times.",
+)
+@click.option(
+    "--model",
+    type=click.Choice(["linear", "auto"]),
+    default="linear",
+    show_default=True,
+    help="'auto' adds what diagnose names in these recordings.",
+)
 @click.option("--netcdf", metavar="FILE", help="Write the draws as ArviZ InferenceData.")
 @common.json_option
 @common.rate_option
@@ -34,6 +48,8 @@ def command(
     vehicle: str,
     likelihood: str,
     below: float | None,
+    effects: tuple[str, ...],
+    model: str,
     netcdf: str | None,
     json_file: str | None,
     rate: float | None,
@@ -41,13 +57,22 @@ def command(
 ) -> int:
     """Posterior of c_f, c_r and i from one or several recordings together."""
     common.check_outputs((*recordings, vehicle), json_file, netcdf)
+    if (effects or model == "auto") and (below is not None or likelihood != "innovations"):
+        raise click.UsageError("effects need the whole band and the innovations likelihood")
     runs, car = common.read_inputs(recordings, vehicle, rate)
     with common.progress_bar() as progress:
+        from bayes_asv.inference.adding import read_site
         from bayes_asv.inference.estimate import estimate
 
+        sites = tuple(dict.fromkeys(read_site(text) for text in effects))
+        if model == "auto":
+            from bayes_asv.diagnosis.workflow import named_in
+
+            sites += tuple(s for s in named_in(runs, car, seed, progress) if s not in sites)
         result = estimate(
-            runs, car, likelihood=likelihood, below=below, seed=seed, progress=progress
+            runs, car, likelihood=likelihood, below=below, seed=seed, progress=progress, sites=sites
         )
+    from bayes_asv.report.diagnose_words import effects_lines
     from bayes_asv.report.document import estimate_document
     from bayes_asv.report.words import verdict_lines
 
@@ -59,5 +84,8 @@ def command(
         write_netcdf(result, netcdf)
     elif netcdf is not None:
         click.echo(f"bayes-asv: no draws, so {netcdf} was not written", err=True)
-    click.echo("\n".join(verdict_lines(document)), err=json_file == "-")
+    lines = [*verdict_lines(document), *effects_lines(document["effects"])]
+    if model == "auto" and not sites and document["verdict"] != "refused":
+        lines.append("Nothing was named, so the model is the linear half car.")
+    click.echo("\n".join(lines), err=json_file == "-")
     return common.EXIT_STATUS[result.verdict]

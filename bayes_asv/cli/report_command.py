@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import click
 
 from bayes_asv.cli import common
 
+if TYPE_CHECKING:
+    from bayes_asv.recording import Recording
+
 __all__ = ["command"]
+
+_KINDS = {"bayes_asv/estimate/1": "estimate", "bayes_asv/diagnose/1": "diagnosis"}
 
 
 @click.command("report")
@@ -14,7 +21,11 @@ __all__ = ["command"]
 @click.option("--vehicle", "-v", metavar="V.toml", help="What is known of the car.")
 @click.option("-o", "output", required=True, metavar="OUT", help="An .html or a .pdf file.")
 @click.option(
-    "--from", "saved", multiple=True, metavar="FILE", help="JSON that a command wrote before."
+    "--from", "saved", multiple=True, metavar="FILE",
+    help="JSON that estimate or diagnose wrote before; once for each.",
+)  # fmt: skip
+@click.option(
+    "--no-diagnosis", is_flag=True, help="Do not ask these recordings what the half car lacks."
 )
 @common.json_option
 @common.rate_option
@@ -24,36 +35,110 @@ def command(
     vehicle: str | None,
     output: str,
     saved: tuple[str, ...],
+    no_diagnosis: bool,
     json_file: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
     """Write a report of recordings, HTML or PDF by the suffix of OUT.
 
-    What was saved with --json by estimate is taken with --from and not computed again.
+    What was saved with --json by estimate and diagnose is taken with --from and not computed again;
+    with recordings and --vehicle the rest is computed.
     """
     from bayes_asv.report.render import check_suffix, write_report
-    from bayes_asv.report.saved import read_saved
-    from bayes_asv.report.words import headline
 
     check_suffix(output)
-    if len(saved) > 1:
-        raise click.UsageError("a report tells one estimate; give --from once")
-    if saved and (recordings or vehicle is not None):
-        raise click.UsageError("give recordings and --vehicle, or --from, not both")
+    if len(saved) > len(_KINDS):
+        raise click.UsageError(
+            "a report tells one estimate and one diagnosis; give --from once for each"
+        )
+    if not recordings and not saved:
+        raise click.UsageError("give recordings and --vehicle, or --from a saved document")
+    if vehicle is not None and not recordings:
+        raise click.UsageError("--vehicle needs recordings; a saved document knows its car")
+    if recordings and vehicle is None and len(saved) < len(_KINDS):
+        raise click.UsageError("recordings need --vehicle")
     common.check_outputs((*recordings, vehicle, *saved), output, json_file)
-    if saved:
-        document = read_saved(saved[0])
-    else:
-        if not recordings or vehicle is None:
-            raise click.UsageError("give recordings and --vehicle, or --from a saved estimate")
-        runs, car = common.read_inputs(recordings, vehicle, rate)
-        with common.progress_bar() as progress:
+    told = _saved(saved)
+    if recordings:
+        told = _completed(told, saved, recordings, vehicle, rate, seed, not no_diagnosis)
+    document = told.get("estimate") or told["diagnosis"]
+    if len(told) == len(_KINDS):
+        document = {**document, "diagnosis": told["diagnosis"]}
+    write_report(document, output)
+    common.write_json(document, json_file)
+    click.echo(f"{_headline(document)}\n{output}", err=json_file == "-")
+    return common.EXIT_STATUS.get(document["verdict"], 0)
+
+
+def _saved(paths: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Read saved documents, by kind."""
+    from bayes_asv.report.saved import read_saved
+
+    told: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        document = read_saved(path)
+        kind = _KINDS[document["schema"]]
+        if kind in told:
+            raise click.UsageError(f"a report tells one {kind}; give --from once for each kind")
+        told[kind] = document
+    return told
+
+
+def _completed(
+    told: dict[str, dict[str, Any]],
+    saved: tuple[str, ...],
+    recordings: tuple[str, ...],
+    vehicle: str | None,
+    rate: float | None,
+    seed: int,
+    diagnosis: bool,
+) -> dict[str, dict[str, Any]]:
+    """Compute of the recordings what was not saved."""
+    if vehicle is None:  # both are there; the recordings are named to be held against them
+        from bayes_asv.formats import read_recording
+
+        _same(told, saved, [read_recording(path, rate=rate) for path in recordings])
+        return told
+    runs, car = common.read_inputs(recordings, vehicle, rate)
+    _same(told, saved, runs)
+    told = dict(told)
+    with common.progress_bar() as progress:
+        if "estimate" not in told:
             from bayes_asv.inference.estimate import estimate
             from bayes_asv.report.document import estimate_document
 
-            document = estimate_document(estimate(runs, car, seed=seed, progress=progress))
-    write_report(document, output)
-    common.write_json(document, json_file)
-    click.echo(f"{headline(document)}\n{output}", err=json_file == "-")
-    return common.EXIT_STATUS[document["verdict"]]
+            told["estimate"] = estimate_document(estimate(runs, car, seed=seed, progress=progress))
+        wanted = diagnosis and told["estimate"]["verdict"] != "refused"
+        if wanted and not (told.get("diagnosis") or told["estimate"].get("diagnosis")):
+            from bayes_asv.diagnosis.workflow import diagnose
+            from bayes_asv.report.diagnose_document import diagnose_document
+
+            found = diagnose(runs, (), car, seed, progress)
+            told["diagnosis"] = diagnose_document(found, runs)
+    return told
+
+
+def _same(told: dict[str, dict[str, Any]], saved: tuple[str, ...], runs: list[Recording]) -> None:
+    """Refuse a saved document of other recordings."""
+    from bayes_asv.errors import InputError
+
+    given = {run.sha256 for run in runs}
+    for path, (kind, document) in zip(saved, told.items(), strict=True):
+        files = (document.get("provenance") or {}).get("recordings") or []
+        known = {file.get("sha256") for file in files}
+        if known and (known != given if kind == "estimate" else not given <= known):
+            raise InputError(
+                path, "was made of other recordings", "give those, or leave the file out"
+            )
+
+
+def _headline(document: dict[str, Any]) -> str:
+    """First line of what is printed."""
+    from bayes_asv.report.diagnose_words import diagnose_headline
+    from bayes_asv.report.words import headline
+
+    if _KINDS[document["schema"]] == "diagnosis":
+        return diagnose_headline(document)
+    found = document.get("diagnosis")
+    return headline(document) + (f"\n{diagnose_headline(found)}" if found else "")

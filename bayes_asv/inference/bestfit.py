@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.inference.adding import with_effects
 from bayes_asv.inference.band import check_band, limited, too_short
 from bayes_asv.inference.bandfit import fit_in_band
 from bayes_asv.inference.bandfit import notes as band_notes
 from bayes_asv.inference.coherence import mend
 from bayes_asv.inference.colour import find_colour
-from bayes_asv.inference.fit import left_in_band, simulate_free
+from bayes_asv.inference.fit import freely, left_in_band, simulate_free
 from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
 from bayes_asv.inference.parameters import Space, space
@@ -25,8 +26,10 @@ from bayes_asv.inference.preflight import (
     preflight,
     swollen_noise,
 )
+from bayes_asv.inference.stage import carried, setting
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.inference.tones import find_tones, main_tones, notched
+from bayes_asv.model.effects import Site
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 
@@ -117,7 +120,10 @@ def lay_out(
 
 
 def best_fit(
-    lines: tuple[Timeline, ...], vehicle: Vehicle, likelihood: str = "innovations"
+    lines: tuple[Timeline, ...],
+    vehicle: Vehicle,
+    likelihood: str = "innovations",
+    sites: tuple[Site, ...] = (),
 ) -> BestFit:
     """Climb to the mode, with the colour that the innovations have there.
 
@@ -129,6 +135,8 @@ def best_fit(
         Gives the priors.
     likelihood : str
         ``innovations`` or ``output-error``.
+    sites : tuple of Site
+        Effects that the car and its sensors have; innovations are then taken to be white.
 
     Returns
     -------
@@ -138,6 +146,8 @@ def best_fit(
     shares: tuple[float | None, ...] = ()
     if likelihood == "innovations" and lines[0].below is not None:
         mode, target, shares = fit_in_band(lines, vehicle)
+    elif sites:
+        mode, target = _with_sites(lines, vehicle, sites)
     else:
         mode, target = _at_full_band(lines, vehicle, likelihood)
     where = target.space
@@ -148,7 +158,7 @@ def best_fit(
     best = where.cars(mode.z[None])[0]
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
     for run, line in enumerate(where.timelines):
-        free = simulate_free(line, best)
+        free = simulate_free(line, best) if not sites else freely(target, mode.z, run)
         why, notes = misfit(vehicle, line, free, bool(shares))
         if line.below is None and (why or notes):
             top = meant_for(vehicle, line)
@@ -171,6 +181,19 @@ def _at_full_band(
     if quiet is not None:
         mode, target = _climb(space(vehicle, quiet, likelihood), None)
     return _with_colour(target, mode, vehicle)
+
+
+def _with_sites(
+    lines: tuple[Timeline, ...], vehicle: Vehicle, sites: tuple[Site, ...]
+) -> tuple[Mode, Target]:
+    """Climb to the mode of a model with effects, its noise levels free."""
+    where, stage = with_effects(setting(vehicle, lines), sites)
+    whole = space(vehicle, lines, sites=stage.sites)
+    target = Target(whole, (WHITE,) * len(lines), patterns=where.patterns)
+    start = carried(stage.space, stage.mode.z, whole, None, {})
+    start[whole.lasting_dimension :] = 0.0
+    with shared_work(target) as shared:
+        return find_mode(shared, start), target
 
 
 def _cut_out(line: Timeline) -> list[str]:

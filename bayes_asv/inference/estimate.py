@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from bayes_asv.inference.agreement import Agreement, compare_runs, run_alone
 from bayes_asv.inference.bestfit import best_fit, lay_out
-from bayes_asv.inference.fit import FreeRun, simulate_free
+from bayes_asv.inference.fit import FreeRun, freely, simulate_free
 from bayes_asv.inference.likelihood import Colour, Target
 from bayes_asv.inference.parameters import Space
 from bayes_asv.inference.predictive import Check, predictive_checks
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.width import Width, find_width
+from bayes_asv.model.effects import Site
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 
@@ -106,6 +107,8 @@ class Estimate:
         explain what is left.
     below : float or None
         Upper edge of the band that was used, Hz; None at full band.
+    effects : dict of Site to dict of str to array
+        Draws of the parameters of every effect in the model, SI units.
     seconds : float
         Time it took.
     seed : int
@@ -133,6 +136,7 @@ class Estimate:
     agreement: Agreement | None = None
     joint: dict[str, Array] = field(default_factory=dict)
     below: float | None = None
+    effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -148,6 +152,7 @@ def estimate(
     below: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    sites: tuple[Site, ...] = (),
 ) -> Estimate:
     """Posterior of c_f, c_r and i from one or several recordings of one car.
 
@@ -165,6 +170,8 @@ def estimate(
         Same seed, same answer.
     progress : callable, optional
         Told the share done and a few words.
+    sites : tuple of Site
+        Effects that the car and its sensors have.
 
     Returns
     -------
@@ -192,13 +199,15 @@ def estimate(
         with ThreadPoolExecutor(1) as other:
             # emcee takes a second to load, most of it while compiled code climbs to the mode
             loading = other.submit(importlib.import_module, "bayes_asv.inference.sampler")
-            if len(lines) > 1 and likelihood == "innovations":  # the other form claims too much
+            if (
+                len(lines) > 1 and likelihood == "innovations" and not sites
+            ):  # the other form claims too much
                 alone = [run_alone(line, vehicle, seed) for line in lines]
                 agreement = compare_runs(alone, math.prod(_APART), seed)
             if agreement is not None and agreement.apart:
                 reasons, warnings = agreement.reasons, warnings + agreement.warnings
             else:
-                found = best_fit(lines, vehicle, likelihood)
+                found = best_fit(lines, vehicle, likelihood, sites)
                 reasons, warnings = found.reasons, warnings + found.warnings
             run_ensembles = loading.result().run_ensembles
     if agreement is not None and found is None and not reasons:
@@ -233,7 +242,7 @@ def estimate(
     runs = tuple(
         _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
     )
-    width = find_width(target, found.mode, vehicle) if ensembles.converged else None
+    width = find_width(target, found.mode, vehicle) if ensembles.converged and not sites else None
     tell(1.0, "done")
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
@@ -256,6 +265,10 @@ def estimate(
         width=width,
         agreement=agreement,
         below=below,
+        effects={
+            site: {n: x.reshape(by_ensemble) for n, x in values.items()}
+            for site, values in where.effect_draws(flat).items()
+        },
     )
 
 
@@ -298,18 +311,25 @@ def _apart(
     )
 
 
+def _simulated(target: Target, z: Array, run: int) -> FreeRun:
+    """Run the car at coordinates (D,) over one recording."""
+    if target.space.sites:
+        return freely(target, z, run)
+    return simulate_free(target.space.timelines[run], target.space.cars(z[None])[0])
+
+
 def _run_fit(recording: Recording, target: Target, flat: Array, run: int, seed: int) -> RunFit:
     """Simulate one recording at the posterior's centre and at a few of its draws."""
     line = target.space.timelines[run]
     centre = flat.mean(axis=0)
     picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
-    each = [simulate_free(line, car) for car in target.space.cars(picked)]
+    each = [_simulated(target, z, run) for z in picked]
     innovations = target.innovations(centre, run)
     innovations[line.kind != 1] = np.nan
     return RunFit(
         recording=recording,
         line=line,
-        free=simulate_free(line, target.space.cars(centre[None])[0]),
+        free=_simulated(target, centre, run),
         ensemble=np.stack([one.output for one in each]),
         travel=np.stack([one.states[:, [0, 2]] for one in each]),
         innovations=innovations,
@@ -317,6 +337,6 @@ def _run_fit(recording: Recording, target: Target, flat: Array, run: int, seed: 
         # Replicates know the sensors' noise alone; where it explains little there is nothing
         # to check.
         checks=()
-        if target.space.likelihood == "coloured"
+        if target.space.likelihood == "coloured" or target.space.sites
         else predictive_checks(target, flat, run, seed),
     )

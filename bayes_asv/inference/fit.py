@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.inference.freerun import free_run as run_freely
+from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.kernels.innovations import VALUE
 from bayes_asv.kernels.response import free_run
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 
-__all__ = ["FreeRun", "left_in_band", "simulate_free"]
+__all__ = ["FreeRun", "freely", "left_in_band", "simulate_free"]
 
 Array = NDArray[np.float64]
 
@@ -71,6 +73,12 @@ def simulate_free(line: Timeline, car: Array) -> FreeRun:
     weights = np.linalg.solve(X.T @ X + np.diag(scale / line.start), X.T @ y)
     full = states[:, :, 0] + states[:, :, 1:] @ weights[:4]
     return FreeRun(full, outputs[:, :, 0] + design @ weights, weights[4:])
+
+
+def freely(target: Target, z: Array, run: int) -> FreeRun:
+    """Run a car with effects over one recording; ``z`` (D,) are its coordinates."""
+    output, states, bias = run_freely(target, z, run)
+    return FreeRun(states[:, :4], output, bias)
 
 
 def left_in_band(line: Timeline, free: FreeRun, top: float) -> Array:

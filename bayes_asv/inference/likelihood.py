@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.inference.cut import given_back
+from bayes_asv.inference.effects import Patterns, rows
 from bayes_asv.inference.parameters import Space
-from bayes_asv.kernels import coloured, innovations
+from bayes_asv.kernels import coloured, extended, innovations
 
-__all__ = ["WHITE", "Colour", "Target", "shared_work"]
+__all__ = ["WHITE", "Colour", "Nudge", "Target", "shared_work"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,24 @@ class Colour(NamedTuple):
         return len(self.coefficients)
 
 
+class Nudge(NamedTuple):
+    """A change of one run: of the wheels' moments, of chassis readings, and forces at the axles.
+
+    Parameters
+    ----------
+    moments : (E, 2, ORDER) array
+        Added to the moments of the wheel accelerations.
+    reading : (E, 2) array
+        Added to the chassis readings, m/s².
+    force : (E, 2) array
+        On the chassis at the axles, N.
+    """
+
+    moments: Array
+    reading: Array
+    force: Array
+
+
 WHITE = Colour(np.zeros((0, 2, 2)), np.eye(2))
 
 
@@ -55,11 +74,14 @@ class Target:
         One a run.
     pool : ThreadPoolExecutor or None
         Where batches are split; the answer does not depend on it.
+    patterns : tuple of Patterns
+        One a run where the space has effects; their innovations are taken to be white.
     """
 
     space: Space
     colours: tuple[Colour, ...]
     pool: ThreadPoolExecutor | None = None
+    patterns: tuple[Patterns, ...] = ()
 
     def with_colours(self, colours: tuple[Colour, ...]) -> Target:
         """Return the same target with other colours."""
@@ -67,6 +89,8 @@ class Target:
 
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
+        if self.space.sites:
+            return self._with_effects(z, run)
         out = np.zeros(len(z))
         cars, noises = self.space.measured(z, run), self.space.noises(z, run)
         colour = self.colours[run]
@@ -100,6 +124,8 @@ class Target:
 
     def innovations(self, z: Array, run: int, colour: Colour | None = None) -> Array:
         """Normalised innovations (E, 2) of one run at coordinates (D,), white if all is well."""
+        if self.space.sites:
+            return self.scored(z, run)[0]
         colour = self.colours[run] if colour is None else colour
         line = self.space.timelines[run]
         car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
@@ -109,6 +135,45 @@ class Target:
         else:
             coloured.residuals(car, noise, *self._laid_out(run), line.closes, *colour, kept)
         return kept
+
+    def scored(self, z: Array, run: int, nudge: Nudge | None = None) -> tuple[Array, Array, Array]:
+        """Innovations (E, 2), logarithms of their variances (E, 2) and states (E, 6) of one run.
+
+        Zero where there is no value; the states are δ_f, δ̇_f, δ_r, δ̇_r and both excess forces.
+        A nudge changes what was read, or adds forces.
+        """
+        line, known = self.space.timelines[run], self.patterns[run]
+        kept, logs = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 2))
+        states = np.zeros((len(line.step), 6))
+        values = self.space.effects(z)
+        driven, reading = known.corrected(line, values)
+        added = np.zeros_like(reading)
+        if nudge is not None:
+            driven, reading, added = driven + nudge.moments, reading + nudge.reading, nudge.force
+        car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
+        extended.residuals(
+            car, noise, rows(values, run), known.pole, line.step, driven, line.spread, line.kind,
+            reading, line.extra, line.start, known.wheel, line.instants, added, kept, logs, states,
+        )  # fmt: skip
+        return kept, logs, states
+
+    def _with_effects(self, z: Array, run: int) -> Array:
+        """Log-likelihood (W,) of one run whose car or sensors have effects."""
+        line, known = self.space.timelines[run], self.patterns[run]
+        out = np.zeros(len(z))
+        cars, noises = self.space.measured(z, run), self.space.noises(z, run)
+        added = np.zeros_like(line.reading)
+        for w in range(len(z)):
+            values = self.space.effects(z[w])
+            driven, reading = known.corrected(line, values)
+            extended.log_likelihood(
+                cars[w : w + 1], noises[w : w + 1], rows(values, run)[None], known.pole, line.step,
+                driven, line.spread, line.kind, reading, line.extra, line.start, known.wheel,
+                line.instants, added, out[w : w + 1],
+            )  # fmt: skip
+        if line.cut is not None:
+            out += given_back(line.cut, noises)
+        return np.where(np.isfinite(out), out, -np.inf)
 
     def _laid_out(self, run: int) -> tuple[NDArray[np.generic], ...]:
         line = self.space.timelines[run]

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.effects import Values, car_scale
 from bayes_asv.inference.timeline import Timeline
+from bayes_asv.model.effects import Scale, Site
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["CAR", "DAMPING_FACTOR", "INERTIA_FACTOR", "Space", "space"]
@@ -34,6 +36,11 @@ INERTIA_FACTOR = 2.0
 # record gives the level to within a factor of three at one deviation.
 _NOISE_GIVEN_SD = 0.3
 _NOISE_UNKNOWN_SD = math.log(3.0)
+# Where a disagreement is looked for, noise must not swell until it has swallowed it: a level is
+# good to a fifth, and in no case more than half as much again.  One that is not given is taken
+# from the record itself, and trusted to a factor of two.
+_NEAR_SD, _NEAR_CAP = 0.2, 0.4
+_UNKNOWN_CAP = 0.7
 _SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
 _WORST = 30.0  # prior deviations beyond which nothing is tried
 
@@ -59,7 +66,8 @@ class Space:
     ----------
     names : tuple of str
         One a coordinate: ``car-0`` … for the directions of the car that data can see, ``wdf``,
-        ``gain <channel>``, ``noise <channel> <run>``, ``filtered share <run>``.
+        ``gain <channel>``, ``effect <site> <parameter>``, ``noise <channel> <run>``,
+        ``filtered share <run>``.
     centre, scale : (D,) arrays
         A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
         probit for the filtered share).
@@ -75,6 +83,12 @@ class Space:
         ``innovations``, or ``output-error`` and ``coloured`` in which wheels have no noise.
     held : tuple of (4,) arrays
         Noise deviation of each channel of each run (m/s²) where it is not sampled.
+    sites : tuple of Site
+        Effects that the car and its sensors have.
+    sizes : Scale or None
+        What the effects' priors are given in.
+    near : bool
+        Noise levels stay near their prior's centre.
     """
 
     names: tuple[str, ...]
@@ -88,6 +102,9 @@ class Space:
     timelines: tuple[Timeline, ...]
     likelihood: str
     held: tuple[Array, ...]
+    sites: tuple[Site, ...] = ()
+    sizes: Scale | None = None
+    near: bool = False
 
     @property
     def dimension(self) -> int:
@@ -101,8 +118,41 @@ class Space:
 
     @property
     def lasting_dimension(self) -> int:
-        """Number of coordinates that all runs share: the car and the gains, which come next."""
-        return self.car_dimension + sum(name.startswith("gain ") for name in self.names)
+        """Number of coordinates of the car, of gains and of effects, which come first."""
+        return self.car_dimension + sum(
+            name.startswith(("gain ", "effect ")) for name in self.names
+        )
+
+    def effects(self, z: Array) -> Values:
+        """Values of the effects' parameters, SI units, at coordinates (D,)."""
+        found = {}
+        for site in self.sites:
+            at = {p: self.names.index(site.coordinate_name(p)) for p in site.effect.parameters}
+            assert self.sizes is not None
+            found[site] = {p.name: float(p.value(z[k], self.sizes)) for p, k in at.items()}
+        return found
+
+    def effect_draws(self, z: Array) -> dict[Site, dict[str, Array]]:
+        """Values (N,) of the effects' parameters that are reported, at coordinates (N, D)."""
+        assert self.sizes is not None or not self.sites
+        return {
+            site: {
+                p.name: p.value(z[:, self.names.index(site.coordinate_name(p))], self.sizes)
+                for p in site.effect.parameters
+                if not p.shape and self.sizes is not None
+            }
+            for site in self.sites
+        }
+
+    def _factor(self, z: Array, name: str, where: str) -> Array | float:
+        """Factor (W,) that a car or gain effect puts on a value; one where there is none."""
+        for site in self.sites:
+            if site.effect.name == name and site.where == where:
+                parameter = site.effect.parameters[0]
+                assert self.sizes is not None
+                k = self.names.index(site.coordinate_name(parameter))
+                return parameter.value(z[:, k], self.sizes)
+        return 1.0
 
     def cars(self, z: Array, unseen: Array | None = None) -> Array:
         """Map coordinates (W, D) to physical parameters (W, 8), SI units.
@@ -123,6 +173,10 @@ class Space:
         for k, name in enumerate(_LOGS):
             out[:, CAR.index(name)] = value[:, k]
         out[:, CAR.index("wdf")] = self._other(z, "wdf") if "wdf" in self.names else self.wdf
+        if self.sites:
+            out[:, CAR.index("k_f")] *= self._factor(z, "spring_rate", "front")
+            out[:, CAR.index("k_r")] *= self._factor(z, "spring_rate", "rear")
+            out[:, CAR.index("wdf")] *= self._factor(z, "weight_distribution", "")
         return out
 
     def quantities(self, z: Array, seed: int) -> dict[str, Array]:
@@ -158,6 +212,7 @@ class Space:
             name = f"gain {channel}"
             if name in self.names and self.timelines[run].scale_sd[c] > 0.0:
                 gains[:, c] = np.exp(self._other(z, name))
+            gains[:, c] *= self._factor(z, "sensor_gain", channel)
         return np.hstack([self.cars(z), gains])
 
     def noises(self, z: Array, run: int) -> Array:
@@ -168,7 +223,7 @@ class Space:
         for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
             name = f"noise {CHANNELS[c]} {run}"
             if name in self.names:
-                variance = np.exp(2.0 * self._other(z, name))
+                variance = np.exp(2.0 * self._level(z, name))
             elif self.held[run][c] > 0.0:
                 variance = np.full(len(z), self.held[run][c] ** 2)
             else:
@@ -177,6 +232,14 @@ class Space:
             out[:, 4 + column] = share * variance
             out[:, 8 + column] = line.poles[c]
         return out
+
+    def _level(self, z: Array, name: str) -> Array:
+        """Logarithm of a noise level."""
+        if not self.near:
+            return self._other(z, name)
+        d = self.names.index(name)
+        cap = _NEAR_CAP if self.scale[d] < _NOISE_GIVEN_SD else _UNKNOWN_CAP
+        return np.asarray(self.centre[d] + cap * np.tanh(self.scale[d] * z[:, d] / cap))
 
     def _share(self, z: Array, run: int) -> Array | float:
         """Share of the noise that passed the sensor's filter."""
@@ -190,8 +253,10 @@ class Space:
         """Noise deviations (m/s²) and filtered shares by name, each (W,)."""
         out = {}
         for name in self.names[self.car_dimension :]:
-            value = self._other(z, name)
-            out[name] = ndtr(value) if name.startswith("filtered") else np.exp(value)
+            if name.startswith("effect "):
+                continue
+            filtered = name.startswith("filtered")
+            out[name] = ndtr(self._other(z, name)) if filtered else np.exp(self._level(z, name))
         return out
 
     def log_prior(self, z: Array) -> Array:
@@ -208,7 +273,9 @@ class Space:
         own = [
             k
             for k, name in enumerate(self.names)
-            if name.endswith(f" {run}") or name.startswith("gain ")
+            if name.endswith(f" {run}")
+            or name.startswith("gain ")
+            or (name.startswith("effect ") and not name[-1].isdigit())
         ]
         car = range(self.car_dimension)
         return np.array(sorted({*car, *own}), np.int64)
@@ -245,6 +312,8 @@ def space(
     timelines: tuple[Timeline, ...],
     likelihood: str = "innovations",
     hold: frozenset[int] = frozenset(),
+    sites: tuple[Site, ...] = (),
+    near: bool = False,
 ) -> Space:
     """Set up the coordinates for a vehicle and its recordings.
 
@@ -259,6 +328,10 @@ def space(
     hold : frozenset of int
         Runs whose noise levels are held at the centre of their prior: under a colour they are
         but the shape of a filter, and the colour has the scale.
+    sites : tuple of Site
+        Effects that the car and its sensors have.
+    near : bool
+        Keep noise levels near what is given.
 
     Returns
     -------
@@ -284,6 +357,9 @@ def space(
         deviation = max((float(line.scale_sd[c]) for line in timelines), default=0.0)
         if deviation > 0.0:
             add(f"gain {channel}", 0.0, deviation)
+    for site in sites:
+        for parameter in site.effect.parameters:
+            add(site.coordinate_name(parameter), 0.0, 1.0)
     held = []
     for run, line in enumerate(timelines):
         levels = np.zeros(4)
@@ -294,6 +370,8 @@ def space(
             levels[c] = _quiet_level(line, c) if noise is None else noise
             if run not in hold:
                 deviation = _NOISE_UNKNOWN_SD if noise is None else _NOISE_GIVEN_SD
+                if near and noise is not None:
+                    deviation = _NEAR_SD
                 add(f"noise {channel} {run}", math.log(levels[c]), deviation)
         held.append(levels)
         filtered = likelihood == "innovations" and np.any(line.poles > 0.0)
@@ -311,6 +389,9 @@ def space(
         timelines=timelines,
         likelihood=likelihood,
         held=tuple(held),
+        sites=sites,
+        sizes=car_scale(vehicle) if sites else None,
+        near=near,
     )
 
 

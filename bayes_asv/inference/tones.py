@@ -78,7 +78,7 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
     return out
 
 
-def find_tones(nu: Array, rate: float) -> tuple[Notch, ...]:
+def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ...]:
     """Find tones in the innovations of one run.
 
     The line that stands out most of its neighbourhood is cut out, and what is left is searched
@@ -90,11 +90,13 @@ def find_tones(nu: Array, rate: float) -> tuple[Notch, ...]:
         Normalised innovations of one run, in time order; nan where a reading was missing.
     rate : float
         Pairs of readings a second, Hz.
+    alarm : float
+        False tones that a white record may show.
 
     Returns
     -------
     tuple of Notch
-        Empty when no line stands out by more than one in ten thousand white records shows.
+        Empty when no line stands out by more than white records show that often.
     """
     from scipy.signal import sosfilt
 
@@ -102,7 +104,7 @@ def find_tones(nu: Array, rate: float) -> tuple[Notch, ...]:
     notches: list[Notch] = []
     while len(notches) < _MOST:
         left = sosfilt(notch_filter(notches, rate), signal, axis=0) if notches else signal
-        frequency = _peak(left, rate)
+        frequency = _peak(left, rate, alarm)
         if frequency is None:
             break
         width = min(max(_WANDER * frequency, _NARROWEST), _WIDEST)
@@ -174,7 +176,7 @@ def notched(line: Timeline, vehicle: Vehicle, notches: Sequence[Notch]) -> Timel
     )
 
 
-def _peak(left: Array, rate: float) -> float | None:
+def _peak(left: Array, rate: float, alarm: float) -> float | None:
     """Frequency (Hz) of the line that stands out most, if any does."""
     from scipy.ndimage import median_filter
     from scipy.signal import welch
@@ -193,7 +195,7 @@ def _peak(left: Array, rate: float) -> float | None:
     best, axle = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     # The floor is uncertain as well: a median is worth 0.64, Hann lines 0.67 of as many lines.
     degrees = 2.0 * segments
-    limit = float(f(degrees, 0.4 * lines * degrees).isf(_ALARM / power.size))
+    limit = float(f(degrees, 0.4 * lines * degrees).isf(alarm / power.size))
     return float(frequency[best]) if ratio[best, axle] > limit else None
 
 

@@ -7,6 +7,14 @@ from typing import Any, Final
 
 from bayes_asv.report.agreement_tables import agreement_table, check_table
 from bayes_asv.report.agreement_words import agreement_lines, check_limits, independent_lines
+from bayes_asv.report.diagnose_content import (
+    diagnose_limits,
+    diagnose_sections,
+    diagnose_subtitle,
+    is_diagnosis,
+)
+from bayes_asv.report.diagnose_tables import model_table
+from bayes_asv.report.diagnose_words import diagnose_headline, diagnose_steps
 from bayes_asv.report.figures import MOST_RUNS, Figure, figures
 from bayes_asv.report.readable import number, plain, probability
 from bayes_asv.report.svg import Panel, gauge
@@ -61,8 +69,9 @@ def content(document: Document) -> tuple[Page, dict[str, Panel]]:
     Parameters
     ----------
     document : dict
-        Schema ``bayes_asv/estimate/1``. What is not of the stable interface may be absent; the
-        report then leaves out what it would have shown.
+        Schema ``bayes_asv/estimate/1``, with a diagnosis of the same recordings under ``diagnosis``
+        or without; or schema ``bayes_asv/diagnose/1`` alone. What is not of the stable interface
+        may be absent; the report then leaves out what it would have shown.
 
     Returns
     -------
@@ -72,6 +81,8 @@ def content(document: Document) -> tuple[Page, dict[str, Panel]]:
     pictures : dict of str to Panel
         The pictures.
     """
+    if is_diagnosis(document):
+        return _diagnosis(document)
     verdict = document["verdict"]
     vehicle = document.get("vehicle", {})
     pictures: dict[str, Panel] = {}
@@ -99,12 +110,47 @@ def content(document: Document) -> tuple[Page, dict[str, Panel]]:
     known = known_table(document)
     if known is not None and verdict == "refused":
         sections.append(known)
+    if document.get("diagnosis"):
+        sections += diagnose_sections(document["diagnosis"], pictures)
     sections += provenance_tables(document)
-    # A sentence a line: the eye finds its damper sooner.
+    return _finished(page), pictures
+
+
+def _finished(page: Page) -> Page:
+    """Set a sentence of the headline a line, so that the eye finds its damper sooner; tie units."""
     *first, last = page["headline"]
-    page["headline"] = [*(f"{line}." for line in first), last]
-    tied: Page = _tied(page)
-    return tied, pictures
+    tied: Page = _tied({**page, "headline": [*(f"{line}." for line in first), last]})
+    return tied
+
+
+def _diagnosis(document: Document) -> tuple[Page, dict[str, Panel]]:
+    """Pages of a diagnosis alone; its cards are the parameters with what was named."""
+    verdict = document["verdict"]
+    vehicle = document.get("vehicle", {})
+    pictures: dict[str, Panel] = {}
+    refused = verdict == "refused"
+    after = {} if refused else document["parameters_after"]
+    cards = _cards({"verdict": "ok", "parameters": after}, pictures)
+    name = plain(vehicle.get("name") or "unnamed vehicle")
+    tones = {"agreement": "good", "named": "above", "unexplained": "muted"}
+    sections = diagnose_sections(document, pictures, alone=True)
+    page: Page = {
+        "title": f"Suspension of {name}",
+        "name": name,
+        "subtitle": diagnose_subtitle(document),
+        "verdict": verdict,
+        "badge": "Verdict: refused" if refused else "What is missing?",
+        "headline": diagnose_headline(document).split(". "),
+        "tone": tones.get(verdict, "stop"),
+        "cards": cards,
+        "reasons": [_sentence(split_reason(r)[0]) for r in document["reasons"]],
+        "steps": diagnose_steps(document),
+        "limits": [_sentence(w) for w in document["warnings"]],
+        "sections": [*sections, *provenance_tables(document)],
+        "system": vehicle.get("units", "SI"),
+        "footer": f"bayes_asv {plain(document.get('version', ''))}, seed {document.get('seed')}",
+    }
+    return _finished(page), pictures
 
 
 def _tied(value: Any) -> Any:
@@ -130,6 +176,8 @@ def limits(document: Document) -> list[str]:
         Sentences; empty when nothing was found.
     """
     found = [_sentence(w) for w in document["warnings"]]
+    if document.get("diagnosis"):
+        found += diagnose_limits(document["diagnosis"])
     found += check_limits(document)
     if document["verdict"] == "ok":
         found += width_limits(document)
@@ -234,7 +282,11 @@ def _results(document: Document, sections: list[Document], pictures: dict[str, P
         if units != "SI" and all("si" in p for p in parameters.values()):
             sections.append(parameter_table(parameters, si=True, title=f"{title}, in SI units"))
     sections += [
-        t for t in (known_table(document), budget_table(document), fault_table(document))
+        t
+        for t in (
+            model_table(document), known_table(document), budget_table(document),
+            fault_table(document),
+        )
         if t is not None
     ]  # fmt: skip
     lines = halving_lines(document)

@@ -22,11 +22,12 @@ from bayes_asv.inference.estimate import ANSWERS, DERIVED, Estimate, RunFit
 from bayes_asv.inference.parameters import CAR
 from bayes_asv.quantities import QUANTITIES
 from bayes_asv.report.agreement_document import agreement_document, checks_document
+from bayes_asv.report.effect_document import effects_document
 from bayes_asv.report.width_document import width_document
 from bayes_asv.units import display_units, from_si
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["SCHEMA", "estimate_document"]
+__all__ = ["SCHEMA", "estimate_document", "parameter_document"]
 
 Array = NDArray[np.float64]
 Document = dict[str, Any]
@@ -63,7 +64,7 @@ def estimate_document(result: Estimate) -> Document:
         "verdict": result.verdict,
         "reasons": list(result.reasons),
         "warnings": list(result.warnings),
-        "parameters": {n: _parameter(n, result.draws[n], vehicle) for n in names},
+        "parameters": {n: parameter_document(n, result.draws[n], vehicle) for n in names},
         "known": {n: _known(n, result, vehicle) for n in ("m", "l", "wdf", "k_f", "k_r")},
         "prior": {n: _prior(n, result, vehicle) for n in ("c_f", "c_r", "i")} if names else {},
         "diagnostics": {
@@ -82,6 +83,7 @@ def estimate_document(result: Estimate) -> Document:
         if result.width is None
         else width_document(result.width, result.draws, vehicle),
         "agreement": agreement_document(result),
+        "effects": effects_document(result.effects, vehicle),
         "fit": _pooled_fit(result.runs),
         "fit_by_run": [{"source": r.line.source, **_pooled_fit((r,))} for r in result.runs],
         "noise": _noise(result, vehicle),
@@ -120,7 +122,8 @@ def _summary(draws: Array) -> Document:
     }
 
 
-def _parameter(name: str, draws: Array, vehicle: Vehicle) -> Document:
+def parameter_document(name: str, draws: Array, vehicle: Vehicle) -> Document:
+    """Summarise the draws (N,) of one quantity, SI units, in the vehicle's units."""
     dimension, words = QUANTITIES[name]
     source = getattr(vehicle, name)
     nominal = float(source if isinstance(source, float) else source.value)

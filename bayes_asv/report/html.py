@@ -13,12 +13,12 @@ Document = dict[str, Any]
 
 
 def html_report(document: Document) -> str:
-    """Write an estimate as one self-contained page.
+    """Write an estimate or a diagnosis as one self-contained page.
 
     Parameters
     ----------
     document : dict
-        Schema ``bayes_asv/estimate/1``.
+        Schema ``bayes_asv/estimate/1`` or ``bayes_asv/diagnose/1``.
 
     Returns
     -------

@@ -15,12 +15,12 @@ Document = dict[str, Any]
 
 
 def pdf_report(document: Document) -> bytes:
-    """Write an estimate as PDF, on A4, or on US letter where the vehicle's units are US.
+    """Write an estimate or a diagnosis as PDF: A4, or US letter for a car in US units.
 
     Parameters
     ----------
     document : dict
-        Schema ``bayes_asv/estimate/1``.
+        Schema ``bayes_asv/estimate/1`` or ``bayes_asv/diagnose/1``.
 
     Returns
     -------

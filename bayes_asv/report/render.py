@@ -13,8 +13,12 @@ __all__ = ["check_suffix", "write_report"]
 
 Document = dict[str, Any]
 
+_DIAGNOSIS: Final = "bayes_asv/diagnose/1"
 _SUFFIXES: Final = (".html", ".htm", ".pdf")
-_NEEDED: Final = ("verdict", "reasons", "warnings", "parameters")
+_NEEDED: Final = {
+    "estimate": ("verdict", "reasons", "warnings", "parameters"),
+    "diagnose": ("verdict", "reasons", "warnings", "effects", "gap", "unexplained"),
+}
 
 
 def check_suffix(path: str | os.PathLike[str]) -> str:
@@ -39,24 +43,27 @@ def write_report(document: Document, path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     document : dict
-        Schema ``bayes_asv/estimate/1``, as made by
-        :func:`bayes_asv.report.document.estimate_document` or read from its JSON.
+        Schema ``bayes_asv/estimate/1`` or ``bayes_asv/diagnose/1``, as made by
+        :func:`bayes_asv.report.document.estimate_document` or
+        :func:`bayes_asv.report.diagnose_document.diagnose_document`, or read from its JSON; an
+        estimate may hold a diagnosis under ``diagnosis``.
     path : str or os.PathLike
         Ends in ``.html`` or ``.pdf``. The same document gives the same bytes.
 
     Raises
     ------
     InputError
-        If the suffix is another one, the document is not an estimate, or the file cannot be
+        If the suffix is another one, the document is neither, or the file cannot be
         written.
     """
     suffix = check_suffix(path)
-    missing = [key for key in _NEEDED if key not in document]
+    kind = "diagnose" if document.get("schema") == _DIAGNOSIS else "estimate"
+    missing = [key for key in _NEEDED[kind] if key not in document]
     if missing:
         raise InputError(
             os.fspath(path),
             f"the document to be told has no '{missing[0]}'",
-            "give what 'bayes-asv estimate --json' wrote",
+            f"give what 'bayes-asv {kind} --json' wrote",
         )
     try:
         if suffix == ".pdf":
@@ -71,6 +78,6 @@ def write_report(document: Document, path: str | os.PathLike[str]) -> None:
         raise InputError(
             os.fspath(path),
             f"the document to be told is broken ({type(fault).__name__}: {fault})",
-            "make it again with 'bayes-asv estimate --json'",
+            f"make it again with 'bayes-asv {kind} --json'",
         ) from fault
     write_whole(path, data)

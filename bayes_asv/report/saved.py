@@ -1,7 +1,8 @@
 """Reading a saved document: what comes from a file is checked before anything is told from it.
 
 A document may be cut off, come from another program or be made to do harm. What the report
-counts on is checked by shape, size and sense in :mod:`bayes_asv.report.saved_document`.
+counts on is checked by shape, size and sense in :mod:`bayes_asv.report.saved_document` and
+:mod:`bayes_asv.report.saved_diagnosis`.
 """
 
 from __future__ import annotations
@@ -10,21 +11,25 @@ import json
 import os
 from typing import Any, Final
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from bayes_asv.errors import InputError
 from bayes_asv.files import PathLike, decode, read_bytes
+from bayes_asv.report.saved_diagnosis import SavedDiagnosis
 from bayes_asv.report.saved_document import SavedDocument
 
 __all__ = ["read_saved"]
 
-_SCHEMA: Final = "bayes_asv/estimate/1"
-_MEND: Final = "give a file that 'bayes-asv estimate --json' wrote"
+_SCHEMAS: Final[dict[str, type[BaseModel]]] = {
+    "bayes_asv/estimate/1": SavedDocument,
+    "bayes_asv/diagnose/1": SavedDiagnosis,
+}
+_MEND: Final = "give a file that 'bayes-asv estimate --json' or 'bayes-asv diagnose --json' wrote"
 _LARGEST_FILE: Final = 200_000_000
 
 
 def read_saved(path: PathLike) -> dict[str, Any]:
-    """Read a document that ``bayes-asv estimate --json`` wrote.
+    """Read a document that ``bayes-asv estimate`` or ``bayes-asv diagnose`` wrote with ``--json``.
 
     Parameters
     ----------
@@ -34,13 +39,13 @@ def read_saved(path: PathLike) -> dict[str, Any]:
     Returns
     -------
     dict
-        Schema ``bayes_asv/estimate/1``, as plain data.
+        Schema ``bayes_asv/estimate/1`` or ``bayes_asv/diagnose/1``, as plain data.
 
     Raises
     ------
     InputError
         One line with the file, the key and the mend: unreadable, cut off, of another schema, or
-        holding what no estimate holds.
+        holding what it cannot hold.
     """
     where = os.fspath(path)
     text = decode(read_bytes(path, _LARGEST_FILE), where)
@@ -52,11 +57,13 @@ def read_saved(path: PathLike) -> dict[str, Any]:
     except (ValueError, RecursionError):
         raise InputError(where, "is not JSON", _MEND) from None
     said = document.get("schema") if isinstance(document, dict) else None
-    if said != _SCHEMA:
-        what = f"is of schema {str(said)[:60]!r}, not {_SCHEMA}" if said else "is no estimate"
+    checked = _SCHEMAS.get(said) if isinstance(said, str) else None
+    if checked is None:
+        known = " or ".join(_SCHEMAS)
+        what = f"is of schema {str(said)[:60]!r}, not {known}" if said else "is no estimate"
         raise InputError(where, what, _MEND)
     try:
-        SavedDocument.model_validate(document)
+        checked.model_validate(document)
     except ValidationError as fault:
         first = fault.errors(include_url=False, include_input=False, include_context=False)[0]
         key = ".".join(str(part) for part in first["loc"])

@@ -5,76 +5,53 @@ Further keys are left alone, so that newer documents stay readable.
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from bayes_asv.report.saved_diagnosis import SavedDiagnosis
+from bayes_asv.report.saved_parts import (
+    Band,
+    Channel,
+    Chassis,
+    Count,
+    Curve,
+    Effect,
+    Finite,
+    Pair,
+    Parameter,
+    Part,
+    Positive,
+    Provenance,
+    Sentences,
+    Share,
+    Shown,
+    Size,
+    Summary,
+    Unit,
+    Words,
+    alike,
+)
 
 __all__ = ["SavedDocument"]
 
-_MOST_POINTS: Final = 100_000
-_LARGEST: Final = 1e15
-_SMALLEST: Final = 1e-30
-
-Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
-Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
-Size = Annotated[float, Field(ge=0.0, le=_LARGEST, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-Words = Annotated[str, Field(max_length=10_000)]
-Unit = Annotated[str, Field(max_length=64)]
-Count = Annotated[int, Field(ge=0, le=10**12)]
-Curve = Annotated[list[Finite | None], Field(max_length=_MOST_POINTS)]
-Sentences = Annotated[list[Words], Field(max_length=1000)]
-Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
-Band = Annotated[list[Curve], Field(min_length=2, max_length=2)]
-Axle = Literal["front", "rear"]
-Channel = Literal["front_wheel", "front_chassis", "rear_wheel", "rear_chassis"]
-Chassis = Literal["front_chassis", "rear_chassis"]
 Answer = Literal["c_f", "c_r", "i", "k_g"]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(strict=True, extra="allow")
-
-
-class _Summary(_Part):
-    mean: Finite
-    median: Finite | None = None
-    sd: Size
-    eti95: Pair
-
-    @model_validator(mode="after")
-    def _ordered(self) -> _Summary:
-        low, high = self.eti95
-        if low > high:
-            raise ValueError("the interval ends before it begins")
-        return self
-
-
-class _Shown(_Summary):
-    unit: Unit
-    nominal: Finite | None = None
-
-
-class _Parameter(_Shown):
-    label: Words = ""
-    p_below_nominal: Share | None = None
-    si: _Shown | None = None
-
-
-class _Known(_Part):
+class _Known(Part):
     label: Words = ""
     unit: Unit
     value: Finite
     sd: Size | None = None
-    posterior: _Summary | None = None
+    posterior: Summary | None = None
 
 
-class _Prior(_Part):
+class _Prior(Part):
     median: Positive
     log_sd: Annotated[float, Field(ge=1e-9, le=50.0, allow_inf_nan=False)]
 
 
-class _Diagnostics(_Part):
+class _Diagnostics(Part):
     rhat_max: Finite | None = None
     ess_bulk_min: Finite | None = None
     ess_tail_min: Finite | None = None
@@ -83,21 +60,21 @@ class _Diagnostics(_Part):
     likelihood: Words = ""
 
 
-class _Fit(_Part):
+class _Fit(Part):
     nrmse_percent: Size
 
 
-class _Fits(_Part):
+class _Fits(Part):
     source: Words = ""
     front_chassis: _Fit | None = None
     rear_chassis: _Fit | None = None
 
 
-class _NoiseOf(_Summary):
+class _NoiseOf(Summary):
     given: Size | None = None
 
 
-class _Noise(_Part):
+class _Noise(Part):
     source: Words
     unit: Unit
     front_wheel: _NoiseOf | None = None
@@ -106,7 +83,7 @@ class _Noise(_Part):
     rear_chassis: _NoiseOf | None = None
 
 
-class _Spectrum(_Part):
+class _Spectrum(Part):
     unit: Unit = ""
     frequency: Curve
     measured: Curve
@@ -114,22 +91,24 @@ class _Spectrum(_Part):
 
     @model_validator(mode="after")
     def _long(self) -> _Spectrum:
-        _alike(len(self.frequency), self.measured, self.residual)
+        alike(len(self.frequency), self.measured, self.residual)
         return self
 
 
-class _Chassis(_Part):
+class _Chassis(Part):
     measured: Curve
     simulated: Curve
     band95: Band
-    autocorrelation: Annotated[list[Finite | None], Field(max_length=1000)] = []
+    autocorrelation: Annotated[list[Finite | None], Field(max_length=1000)] = Field(
+        default_factory=list
+    )
     autocorrelation_band95: Size = 0.0
     whiteness_p: Share | None = None
     lag_seconds: Size = 0.0
     spectrum: _Spectrum | None = None
 
 
-class _TravelOf(_Part):
+class _TravelOf(Part):
     deflection: Curve
     velocity: Curve
     band95: Band
@@ -137,30 +116,30 @@ class _TravelOf(_Part):
     largest_droop: Size
 
 
-class _Travel(_Part):
+class _Travel(Part):
     unit: Unit
     velocity_unit: Unit = ""
     front: _TravelOf | None = None
     rear: _TravelOf | None = None
 
 
-class _Wheels(_Part):
+class _Wheels(Part):
     time: Curve
     front_wheel: Curve
     rear_wheel: Curve
 
     @model_validator(mode="after")
     def _long(self) -> _Wheels:
-        _alike(len(self.time), self.front_wheel, self.rear_wheel)
+        alike(len(self.time), self.front_wheel, self.rear_wheel)
         return self
 
 
-class _Replicated(_Part):
+class _Replicated(Part):
     median: Size
     eti95: Pair
 
 
-class _Check(_Part):
+class _Check(Part):
     channel: Chassis
     of: Literal["reading", "residual"]
     quantity: Literal["peak", "rms"]
@@ -172,33 +151,33 @@ class _Check(_Part):
     p_family: Share
 
 
-class _OfRun(_Shown):
-    own: _Summary | None = None
+class _OfRun(Shown):
+    own: Summary | None = None
 
 
-class _Alone(_Part):
+class _Alone(Part):
     source: Words
     parameters: dict[Answer, _OfRun]
 
 
-class _Spread(_Part):
+class _Spread(Part):
     median: Size
     eti95: Pair
 
 
-class _Test(_Part):
+class _Test(Part):
     p: Share | None = None
 
 
-class _Agreement(_Part):
+class _Agreement(Part):
     verdict: Literal["agree", "disagree", "unknown"]
     p: Share | None = None
     each: dict[Answer, _Test]
     spread_percent: dict[Answer, _Spread]
     runs: Annotated[list[_Alone], Field(max_length=1000)]
-    joint: dict[Answer, _Shown]
-    mean_car: dict[Answer, _Shown]
-    next_run: dict[Answer, _Shown]
+    joint: dict[Answer, Shown]
+    mean_car: dict[Answer, Shown]
+    next_run: dict[Answer, Shown]
 
     @model_validator(mode="after")
     def _whole(self) -> _Agreement:
@@ -212,7 +191,7 @@ class _Agreement(_Part):
         return self
 
 
-class _Run(_Part):
+class _Run(Part):
     source: Words
     unit: Unit
     rate: Annotated[float, Field(ge=1e-3, le=1e8, allow_inf_nan=False)]
@@ -221,20 +200,20 @@ class _Run(_Part):
     chassis: dict[Chassis, _Chassis]
     wheels: _Wheels
     travel: _Travel
-    checks: Annotated[list[_Check], Field(max_length=200)] = []
+    checks: Annotated[list[_Check], Field(max_length=200)] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _long(self) -> _Run:
         n = len(self.time)
         for part in self.chassis.values():
-            _alike(n, part.measured, part.simulated, *part.band95)
+            alike(n, part.measured, part.simulated, *part.band95)
         for side in (self.travel.front, self.travel.rear):
             if side is not None:
-                _alike(n, side.deflection, side.velocity, *side.band95)
+                alike(n, side.deflection, side.velocity, *side.band95)
         return self
 
 
-class _Measure(_Part):
+class _Measure(Part):
     what: Literal[
         "runs", "m", "l", "wdf", "k_f", "k_r",
         "gain front_wheel", "gain front_chassis", "gain rear_wheel", "gain rear_chassis",
@@ -246,11 +225,11 @@ class _Measure(_Part):
     unit: Unit = ""
 
 
-class _Halving(_Part):
+class _Halving(Part):
     measures: Annotated[list[_Measure], Field(min_length=1, max_length=6)]
 
 
-class _Budget(_Part):
+class _Budget(Part):
     sd_percent: Size
     posterior_sd_percent: Positive | None = None
     shares: Annotated[dict[Words, Finite], Field(min_length=1)]
@@ -262,12 +241,12 @@ class _Budget(_Part):
     runs_to_halve: Count | None = None
 
 
-class _Moved(_Part):
+class _Moved(Part):
     percent: Finite
     sd: Finite
 
 
-class _Fault(_Part):
+class _Fault(Part):
     kind: Literal["given", "gain", "delay", "bandwidth", "place"]
     where: Channel | Literal["c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r"]
     size: Positive
@@ -275,17 +254,17 @@ class _Fault(_Part):
     shift: dict[Literal["c_f", "c_r", "i", "k_g"], _Moved]
 
 
-class _Width(_Part):
+class _Width(Part):
     white: bool
     runs: Count
     c_f: _Budget | None = None
     c_r: _Budget | None = None
     i: _Budget | None = None
     k_g: _Budget | None = None
-    faults: Annotated[dict[Words, _Fault], Field(max_length=100)] = {}
+    faults: Annotated[dict[Words, _Fault], Field(max_length=100)] = Field(default_factory=dict)
 
 
-class _Stops(_Part):
+class _Stops(Part):
     unit: Unit = ""
     front_bump: Positive | None = None
     front_droop: Positive | None = None
@@ -293,7 +272,7 @@ class _Stops(_Part):
     rear_droop: Positive | None = None
 
 
-class _Vehicle(_Part):
+class _Vehicle(Part):
     name: Words = ""
     units: Literal["US", "SI"] = "SI"
     source: Words = ""
@@ -301,19 +280,7 @@ class _Vehicle(_Part):
     travel: _Stops | None = None
 
 
-class _File(_Part):
-    file: Words = ""
-    sha256: Words = ""
-
-
-class _Provenance(_Part):
-    recordings: Annotated[list[_File], Field(max_length=1000)] = []
-    vehicle: _File | None = None
-    python: Words = ""
-    packages: dict[Words, Words] = {}
-
-
-class SavedDocument(_Part):
+class SavedDocument(Part):
     """Schema ``bayes_asv/estimate/1``, as far as the report counts on it."""
 
     verdict: Literal["ok", "not_converged", "refused"]
@@ -321,20 +288,22 @@ class SavedDocument(_Part):
     warnings: Sentences
     parameters: dict[
         Literal["c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r", "m", "l", "wdf", "k_f", "k_r"],
-        _Parameter,
+        Parameter,
     ]
     diagnostics: _Diagnostics
     fit: _Fits
-    known: dict[Words, _Known] = {}
-    prior: dict[Words, _Prior] = {}
+    effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)
+    known: dict[Words, _Known] = Field(default_factory=dict)
+    prior: dict[Words, _Prior] = Field(default_factory=dict)
     width: _Width | None = None
     agreement: _Agreement | None = None
-    fit_by_run: Annotated[list[_Fits], Field(max_length=1000)] = []
-    noise: Annotated[list[_Noise], Field(max_length=1000)] = []
-    runs: Annotated[list[_Run], Field(max_length=1000)] = []
-    draws: dict[Words, Curve] = {}
+    fit_by_run: Annotated[list[_Fits], Field(max_length=1000)] = Field(default_factory=list)
+    noise: Annotated[list[_Noise], Field(max_length=1000)] = Field(default_factory=list)
+    runs: Annotated[list[_Run], Field(max_length=1000)] = Field(default_factory=list)
+    draws: dict[Words, Curve] = Field(default_factory=dict)
+    diagnosis: SavedDiagnosis | None = None
     vehicle: _Vehicle = _Vehicle()
-    provenance: _Provenance = _Provenance()
+    provenance: Provenance = Provenance()
     version: Words
     seed: Count
 
@@ -346,11 +315,5 @@ class SavedDocument(_Part):
             missing = [n for n in ("c_f", "c_r", "i", "k_g") if n not in self.parameters]
             if missing:
                 raise ValueError(f"it has a verdict but no parameter {missing[0]}")
-        _alike(None, *self.draws.values())
+        alike(None, *self.draws.values())
         return self
-
-
-def _alike(count: int | None, *curves: list[float | None]) -> None:
-    wanted = len(curves[0]) if count is None and curves else count
-    if any(len(curve) != wanted for curve in curves):
-        raise ValueError("curves of one figure differ in length")

@@ -20,6 +20,7 @@ from .laws import (
     CustomLaw,
     DigressiveDamper,
     FadingDamper,
+    Lash,
     LinearDamper,
     LinearSpring,
     MaxwellMount,
@@ -30,6 +31,7 @@ from .laws import (
     Term,
 )
 from .motion import Motion, simulate
+from .mounting import Bracket, Compressed, Mounting, OneSided, Panel, SensorTone
 from .run import RigRun, drive
 from .sensors import CHANNELS, Adc, SensorSpec, draw_biases
 from .terrain import (
@@ -57,7 +59,9 @@ __all__ = [
     "Adc",
     "AsymmetricDamper",
     "BoucWen",
+    "Bracket",
     "ChassisForce",
+    "Compressed",
     "Coulomb",
     "CurveDamper",
     "CurveSpring",
@@ -67,10 +71,14 @@ __all__ = [
     "FadingDamper",
     "ForceFunction",
     "Haversine",
+    "Lash",
     "LinearDamper",
     "LinearSpring",
     "MaxwellMount",
     "Motion",
+    "Mounting",
+    "OneSided",
+    "Panel",
     "PositionDamper",
     "Push",
     "QuadraticDamper",
@@ -80,6 +88,7 @@ __all__ = [
     "Rough",
     "Seat",
     "SensorSpec",
+    "SensorTone",
     "Sine",
     "SinhSpring",
     "SmoothStop",

@@ -48,6 +48,7 @@ _QUADRATIC = kinds.QUADRATIC
 _MAXWELL = kinds.MAXWELL
 _BOUC_WEN = kinds.BOUC_WEN
 _CUSTOM = kinds.CUSTOM
+_LASH = kinds.LASH
 
 _FIRST_OWN = 10
 
@@ -152,6 +153,12 @@ def _axle_force(
             drag = (p2 * abs(v) * z + (1.0 - p2) * v * abs(z)) * abs(z)
             ds[own] = (v - drag) / p1
             total -= p0 * z
+        elif which == _LASH:
+            own = pointer[j, 2]
+            apart = d - s[own]
+            force = p1 * (apart - p2 * math.tanh(apart / p2))
+            ds[own] = force / p0
+            total -= force
         elif which == _CUSTOM:
             total += call_native(pointer[j, 0], d, v, t)
     return total

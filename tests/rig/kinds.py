@@ -23,3 +23,4 @@ QUADRATIC: Final = 11
 MAXWELL: Final = 12
 BOUC_WEN: Final = 13
 CUSTOM: Final = 14
+LASH: Final = 15

@@ -33,6 +33,7 @@ __all__ = [
     "CustomLaw",
     "DigressiveDamper",
     "FadingDamper",
+    "Lash",
     "LinearDamper",
     "LinearSpring",
     "MaxwellMount",
@@ -289,6 +290,32 @@ class MaxwellMount:
     def pack(self) -> Packed:
         """Return the form the kernel reads."""
         return Packed(kinds.MAXWELL, (self.c, self.k_mount), states=1)
+
+
+@dataclass(frozen=True)
+class Lash:
+    """A damper ``c`` whose rod end has play: nothing is felt within it, then bushing and damper.
+
+    F = -k_end (e - play tanh(e/play)) with e = delta - s and c s' = -F: one state, the damper's.
+
+    Attributes
+    ----------
+    c : float
+        Damper, N s/m.
+    play : float
+        Free travel to either side, m.
+    k_end : float
+        Stiffness of the rod end beyond it, N/m; k_end over c times the internal step has to stay
+        below 2.
+    """
+
+    c: float
+    play: float
+    k_end: float
+
+    def pack(self) -> Packed:
+        """Return the form the kernel reads."""
+        return Packed(kinds.LASH, (self.c, self.k_end, self.play), states=1)
 
 
 @dataclass(frozen=True)

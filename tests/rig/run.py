@@ -13,6 +13,7 @@ import numpy.typing as npt
 from .car import RigCar
 from .forces import ChassisForce
 from .motion import RATE, Motion, lagrange, simulate
+from .mounting import Mounting, carried
 from .sensors import SensorSpec, sense
 from .terrain import Terrain
 from .units import INCH, LBF_PER_INCH, LBF_S2_INCH
@@ -78,6 +79,7 @@ def drive(
     seed: int,
     *,
     forces: Sequence[ChassisForce] = (),
+    mountings: Sequence[Mounting] = (),
     internal_rate: float = RATE,
     keep_motion: bool = False,
 ) -> RigRun:
@@ -98,6 +100,8 @@ def drive(
         Of noise, jitter and lost rows. Terrain and engine have seeds of their own.
     forces : sequence of ChassisForce
         Outside forces on the chassis.
+    mountings : sequence of Mounting
+        What moves sensors differently from the points they should measure.
     internal_rate : float
         Integration steps a second.
     keep_motion : bool
@@ -115,7 +119,8 @@ def drive(
     t_start = min(0.0, terrain.lead_in) - _MARGIN - behind
     t_end = seconds + ahead + 0.02
     motion = simulate(car, terrain, speed, t_start, t_end, forces, internal_rate)
-    reading = sense(motion, sensors, car.l, rate, seconds, np.random.SeedSequence(seed))
+    at_sensors = dataclasses.replace(motion, acceleration=carried(motion, mountings))
+    reading = sense(at_sensors, sensors, car.l, rate, seconds, np.random.SeedSequence(seed))
     rows = np.concatenate(
         [motion.states[:, :8].T, motion.deflection, motion.deflection_rate, motion.tyre_force]
     )
@@ -136,6 +141,8 @@ def drive(
         "tyres_lifted": (motion.tyre_force.min(axis=1) <= 0.0).tolist(),
         "clipped": reading.clipped.sum(axis=1).tolist(),
     }
+    if mountings:
+        truth["mountings"] = [_plain(mounting) for mounting in mountings]
     return RigRun(
         rate=rate,
         time=reading.time,

@@ -1,0 +1,98 @@
+"""``bayes-asv track``."""
+
+from __future__ import annotations
+
+import time
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bayes_asv.cli import common
+from bayes_asv.cli.live_options import followed, live_options, wishes
+
+if TYPE_CHECKING:
+    from bayes_asv.live.sources import About
+    from bayes_asv.online.frames import Frames
+    from bayes_asv.online.tracker import Tracker
+
+__all__ = ["command", "engine_option", "forget_option"]
+
+forget_option = click.option(
+    "--forget", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS",
+    help="Let c_f, c_r and i wander by 10 % (one deviation) in this time; constant without it.",
+)  # fmt: skip
+engine_option = click.option(
+    "--engine", type=click.Choice(["compiled", "filterpy"]), default="compiled", show_default=True,
+    help="The fast form of the filter, or the one made to be read; both say the same.",
+)  # fmt: skip
+
+
+@click.command("track")
+@click.argument("recording", required=False, metavar="[REC]")
+@common.vehicle_option
+@forget_option
+@engine_option
+@click.option("--trace", metavar="FILE.csv", help="Write what was known after each row.")
+@live_options
+@common.json_option
+@common.rate_option
+@common.seed_option
+def command(
+    recording: str | None,
+    vehicle: str,
+    forget: float | None,
+    engine: str,
+    trace: str | None,
+    json_file: str | None,
+    rate: float | None,
+    seed: int,
+    **shown: Any,
+) -> int:
+    """Track c_f, c_r and i through a recording, or live from the logger, row by row."""
+    wanted = wishes(recording, **shown)
+    common.check_outputs((recording, vehicle), json_file, trace, wanted.gif, wanted.keep)
+    runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
+    began = time.perf_counter()
+    frames: list[Frames] = []
+    trackers: list[Tracker] = []
+
+    def make(about: About) -> Tracker:
+        from bayes_asv.online.tracker import tracker_for
+
+        trackers.append(
+            tracker_for(about.start, car, rate=about.rate, forget=forget, engine=engine)
+        )
+        return trackers[0]
+
+    # A bar would lie over the view, and of a port nobody knows how much is to come.
+    quiet = wanted.shown or wanted.port is not None
+    with nullcontext() if quiet else common.progress_bar() as progress:
+        from bayes_asv.online.frames import joined
+        from bayes_asv.online.track import concluded, track
+
+        if runs and not (wanted.shown or wanted.gif):
+            result = track(runs[0], car, forget=forget, engine=engine, progress=progress)
+        else:
+            followed(wanted, runs[0] if runs else None, car, make, frames.append, rate, progress)
+            if not trackers:
+                click.echo("nothing came in, so there is nothing to tell", err=True)
+                return common.EXIT_STATUS["refused"]
+            result = concluded(
+                trackers[0],
+                joined(frames),
+                runs[0].source if runs else str(wanted.port),
+                runs[0].sha256 if runs else "",
+                runs[0].warnings if runs else (),
+                time.perf_counter() - began,
+            )
+    from bayes_asv.files import write_whole
+    from bayes_asv.report.track_document import trace_csv, track_document
+    from bayes_asv.report.track_words import track_lines
+
+    document = track_document(result, trace, seed)
+    if trace is not None:
+        write_whole(trace, trace_csv(result).encode())
+    common.write_json(document, json_file)
+    click.echo("\n".join(track_lines(document)), err=json_file == "-")
+    return common.EXIT_STATUS[result.verdict]

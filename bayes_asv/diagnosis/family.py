@@ -1,0 +1,80 @@
+"""Is there a disagreement at all?  One test over many directions together.
+
+The largest squared score over the directions is held against its distribution under the model,
+drawn with the correlations that the signatures have (Westfall & Young 1993, for Gaussian
+scores).  A global test of the residual would need an effect far larger than one that looks for
+what may be missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.diagnosis.signatures import Signatures
+
+__all__ = ["family_p", "largest", "one_sided"]
+
+Array = NDArray[np.float64]
+
+_DRAWS = 20_000
+_SILENT = 1e-6  # share of a signature that the model cannot imitate, below which it is silent
+
+
+def one_sided(score: Array, found: Signatures) -> Array:
+    """Squared scores (…, K), zero where less than nothing of an effect is asked for."""
+    signed = np.array([c.signed for c in found.candidates])
+    return np.where(signed & (score < 0.0), 0.0, score**2)
+
+
+def family_p(found: Signatures, seed: int) -> tuple[float, float]:
+    """p-value of the largest squared score over all candidates, and that score.
+
+    Parameters
+    ----------
+    found : Signatures
+        Of all candidates.
+    seed : int
+        Of the draws.
+    """
+    signed = np.array([c.signed for c in found.candidates])
+    raw = np.sum(found.rows**2, axis=1)
+    p, _, top = largest(found.pull, found.gram, raw, signed, seed)
+    return p, top
+
+
+def largest(
+    pull: Array, gram: Array, raw: Array, signed: NDArray[np.bool_], seed: int
+) -> tuple[float, int, float]:
+    """p-value of the largest squared score over K directions, which it is, and how large.
+
+    Parameters
+    ----------
+    pull : (K,) array
+        Slopes of the log-likelihood.
+    gram : (K, K) array
+        Their covariance under the model.
+    raw : (K,) array
+        Squared lengths of the signatures before the model's own part was taken out; what is next
+        to nothing of that is silent.
+    signed : (K,) bool array
+        Directions in which only a positive score counts.
+    seed : int
+        Of 20,000 draws.
+    """
+    own = np.diag(gram)
+    use = own > _SILENT * np.maximum(raw, 1e-30)
+    if not np.any(use):
+        return 1.0, 0, 0.0
+    sd = np.sqrt(own[use])
+    eigen, vectors = np.linalg.eigh(gram[np.ix_(use, use)] / np.outer(sd, sd))
+    root = vectors * np.sqrt(np.maximum(eigen, 0.0))
+    rng = np.random.default_rng([seed, 21])
+    draws = rng.standard_normal((_DRAWS, len(root))) @ root.T
+    top = np.where(signed[use] & (draws < 0.0), 0.0, draws**2).max(axis=1)
+    score = np.zeros(len(pull))
+    score[use] = pull[use] / sd
+    squared = np.where(signed & (score < 0.0), 0.0, score**2)
+    k = int(np.argmax(squared))
+    p = (1 + np.count_nonzero(top >= squared[k])) / (1 + _DRAWS)
+    return float(p), k, float(squared[k])

@@ -1,0 +1,153 @@
+"""The gap between measured and simulated chassis accelerations, and what noise alone would leave.
+
+A model is carried to a recording with everything frozen but its biases and its initial state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.freerun import free_run
+from bayes_asv.inference.likelihood import Target
+from bayes_asv.inference.scoring import slopes
+from bayes_asv.inference.stage import Setting, Stage, carried
+from bayes_asv.kernels.innovations import VALUE
+from bayes_asv.kernels.noise_path import NORMALS, noise_path
+from bayes_asv.model.effects import Site
+
+__all__ = ["Gap", "Left", "before_and_after", "closed"]
+
+Array = NDArray[np.float64]
+
+_RECORDS = 24  # of noise
+_NOISE_ROUNDS = 4
+_BLOCK = 0.25  # s, of the bootstrap: longer than the body's motion remembers
+_BOOTSTRAP = 999
+
+
+@dataclass(frozen=True)
+class Left:
+    """Measured less simulated, run by run.
+
+    Parameters
+    ----------
+    residual : tuple of (R, 2) arrays
+        m/s², nan where there is no value.
+    times : tuple of (R,) arrays
+        When, s.
+    floor : tuple of float
+        Root-mean-square that sensor noise alone would leave in each run, m/s².
+    """
+
+    residual: tuple[Array, ...]
+    times: tuple[Array, ...]
+    floor: tuple[float, ...]
+
+    @property
+    def rms(self) -> float:
+        """Root-mean-square over all runs and both channels."""
+        return float(np.sqrt(np.nanmean(np.concatenate([r.ravel() for r in self.residual]) ** 2)))
+
+    @property
+    def noise(self) -> float:
+        """Root-mean-square that noise alone would leave over all runs."""
+        weight = np.array([np.count_nonzero(np.isfinite(r)) for r in self.residual])
+        return float(np.sqrt(weight @ np.array(self.floor) ** 2 / weight.sum()))
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A gap before and after effects were added.
+
+    Parameters
+    ----------
+    before, after, floor : float
+        Root-mean-squares, m/s².
+    worse : bool
+        After is larger than before by more than its bootstrap interval allows.
+    """
+
+    before: float
+    after: float
+    floor: float
+    worse: bool
+
+    @property
+    def closed(self) -> float | None:
+        """Share of the gap above the floor that was closed; None when there was none."""
+        return closed(self.before, self.after, self.floor)
+
+
+def closed(before: float, after: float, floor: float) -> float | None:
+    """Share of a gap above the floor that was closed."""
+    there = before**2 - floor**2
+    return 1.0 - (after**2 - floor**2) / there if there > 0.0 else None
+
+
+def _frozen(where: Setting, stage: Stage) -> tuple[Target, Array]:
+    """Carry a stage's car and effects to recordings; what acted in one run only stays behind."""
+    sites: tuple[Site, ...] = tuple(s for s in stage.sites if s.run is None)
+    target = where.target(sites)
+    z = carried(stage.space, stage.mode.z, target.space, None, {})
+    return target, _own_noise(target, z)
+
+
+def _own_noise(target: Target, z: Array) -> Array:
+    """Estimate noise levels again, everything else as it is."""
+    lasting = target.space.lasting_dimension
+    z = z.copy()
+    z[lasting:] = 0.0
+    for _ in range(_NOISE_ROUNDS):
+        here = slopes(target, z, first=lasting)
+        step = np.linalg.solve(here.precision()[lasting:, lasting:], here.gradient(z)[lasting:])
+        z[lasting:] += np.clip(step, -1.0, 1.0)
+    return z
+
+
+def _left_over(where: Setting, target: Target, z: Array, seed: int) -> Left:
+    """Simulate every run and take the difference."""
+    residual, times, floor = [], [], []
+    for run, line in enumerate(where.lines):
+        output, _, _ = free_run(target, z, run)
+        there = line.kind == VALUE
+        left = np.where(there, line.reading - output, np.nan)
+        residual.append(line.paired(left))
+        times.append(line.instants[line.pairs.max(axis=1)])
+        rng = np.random.default_rng([seed, run, 31])
+        normals = rng.standard_normal((len(line.step), _RECORDS, NORMALS))
+        out = np.zeros((len(line.step), _RECORDS, 2))
+        car = target.space.cars(z[None])[0]
+        noise = target.space.noises(z[None], run)[0]
+        noise_path(car, noise, line.step, line.spread, line.extra, normals, out)
+        floor.append(float(np.sqrt(np.mean(out.transpose(0, 2, 1)[there] ** 2))))
+    return Left(tuple(residual), tuple(times), tuple(floor))
+
+
+def _gap(before: Left, after: Left, seed: int) -> Gap:
+    """Hold two models' gaps on the same recordings against each other."""
+    return Gap(before.rms, after.rms, after.noise, _worse(before, after, seed))
+
+
+def _worse(before: Left, after: Left, seed: int) -> bool:
+    """Whether the gap grew beyond a block bootstrap's 95 % interval (Künsch 1989)."""
+    blocks = []
+    for one, two, time in zip(before.residual, after.residual, before.times, strict=True):
+        at = ((time - time[0]) / _BLOCK).astype(int)
+        growth = np.nansum(two**2 - one**2, axis=1)
+        blocks += [float(growth[at == k].sum()) for k in range(int(at.max()) + 1)]
+    each = np.array(blocks)
+    rng = np.random.default_rng([seed, 41])
+    drawn = rng.choice(each, (_BOOTSTRAP, len(each))).sum(axis=1)
+    return bool(np.quantile(drawn, 0.025) > 0.0)
+
+
+def before_and_after(
+    where: Setting, base: Stage, final: Stage, seed: int
+) -> tuple[Gap, Left, Left]:
+    """Gap of recordings that neither model may have seen, before and after."""
+    one = _left_over(where, *_frozen(where, base), seed)
+    two = _left_over(where, *_frozen(where, final), seed)
+    return _gap(one, two, seed), one, two

@@ -1,0 +1,33 @@
+"""Whether innovations remember their past."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from bayes_asv.inference.stage import Stage
+
+__all__ = ["LAGS", "memory"]
+
+LAGS = 12
+
+
+def memory(stage: Stage) -> tuple[float, float]:
+    """Portmanteau over both channels and all runs (Hosking 1980, J. Am. Stat. Assoc. 75:602).
+
+    Returns
+    -------
+    excess, p : float
+        Statistic less its expectation, and its p-value from the χ² of 4 · 12 degrees a run.
+    """
+    statistic, freedom = 0.0, 0
+    for run, line in enumerate(stage.space.timelines):
+        nu = line.paired(stage.target.scored(stage.mode.z, run)[0])
+        nu = nu[np.all(np.isfinite(nu), axis=1)]
+        n = len(nu)
+        inverse = np.linalg.inv(nu.T @ nu / n)
+        for lag in range(1, LAGS + 1):
+            c = nu[lag:].T @ nu[:-lag] / n
+            statistic += n**2 / (n - lag) * float(np.trace(c.T @ inverse @ c @ inverse))
+        freedom += 4 * LAGS
+    return statistic - freedom, float(chi2.sf(statistic, freedom))

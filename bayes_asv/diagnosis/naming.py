@@ -1,0 +1,140 @@
+"""What is missing: the leading candidates, fitted in full, with probabilities.
+
+Scores choose who is asked; each is then added to the model with its own wide prior and fitted
+from several starts, everything else free.  Laplace's evidence, a little of everything else
+integrated out, compares them with one another and with nothing at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from bayes_asv.diagnosis.family import one_sided
+from bayes_asv.diagnosis.signatures import Signatures, signatures
+from bayes_asv.diagnosis.tolerance import Allowed, allowed, with_tolerances
+from bayes_asv.inference.adding import added
+from bayes_asv.inference.candidates import Candidate
+from bayes_asv.inference.stage import Setting, Stage
+from bayes_asv.model.effects import Site
+
+__all__ = ["NONE", "Option", "leading", "probabilities", "weigh"]
+
+Array = NDArray[np.float64]
+
+NONE = 0.3
+"""Probability beforehand that nothing is missing."""
+
+_ASKED = 4  # sites that each way of ranking sends on
+
+
+@dataclass(frozen=True)
+class Option:
+    """A model with one more effect.
+
+    Parameters
+    ----------
+    site : Site
+        What is added.
+    stage : Stage
+        The model at its mode.
+    allowed : Allowed
+        Its evidence and intervals with a little of everything else.
+    """
+
+    site: Site
+    stage: Stage
+    allowed: Allowed
+
+
+def leading(found: Signatures) -> list[list[Candidate]]:
+    """Candidates worth a fit, by site, the most promising site first.
+
+    One ranking takes the model as clean, the other grants every other effect its tolerance.
+    """
+    pull, own = with_tolerances(found)
+    granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
+    chosen: dict[str, list[Candidate]] = {}
+    for score in (found.score, granted):
+        value = one_sided(score, found)
+        taken: list[str] = []
+        for k in np.argsort(-value):
+            candidate = found.candidates[k]
+            key = f"{candidate.site} {candidate.site.run}"
+            if value[k] < 1.0 or (key not in taken and len(taken) == _ASKED):
+                continue
+            if key not in taken:
+                taken.append(key)
+            own_list = chosen.setdefault(key, [])
+            if len(own_list) < 4 and candidate not in own_list:
+                own_list += [candidate, *_as_large_as_asked(candidate, found, k)]
+    return list(chosen.values())
+
+
+def _as_large_as_asked(candidate: Candidate, found: Signatures, k: int) -> list[Candidate]:
+    """Return it as large as the data ask for to first order, where size is a factor."""
+    first = candidate.site.effect.parameters[0]
+    own = float(found.gram[k, k])
+    if first.form == "log" or own < 1.0:
+        return []
+    size = float(candidate.values[first.name]) * float(found.pull[k]) / own
+    if first.form == "positive" and size <= 0.0:
+        return []
+    return [replace(candidate, values={**candidate.values, first.name: size}, begin=True)]
+
+
+def weigh(
+    where: Setting,
+    stage: Stage,
+    found: Signatures,
+    tell: Callable[[str], None] = lambda words: None,
+) -> list[Option]:
+    """Fit every leading candidate in full and weigh it, the most probable first.
+
+    Parameters
+    ----------
+    where : Setting
+        Recordings.
+    stage : Stage
+        The model so far.
+    found : Signatures
+        Of all candidates there.
+    tell : callable
+        Told which effect is being tried.
+    """
+    options = []
+    for group in leading(found):
+        tell(str(group[0].site))
+        stage_with = added(where, stage, group)
+        others = [c for c in found.candidates if c.tolerance and str(c.site) != str(group[0].site)]
+        options.append(
+            Option(
+                group[0].site,
+                stage_with,
+                allowed(stage_with, signatures(where, stage_with, others)),
+            )
+        )
+    return sorted(options, key=lambda o: -o.allowed.log_evidence)
+
+
+def probabilities(none: float, options: list[Option], sites: int) -> tuple[float, Array]:
+    """Probability that nothing is missing, and of each option (K,).
+
+    Parameters
+    ----------
+    none : float
+        Log evidence of the model as it is.
+    options : list of Option
+        From :func:`weigh`; what was not fitted is taken to be impossible.
+    sites : int
+        Number of sites that share what is left of the prior.
+    """
+    logs = np.array([np.log(NONE) + none])
+    each = np.log((1.0 - NONE) / sites)
+    logs = np.concatenate([logs, [each + o.allowed.log_evidence for o in options]])
+    share = np.exp(logs - logsumexp(logs))
+    return float(share[0]), share[1:]

@@ -1,0 +1,53 @@
+"""The proof: gaps before and after, on what was fitted and on what was held out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bayes_asv.diagnosis.engine import Engine
+from bayes_asv.diagnosis.gap import Gap, before_and_after
+from bayes_asv.diagnosis.model import Model
+from bayes_asv.diagnosis.results import Named
+from bayes_asv.inference.stage import Setting, Stage, carried, fitted
+
+__all__ = ["failed", "proof"]
+
+
+def failed(named: list[Named]) -> list[Named]:
+    """Effects from the first on that made things worse on what was held out."""
+    for k, one in enumerate(named):
+        if "holdout" in one.gaps and one.gaps["holdout"].worse:
+            return named[k:]
+    return []
+
+
+def proof(
+    first: tuple[Setting, Setting | None, Stage],
+    cut: tuple[Setting, Setting | None, Stage],
+    model: Model,
+    named: list[Named],
+    engine: Engine | None,
+    seed: int,
+) -> tuple[dict[str, Gap], list[Named]]:
+    """Gaps of the whole way and of each effect, on the fit and on what was held out."""
+    gaps: dict[str, Gap] = {}
+    told = [dict(n.gaps) for n in named]
+    stages = [cut[2]]
+    for k in range(1, len(named)):
+        sites = tuple(n.site for n in named[:k])
+        target = model.where.target(sites)
+        start = carried(model.stage.space, model.stage.mode.z, target.space, None, {})
+        stages.append(fitted(model.where, sites, target, start))
+    stages.append(model.stage)
+    kinds = (("fit", model.where, first[0]), ("holdout", cut[1], first[1]))
+    for name, where, whole in kinds:
+        if where is None or whole is None:
+            continue
+        gap, _, _ = before_and_after(where, cut[2], model.stage, seed)
+        if engine is not None:
+            raw, _, _ = before_and_after(whole, first[2], first[2], seed)
+            gap = replace(gap, before=raw.before, worse=gap.after > raw.before)
+        gaps[name] = gap
+        for j in range(len(named)):
+            told[j][name], _, _ = before_and_after(where, stages[j], stages[j + 1], seed)
+    return gaps, [replace(n, gaps=g) for n, g in zip(named, told, strict=True)]

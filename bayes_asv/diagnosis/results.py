@@ -1,0 +1,101 @@
+"""What a diagnosis holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.diagnosis.engine import Engine
+from bayes_asv.diagnosis.gap import Gap
+from bayes_asv.diagnosis.naming import Option
+from bayes_asv.diagnosis.slack import Unexplained
+from bayes_asv.diagnosis.where import Disagreement
+from bayes_asv.inference.stage import Stage
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.model.effects import Site
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["Diagnosis", "Named"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that was named.
+
+    Parameters
+    ----------
+    site : Site
+        What and where.
+    probability : float
+        That it, or another of its class, is there and not merely a little of it.
+    others : tuple of Option
+        What these data cannot tell from it.
+    gaps : dict of str to Gap
+        ``fit`` and ``holdout``, before and after this effect was added.
+    """
+
+    site: Site
+    probability: float
+    others: tuple[Option, ...]
+    gaps: dict[str, Gap]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the workflow found.
+
+    Parameters
+    ----------
+    verdict : {'agreement', 'named', 'unexplained', 'refused'}
+        See ``interfaces.md``.
+    reasons, warnings, preflight : tuples
+        Why it was refused; what to know; what was found before any fit.
+    p : float
+        Family-wise p-value of the linear half car.
+    named : tuple of Named
+        In the order in which they were added.
+    engine : Engine or None
+        Tones that were cut out.
+    none : float
+        Probability that nothing beyond tolerances is missing.
+    left : Unexplained or None
+        What has no name.
+    seen : Disagreement or None
+        Where the linear half car disagrees.
+    gaps : dict of str to Gap
+        ``fit`` and, where there is one, ``holdout``.
+    fit, holdout : tuples of Timeline
+        Recordings.
+    base, final : Stage or None
+        The linear half car, and the model with everything named.
+    before, after : dict of str to (N,) array
+        Draws of the car's quantities under both, SI units.
+    seconds : float
+        How long it took.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+    preflight: tuple[dict[str, object], ...]
+    vehicle: Vehicle
+    seed: int
+    p: float = 1.0
+    named: tuple[Named, ...] = ()
+    engine: Engine | None = None
+    none: float = 1.0
+    left: Unexplained | None = None
+    seen: Disagreement | None = None
+    gaps: dict[str, Gap] | None = None
+    fit: tuple[Timeline, ...] = ()
+    holdout: tuple[Timeline, ...] = ()
+    base: Stage | None = None
+    final: Stage | None = None
+    before: dict[str, Array] | None = None
+    after: dict[str, Array] | None = None
+    effects: dict[str, dict[str, Array]] | None = None
+    seconds: float = 0.0

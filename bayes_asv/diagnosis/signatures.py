@@ -1,0 +1,122 @@
+"""What every candidate would do to the innovations, and how strongly the data ask for it.
+
+The signature of a candidate is how its values change the predictions, in deviations, as seen
+through the filter.  The part that the model can imitate by what it estimates anyway is taken
+out in the posterior metric, so that a given value that is tightly known imitates little.
+Innovations are martingale differences and signatures depend on their past alone: under the model a
+normalised score is standard normal to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.diagnosis.quantising import wandering
+from bayes_asv.inference.candidates import Candidate
+from bayes_asv.inference.likelihood import shared_work
+from bayes_asv.inference.stage import Setting, Stage, carried
+
+__all__ = ["Signatures", "signatures"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Signatures of K candidates in the N innovations of a stage.
+
+    Parameters
+    ----------
+    candidates : tuple of Candidate
+        Whose they are.
+    rows : (K, N) array
+        Changes of the predictions, in deviations.
+    pull : (K,) array
+        Signature times innovations: the slope of the log-likelihood.
+    gram : (K, K) array
+        Signatures times signatures, what the model can imitate left out.
+    """
+
+    candidates: tuple[Candidate, ...]
+    rows: Array
+    pull: Array
+    gram: Array
+
+    @property
+    def score(self) -> Array:
+        """Scores (K,), each standard normal when nothing is missing; 0 where data are silent."""
+        own = np.diag(self.gram)
+        return np.where(own > 1e-8, self.pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
+
+
+def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatures:
+    """Work out the signatures of candidates at a stage's mode."""
+    z, here = stage.mode.z, stage.mode.slopes
+    plain = where.target(stage.sites)
+    now = []
+    for run in range(len(where.lines)):
+        nu, logs, _ = plain.scored(z, run)
+        now.append(nu[logs != 0.0])
+
+    def one(candidate: Candidate) -> Array:
+        target = where.target((*stage.sites, candidate.site))
+        there = carried(stage.space, z, target.space, candidate.site, candidate.values)
+        parts = []
+        for run in range(len(where.lines)):
+            if candidate.site.run not in (None, run):
+                parts.append(np.zeros(_count(stage, run)))
+                continue
+            nu, logs, _ = target.scored(there, run)
+            parts.append(nu[logs != 0.0])
+        change = np.concatenate(now) - np.concatenate(parts)
+        if candidate.site.run is not None:  # other runs do not know of it
+            begin = sum(_count(stage, run) for run in range(candidate.site.run))
+            end = begin + _count(stage, candidate.site.run)
+            change[:begin] = change[end:] = 0.0
+        return change
+
+    with shared_work(stage.target) as shared:
+        assert shared.pool is not None
+        rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
+    granted = _feigned(where, stage, wanted, rows)
+    known = np.concatenate([here.means, granted])
+    precision = known @ known.T + np.eye(len(known))
+    d = len(here.means)
+    precision[:d, :d] = here.precision()
+    imitated = known @ rows.T  # (D + G, K)
+    gram = rows @ rows.T - imitated.T @ np.linalg.solve(precision, imitated)
+    # At the mode nothing is asked of the model's own coordinates, only of what is granted.
+    slope = np.concatenate([np.zeros(d), granted @ here.nu])
+    pull = rows @ here.nu - imitated.T @ np.linalg.solve(precision, slope)
+    return Signatures(tuple(wanted), rows, pull, gram)
+
+
+def _feigned(where: Setting, stage: Stage, wanted: list[Candidate], rows: Array) -> Array:
+    """Rows (G, N) of zeros that wander because converters are coarse, run by run.
+
+    Of an axle the chassis channel stands for both: a wheel's drift is its chassis' drift.
+    """
+    out = []
+    for axle in ("front", "rear"):
+        channel = f"{axle}_chassis"
+        at = [k for k, c in enumerate(wanted) if str(c.site) == f"sensor_drift@{channel}"]
+        if not at:
+            continue
+        begin = 0
+        for run, line in enumerate(where.lines):
+            slope = float(np.hypot(wandering(line, channel), wandering(line, f"{axle}_wheel")))
+            end = begin + _count(stage, run)
+            if slope > 0.0:
+                row = np.zeros(rows.shape[1])
+                row[begin:end] = rows[at[0], begin:end] * slope / wanted[at[0]].values["slope"]
+                out.append(row)
+            begin = end
+    return np.array(out).reshape(len(out), rows.shape[1])
+
+
+def _count(stage: Stage, run: int) -> int:
+    line = stage.space.timelines[run]
+    return int(np.count_nonzero(line.kind == 1))

@@ -1,0 +1,170 @@
+"""Whether something is left that no effect in the list explains.
+
+Slack models have no name: a force of any course in time at an axle, and a force that depends in any
+way on where the suspension is and how fast it moves.  Their amplitude is integrated out over a
+few sizes.  When one of them beats the named model clearly, or a decoy does, or the innovations
+remember their past, or noise had to swell, what was named is not the whole story.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from bayes_asv.channels import CHANNELS
+from bayes_asv.diagnosis.decoys import decoy_rows
+from bayes_asv.diagnosis.family import largest
+from bayes_asv.diagnosis.memory import memory
+from bayes_asv.diagnosis.signatures import Signatures, signatures
+from bayes_asv.inference.candidates import Candidate
+from bayes_asv.inference.effects import car_scale
+from bayes_asv.inference.stage import Setting, Stage
+from bayes_asv.model.effects import AXLES, EFFECTS, Site
+
+__all__ = ["Unexplained", "pulses", "unexplained"]
+
+Array = NDArray[np.float64]
+
+ENOUGH = 5.0
+"""Nats by which a slack model has to win."""
+
+_PULSE = 0.04  # s between two pulses of a force of any course
+_PUSH = 0.01  # of the axle's load
+_SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
+_NOTICED = 1e-3  # p-value below which innovations remember, or a decoy is taken seriously
+_SWOLLEN = 1.38  # times the given level
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is left after naming.
+
+    Parameters
+    ----------
+    score : float
+        Nats by which the best slack model wins; negative when it does not.
+    axle : str
+        Where the slack force acts that wins most.
+    p_memory : float
+        p-value of innovations without memory.
+    swollen : tuple of str
+        Channels whose noise had to swell.
+    p_decoy : float
+        Family-wise p-value of the decoys.
+    like : str
+        What the leading decoy is.
+    failed : tuple of str
+        Effects that were fitted and made things worse on what was held out.
+    """
+
+    score: float
+    axle: str
+    p_memory: float
+    swollen: tuple[str, ...]
+    p_decoy: float = 1.0
+    like: str = ""
+    failed: tuple[str, ...] = ()
+
+    @property
+    def present(self) -> bool:
+        """Whether something is left that has no name."""
+        noticed = min(self.p_memory, self.p_decoy) < _NOTICED
+        return self.score > ENOUGH or noticed or bool(self.swollen) or bool(self.failed)
+
+
+def pulses(where: Setting, stage: Stage, axle: str) -> list[Candidate]:
+    """Short pushes at one axle that follow each other through every run."""
+    load = car_scale(where.vehicle).load
+    out = []
+    for run, line in enumerate(where.lines):
+        length = float(line.instants[-1] - line.instants[0])
+        site = Site(EFFECTS["external_force"], axle, run)
+        out += [
+            Candidate(
+                site,
+                {
+                    "force": _PUSH * load,
+                    "start": float(start),
+                    "duration": _PULSE,
+                    "rise": _PULSE,
+                },
+                False,
+                False,
+            )
+            for start in np.arange(0.0, length, _PULSE)
+        ]
+    return out
+
+
+def unexplained(
+    where: Setting, stage: Stage, tolerances: Signatures, amount: float, seed: int
+) -> Unexplained:
+    """Ask the slack models and the decoys.
+
+    Parameters
+    ----------
+    where, stage : Setting, Stage
+        The final model.
+    tolerances : Signatures
+        Of what may be there to a tolerance, at that model.
+    amount : float
+        How much of everything there is, in tolerances.
+    seed : int
+        Of the decoys' test.
+    """
+    keep = np.array([c.tolerance for c in tolerances.candidates], bool)
+    allowed = amount * tolerances.rows[keep]
+    scores = {}
+    for axle in AXLES:
+        found = signatures(where, stage, pulses(where, stage, axle))
+        scores[axle] = _wins(stage, allowed, found.rows)
+    best = max(scores, key=lambda name: scores[name])
+    rows, words = decoy_rows(where, stage)
+    pull, gram = _beyond(stage, allowed, rows)
+    two_sided = np.zeros(len(rows), bool)
+    p, k, _ = largest(pull, gram, np.sum(rows**2, axis=1), two_sided, seed)
+    return Unexplained(scores[best], best, memory(stage)[1], _swollen(where, stage), p, words[k])
+
+
+def _beyond(stage: Stage, allowed: Array, rows: Array) -> tuple[Array, Array]:
+    """Pull (K,) and Gram matrix (K, K) of signatures, what the model can imitate left out."""
+    here = stage.mode.slopes
+    known = np.concatenate([here.means, allowed])
+    precision = known @ known.T + np.eye(len(known))
+    d = len(here.means)
+    precision[:d, :d] += 0.5 * here.scales @ here.scales.T
+    cross = known @ rows.T
+    # What tolerances take off the innovations before anything else is asked.
+    slope = np.concatenate([np.zeros(d), allowed @ here.nu])
+    pull = rows @ here.nu - cross.T @ np.linalg.solve(precision, slope)
+    return pull, rows @ rows.T - cross.T @ np.linalg.solve(precision, cross)
+
+
+def _wins(stage: Stage, allowed: Array, rows: Array) -> float:
+    """Log Bayes factor of a slack model against none, averaged over its sizes."""
+    pull, gram = _beyond(stage, allowed, rows)
+    eigen, vectors = np.linalg.eigh(gram)
+    eigen = np.maximum(eigen, 0.0)
+    turned = (vectors.T @ pull) ** 2
+    gains = [
+        0.5 * float(np.sum(turned * s**2 / (1.0 + s**2 * eigen) - np.log1p(s**2 * eigen)))
+        for s in _SIZES
+    ]
+    return float(logsumexp(gains) - math.log(len(gains)))
+
+
+def _swollen(where: Setting, stage: Stage) -> tuple[str, ...]:
+    """Channels whose noise is far above what was given."""
+    level = stage.space.nuisance(stage.mode.z[None])
+    out = []
+    for run, line in enumerate(where.lines):
+        for c, channel in enumerate(CHANNELS):
+            given = line.noise[c]
+            fitted = level.get(f"noise {channel} {run}")
+            if given and fitted is not None and float(fitted[0]) > _SWOLLEN * given:
+                out.append(channel)
+    return tuple(dict.fromkeys(out))

@@ -1,0 +1,228 @@
+"""Find, name, add, prove: the workflow from recordings to what was missing.
+
+1. Pre-flight, and a fit of the linear half car with noise levels near what is given.
+2. An engine's tones are recognised by their lines and cut out.
+3. Is there a disagreement?  One test over all candidates.
+4. Names with probabilities; the best is added, everything is fitted again, and so on until nothing
+   is gained; what turned out needless is taken out again.
+5. Slack models ask whether something without a name is left.
+6. The gap on recordings that the fit has not seen, with everything frozen.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.diagnosis.answer import draws, effect_draws, told_by
+from bayes_asv.diagnosis.classes import same_class
+from bayes_asv.diagnosis.engine import without_engine
+from bayes_asv.diagnosis.model import asked, base, pruned, without
+from bayes_asv.diagnosis.naming import probabilities, weigh
+from bayes_asv.diagnosis.proof import failed, proof
+from bayes_asv.diagnosis.results import Diagnosis, Named
+from bayes_asv.diagnosis.slack import unexplained
+from bayes_asv.diagnosis.where import disagreement
+from bayes_asv.inference.bestfit import lay_out
+from bayes_asv.inference.stage import setting
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.model.effects import Site
+from bayes_asv.recording import Recording
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["LEVEL", "Diagnosis", "Named", "diagnose", "named_in"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+LEVEL = 0.05
+"""Family-wise level of the test for a disagreement."""
+
+_MOST = 4  # effects that are named
+_GAIN = 5.0  # nats that a second effect has to bring
+_BARELY = 0.1  # probability below which a name is not worth its mention
+_EXCITED = 0.3  # of a recording's wheel power that its held-out half must have
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    vehicle: Vehicle,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find where simulation and measurement disagree, and what is missing.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Runs to fit.
+    holdout : sequence of Recording
+        Runs to prove it on; without any a part of the others is held out.
+    vehicle : Vehicle
+        As given.
+    seed : int
+        Of everything that is drawn.
+    progress : callable, optional
+        Told the share that is done, and what is going on.
+
+    Returns
+    -------
+    Diagnosis
+    """
+    begun = time.perf_counter()
+    tell = progress or (lambda share, words: None)
+    tell(0.0, "laying the recordings out")
+    fit_runs, held_runs, notes = _held_out(recordings, holdout)
+    lines, reasons, warnings = lay_out(fit_runs, vehicle)
+    if reasons:
+        return Diagnosis("refused", reasons, warnings, (), vehicle, seed)
+    held, why_not, _ = lay_out(held_runs, vehicle) if held_runs else ((), (), ())
+    if why_not:
+        notes.append("the held-out recordings cannot be used: " + "; ".join(why_not))
+        held = ()
+    tell(0.05, "fitting the linear half car")
+    where = setting(vehicle, lines)
+    plain = base(where)
+    first_where, first_held = where, setting(vehicle, held) if held else None
+    where, linear, engine, held = without_engine(where, plain, held, base)
+    model = asked(where, linear, seed)
+    first = model
+    seen = disagreement(where, linear)
+    named: list[Named] = []
+    none, told = 1.0, told_by(model.stage, model.allowed)
+    while len(named) < _MOST and model.p < (LEVEL if not named else 0.2 * LEVEL):
+        share_done = 0.1 + 0.2 * len(named)
+        tell(share_done, "asking what is missing")
+        options = weigh(model.where, model.stage, model.found, partial(_trying, tell, share_done))
+        if not options:
+            break
+        best = options[0]
+        sites = len({str(c.site) for c in model.found.candidates})
+        nothing, share = probabilities(model.allowed.log_evidence, options, sites)
+        none = nothing if not named else none
+        told = [
+            *told_by(model.stage, model.allowed, nothing),
+            *(
+                one
+                for option, part in zip(options, share, strict=True)
+                for one in told_by(option.stage, option.allowed, part)
+            ),
+        ]
+        gain = best.allowed.log_evidence - model.allowed.log_evidence
+        if gain < (_GAIN if named else 0.0):
+            break
+        tell(share_done + 0.15, "asking what cannot be told apart")
+        members = same_class(model.where, options)
+        probability = sum(share[options.index(m)] for m in members)
+        if probability < _BARELY:
+            break
+        named.append(Named(best.site, float(probability), tuple(members[1:]), {}))
+        model = asked(model.where, best.stage, seed)
+        if nothing > 0.5:  # a little of everything explains it as well: no second name on top
+            break
+    count = len(named)
+    model, named = pruned(model, named, seed)
+    tell(0.85, "asking what has no name")
+    left = unexplained(model.where, model.allowed.stage, model.found, model.allowed.amount, seed)
+    tell(0.9, "proving it on what was held out")
+    held_where = setting(vehicle, held) if held else None
+    settings = (first_where, first_held, plain), (where, held_where, linear)
+    gaps, named = proof(*settings, model, named, engine, seed)
+    worse = failed(named)
+    if worse:
+        model, named = without(model, named, worse, seed)
+        left = replace(left, failed=tuple(str(n.site) for n in worse))
+        gaps, named = proof(*settings, model, named, engine, seed)
+    if len(named) < count:
+        told = told_by(model.stage, model.allowed)
+    disagrees = first.p < LEVEL or left.present or engine is not None
+    verdict = "agreement"
+    if disagrees:
+        verdict = "named" if named or engine is not None else "unexplained"
+    return Diagnosis(
+        verdict=verdict,
+        reasons=(),
+        warnings=(*warnings, *notes),
+        preflight=_preflight(lines),
+        vehicle=vehicle,
+        seed=seed,
+        p=first.p,
+        named=tuple(named),
+        engine=engine,
+        none=none,
+        left=left,
+        seen=seen,
+        gaps=gaps,
+        fit=lines,
+        holdout=held,
+        base=linear,
+        final=model.stage,
+        before=draws([(1.0, plain, plain.mode.z, plain.mode.covariance)], seed),
+        after=draws(told, seed),
+        effects=effect_draws(model.stage, model.allowed.covariance, seed),
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def named_in(
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Site, ...]:
+    """Effects that are more likely than not to be in these recordings, all of them fitted."""
+    found = diagnose(recordings, (), vehicle, seed, progress)
+    return tuple(n.site for n in found.named if n.probability > 0.5)
+
+
+def _trying(tell: Progress, share: float, words: str) -> None:
+    tell(share + 0.05, f"trying {words}")
+
+
+def _held_out(
+    recordings: Sequence[Recording], holdout: Sequence[Recording]
+) -> tuple[list[Recording], list[Recording], list[str]]:
+    """Choose what is fitted and what is held out."""
+    if holdout:
+        return list(recordings), list(holdout), []
+    if len(recordings) > 1:
+        last = recordings[-1]
+        return list(recordings[:-1]), [last], [f"{last.source} was held out to prove it on"]
+    whole = recordings[0]
+    half = len(whole.time) // 2
+    begin, end = (
+        replace(whole, time=whole.time[part], values=whole.values[:, part])
+        for part in (slice(0, half), slice(half, None))
+    )
+    power = [float(np.nanvar(part.values[[0, 2]])) for part in (begin, end)]
+    if power[1] > _EXCITED * power[0] and half >= 200:
+        return [begin], [end], [f"the second half of {whole.source} was held out to prove it on"]
+    return [whole], [], [f"nothing of {whole.source} could be held out: give a second drive"]
+
+
+def _preflight(lines: tuple[Timeline, ...]) -> tuple[dict[str, object], ...]:
+    """List what is found before any fit."""
+    out: list[dict[str, object]] = []
+    for line in lines:
+        clipped = int(np.count_nonzero(line.clipped))
+        if clipped:
+            out.append({"name": "sensor_clipping", "where": None, "source": line.source,
+                        "samples": clipped})  # fmt: skip
+        steps = np.diff(line.times[0])
+        usual = float(np.median(steps))
+        lost = int(np.sum(np.maximum(np.round(steps / usual) - 1.0, 0.0)))
+        lost += int(np.count_nonzero(~np.isfinite(line.acceleration)))
+        if lost:
+            out.append({"name": "dropped_samples", "where": None, "source": line.source,
+                        "samples": lost})  # fmt: skip
+        regular = steps[steps < 1.5 * usual]
+        if float(np.std(regular)) > 0.02 * usual:
+            out.append({"name": "uneven_clock", "where": None, "source": line.source,
+                        "rms_seconds": float(np.std(regular))})  # fmt: skip
+    return tuple(out)

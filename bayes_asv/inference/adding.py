@@ -1,0 +1,109 @@
+"""One more effect in a model, and a model with the effects that a user names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.errors import InputError
+from bayes_asv.inference.candidates import Candidate, candidates
+from bayes_asv.inference.effects import car_scale
+from bayes_asv.inference.stage import Setting, Stage, carried, fitted, foretold
+from bayes_asv.model.effects import EFFECTS, Site, site
+
+__all__ = ["added", "read_site", "with_effects"]
+
+Array = NDArray[np.float64]
+
+_TRIED = 2  # starts from which a site is fitted
+
+
+def read_site(text: str) -> Site:
+    """Read an effect as the command line takes it, ``name`` or ``name@where``.
+
+    Raises
+    ------
+    InputError
+        When there is no such effect or place.
+    """
+    name, _, where = text.partition("@")
+    if name not in EFFECTS:
+        raise InputError(text, "is no effect", f"there are {', '.join(EFFECTS)}")
+    try:
+        return site(text)
+    except KeyError:
+        places = ", ".join(f"{name}@{w}" if w else name for w in EFFECTS[name].sites)
+        raise InputError(text, f"'{where}' is no place for it", f"say {places}") from None
+
+
+def with_effects(where: Setting, sites: Sequence[Site]) -> tuple[Setting, Stage]:
+    """Fit a model with given effects, one added after the other.
+
+    Parameters
+    ----------
+    where : Setting
+        Recordings.
+    sites : sequence of Site
+        Effects in order.
+
+    Returns
+    -------
+    Setting, Stage
+        With patterns that stand on the fitted model, and its mode.
+    """
+    target = where.target(())
+    stage = fitted(where, (), target, np.zeros(target.space.dimension))
+    where = foretold(where, stage)
+    for one in sites:
+        stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
+        group = [
+            c
+            for c in candidates(stage, where.vehicle)
+            if str(c.site) == str(one) and (one.run is None or c.site.run == one.run)
+        ]
+        stage = added(where, stage, group)
+        where = foretold(where, stage)
+    return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
+
+
+def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:
+    """Fit a model with one more effect, from the best of its starts.
+
+    Parameters
+    ----------
+    where : Setting
+        Recordings.
+    stage : Stage
+        The model so far, at its mode.
+    group : sequence of Candidate
+        Of one site: sets of values to begin from.
+    """
+    site = group[0].site
+    sites = (*stage.sites, site)
+    target = where.target(sites)
+    scale = car_scale(where.vehicle)
+    first = site.effect.parameters[0]
+    begun: list[tuple[float, int, Array]] = []
+    for candidate in group:
+        if candidate.begin:
+            z = carried(stage.space, stage.mode.z, target.space, site, candidate.values)
+            begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
+            continue
+        for start in first.starts:
+            for sign in (1.0, -1.0) if first.form == "linear" and start > 0.0 else (1.0,):
+                values = {**candidate.values, first.name: sign * start * first.size(scale)}
+                z = carried(stage.space, stage.mode.z, target.space, site, values)
+                begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
+    begun.sort(key=lambda b: (-b[0], b[1]))
+    best: Stage | None = None
+    for _, _, z in begun[:_TRIED]:
+        one = fitted(where, sites, target, z)
+        if best is None or one.mode.log_posterior > best.mode.log_posterior:
+            best = one
+        if one.mode.converged and float(np.mean(one.mode.slopes.nu**2)) < 1.2:
+            break  # at the noise: no start can end lower
+    assert best is not None
+    return best

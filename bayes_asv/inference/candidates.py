@@ -1,0 +1,123 @@
+"""What might be missing, and from which values to look for it.
+
+A candidate is one effect at one place with one set of values: a little of it where that makes
+sense (a tolerance), and where nobody has a little of it a stop within the travel that was used,
+or a push at some time of one run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.effects import car_scale
+from bayes_asv.inference.stage import Stage
+from bayes_asv.model.effects import EFFECTS, Effect, Site
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["Candidate", "candidates", "travels"]
+
+Array = NDArray[np.float64]
+
+_DEEP = (0.5, 0.65, 0.8, 0.92)  # shares of the travel used at which a stop is looked for
+_SOFT = 1.0  # rate of a stop that is looked for, in spring rates
+_LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is looked for
+_PUSH = 0.02  # of the axle's load
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that may be missing.
+
+    Parameters
+    ----------
+    site : Site
+        What and where.
+    values : mapping
+        Values of its parameters (SI units) that stand for a little of it.
+    tolerance : bool
+        They are one deviation of what every car may have.
+    signed : bool
+        Less than nothing of it cannot be.
+    begin : bool
+        A fit begins from these values; otherwise from the effect's own starts.
+    """
+
+    site: Site
+    values: Mapping[str, float]
+    tolerance: bool
+    signed: bool
+    begin: bool = False
+
+
+def travels(stage: Stage) -> Array:
+    """Largest compression and extension (2, 2) of front and rear over all runs, m, positive."""
+    far = np.zeros((2, 2))
+    for run in range(len(stage.space.timelines)):
+        _, _, states = stage.target.scored(stage.mode.z, run)
+        for axle in range(2):
+            far[axle, 0] = max(far[axle, 0], -float(states[:, 2 * axle].min()))
+            far[axle, 1] = max(far[axle, 1], float(states[:, 2 * axle].max()))
+    return far
+
+
+def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
+    """List what the recordings of a stage may be asked about.
+
+    Parameters
+    ----------
+    stage : Stage
+        Where one stands; what it has already is left out.
+    vehicle : Vehicle
+        What it says is uncertain is in the model already.
+    """
+    scale = car_scale(vehicle)
+    has = {(s.effect.name, s.where) for s in stage.sites}
+    far = travels(stage)
+    out: list[Candidate] = []
+    for effect in EFFECTS.values():
+        for where in effect.sites:
+            if (effect.name, where) in has or not _possible(effect, where, vehicle):
+                continue
+            site = Site(effect, where)
+            if effect.slight is not None:
+                signed = effect.name in ("coulomb_friction", "digressive_damper")
+                out.append(Candidate(site, effect.slightly(scale), True, signed))
+            elif effect.name.endswith("stop"):
+                travel = far[0 if where == "front" else 1, 0 if effect.name == "bump_stop" else 1]
+                out += [
+                    Candidate(
+                        site,
+                        {"gap": share * travel, "rate": _SOFT * scale.spring, "onset": 0.003},
+                        False,
+                        True,
+                    )
+                    for share in _DEEP
+                    if share * travel > 0.003
+                ]
+            else:
+                out += _pushes(effect, where, stage, scale.load)
+    return out
+
+
+def _pushes(effect: Effect, where: str, stage: Stage, load: float) -> list[Candidate]:
+    """Pushes of several lengths that follow each other through every run."""
+    out = []
+    for run, line in enumerate(stage.space.timelines):
+        length = float(line.instants[-1] - line.instants[0])
+        for lasts in _LENGTHS:
+            for start in np.arange(0.0, max(length - 0.5 * lasts, 0.0), 0.5 * lasts):
+                values = {"force": _PUSH * load, "start": float(start), "duration": lasts}
+                site = Site(effect, where, run)
+                out.append(Candidate(site, {**values, "rise": 0.03}, False, False))
+    return out
+
+
+def _possible(effect: Effect, where: str, vehicle: Vehicle) -> bool:
+    """Whether a place can have an effect that the model does not have already."""
+    if effect.name == "sensor_bandwidth":
+        return vehicle.sensor(where).bandwidth is not None
+    return True

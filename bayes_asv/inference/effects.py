@@ -1,0 +1,147 @@
+"""Effects among the coordinates: what they do to the car, to its forces and to what was read.
+
+Sensor effects change readings by patterns that follow from the readings themselves.  With slow
+the signal behind one more pole of the declared corner, a sensor whose corner is b times the
+declared one would, were it as declared, have read slow + (signal − slow)/b: exact for one pole.
+A lag is a shift, taken to second order.  A chassis channel's patterns follow from a simulation that
+knows the wheels alone: from the reading itself they would share its noise, and a change that
+sharpens a channel would be taken for news.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.inference.wheels import WheelSignal, equalised, moments
+from bayes_asv.kernels.innovations import MISSING, ORDER
+from bayes_asv.model.effects import AXLES, Scale, Site
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["Patterns", "Values", "car_scale", "patterns", "rows"]
+
+Array = NDArray[np.float64]
+Values = Mapping[Site, Mapping[str, float]]
+
+_NO_FILTER = 0.4  # of the sampling rate: the pole that stands for a filter nobody declared
+
+
+def car_scale(vehicle: Vehicle) -> Scale:
+    """Sizes of a car that the priors of effects are given in."""
+    return Scale(
+        load=0.5 * vehicle.m.value * 9.80665,
+        spring=0.5 * (vehicle.k_f.value + vehicle.k_r.value),
+    )
+
+
+def rows(values: Values, run: int) -> Array:
+    """Table (K, 6) of the laws that act on the suspension in one run."""
+    out = []
+    for site, value in values.items():
+        if site.effect.acts != "suspension" or site.run not in (None, run):
+            continue
+        assert site.effect.packed is not None
+        packed = site.effect.packed(value)
+        out.append([AXLES.index(site.where), site.effect.code, *packed, *[0.0] * (4 - len(packed))])
+    return np.array(out, float).reshape(-1, 6)
+
+
+@dataclass(frozen=True)
+class Patterns:
+    """What sensors that are not as declared change in one recording.
+
+    Parameters
+    ----------
+    pole : float
+        Of the filter that all readings passed, rad/s.
+    wheel : (E, 2) array
+        Wheel accelerations at the instants, m/s².
+    moved : tuple of (2, E, ORDER) or (2, E) arrays
+        One a channel: moments, or readings, of the first and half the second derivative.
+    sharper : tuple of (E, ORDER) or (E,) arrays
+        Signal less its slow part.
+    ramp : tuple of (E, ORDER) or (E,) arrays
+        Time since the recording's beginning.
+    """
+
+    pole: float
+    wheel: Array
+    moved: tuple[Array, ...]
+    sharper: tuple[Array, ...]
+    ramp: tuple[Array, ...]
+
+    def corrected(self, line: Timeline, values: Values) -> tuple[Array, Array]:
+        """Return moments (E, 2, ORDER) and readings (E, 2) of sensors that are as declared."""
+        driven, reading = line.moments, line.reading
+        for site, value in values.items():
+            if site.effect.acts != "reading" or site.effect.name == "sensor_gain":
+                continue
+            c = CHANNELS.index(site.where)
+            if "lag" in value:
+                first, second = self.moved[c]
+                change = -value["lag"] * first + value["lag"] ** 2 * second
+            elif "bandwidth" in value:
+                change = (1.0 / value["bandwidth"] - 1.0) * self.sharper[c]
+            else:
+                change = -value["slope"] * self.ramp[c]
+            if c % 2 == 0:
+                driven = driven.copy() if driven is line.moments else driven
+                driven[:, c // 2] += change
+            else:
+                reading = reading.copy() if reading is line.reading else reading
+                reading[:, c // 2] += change
+        return driven, reading
+
+
+def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
+    """Work out the patterns of a recording once.
+
+    Parameters
+    ----------
+    line : Timeline
+        The recording.
+    vehicle : Vehicle
+        Gives declared bandwidths.
+    foretold : (E, 2) array
+        Simulated chassis readings, m/s².
+    """
+    begin = line.instants[0]
+    moved, sharper, ramp = [], [], []
+    for c, channel in enumerate(CHANNELS):
+        axle = c // 2
+        corner = vehicle.sensor(channel).bandwidth
+        if c % 2 == 0:
+            wheel = line.wheels[axle]
+            time, signal = wheel.knots, wheel.spline(wheel.knots)
+        else:
+            there = line.kind[:, axle] != MISSING
+            time, signal = line.instants[there], foretold[there, axle]
+        spline = CubicSpline(time, signal)
+        slow = equalised(time, signal, math.inf, corner) if corner is not None else signal
+        found = [spline(time, 1), 0.5 * spline(time, 2), signal - slow, time - begin]
+        if c % 2 == 0:
+            laid = [
+                moments(
+                    WheelSignal(CubicSpline(time, x), time, wheel.deviation), line.instants, ORDER
+                )
+                for x in found
+            ]
+        else:
+            laid = []
+            for x in found:
+                full = np.zeros(len(line.instants))
+                full[there] = x
+                laid.append(full)
+        moved.append(np.stack(laid[:2]))
+        sharper.append(laid[2])
+        ramp.append(laid[3])
+    pole = float(line.poles[0]) or 2.0 * math.pi * _NO_FILTER / line.reading_step
+    wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
+    return Patterns(pole, wheel_at, tuple(moved), tuple(sharper), tuple(ramp))

@@ -1,0 +1,76 @@
+"""Measured against simulated, with effects: the car follows its wheel accelerations alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.effects import rows
+from bayes_asv.inference.likelihood import Target
+from bayes_asv.kernels import extended
+from bayes_asv.kernels.innovations import VALUE
+
+__all__ = ["free_run"]
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 4
+_STEPS = np.array([1e-4, 1e-3, 1e-4, 1e-3, 1e-3, 1e-3])  # m, m/s, …, m/s²
+
+
+def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
+    """Simulate one recording from its wheel accelerations.
+
+    Initial state and biases are regressed on the chassis readings under their priors; nothing
+    else is adjusted to them.
+
+    Parameters
+    ----------
+    target : Target
+        With patterns.
+    z : (D,) array
+        Coordinates; those of noise play no part.
+    run : int
+        Which recording.
+
+    Returns
+    -------
+    output : (E, 2) array
+        What the chassis sensors would have read, m/s².
+    states : (E, 6) array
+        δ_f, δ̇_f, δ_r, δ̇_r (m, m/s) and both filtered excess forces (N).
+    bias : (2,) array
+        Of each chassis against its wheel channel, m/s².
+    """
+    line, known = target.space.timelines[run], target.patterns[run]
+    values = target.space.effects(z)
+    driven, reading = known.corrected(line, values)
+    car, table = target.space.measured(z[None], run)[0], rows(values, run)
+    n = len(line.step)
+
+    def simulated(begin: Array) -> tuple[Array, Array]:
+        output, states = np.zeros((n, 2)), np.zeros((n, 6))
+        extended.free_run(
+            car, table, known.pole, line.step, driven, known.wheel, line.instants, begin, output,
+            states,
+        )  # fmt: skip
+        return output, states
+
+    use = line.kind == VALUE
+    begin = np.zeros(6)
+    # Next to the record the prior weighs as if noise were a thousandth of the motion's power.
+    ridge = max(float(np.var(reading[use])) * 1e-3, 1e-12) / line.start
+    output, states = simulated(begin)
+    for _ in range(_ROUNDS if len(table) else 1):
+        slope = np.stack(
+            [(simulated(begin + step)[0] - output)[use] / step.max() for step in np.diag(_STEPS)],
+            axis=1,
+        )
+        left = (reading - output)[use]
+        step = np.linalg.solve(slope.T @ slope + np.diag(ridge), slope.T @ left - ridge * begin)
+        begin = begin + step
+        output, states = simulated(begin)
+        if np.all(np.abs(step) < _STEPS):
+            break
+    # The simulation is of sensors as declared; what the real ones added is put back.
+    return output + (line.reading - reading), states, begin[4:]

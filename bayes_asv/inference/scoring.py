@@ -1,0 +1,202 @@
+"""Fisher scoring: climbing to a mode with first derivatives of the innovations alone.
+
+For innovations ν with log variances s the log-likelihood is −½ Σ (ν² + s).  With dν and ds their
+differences along a coordinate, the change of the prediction in units of its deviation is
+dm = −(dν + ½ ν ds), the slope is −Σ (ν dν + ½ ds), and the expected curvature Σ dm dmᵀ + ½ ds dsᵀ.
+A coordinate costs one pass, not one a pair, and a poor start cannot turn the curvature round.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.likelihood import Target
+
+__all__ = ["Climbed", "Slopes", "climb", "slopes"]
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-4  # of a prior deviation
+_FIRST, _ROUNDS = 8, 20  # with noise held, and with everything free
+_ENOUGH = 5e-3  # nats that the next step would gain
+_WRONG = 1.3  # mean square of innovations beyond which a model is wrong
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Where a target stands and how its innovations change.
+
+    Parameters
+    ----------
+    nu : (N,) array
+        Normalised innovations of all runs, readings without a value left out.
+    logs : (N,) array
+        Logarithms of their variances.
+    means : (D, N) array
+        Changes of the predictions along each coordinate, in deviations; zero for a run that does
+        not know the coordinate.
+    scales : (D, N) array
+        Changes of the log variances.
+    log_posterior : float
+        Its value, not normalised.
+    """
+
+    nu: Array
+    logs: Array
+    means: Array
+    scales: Array
+    log_posterior: float
+
+    def gradient(self, z: Array) -> Array:
+        """Slope (D,) of the log-posterior."""
+        return self.means @ self.nu + 0.5 * self.scales @ (self.nu**2 - 1.0) - z
+
+    def precision(self) -> Array:
+        """Return the expected curvature (D, D) of minus the log-posterior."""
+        data = self.means @ self.means.T + 0.5 * self.scales @ self.scales.T
+        return data + np.eye(len(data))
+
+
+@dataclass(frozen=True)
+class Climbed:
+    """A mode found by scoring.
+
+    Parameters
+    ----------
+    z : (D,) array
+        Where.
+    slopes : Slopes
+        The last that were taken, at or within a negligible step of the mode.
+    converged : bool
+        Whether the next step would have gained next to nothing.
+    """
+
+    z: Array
+    slopes: Slopes
+    converged: bool
+
+    @property
+    def log_posterior(self) -> float:
+        """Value at the mode, not normalised."""
+        return self.slopes.log_posterior
+
+    @property
+    def covariance(self) -> Array:
+        """Inverse (D, D) of the expected curvature."""
+        return np.asarray(np.linalg.inv(self.slopes.precision()))
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace's logarithm of the integral of the posterior."""
+        _, log_det = np.linalg.slogdet(self.slopes.precision())
+        volume = 0.5 * len(self.z) * math.log(2.0 * math.pi) - 0.5 * float(log_det)
+        return self.log_posterior + volume
+
+
+def _passes(target: Target, z: Array, run: int) -> tuple[Array, Array]:
+    """Innovations and log variances (2 E,) of one run."""
+    nu, logs, _ = target.scored(z, run)
+    return nu.ravel(), logs.ravel()
+
+
+def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) -> Slopes:
+    """Take differences along every coordinate, run by run.
+
+    Parameters
+    ----------
+    target : Target
+        With patterns.
+    z : (D,) array
+        Where.
+    first, last : int
+        Coordinates before the first and from the last on are held: their differences are zero.
+
+    Returns
+    -------
+    Slopes
+    """
+    space = target.space
+    parts = []
+    for run in range(len(space.timelines)):
+        nu, logs = _passes(target, z, run)
+        there = logs != 0.0
+        own = space.seen_by(run)
+        own = own[(own >= first) & (own < (len(z) if last is None else last))]
+
+        def one(k: int, run: int = run) -> tuple[Array, Array]:
+            moved = z.copy()
+            moved[k] += _STEP
+            return _passes(target, moved, run)
+
+        found = list(target.pool.map(one, own)) if target.pool else [one(k) for k in own]
+        n = int(np.count_nonzero(there))
+        means, scales = np.zeros((len(z), n)), np.zeros((len(z), n))
+        for k, (nu_k, logs_k) in zip(own, found, strict=True):
+            ds = (logs_k - logs)[there] / _STEP
+            means[k] = -((nu_k - nu)[there] / _STEP + 0.5 * nu[there] * ds)
+            scales[k] = ds
+        parts.append((nu[there], logs[there], means, scales))
+    nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    value = float(target.log_posterior(z[None])[0])
+    means = np.concatenate([p[2] for p in parts], axis=1)
+    scales = np.concatenate([p[3] for p in parts], axis=1)
+    return Slopes(nu, logs, means, scales, value)
+
+
+def climb(target: Target, start: Array) -> Climbed:
+    """Climb from a start to the mode.
+
+    Parameters
+    ----------
+    target : Target
+        With patterns.
+    start : (D,) array
+        Coordinates.
+
+    Returns
+    -------
+    Climbed
+        Not converged when it did not settle in twenty rounds: a value, not an error.
+    """
+    lasting = target.space.lasting_dimension
+    z, _ = _ascend(target, start, lasting, _FIRST, 1.0)  # noise held: it cannot swell on the way
+    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH)
+    return Climbed(z, here, settled)
+
+
+def _ascend(
+    target: Target, start: Array, last: int, rounds: int, enough: float
+) -> tuple[Array, tuple[Slopes, bool]]:
+    """Climb in the coordinates before ``last`` until a step gains less than ``enough`` nats."""
+    z = start.copy()
+    here = slopes(target, z, last=last)
+    before: Array = np.zeros(last)
+    damping = 0.0
+    for _ in range(rounds):
+        gradient, precision = here.gradient(z)[:last], here.precision()[:last, :last]
+        while True:
+            ridge = precision + damping * np.diag(np.diag(precision))
+            step: Array = np.asarray(np.linalg.solve(ridge, gradient), np.float64)
+            gain = 0.5 * float(gradient @ step)
+            # Where the model is wrong its noise has no sharp optimum, and needs none.
+            if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
+                return z, (here, damping < 2.0)
+            step = np.asarray(step * min(1.0, 3.0 / float(np.max(np.abs(step)))), np.float64)
+            candidate = z.copy()
+            candidate[:last] += step
+            if float(target.log_posterior(candidate[None])[0]) > here.log_posterior:
+                break
+            damping = max(4.0 * damping, 0.03)
+            if damping > 1e6:
+                return z, (here, False)
+        z = candidate
+        # A step back shows that the last one went too far: the curvature is steeper than expected.
+        turned = float(step @ before) < -0.3 * float(np.linalg.norm(step) * np.linalg.norm(before))
+        damping = max(damping, 1.0) if turned else 0.0 if damping < 0.05 else 0.3 * damping
+        before = step
+        here = slopes(target, z, last=last)
+    return z, (here, False)

@@ -1,0 +1,118 @@
+"""A model on the way: which effects it has, and its mode on the recordings at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.inference.effects import Patterns, patterns
+from bayes_asv.inference.freerun import free_run
+from bayes_asv.inference.likelihood import WHITE, Target, shared_work
+from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.scoring import Climbed, climb
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.model.effects import Site
+from bayes_asv.vehicle import Vehicle
+
+__all__ = ["Setting", "Stage", "carried", "fitted", "foretold", "setting"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Recordings and the car they were taken with.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        As given.
+    lines : tuple of Timeline
+        Recordings.
+    patterns : tuple of Patterns
+        What sensors that are not as declared would change in each.
+    """
+
+    vehicle: Vehicle
+    lines: tuple[Timeline, ...]
+    patterns: tuple[Patterns, ...]
+
+    def target(self, sites: tuple[Site, ...], hold: bool = False) -> Target:
+        """Posterior of a model with some effects, noise levels near what is given or held there."""
+        held = frozenset(range(len(self.lines))) if hold else frozenset()
+        where = space(self.vehicle, self.lines, hold=held, sites=sites, near=True)
+        return Target(where, (WHITE,) * len(self.lines), patterns=self.patterns)
+
+
+def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
+    """Set recordings up, with patterns that stand on the readings themselves."""
+    found = tuple(patterns(line, vehicle, line.reading) for line in lines)
+    return Setting(vehicle, lines, found)
+
+
+def foretold(where: Setting, stage: Stage) -> Setting:
+    """Return the setting with patterns that stand on what a stage foretells."""
+    found = []
+    for run, line in enumerate(where.lines):
+        output, _, _ = free_run(stage.target, stage.mode.z, run)
+        found.append(patterns(line, where.vehicle, output))
+    return replace(where, patterns=tuple(found))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A model and its mode.
+
+    Parameters
+    ----------
+    sites : tuple of Site
+        Its effects, in the order in which they were added.
+    target : Target
+        Its posterior.
+    mode : Climbed
+        Where it is highest.
+    """
+
+    sites: tuple[Site, ...]
+    target: Target
+    mode: Climbed
+
+    @property
+    def space(self) -> Space:
+        """Coordinates and priors."""
+        return self.target.space
+
+
+def carried(
+    old: Space, z: Array, new: Space, site: Site | None, values: Mapping[str, float]
+) -> Array:
+    """Coordinates of a larger or smaller model, everything in common kept.
+
+    Parameters
+    ----------
+    old, z : Space, (D,) array
+        Where one stands.
+    new : Space
+        Where to go.
+    site, values
+        What is new, and the values (SI units) at which it begins; others begin at their centre.
+    """
+    known = dict(zip(old.names, z, strict=True))
+    out = np.array([known.get(name, 0.0) for name in new.names])
+    if site is not None:
+        assert new.sizes is not None
+        for parameter in site.effect.parameters:
+            k = new.names.index(site.coordinate_name(parameter))
+            if parameter.name in values:
+                out[k] = parameter.coordinate(values[parameter.name], new.sizes)
+    return out
+
+
+def fitted(where: Setting, sites: tuple[Site, ...], target: Target, start: Array) -> Stage:
+    """Climb to the mode of a model."""
+    with shared_work(target) as shared:
+        mode = climb(shared, start)
+    return Stage(sites, replace(target, pool=None), mode)

@@ -1,0 +1,45 @@
+"""A damper whose force flattens out.
+
+F = −c δ̇ (1 + |δ̇/knee|ᵖ)^(−1/p): c is the slope at rest and c·knee the force far out.  p = 2 is the
+form of reference; p is free about it, since dampers bend more or less sharply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bayes_asv.kernels.forces import DIGRESSIVE
+from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+
+__all__ = ["EFFECT"]
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return 1.0 / values["knee"], values["sharpness"]
+
+
+def _force(
+    values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
+) -> Array:
+    p = values["sharpness"]
+    factor = (1.0 + np.abs(rate / values["knee"]) ** p) ** (-1.0 / p)
+    return np.asarray(-c * rate * (factor - 1.0))
+
+
+EFFECT = Effect(
+    name="digressive_damper",
+    title="a damper whose force flattens out at speed",
+    acts="suspension",
+    sites=AXLES,
+    parameters=(
+        Parameter("knee", "m/s", "log", 0.5, 1.2, (0.1, 0.25, 0.6, 1.5, 4.0)),
+        Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),
+    ),
+    slight={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
+    code=DIGRESSIVE,
+    packed=_packed,
+    force=_force,
+    drive="a sharper bump, so that the damper moves faster",
+)

@@ -1,0 +1,38 @@
+"""A spring that stiffens: F = −k δ (1 + κ δ² + q κ² δ⁴); κ is asked for, q only shapes the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bayes_asv.kernels.forces import PROGRESSIVE
+from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+
+__all__ = ["EFFECT"]
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return values["kappa"], values["curl"]
+
+
+def _force(
+    values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
+) -> Array:
+    x = values["kappa"] * delta**2
+    return -k * delta * (x + values["curl"] * x**2)
+
+
+EFFECT = Effect(
+    name="progressive_spring",
+    title="a spring that stiffens with travel",
+    acts="suspension",
+    sites=AXLES,
+    parameters=(
+        Parameter("kappa", "1/m^2", "linear", 0.0, 150.0, (20.0, 150.0)),
+        Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
+    ),
+    slight={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm
+    code=PROGRESSIVE,
+    packed=_packed,
+    force=_force,
+    drive="a higher bump, so that more of the travel is used",
+)

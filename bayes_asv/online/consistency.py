@@ -1,0 +1,250 @@
+"""Does the filter's noise explain what its predictions miss?  Asked while it runs.
+
+A filter that is right has innovations that are white and of the variance it says.  Three
+numbers tell: the mean of their normalised squares over a window that slides along (NIS), the level
+that the noise had to be raised to, and the correlation from reading to reading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LAGS", "WINDOW", "Consistency", "Summary", "Watched", "band", "portmanteau_of"]
+
+Array = NDArray[np.float64]
+
+WINDOW = 0.5
+"""Length of the window of the mean NIS, s."""
+MEMORY = 2.0
+"""Length of the window over which correlation is looked for, s."""
+LAGS = 10
+"""Readings apart up to which it is looked for."""
+
+_NORMAL95 = 1.959964
+_DOUBT = 3.9  # deviations of the mean: once in 10,000 windows by chance
+_COLOURED = 150.0  # χ² with 20 degrees of freedom: nothing that chance would do
+_WHITE_AGAIN = 80.0
+_SWOLLEN = 4.0  # times the declared variance
+_MOSTLY = 0.95  # share of the rows that have to be well
+_SLIGHT = 0.05  # of the mean NIS, a fortieth of a deviation: too little to matter
+
+
+def band(readings: Array, normal: float = _NORMAL95) -> tuple[Array, Array]:
+    """Where the mean of so many squared standard normals lies, after Wilson & Hilferty (1931).
+
+    Parameters
+    ----------
+    readings : (N,) array
+        How many; where there are none, the band is the whole line.
+    normal : float
+        Half-width in deviations of a normal; 95 % by default.
+
+    Returns
+    -------
+    low, high : (N,) arrays
+    """
+    n = np.maximum(np.asarray(readings, np.float64), 1.0)
+    c = 2.0 / (9.0 * n)
+    low = np.maximum(1.0 - c - normal * np.sqrt(c), 0.0) ** 3
+    high = (1.0 - c + normal * np.sqrt(c)) ** 3
+    none = np.asarray(readings) < 0.5
+    return np.where(none, 0.0, low), np.where(none, np.inf, high)
+
+
+def portmanteau_of(products: Array, squares: Array, count: Array) -> Array:
+    """Box–Pierce statistic Σ n r_l² from sums of products (…, lags) and of squares (…)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = products / squares[..., None]
+        return np.asarray(np.nan_to_num(np.sum(r**2, axis=-1) * count))
+
+
+@dataclass
+class Watched:
+    """What the watch says of each of N rows.
+
+    Parameters
+    ----------
+    mean, low, high : (N,) arrays
+        Mean NIS a reading over the window, and its 95 % band.
+    colour : (N,) array
+        Box–Pierce statistic of both axles over :data:`LAGS` lags.
+    consistent : (N,) bool array
+        Whether nothing was amiss of late.
+    """
+
+    mean: Array
+    low: Array
+    high: Array
+    colour: Array
+    consistent: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How a whole recording went.
+
+    Parameters
+    ----------
+    nis_mean : float
+        Mean of the normalised innovations squared; NaN without a reading.
+    nis_band95 : pair of float
+        Where it lies 95 % of the time if all is well.
+    readings : int
+        Readings that it stands on.
+    share : float
+        Share of the rows at which nothing was amiss.
+    level : float
+        Largest factor by which the noise's variance was raised.
+    colour : float
+        Largest Box–Pierce statistic of both axles over two seconds, χ² with twenty degrees.
+    correlation : (2, LAGS + 1) array
+        Autocorrelation of the normalised innovations, front and rear.
+    faults : tuple of str
+        ``swollen`` noise, ``coloured`` innovations, ``uneven`` ones, a filter that was
+        ``optimistic`` or ``pessimistic`` all along; empty when all was well.
+    """
+
+    nis_mean: float
+    nis_band95: tuple[float, float]
+    readings: int
+    share: float
+    level: float
+    colour: float
+    correlation: Array
+    faults: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """``consistent`` or ``inconsistent``."""
+        return "inconsistent" if self.faults else "consistent"
+
+
+@dataclass
+class Consistency:
+    """Keeps watch over rows as they come.
+
+    Parameters
+    ----------
+    rate : float
+        Rows a second.
+    declared : bool
+        Whether all sensors' noise was given: a raised level then means that something is amiss.
+    """
+
+    rate: float
+    declared: bool = True
+    nis: float = 0.0
+    readings: float = 0.0
+    rows: int = 0
+    rows_consistent: int = 0
+    worst_colour: float = 0.0
+    worst_level: float = 1.0
+    products: Array = field(default_factory=lambda: np.zeros((2, LAGS + 1)))
+    _past: Array = field(init=False)
+    _doubt: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, bool))
+
+    def __post_init__(self) -> None:
+        self._window = max(round(WINDOW * self.rate), 20)
+        self._long = max(round(MEMORY * self.rate), 100)
+        # NIS, readings, normalised innovations of both axles
+        self._past = np.zeros((self._long + LAGS, 4))
+
+    def watch(self, nis: Array, readings: Array, innovations: Array, level: Array) -> Watched:
+        """Take N rows.
+
+        Parameters
+        ----------
+        nis, readings : (N,) arrays
+            Squared deviations of each row and the number of readings in it.
+        innovations : (N, 2) array
+            Normalised; zero where there is none.
+        level : (N, 2) array
+            Level of the noise's variance, front and rear.
+        """
+        n = len(nis)
+        own = np.column_stack([nis, readings, innovations * (readings > 0)[:, None]])
+        rows = np.concatenate([self._past, own])
+        self._past = rows[n:].copy()
+        first = len(rows) - n
+        totals = _sliding(rows[:, :2], self._window, first)
+        count = totals[:, 1]
+        mean = np.where(count > 0.5, totals[:, 0] / np.maximum(count, 1.0), 1.0)
+        low, high = band(count)
+        colour = np.zeros(n)
+        for axle in range(2):
+            nu = rows[:, 2 + axle]
+            lagged = np.column_stack(
+                [
+                    nu * np.concatenate([np.zeros(lag), nu[: len(nu) - lag]])
+                    for lag in range(LAGS + 1)
+                ]
+            )
+            self.products[axle] += lagged[first:].sum(axis=0)
+            sums = _sliding(np.column_stack([lagged, nu != 0.0]), self._long, first)
+            colour += portmanteau_of(sums[:, 1 : LAGS + 1], sums[:, 0], sums[:, -1])
+        self.nis += float(nis.sum())
+        self.readings += float(readings.sum())
+        self.rows += n
+        far_low, far_high = band(count, _DOUBT)
+        swollen = level.max(axis=1) if self.declared else np.ones(n)
+        amiss = np.column_stack(
+            [
+                self._held(0, (mean < far_low) | (mean > far_high), (mean >= low) & (mean <= high)),
+                self._held(1, colour > _COLOURED, colour < _WHITE_AGAIN),
+                self._held(2, swollen > _SWOLLEN, swollen < 0.5 * _SWOLLEN),
+            ]
+        )
+        consistent = np.asarray(~amiss.any(axis=1))
+        if n:
+            self._doubt = amiss[-1]
+            self.worst_colour = max(self.worst_colour, float(colour.max()))
+            self.worst_level = max(self.worst_level, float(level.max()))
+        self.rows_consistent += int(consistent.sum())
+        return Watched(mean, low, high, colour, consistent)
+
+    def _held(
+        self, which: int, begins: NDArray[np.bool_], ends: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Let a doubt last from what begins it to what ends it."""
+        at = np.arange(1, len(begins) + 1)
+        begun = np.maximum.accumulate(np.where(begins, at, 0))
+        ended = np.maximum.accumulate(np.where(ends & ~begins, at, 0))
+        untouched = (begun == 0) & (ended == 0)
+        return np.where(untouched, self._doubt[which], begun > ended)
+
+    def summary(self) -> Summary:
+        """Say how it went from the first row to the last."""
+        mean = self.nis / self.readings if self.readings else np.nan
+        low, high = (float(v) for v in band(np.array(self.readings)))
+        share = self.rows_consistent / self.rows if self.rows else 1.0
+        power = np.maximum(self.products[:, :1], 1e-300)
+        found = []
+        if share < _MOSTLY or self._doubt.any():
+            if self.worst_level > _SWOLLEN and self.declared:
+                found.append("swollen")
+            if self.worst_colour > _COLOURED:
+                found.append("coloured")
+            if not found:
+                found.append("uneven")
+        elif self.readings and not (low <= mean <= high) and abs(mean - 1.0) > _SLIGHT:
+            found.append("optimistic" if mean > 1.0 else "pessimistic")
+        return Summary(
+            nis_mean=float(mean),
+            nis_band95=(low, high),
+            readings=int(self.readings),
+            share=share,
+            level=self.worst_level,
+            colour=self.worst_colour,
+            correlation=np.asarray(self.products / power),
+            faults=tuple(found),
+        )
+
+
+def _sliding(columns: Array, window: int, first: int) -> Array:
+    """Sum over the window that ends at each row from ``first`` on."""
+    total = np.cumsum(np.concatenate([np.zeros((1, columns.shape[1])), columns]), axis=0)
+    end = np.arange(first + 1, len(columns) + 1)
+    return np.asarray(total[end] - total[np.maximum(end - window, 0)])

@@ -1,0 +1,105 @@
+"""What the battery asks: one cell is one name of a case, with many cars, drives and noises."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from tests.battery.effects import EFFECTS
+from tests.battery.names import STRENGTHS
+from tests.battery.outside import OUTSIDE
+
+__all__ = ["CELLS", "GROUPS", "Cell", "Group", "in_turn"]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Cells that are counted together.
+
+    Parameters
+    ----------
+    key : str
+        On the command line.
+    title : str
+        In the page.
+    """
+
+    key: str
+    title: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One kind of case.
+
+    Parameters
+    ----------
+    group : Group
+        What it is counted with.
+    name : str
+        As :func:`tests.battery.cases.case` takes it.
+    runs : int
+        Cases of the full battery.
+    """
+
+    group: Group
+    name: str
+    runs: int
+
+
+NULL: Final = Group("null", "Nothing wrong")
+LIFTING: Final = Group("lifting", "Nothing wrong, tyres that leave the ground")
+MISSTATED: Final = Group("misstated", "Nothing wrong, noise 20 % off its data sheet")
+CLUTTER: Final = Group("clutter", "A little of everything")
+SINGLE: Final = Group("single", "One effect of the list")
+IN_CLUTTER: Final = Group("in-clutter", "One effect among a little of everything")
+MISSTATED_SINGLE: Final = Group("misstated-single", "One effect, noise 20 % off its data sheet")
+PAIR: Final = Group("pair", "Two effects of the list")
+OUTSIDE_LIST: Final = Group("outside", "Something that is not in the list")
+GROUPS: Final = (
+    NULL, LIFTING, MISSTATED, CLUTTER, SINGLE, IN_CLUTTER, MISSTATED_SINGLE, PAIR, OUTSIDE_LIST,
+)  # fmt: skip
+
+
+def _cells() -> tuple[Cell, ...]:
+    out = [
+        Cell(NULL, "null", 200),
+        Cell(LIFTING, "lifting", 40),
+        Cell(MISSTATED, "noisier+null", 40),
+        Cell(MISSTATED, "quieter+null", 40),
+        Cell(CLUTTER, "clutter", 100),
+    ]
+    out += [Cell(SINGLE, f"{name}-{strength:g}", 8) for strength in STRENGTHS for name in EFFECTS]
+    out += [Cell(IN_CLUTTER, f"clutter+single-{strength:g}", 40) for strength in (400.0, 4000.0)]
+    out += [Cell(MISSTATED_SINGLE, f"{how}+single-400", 30) for how in ("noisier", "quieter")]
+    out += [Cell(PAIR, f"pair-{strength:g}", 40) for strength in (40.0, 400.0, 4000.0)]
+    out += [
+        Cell(OUTSIDE_LIST, f"{name}-{strength:g}", 5)
+        for strength in (400.0, 4000.0)
+        for name in OUTSIDE
+    ]
+    return tuple(out)
+
+
+CELLS: Final = _cells()
+
+
+def in_turn(cells: Sequence[Cell], runs: int | None = None) -> list[tuple[str, int]]:
+    """Names and numbers of the cases of some cells, in the order in which they are done.
+
+    Every cell is about as far as the others at any time, so that a battery that is stopped
+    half-way has asked half of everything.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        Which.
+    runs : int, optional
+        Cases a cell, in place of each cell's own number.
+    """
+    waiting = []
+    for place, cell in enumerate(cells):
+        number = cell.runs if runs is None else runs
+        waiting += [((k + 0.5) / number, place, cell.name, k) for k in range(number)]
+    return [(name, k) for _, _, name, k in sorted(waiting)]

@@ -1,0 +1,107 @@
+"""The one door to the diagnosis: recordings and vehicle in, its document out."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from bayes_asv.errors import InputError
+from bayes_asv.formats import write_recording
+from bayes_asv.recording import Recording
+from bayes_asv.vehicle import Vehicle, write_vehicle
+
+__all__ = ["DEFAULT", "Diagnoser", "by_command", "in_process", "resolve"]
+
+DEFAULT = "benchmarks.battery.diagnoser:in_process"
+
+
+class Diagnoser(Protocol):
+    """What is judged."""
+
+    def __call__(
+        self,
+        recordings: Sequence[Recording],
+        holdout: Sequence[Recording],
+        vehicle: Vehicle,
+        seed: int,
+    ) -> dict[str, Any]:
+        """Return the document ``bayes_asv/diagnose/1``."""
+        ...
+
+
+def resolve(text: str, ablation: str | None = None) -> Diagnoser:
+    """Find a diagnoser by ``module:function``.
+
+    Parameters
+    ----------
+    text : str
+        Where it is.
+    ablation : str, optional
+        What it is to leave out; passed on as the keyword ``ablation``.
+
+    Raises
+    ------
+    InputError
+        When there is no such function, or it cannot leave anything out.
+    """
+    module, _, name = text.partition(":")
+    try:
+        found: Any = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as exc:
+        raise InputError("--diagnoser", f"'{text}' cannot be found", f"write {DEFAULT}") from exc
+    if ablation is not None and "ablation" not in inspect.signature(found).parameters:
+        raise InputError(
+            "--ablation", f"'{text}' leaves nothing out", "name a diagnoser that takes 'ablation'"
+        )
+    whole: Diagnoser = found if ablation is None else partial(found, ablation=ablation)
+    return whole
+
+
+def in_process(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    vehicle: Vehicle,
+    seed: int,
+) -> dict[str, Any]:
+    """Diagnose as the command does, without files and without starting a process."""
+    from bayes_asv.diagnosis.workflow import diagnose
+    from bayes_asv.report.diagnose_document import diagnose_document
+
+    return diagnose_document(diagnose(recordings, holdout, vehicle, seed))
+
+
+def by_command(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    vehicle: Vehicle,
+    seed: int,
+) -> dict[str, Any]:
+    """Diagnose as a user does: files in a folder, one command, JSON on standard output.
+
+    Raises
+    ------
+    RuntimeError
+        When the command ends with another status than 0, 3 or 4, with what it said.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        for recording in (*recordings, *holdout):
+            write_recording(recording, folder / recording.source)
+        write_vehicle(vehicle, folder / "car.toml")
+        words = [sys.executable, "-m", "bayes_asv", "diagnose", *(r.source for r in recordings)]
+        for recording in holdout:
+            words += ["--holdout", recording.source]
+        words += ["--vehicle", "car.toml", "--seed", str(seed), "--json", "-"]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 3, 4):
+        raise RuntimeError(f"status {done.returncode}: {done.stderr.strip()[-500:]}")
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document

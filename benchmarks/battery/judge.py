@@ -1,0 +1,230 @@
+"""One document held against one truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from bayes_asv.errors import InputError
+from bayes_asv.units import si_factor
+from benchmarks.battery.run import Result
+from tests.battery.effects import EFFECTS
+from tests.battery.truth import TrueEffect, Truth
+
+__all__ = ["CONFIDENT", "PARAMETERS", "Gap", "Judged", "judge"]
+
+CONFIDENT = 0.9
+PARAMETERS = ("c_f", "c_r", "i")
+_DIMENSION = {"c_f": "damping", "c_r": "damping", "i": "pitch_inertia"}
+# Where a document does not judge it by a bootstrap interval, a hundredth is a change.
+_CHANGED = 0.01
+
+Claim = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The held-out gap.
+
+    Parameters
+    ----------
+    before, after, floor : float
+        Root-mean-square, in the document's unit.
+    worse : bool
+        The gap grew, by the document's own bootstrap interval where it says so.
+    """
+
+    before: float
+    after: float
+    floor: float
+    worse: bool
+
+    @property
+    def closed(self) -> float:
+        """Share of the gap above the floor that was closed; nan when there is none above it."""
+        above = self.before**2 - self.floor**2
+        return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else math.nan
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A case with what was said about it.
+
+    Parameters
+    ----------
+    truth : Truth
+        The answer.
+    verdict : str
+        ``agreement``, ``named``, ``unexplained``, ``refused`` or ``error``.
+    named : tuple of str
+        Names of the effects, in the order in which they were added.
+    flagged : bool
+        It says that something is left unexplained.
+    name_right : bool
+        The first effect has the name of a true one, wherever it is said to be.
+    first_right : bool
+        The first effect is a true one, name and place.
+    class_right : bool
+        It is, or lists a true one among what the data cannot tell from it.
+    found : tuple of bool
+        Of every true effect: it is among those named, or among what they cannot be told from.
+    extra : int
+        Effects named that are neither true nor cannot be told from a true one.
+    confidently_wrong : bool
+        Some effect that is not true (nor its class) has a probability of 0.9 or more, and
+        nothing is said to be unexplained.
+    probabilities : tuple of (float, bool)
+        Of every effect named: its probability, and whether it or its class is true.
+    gap : Gap or None
+        The held-out gap, where the document tells it.
+    covered_before, covered_after : dict of str to bool
+        Of c_f, c_r, i: the 95 % interval holds what the parameter means.
+    width_after : dict of str to float
+        Its width over 2 x 1.96 and the true value.
+    seconds : float
+        How long it took.
+    """
+
+    truth: Truth
+    verdict: str
+    named: tuple[str, ...]
+    flagged: bool
+    name_right: bool
+    first_right: bool
+    class_right: bool
+    found: tuple[bool, ...]
+    extra: int
+    confidently_wrong: bool
+    probabilities: tuple[tuple[float, bool], ...]
+    gap: Gap | None
+    covered_before: dict[str, bool] = field(default_factory=dict)
+    covered_after: dict[str, bool] = field(default_factory=dict)
+    width_after: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def said(self) -> str:
+        """Column of the confusion matrix: the first effect's name, or the verdict."""
+        return self.named[0] if self.named else self.verdict
+
+
+def judge(result: Result, truth: Truth) -> Judged:
+    """Hold a result against the truth.
+
+    Raises
+    ------
+    InputError
+        When the document is not what ``bayes_asv/diagnose/1`` promises.
+    """
+    try:
+        return _judge(result.document, truth, result.seconds)
+    except (KeyError, TypeError, ValueError, AttributeError, InputError) as exc:
+        raise InputError(
+            f"{result.name} {result.number}",
+            f"has a document that cannot be read ({type(exc).__name__}: {exc})",
+            "hold it against bayes_asv/diagnose/1",
+        ) from exc
+
+
+def _judge(document: Mapping[str, Any], truth: Truth, seconds: float) -> Judged:
+    verdict = str(document["verdict"])
+    effects: Sequence[Mapping[str, Any]] = document.get("effects") or []
+    flagged = verdict == "unexplained" or bool((document.get("unexplained") or {}).get("present"))
+    told = [_claim(one) for one in effects]
+    classes = [[_claim(one), *map(_claim, one.get("indistinguishable_from") or [])]
+               for one in effects]  # fmt: skip
+    listed = tuple(one for one in truth.effects if one.name in EFFECTS)
+    right = [any(_says(mine, one, classes) for one in listed) for mine in classes]
+    probabilities = tuple(
+        (float(one["probability"]), yes) for one, yes in zip(effects, right, strict=True)
+    )
+    everything = [claim for mine in classes for claim in mine]
+    return Judged(
+        truth=truth,
+        verdict=verdict,
+        named=tuple(name for name, _ in told),
+        flagged=flagged,
+        name_right=bool(told) and told[0][0] in {one.name for one in listed},
+        first_right=bool(told)
+        and any(_says(told[:1], one, [[claim] for claim in told]) for one in listed),
+        class_right=bool(right) and right[0],
+        found=tuple(_covers(everything, one) for one in listed),
+        extra=sum(not yes for yes in right),
+        confidently_wrong=not flagged
+        and any(p >= CONFIDENT and not yes for p, yes in probabilities),
+        probabilities=probabilities,
+        gap=_gap(document),
+        covered_before=_covered(document.get("parameters_before"), truth),
+        covered_after=_covered(document.get("parameters_after"), truth),
+        width_after=_widths(document.get("parameters_after"), truth),
+        seconds=seconds,
+    )
+
+
+def _claim(effect: Mapping[str, Any]) -> Claim:
+    return str(effect["name"]), str(effect.get("where") or "")
+
+
+def _covers(claims: Iterable[Claim], one: TrueEffect) -> bool:
+    """Whether claims name an effect: at its place, or one an axle for both.
+
+    An engine is heard everywhere: its tone without a place will do.
+    """
+    there = set(claims)
+    if (one.name, one.where) in there:
+        return True
+    if one.name == "engine_vibration" and (one.name, "") in there:
+        return True
+    return one.where == "both" and {(one.name, "front"), (one.name, "rear")} <= there
+
+
+def _says(mine: Sequence[Claim], one: TrueEffect, every: Sequence[Sequence[Claim]]) -> bool:
+    """Whether one entry says an effect, alone or as one of two axles that are both entries."""
+    if _covers(mine, one):
+        return True
+    if one.where != "both" or not any(name == one.name for name, _ in mine):
+        return False
+    return _covers([claim for others in every for claim in others], one)
+
+
+def _gap(document: Mapping[str, Any]) -> Gap | None:
+    held = (document.get("gap") or {}).get("holdout")
+    if not held or any(held.get(key) is None for key in ("before", "floor")):
+        return None
+    before, floor = float(held["before"]), float(held["floor"])
+    after = before if held.get("after") is None else float(held["after"])
+    grown = held.get("worse")
+    if grown is None:
+        grown = after > before * (1.0 + _CHANGED)
+    return Gap(before, after, floor, worse=bool(grown))
+
+
+def _interval(parameters: Mapping[str, Any], name: str) -> tuple[float, float] | None:
+    """95 % interval of a parameter, SI; None when the document does not tell it."""
+    one = parameters.get(name)
+    if not one or one.get("eti95") is None:
+        return None
+    factor = si_factor(str(one["unit"]), _DIMENSION[name])
+    low, high = (float(end) * factor for end in one["eti95"])
+    return low, high
+
+
+def _covered(parameters: Mapping[str, Any] | None, truth: Truth) -> dict[str, bool]:
+    out = {}
+    for name in PARAMETERS:
+        ends = _interval(parameters or {}, name)
+        if ends is not None:
+            low, high = truth.meant[name]
+            out[name] = ends[0] <= high and ends[1] >= low
+    return out
+
+
+def _widths(parameters: Mapping[str, Any] | None, truth: Truth) -> dict[str, float]:
+    out = {}
+    for name in PARAMETERS:
+        ends = _interval(parameters or {}, name)
+        if ends is not None:
+            out[name] = (ends[1] - ends[0]) / (2.0 * 1.959964 * truth.car[name])
+    return out

@@ -1,0 +1,195 @@
+"""The page: ``docs/battery.md`` with its pictures, from the results alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from bayes_asv.errors import InputError
+from bayes_asv.files import write_whole
+from benchmarks.battery import pictures
+from benchmarks.battery.cells import CELLS
+from benchmarks.battery.judge import Judged, judge
+from benchmarks.battery.page_words import HOW, INTRODUCTION, LIMITS, SOURCES
+from benchmarks.battery.run import Result, load, pack_results
+from benchmarks.battery.seal import Answer, Key
+from benchmarks.battery.summary import by_group, confusion, strengths
+from benchmarks.battery.tables import (
+    SUMMARY_HEAD,
+    by_condition,
+    by_effect,
+    by_strength,
+    coverage_table,
+    gap_table,
+    outside_table,
+    short_answer,
+    sizes_table,
+    summary_row,
+)
+from benchmarks.calibration.tables import table
+
+__all__ = ["ABLATIONS", "judged", "write_page"]
+
+ABLATIONS = "ablations"
+"""Folder beside the results with one of its own for every ablation."""
+
+
+def judged(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> list[Judged]:
+    """Hold every result against its sealed answer.
+
+    Raises
+    ------
+    InputError
+        When a result's answer is not sealed, or was sealed after the diagnosis began.
+    """
+    out = []
+    for key, result in results.items():
+        answer = sealed.get(key)
+        if answer is None or answer.seal != result.seal or result.begun < answer.sealed:
+            raise InputError(
+                f"{key[0]} {key[1]}", "has no answer that was sealed before it",
+                "do the case again with --fresh",
+            )  # fmt: skip
+        out.append(judge(result, answer.truth))
+    return out
+
+
+def write_page(folder: Path, docs: Path, sealed: Mapping[Key, Answer]) -> None:
+    """Write the page and its pictures.
+
+    Parameters
+    ----------
+    folder : Path
+        Results; they are packed.
+    docs : Path
+        Where ``battery.md`` and ``battery/`` go.
+    sealed : mapping
+        Answers by name and number.
+
+    Raises
+    ------
+    InputError
+        When there are no results, or one whose answer was not sealed before it.
+    """
+    results = load(folder)
+    if not results:
+        raise InputError(str(folder), "holds no runs", "run python -m benchmarks.battery first")
+    cases = judged(results, sealed)
+    pack_results(folder)
+    beside = docs / "battery"
+    beside.mkdir(parents=True, exist_ok=True)
+    with pictures.look():
+        shown = _pictures(cases, beside)
+    parts = [INTRODUCTION + _whose(cases), "## Short answer\n\n" + short_answer(cases)]
+    parts += [*shown, *_tables(cases)]
+    parts += [HOW, _ablations(folder, sealed, cases), _sizes(cases), LIMITS + _fewer(cases)]
+    parts.append(_origin(results, sealed))
+    write_whole(str(docs / "battery.md"), "\n".join(p for p in parts if p).encode("utf-8"))
+
+
+def _pictures(cases: Sequence[Judged], beside: Path) -> list[str]:
+    groups = by_group(cases)
+    one_effect = [one for group, there in groups.items() if group.key == "single" for one in there]
+    parts = []
+    if one_effect:
+        pictures.save(pictures.naming_picture(one_effect), beside / "naming.png")
+        parts.append("![Single effects by strength](battery/naming.png)\n")
+        parts.append("## What is said, by what is true\n")
+    for strength in strengths(one_effect):
+        if len(confusion(groups, strength)[0]):
+            name = f"confusion-{strength:g}.png"
+            pictures.save(pictures.confusion_picture(groups, strength), beside / name)
+            parts.append(f"![Confusion matrix, noncentrality {strength:g}](battery/{name})\n")
+    if any(one.probabilities for one in cases):
+        pictures.save(pictures.reliability_picture(cases), beside / "reliability.png")
+        parts.append("## Reliability of the probabilities\n\n"
+                     "![Reliability curve](battery/reliability.png)\n")  # fmt: skip
+    return parts
+
+
+def _tables(cases: Sequence[Judged]) -> list[str]:
+    """Return every table that has rows, under its heading."""
+    there = (
+        ("By strength", "All in per cent.\n\n", by_strength),
+        ("By effect", "Single effects of noncentrality 40 and more, in per cent.\n\n", by_effect),
+        ("By condition", "The same cases, and false alarms where nothing is wrong.\n\n",
+         by_condition),
+        ("What is not in the list", "", outside_table),
+        ("The held-out gap", "", gap_table),
+        ("Intervals before and after naming", "Share of 95 % intervals that hold, in per cent; "
+         "the width is the relative deviation that the widest of the three stands for, median.\n\n",
+         coverage_table),
+    )  # fmt: skip
+    parts = []
+    for title, words, made in there:
+        text = made(cases)
+        if text.count("\n") > 2:
+            parts.append(f"## {title}\n\n{words}{text}")
+    return parts
+
+
+def _sizes(cases: Sequence[Judged]) -> str:
+    text = sizes_table(cases)
+    return (
+        "## How large that is\n\nMedian size of the effects by noncentrality; of factors how far "
+        f"they are from one.\n\n{text}"
+        if text.count("\n") > 2
+        else ""
+    )
+
+
+def _ablations(folder: Path, sealed: Mapping[Key, Answer], whole: Sequence[Judged]) -> str:
+    """Compare what was left out with the whole, on the cases that both did."""
+    places = sorted(path for path in (folder / ABLATIONS).glob("*") if path.is_dir())
+    rows = []
+    for place in places:
+        results = load(place)
+        if not results:
+            continue
+        pack_results(place)
+        own = judged(results, sealed)
+        keys = {(one.truth.name, one.truth.number) for one in own}
+        same = [one for one in whole if (one.truth.name, one.truth.number) in keys]
+        rows += [summary_row("whole", same), summary_row(place.name.replace("_", " "), own)]
+    if not rows:
+        return ""
+    return (
+        "## With something left out\n\nEach line below the whole diagnosis on the same cases; "
+        "shares in per cent.\n\n" + table(SUMMARY_HEAD, rows)
+    )
+
+
+def _whose(cases: Sequence[Judged]) -> str:
+    """Say whose cars these are: nobody may take the cars one developed on for a test."""
+    families = ", ".join(dict.fromkeys(sorted(one.truth.family for one in cases)))
+    if any(one.truth.fleet == "dev" for one in cases):
+        return f"\n**These are the cars of development ({families}), not those of the test.**\n"
+    return f"\nFamilies of cars: {families}; none of them is among those of development.\n"
+
+
+def _fewer(cases: Sequence[Judged]) -> str:
+    there: dict[str, int] = {}
+    for one in cases:
+        there[one.truth.name] = there.get(one.truth.name, 0) + 1
+    short = [cell for cell in CELLS if there.get(cell.name, 0) < cell.runs]
+    if not short:
+        return ""
+    missing = sum(cell.runs - there.get(cell.name, 0) for cell in short)
+    whole = sum(cell.runs for cell in CELLS)
+    return f"- {missing} of the full battery's {whole} cases were not run.\n"
+
+
+def _origin(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> str:
+    about = dict.fromkeys(result.about for result in results.values())
+    lines = [f"- seed {one.seed}, commit {one.commit}, {one.versions}" for one in about]
+    seals = dict.fromkeys((a.seal, a.sealed) for k, a in sealed.items() if k in results)
+    lines += [f"- answers `{seal}`, sealed {when}" for seal, when in seals]
+    lines.append(f"- first diagnosis {min(result.begun for result in results.values())}")
+    return (
+        "## Do it again\n\n```sh\npython -m benchmarks.battery --set test        # hours; goes on "
+        "where it was stopped\npython -m benchmarks.battery --report          # this page\n"
+        "python -m benchmarks.battery.peek --set dev    # what the last runs on other cars said\n"
+        "```\n\n`--list` names the cells, `--cells null bound_rebound --runs 2 --out FOLDER` does "
+        "some of them, `--ablation NAME` leaves a part of the diagnosis out.\n\n"
+        + "\n".join(lines) + "\n" + SOURCES
+    )  # fmt: skip

@@ -1,0 +1,320 @@
+"""Tables of the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from bayes_asv.channels import CHANNELS
+from benchmarks.battery.cells import GROUPS, Group
+from benchmarks.battery.intervals import Share, counted
+from benchmarks.battery.judge import PARAMETERS, Judged
+from benchmarks.battery.reliability import calibration_error
+from benchmarks.battery.summary import (
+    ABOVE_THE_FLOOR,
+    by_group,
+    closed,
+    coverage,
+    false_alarm,
+    naming,
+    probabilities,
+    reached,
+    single,
+    strengths,
+)
+from benchmarks.calibration.tables import table
+from tests.battery.effects import EFFECTS
+from tests.battery.outside import OUTSIDE
+
+__all__ = [
+    "by_condition",
+    "by_effect",
+    "by_strength",
+    "coverage_table",
+    "gap_table",
+    "outside_table",
+    "short_answer",
+    "sizes_table",
+    "summary_row",
+]
+
+Groups = Mapping[Group, Sequence[Judged]]
+
+
+def percent(one: Share) -> str:
+    """Share in per cent with Wilson's interval; nothing for nothing."""
+    if one.of == 0:
+        return ""
+    low, high = one.interval
+    return f"{100 * one.share:.0f} ({100 * low:.0f}–{100 * high:.0f})"
+
+
+def _of(cases: Groups, key: str) -> list[Judged]:
+    return [one for group, there in cases.items() if group.key == key for one in there]
+
+
+def _strong(cases: Sequence[Judged], least: float = ABOVE_THE_FLOOR) -> list[Judged]:
+    return [one for one in cases if one.truth.strength >= least and reached(one)]
+
+
+def flagged_outside(cases: Sequence[Judged]) -> Share:
+    """Cases outside the list that are said to be unexplained."""
+    return counted([one.flagged for one in cases if one.verdict != "refused"])
+
+
+def misnamed_outside(cases: Sequence[Judged]) -> Share:
+    """Cases outside the list with a name of probability 0.9 or more and no such word."""
+    return counted([one.confidently_wrong for one in cases if one.verdict != "refused"])
+
+
+def short_answer(cases: Sequence[Judged]) -> str:
+    """Every figure that is asked for, in one table."""
+    groups = by_group(cases)
+    rows: list[list[str]] = []
+
+    def add(what: str, one: Share) -> None:
+        if one.of:
+            rows.append([what, percent(one) + " %", str(one.of)])
+
+    for group in GROUPS[:3]:
+        add(f"false alarms: {_lower(group.title)}", false_alarm(groups[group]))
+    clutter = _of(groups, "clutter")
+    add("a little of everything: something is named or unexplained", false_alarm(clutter))
+    add("a little of everything: confidently named", naming(clutter).confidently_wrong)
+    one_effect = _of(groups, "single")
+    above, weak = naming(_strong(one_effect)), naming(_weak(one_effect))
+    add("one effect of noncentrality 40 or more: right name and place first", above.first)
+    add("the same: right equivalence class first", above.of_class)
+    add("the same: confidently wrong", above.confidently_wrong)
+    add("one effect of noncentrality 10: right equivalence class first", weak.of_class)
+    cluttered = naming(_of(groups, "in-clutter"))
+    add("one effect among a little of everything: right class first", cluttered.of_class)
+    pairs = naming(_strong(_of(groups, "pair")))
+    add("two effects: both found", pairs.every)
+    add("two effects: both found and nothing else", pairs.exact)
+    outside = _strong(_of(groups, "outside"))
+    add("not in the list: said to be unexplained", flagged_outside(outside))
+    add("not in the list: confidently misnamed", misnamed_outside(outside))
+    gap = closed([*one_effect, *_of(groups, "pair")])
+    if gap.cases:
+        low, high = gap.median_interval
+        words = f"{100 * gap.median:.1f} ({100 * low:.1f}–{100 * high:.1f}) %"
+        rows.append(["held-out gap above the floor that is closed, median", words, str(gap.cases)])
+        low, high = gap.tenth_interval
+        words = f"{100 * gap.tenth:.1f} ({100 * low:.1f}–{100 * high:.1f}) %"
+        rows.append(["the same, 10th percentile", words, str(gap.cases)])
+        add("held-out gap made worse", gap.worse)
+    for name, (before, after, _) in coverage(_strong(one_effect)).items():
+        add(f"95 % intervals of {name} that hold, before naming", before)
+        add(f"95 % intervals of {name} that hold, after naming", after)
+    pairs_of = probabilities(cases, flagged=False)
+    if pairs_of:
+        error, chance = calibration_error(pairs_of)
+        words = f"{error:.3f} (honest ones: below {chance:.3f} in 95 %)"
+        rows.append(["expected calibration error of the probabilities", words, str(len(pairs_of))])
+    seconds = [one.seconds for one in cases]
+    rows.append(["seconds a diagnosis, median and 95th percentile",
+                 f"{np.median(seconds):.1f}, {np.quantile(seconds, 0.95):.1f}",
+                 str(len(seconds))])  # fmt: skip
+    for verdict in ("refused", "error"):
+        there = sum(one.verdict == verdict for one in cases)
+        if there:
+            words = "refused" if verdict == "refused" else "broke down"
+            rows.append([f"diagnoses that {words}", str(there), str(len(cases))])
+    return table(["figure", "found", "cases"], rows)
+
+
+def _lower(title: str) -> str:
+    return title[0].lower() + title[1:]
+
+
+def _weak(cases: Sequence[Judged]) -> list[Judged]:
+    return [one for one in cases if 0.0 < one.truth.strength < ABOVE_THE_FLOOR]
+
+
+_NAMING_HEAD = ("cases", "noticed", "name", "name and place", "class", "all found",
+                "exactly", "confidently wrong")  # fmt: skip
+
+
+def _naming_cells(cases: Sequence[Judged]) -> list[str]:
+    n = naming(cases)
+    shares = (n.detected, n.name, n.first, n.of_class, n.every, n.exact, n.confidently_wrong)
+    return [str(n.first.of), *(percent(one) for one in shares)]
+
+
+def by_strength(cases: Sequence[Judged]) -> str:
+    """Naming by kind of case and strength."""
+    rows = []
+    for group, there in by_group(cases).items():
+        if group.key not in ("single", "in-clutter", "misstated-single", "pair"):
+            continue
+        for strength in strengths(there):
+            chosen = single(there, strength)
+            rows.append([f"{group.title}, {strength:g}", *_naming_cells(chosen)])
+    return table(["kind, noncentrality", *_NAMING_HEAD], rows)
+
+
+def by_effect(cases: Sequence[Judged]) -> str:
+    """Naming of single effects well above the floor, an effect a row."""
+    there = _strong(_of(by_group(cases), "single"))
+    rows = []
+    for name in EFFECTS:
+        own = [one for one in there if one.truth.effects[0].name == name]
+        if own:
+            rows.append([name, *_naming_cells(own)])
+    return table(["effect", *_NAMING_HEAD], rows)
+
+
+def by_condition(cases: Sequence[Judged]) -> str:
+    """Naming of single effects well above the floor, and false alarms, by terrain and the like."""
+    groups = by_group(cases)
+    there, nulls = _strong(_of(groups, "single")), _of(groups, "null")
+    ways: tuple[tuple[str, Callable[[Judged], str]], ...] = (
+        ("terrain", lambda one: one.truth.terrain),
+        ("car", lambda one: one.truth.family),
+        ("noise", lambda one: f"{one.truth.noise:g} times"),
+        ("size", _beyond),
+    )
+    rows = []
+    for way, of in ways:
+        for value in sorted({of(one) for one in (*there, *nulls)} - {""}):
+            own = [one for one in there if of(one) == value]
+            n = naming(own)
+            alarms = false_alarm([one for one in nulls if of(one) == value])
+            rows.append([f"{way}: {value}", str(len(own)), percent(n.first), percent(n.of_class),
+                         percent(alarms)])  # fmt: skip
+    return table(["condition", "cases", "name and place", "class", "false alarms"], rows)
+
+
+def _beyond(one: Judged) -> str:
+    """Say whether an effect is larger than what a data sheet leaves open."""
+    if not one.truth.effects or one.truth.effects[0].tolerance == 0.0:
+        return ""
+    effect = one.truth.effects[0]
+    beyond = effect.size > 2.0 * effect.tolerance
+    return "beyond two tolerances" if beyond else "within two tolerances"
+
+
+def outside_table(cases: Sequence[Judged]) -> str:
+    """Tell what is said about things that are not in the list, a thing a row."""
+    there = _strong(_of(by_group(cases), "outside"))
+    rows = []
+    for name in OUTSIDE:
+        own = [one for one in there if one.truth.effects[0].name == name]
+        if not own:
+            continue
+        said: dict[str, int] = {}
+        for one in own:
+            said[one.said] = said.get(one.said, 0) + 1
+        words = ", ".join(f"{what} {n}" for what, n in sorted(said.items(), key=lambda x: -x[1]))
+        rows.append([name, str(len(own)), percent(flagged_outside(own)),
+                     percent(misnamed_outside(own)), words])  # fmt: skip
+    return table(["thing", "cases", "unexplained, %", "confidently misnamed, %", "said first"],
+                 rows)  # fmt: skip
+
+
+def gap_table(cases: Sequence[Judged]) -> str:
+    """Share of the held-out gap closed, by strength."""
+    rows = []
+    for group, there in by_group(cases).items():
+        if group.key not in ("single", "in-clutter", "pair"):
+            continue
+        for strength in strengths(there):
+            found = closed(single(there, strength))
+            if found.cases:
+                rows.append([
+                    f"{group.title}, {strength:g}", str(found.cases), f"{100 * found.median:.1f} %",
+                    f"{100 * found.tenth:.1f} %", percent(found.worse) + " %",
+                ])  # fmt: skip
+    return table(["kind, noncentrality", "cases", "median", "10th percentile", "worse"], rows)
+
+
+def coverage_table(cases: Sequence[Judged]) -> str:
+    """Coverage of 95 % intervals before and after naming, by kind."""
+    rows = []
+    for group, there in by_group(cases).items():
+        if group.key == "outside":
+            continue
+        for strength in strengths(there) or [0.0]:
+            found = coverage(single(there, strength) if strength else there)
+            if not found:
+                continue
+            of = f", {strength:g}" if strength else ""
+            row = [f"{group.title}{of}", str(max(after.of for _, after, _ in found.values()))]
+            for name in PARAMETERS:
+                before, after, _ = found.get(name, (Share(0, 0), Share(0, 0), math.nan))
+                row += ["" if before.of == 0 else f"{100 * before.share:.0f}", percent(after)]
+            row.append(f"{100 * max(width for _, _, width in found.values()):.2g} %")
+            rows.append(row)
+    head = [f"{name} {when}" for name in PARAMETERS for when in ("before", "after")]
+    return table(["kind, noncentrality", "cases", *head, "widest after"], rows)
+
+
+# How the size of an effect is shown: parameter, value of none, factor, unit.
+_SHOWN = {
+    "bound_rebound": ("ratio", 1.0, 100.0, "%"),
+    "digressive_damper": ("knee", 0.0, 1.0, "m/s"),
+    "coulomb_friction": ("force", 0.0, 1.0, "N"),
+    "progressive_spring": ("kappa", 0.0, 1.0, "1/m²"),
+    "bump_stop": ("gap", 0.0, 1e3, "mm"),
+    "droop_stop": ("gap", 0.0, 1e3, "mm"),
+    "spring_rate": ("factor", 1.0, 100.0, "%"),
+    "damper_fade": ("loss", 0.0, 100.0, "%"),
+    "weight_distribution": ("factor", 1.0, 100.0, "%"),
+    "external_force": ("force", 0.0, 1.0, "N"),
+    "sensor_gain": ("factor", 1.0, 100.0, "%"),
+    "sensor_lag": ("lag", 0.0, 1e6, "µs"),
+    "sensor_bandwidth": ("bandwidth", 50.0, 2.0, "%"),
+    "sensor_drift": ("slope", 0.0, 1.0, "m/s³"),
+    "engine_vibration": ("amplitude", 0.0, 1.0, "N"),
+}
+
+
+def sizes_table(cases: Sequence[Judged]) -> str:
+    """Give the strengths in the effect's own words: median size by strength."""
+    there = _of(by_group(cases), "single")
+    columns = strengths(there)
+    rows = []
+    for name, (key, none, factor, unit) in _SHOWN.items():
+        cells = []
+        for strength in columns:
+            sizes = [
+                factor * abs(e.parameters[key] - none)
+                for one in single(there, strength)
+                for e in one.truth.effects
+                # a tone of one channel is no force
+                if e.name == name and not (unit == "N" and e.where in CHANNELS)
+            ]
+            cells.append(f"{np.median(sizes):.2g}" if sizes else "")
+        rows.append([f"{name}: {key}, {unit}", *cells])
+    return table(["effect", *(f"{s:g}" for s in columns)], rows)
+
+
+def summary_row(name: str, cases: Sequence[Judged]) -> list[str]:
+    """One line of what matters most, for comparisons: an ablation, a version."""
+    groups = by_group(cases)
+    above = naming(_strong(_of(groups, "single")))
+    outside = _strong(_of(groups, "outside"))
+    gap = closed([*_of(groups, "single"), *_of(groups, "pair")])
+    pairs = probabilities(cases, flagged=False)
+    return [
+        name,
+        str(len(cases)),
+        percent(false_alarm(_of(groups, "null"))),
+        percent(naming(_of(groups, "clutter")).confidently_wrong),
+        percent(above.first),
+        percent(above.of_class),
+        percent(flagged_outside(outside)),
+        percent(misnamed_outside(outside)),
+        "" if math.isnan(gap.median) else f"{100 * gap.median:.1f}",
+        f"{calibration_error(pairs)[0]:.3f}" if pairs else "",
+        f"{np.median([one.seconds for one in cases]):.1f}" if cases else "",
+    ]
+
+
+SUMMARY_HEAD = (
+    "", "cases", "false alarms", "clutter misnamed", "name and place", "class",
+    "outside flagged", "outside misnamed", "gap closed", "calibration error", "seconds",
+)  # fmt: skip

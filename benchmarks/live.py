@@ -1,0 +1,391 @@
+"""Frames a second of the live view in a browser, and what its program costs.
+
+``bayes-asv track --live`` runs as a person starts it, on a minute of rough road at 800 Hz: from
+the recording at its own pace, and from a serial port (a pseudo-terminal into which another thread
+writes the same rows when they are due).  A headless Chromium shows all of the page.  Counted are
+the frames that it received and drew, the longest time between two, how far what it shows lies
+behind what was sent (port), the processor time of the program with its filter, and that of the
+browser; with one page open, and with three more readers of the stream.
+
+On a machine that is busy with other work, ``chrt -r 5`` before the command schedules it and all
+that it starts ahead of that work; the results say so, and the load there was.
+
+``python -m benchmarks.live`` writes ``benchmarks/results/live.json``; with ``--pictures`` it counts
+nothing and makes ``docs/live.png`` and ``docs/live.gif`` of a shipped recording.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import http.client
+import json
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bayes_asv import __version__
+from bayes_asv.live.port import PortReader
+from bayes_asv.live.pump import Pump
+from bayes_asv.live.scene import scene
+from bayes_asv.live.server import LiveServer
+from bayes_asv.live.show import Show
+from bayes_asv.live.sources import PortSource
+from bayes_asv.online.tracker import tracker_for
+from bayes_asv.vehicle import read_vehicle
+
+__all__ = ["main"]
+
+ROOT = Path(__file__).parents[1]
+RESULTS = Path(__file__).parent / "results" / "live.json"
+VEHICLE = ROOT / "data" / "vehicles" / "baja2008.toml"
+SHIPPED = ROOT / "data" / "recordings" / "stops-800hz.csv"
+RATE = 800.0
+MORE = 3  # readers beside the browser
+_SETTLE = 4.0  # s before the counting begins: the window is then moving
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+# Notes when a frame has been drawn; independent of the page's own counting of time.
+_WATCH = """
+const stats = window.liveStats;
+const watch = window.watch = {from: performance.now(), drawn: stats.drawn,
+                              received: stats.received, gaps: [], last: performance.now()};
+let seen = stats.drawn;
+(function look() {
+    if (stats.drawn !== seen) {
+        const now = performance.now();
+        watch.gaps.push(now - watch.last);
+        [seen, watch.last] = [stats.drawn, now];
+    }
+    requestAnimationFrame(look);
+})();
+"""
+_COUNT = """
+const [stats, watch] = [window.liveStats, window.watch];
+const seconds = (performance.now() - watch.from) / 1000;
+const gaps = watch.gaps.slice(1).sort((a, b) => a - b);
+return {seconds, received: (stats.received - watch.received) / seconds,
+        drawn: (stats.drawn - watch.drawn) / seconds,
+        gap_median: gaps[gaps.length >> 1], gap_99: gaps[Math.floor(0.99 * gaps.length)],
+        gap_longest: gaps[gaps.length - 1], charts: document.querySelectorAll('canvas').length};
+"""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A running ``bayes-asv track --live``."""
+
+    process: subprocess.Popen[str]
+    address: str
+
+
+def program(*words: str) -> Program:
+    """Start it, and read where its page is."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bayes_asv", "track", *words, "--vehicle", str(VEHICLE), "--live",
+         "--no-browser"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+    )  # fmt: skip
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.startswith("Live view: "):
+            return Program(process, line.split()[2])
+    raise RuntimeError(f"bayes-asv track ended with {process.wait()}")
+
+
+def end(running: Program) -> int:
+    """End it as a person does; return its exit status."""
+    running.process.send_signal(signal.SIGINT)
+    status = running.process.wait(timeout=30)
+    assert running.process.stderr is not None
+    running.process.stderr.close()
+    return status
+
+
+def processor_time(pids: list[int]) -> float:
+    """User and system time of processes so far, s."""
+    total = 0
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            total += int(fields[11]) + int(fields[12])
+    return total / _TICKS
+
+
+def family(pid: int) -> list[int]:
+    """Return a process and all that it started."""
+    found = [pid]
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            with contextlib.suppress(OSError):
+                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+                if int(fields[1]) == pid:
+                    found += family(int(folder.name))
+    return found
+
+
+@contextlib.contextmanager
+def browser() -> Iterator[tuple[Any, int]]:
+    """Open a headless Chromium at 1280 by 1400: every chart is in sight."""
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    driver_path = shutil.which("chromedriver")
+    if chromium is None or driver_path is None:
+        raise RuntimeError("install chromium and chromedriver")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        options = webdriver.ChromeOptions()
+        options.binary_location = chromium
+        for flag in (
+            "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            "--hide-scrollbars", "--window-size=1280,1400", f"--user-data-dir={profile}",
+        ):  # fmt: skip
+            options.add_argument(flag)
+        service = Service(driver_path)
+        driver = webdriver.Chrome(options=options, service=service)
+        try:
+            yield driver, service.process.pid
+        finally:
+            driver.quit()
+
+
+@dataclass
+class Reader:
+    """Another viewer, which reads the stream and counts."""
+
+    address: str
+    frames: int = 0
+    octets: int = 0
+
+    def run(self) -> None:
+        host, port = self.address.removeprefix("http://").rstrip("/").split(":")
+        connection = http.client.HTTPConnection(host, int(port), timeout=30)
+        connection.request("GET", "/events?window=10")
+        with contextlib.suppress(OSError):
+            for line in connection.getresponse():
+                self.octets += len(line)
+                self.frames += line.startswith(b"event: frame")
+
+
+def counted(address: str, pid: int, seconds: float, more: int) -> dict[str, Any]:
+    """Look at a page for so many seconds."""
+    readers = [Reader(address) for _ in range(more)]
+    with browser() as (driver, driver_pid):
+        driver.get(address)
+        for reader in readers:
+            threading.Thread(target=reader.run, daemon=True).start()
+        time.sleep(_SETTLE)
+        before = processor_time([pid])
+        browser_before = processor_time(family(driver_pid))
+        frames, octets = sum(r.frames for r in readers), sum(r.octets for r in readers)
+        began = time.perf_counter()
+        driver.execute_script(_WATCH)
+        time.sleep(seconds)
+        found: dict[str, Any] = driver.execute_script(_COUNT)
+        passed = time.perf_counter() - began
+        found["program_core_percent"] = 100.0 * (processor_time([pid]) - before) / passed
+        spent = processor_time(family(driver_pid)) - browser_before
+        found["browser_core_percent"] = 100.0 * spent / passed
+        if readers:
+            found["reader_frames"] = (sum(r.frames for r in readers) - frames) / passed / more
+            found["reader_kilobytes"] = (
+                (sum(r.octets for r in readers) - octets) / passed / more / 1000.0
+            )
+        found["position"] = driver.execute_script("return window.liveStats.at")
+        found["looked_at"] = time.perf_counter()
+        driver.get("about:blank")
+    return found
+
+
+def replay(file: Path, seconds: float, more: int) -> dict[str, Any]:
+    """Follow a recording at its own pace."""
+    running = program(str(file))
+    try:
+        row = counted(running.address, running.process.pid, seconds, more)
+    finally:
+        status = end(running)
+    del row["looked_at"]
+    return {"source": "recording", "viewers": 1 + more, **row, "exit_status": status}
+
+
+class Logger(threading.Thread):
+    """Writes the rows of a file into a line when they are due."""
+
+    def __init__(self, file: Path, line: int) -> None:
+        super().__init__(daemon=True)
+        lines = file.read_bytes().splitlines(keepends=True)
+        first = next(n for n, text in enumerate(lines) if text.startswith(b"time"))
+        self.head, self.rows = b"".join(lines[: first + 1]), lines[first + 1 :]
+        self.line, self.began, self.over = line, 0.0, threading.Event()
+
+    def run(self) -> None:
+        os.write(self.line, self.head)
+        self.began = time.perf_counter()
+        sent = 0
+        while sent < len(self.rows) and not self.over.is_set():
+            due = int((time.perf_counter() - self.began) * RATE)
+            if due > sent:
+                os.write(self.line, b"".join(self.rows[sent:due]))
+                sent = due
+            time.sleep(0.005)
+
+
+def port(file: Path, folder: Path, seconds: float, more: int) -> dict[str, Any]:
+    """Follow a serial port."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    running = program("--port", os.ttyname(theirs), "--keep", str(folder / f"kept-{more}.txt"))
+    logger = Logger(file, ours)
+    try:
+        logger.start()
+        row = counted(running.address, running.process.pid, seconds, more)
+    finally:
+        logger.over.set()
+        status = end(running)
+        os.close(ours)
+        os.close(theirs)
+    row["behind"] = row.pop("looked_at") - logger.began - row["position"]
+    return {"source": "port", "viewers": 1 + more, **row, "exit_status": status}
+
+
+def threads(file: Path, folder: Path, seconds: float) -> dict[str, Any]:
+    """Follow a port inside this process with one viewer, and tell its threads apart."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    car, name = read_vehicle(VEHICLE), os.ttyname(theirs)
+    source = PortSource(PortReader(name, folder / "kept-threads.txt"), name, car)
+    show = Show(scene(car, name, None, live=True), RATE)
+    pump = Pump(source, lambda about: tracker_for(about.start, car, rate=about.rate), show)
+    server, logger = LiveServer(show), Logger(file, ours)
+    reader = threading.Thread(target=Reader(server.address).run, daemon=True)
+    server.start()
+    for part in (pump, logger, reader):
+        part.start()
+    time.sleep(_SETTLE)
+
+    def spent() -> dict[str, float]:
+        """Processor time of each thread so far, s."""
+        found = {}
+        for thread in threading.enumerate():
+            stat = Path(f"/proc/self/task/{thread.native_id}/stat").read_text()
+            fields = stat.rpartition(")")[2].split()
+            found[thread.name] = (int(fields[11]) + int(fields[12])) / _TICKS
+        return found
+
+    before = spent()
+    time.sleep(seconds)
+    after = spent()
+    logger.over.set()
+    server.stop()
+    pump.stop()
+    os.close(ours)
+    os.close(theirs)
+    share = {k: 100.0 * (after[k] - before[k]) / seconds for k in before if k in after}
+    return {
+        "source": "port",
+        "viewers": 1,
+        "server_core_percent": sum(v for k, v in share.items() if "request" in k or k == "server"),
+        "reader_thread_core_percent": share["port"],
+        "rows_and_filter_core_percent": share["filter"],
+    }
+
+
+def pictures() -> None:
+    """Draw the page and the animation of a shipped recording for the documentation."""
+    docs = ROOT / "docs"
+    subprocess.run(
+        [sys.executable, "-m", "bayes_asv", "track", str(SHIPPED), "--vehicle", str(VEHICLE),
+         "--gif", str(docs / "live.gif")],
+        check=True, cwd=ROOT,
+    )  # fmt: skip
+    running = program(str(SHIPPED))
+    try:
+        with browser() as (driver, _):
+            driver.get(running.address)
+            time.sleep(_SETTLE)
+            ask = "fetch('/control', {method: 'POST', body: JSON.stringify(arguments[0])})"
+            for wish in ({"do": "pause"}, {"do": "seek", "value": 1.0}):
+                driver.execute_script(ask, wish)
+                time.sleep(1.0)
+            driver.execute_cdp_cmd(
+                "Emulation.setDeviceMetricsOverride",
+                {"width": 1200, "height": 1260, "deviceScaleFactor": 1, "mobile": False},
+            )
+            time.sleep(1.0)
+            driver.save_screenshot(str(docs / "live.png"))
+    finally:
+        end(running)
+
+
+def main() -> int:
+    """Run the bench and write its results; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--seconds", type=float, default=30.0, help="to look at each page")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--pictures", action="store_true")
+    given = parser.parse_args()
+    # What a shell starts in the background ignores Ctrl-C, and so would what we start and end.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if given.pictures:
+        pictures()
+        return 0
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        file = folder / "rough.csv"
+        subprocess.run(
+            [sys.executable, "-m", "bayes_asv", "simulate", "--vehicle", str(VEHICLE), "--road",
+             "rough", "--rate", f"{RATE:g}", "--seconds", f"{given.seconds + 40:g}", "--seed",
+             str(given.seed), "-o", str(file)],
+            check=True, stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        for more in (0, MORE):
+            rows.append(replay(file, given.seconds, more))
+            print(rows[-1], file=sys.stderr, flush=True)
+            rows.append(port(file, folder, given.seconds, more))
+            print(rows[-1], file=sys.stderr, flush=True)
+        rows.append(threads(file, folder, given.seconds))
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    chromium = subprocess.run(
+        [shutil.which("chromium") or "chromium-browser", "--version"],
+        capture_output=True, text=True, check=False,
+    ).stdout.split()  # fmt: skip
+    about = {
+        "commit": commit,
+        "version": __version__,
+        "python": platform.python_version(),
+        "browser": " ".join(chromium[:2]),
+        "cores": os.cpu_count(),
+        "load_average": round(os.getloadavg()[1], 2),
+        "ahead_of_other_work": os.sched_getscheduler(0) != os.SCHED_OTHER,
+        "rate": RATE,
+        "seconds": given.seconds,
+        "seed": given.seed,
+    }
+    given.out.parent.mkdir(exist_ok=True)
+    rounded = [
+        {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
+    ]
+    given.out.write_text(json.dumps({"about": about, "rows": rounded}, indent=1) + "\n")
+    print(json.dumps(rounded, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""From recordings to a name: a few drives of the rig, each with one thing wrong."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bayes_asv.diagnosis.workflow import Diagnosis, diagnose
+from bayes_asv.report.diagnose_document import diagnose_document
+from bayes_asv.report.diagnose_words import diagnosis_lines
+from tests.battery.cases import Case, case
+
+
+@cache
+def asked(name: str) -> tuple[Case, Diagnosis]:
+    one = case(name, 3, 0)
+    return one, diagnose(one.recordings, one.holdout, one.vehicle, 1)
+
+
+def test_a_car_without_fault_agrees() -> None:
+    _, found = asked("null/bump~baja")
+    assert found.verdict == "agreement"
+    assert found.named == ()
+    assert found.p > 0.05
+    assert found.gaps is not None
+    for gap in found.gaps.values():
+        assert gap.before == pytest.approx(gap.floor, rel=0.15)
+
+
+def test_a_hidden_effect_is_named_and_the_gap_closes() -> None:
+    one, found = asked("bound_rebound@rear-4000/bump~baja")
+    assert found.verdict == "named"
+    first = found.named[0]
+    assert str(first.site) == "bound_rebound@rear"
+    assert first.probability > 0.9
+    assert found.gaps is not None
+    assert (found.gaps["holdout"].closed or 0.0) > 0.85
+    assert not found.gaps["holdout"].worse
+    assert found.left is not None
+    assert not found.left.present
+    assert found.before is not None
+    assert found.after is not None
+    low, high = one.truth.meant["c_r"]
+    interval = np.quantile(found.after["c_r"], [0.025, 0.975])
+    assert interval[0] < high
+    assert interval[1] > low
+
+
+def test_the_document_and_the_words_say_the_same() -> None:
+    _, found = asked("bound_rebound@rear-4000/bump~baja")
+    document = diagnose_document(found)
+    assert document["schema"] == "bayes_asv/diagnose/1"
+    effect = document["effects"][0]
+    assert (effect["name"], effect["where"]) == ("bound_rebound", "rear")
+    assert effect["parameters"]["ratio"]["eti95"][0] < effect["parameters"]["ratio"]["mean"]
+    text = " ".join(diagnosis_lines(document))
+    assert "bound and rebound rates that differ at the rear" in text
+    assert "held out" in text
+
+
+def test_what_has_no_name_is_said_to_have_none() -> None:
+    _, found = asked("compliant_seat-4000/bump~baja")
+    assert found.verdict in ("named", "unexplained")
+    assert found.left is not None
+    assert found.left.present

@@ -1,0 +1,132 @@
+"""The page of effects says what the registry has, and its example can be followed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayes_asv.model.effects import EFFECTS, Effect, Scale
+from tests.effects_page import LAWS, MEANINGS, PAGE, page
+
+ROOT = Path(__file__).parents[1]
+SCALE = Scale(load=1100.0, spring=17000.0)
+
+
+def test_the_page_is_what_the_registry_says() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "run: python -m tests.effects_page"
+
+
+def test_every_effect_has_a_law_and_every_parameter_a_meaning() -> None:
+    assert set(LAWS) == set(EFFECTS)
+    for effect in EFFECTS.values():
+        assert set(MEANINGS[effect.name]) == {p.name for p in effect.parameters}
+        assert effect.title
+        assert effect.drive
+    assert set(MEANINGS) == set(EFFECTS)
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda e: e.name)
+def test_priors_and_tolerances_on_the_page_are_those_of_the_draws(effect: Effect) -> None:
+    """What a row says of a prior, held against draws of it and not against the fields again."""
+    section = page().split(f"## {effect.name}\n")[1].split("\n## ")[0]
+    draws = np.random.default_rng([7, 1]).normal(size=40_000)  # seed 7, 40,000 draws
+    for parameter in effect.parameters:
+        (row,) = [x for x in section.splitlines() if x.startswith(f"| `{parameter.name}` |")]
+        prior, tolerance = (cell.strip() for cell in row.split("|")[4:6])
+        per = {"load": SCALE.load, "spring": SCALE.spring}.get(parameter.per, 1.0)
+        drawn = np.asarray(parameter.value(draws, SCALE)) / per
+        numbers = [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?", prior)]
+        if prior.startswith("log-normal"):
+            assert np.median(drawn) == pytest.approx(numbers[0], rel=0.03)
+            assert np.exp(np.std(np.log(drawn))) == pytest.approx(numbers[1], rel=0.02)
+        elif prior.startswith("half-normal"):
+            assert np.all(drawn >= 0.0)
+            assert np.sqrt(np.mean(drawn**2)) == pytest.approx(numbers[0], rel=0.02)
+        else:
+            assert np.mean(drawn) == pytest.approx(numbers[0], abs=0.03 * numbers[1])
+            assert np.std(drawn) == pytest.approx(numbers[1], rel=0.02)
+        assert (tolerance == "none") == (effect.slight is None)
+
+
+def _blocks(kind: str) -> list[str]:
+    text = PAGE.read_text(encoding="utf-8").split("## Adding an effect")[1]
+    return re.findall(rf"```{kind}\n(.*?)```", text, flags=re.DOTALL)
+
+
+def _edited(text: str, diff: str) -> str:
+    """Apply one block of the page; what it shows as context has to be there once."""
+    lines = diff.splitlines()
+    old = "\n".join(x[1:] for x in lines if x[:1] in " -")
+    new = "\n".join(x[1:] for x in lines if x[:1] in " +")
+    assert text.count(old) == 1, f"the page shows what is not there:\n{old}"
+    return text.replace(old, new)
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Copy the package and follow the page's steps in it, no more."""
+    copy = tmp_path_factory.mktemp("copy")
+    ignored = shutil.ignore_patterns("__pycache__", "static")
+    shutil.copytree(ROOT / "bayes_asv", copy / "bayes_asv", ignore=ignored)
+    shutil.copytree(ROOT / "tests" / "kernels", copy / "tests" / "kernels", ignore=ignored)
+    model, kernel = copy / "bayes_asv/model/effects", copy / "bayes_asv/kernels/forces.py"
+    (file,) = _blocks("python")
+    (model / "quadratic_damper.py").write_text(file, encoding="utf-8")
+    number, branch, imported, listed = _blocks("diff")
+    for path, blocks in ((kernel, (number, branch)), (model / "__init__.py", (imported, listed))):
+        text = path.read_text(encoding="utf-8")
+        for block in blocks:
+            text = _edited(text, block)
+        path.write_text(text, encoding="utf-8")
+    return copy
+
+
+def _run(copy: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    # Interpreted: what is compiled is the same text, and compiling would take longer than all else.
+    settings = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1"}
+    return subprocess.run(
+        [sys.executable, *words],
+        cwd=copy,
+        env=settings,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_steps_make_an_effect_that_is_asked_for(extended: Path) -> None:
+    code = (
+        "import bayes_asv\n"
+        f"assert bayes_asv.__file__.startswith({str(extended)!r})\n"
+        "from bayes_asv.inference.adding import read_site\n"
+        "from bayes_asv.inference.effects import rows\n"
+        "from bayes_asv.kernels.forces import excess_many\n"
+        "import numpy as np\n"
+        "site = read_site('quadratic_damper@rear')\n"
+        "table = rows({site: {'quadratic': 300.0}}, 0)\n"
+        "rate = np.array([-0.5, 0.0, 2.0])\n"
+        "found = excess_many(table, 1, 1000.0, 2e4, 0 * rate, rate, 0 * rate, 1.0)\n"
+        "print(found[:, 0].tolist(), found[:, 2].tolist())\n"
+    )
+    done = _run(extended, "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[75.0, 0.0, -1200.0] [-300.0, 0.0, -1200.0]"
+
+
+def test_the_tests_that_are_there_hold_its_branch_against_its_readable_form(extended: Path) -> None:
+    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "quadratic_damper")
+    done = _run(extended, *words, "tests/kernels/test_forces.py")
+    assert done.returncode == 0, done.stdout
+    assert "2 passed" in done.stdout
+    wrong = extended / "bayes_asv/kernels/forces.py"
+    text = wrong.read_text(encoding="utf-8")
+    wrong.write_text(text.replace("added_v -= 2.0 * p0", "added_v -= p0"), encoding="utf-8")
+    assert "1 failed" in _run(extended, *words, "tests/kernels/test_forces.py").stdout
+    wrong.write_text(text, encoding="utf-8")
