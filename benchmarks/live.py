@@ -315,7 +315,9 @@ def pictures() -> None:
     try:
         with browser() as (driver, _):
             driver.get(running.address)
-            time.sleep(_SETTLE)
+            clock = "return document.querySelector('#clock').textContent"
+            while "ended" not in driver.execute_script(clock):  # the filter may have to be compiled
+                time.sleep(0.5)
             ask = "fetch('/control', {method: 'POST', body: JSON.stringify(arguments[0])})"
             for wish in ({"do": "pause"}, {"do": "seek", "value": 1.0}):
                 driver.execute_script(ask, wish)

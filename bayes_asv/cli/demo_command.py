@@ -51,9 +51,12 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     runs, car = common.read_inputs(paths, vehicle, None)
     with common.progress_bar() as progress:
         from bayes_asv.inference.estimate import estimate
+        from bayes_asv.online.track import track
         from bayes_asv.report.document import estimate_document
+        from bayes_asv.report.track_document import track_document
 
         document = estimate_document(estimate(runs, car, seed=seed, progress=progress))
+        document["online"] = track_document(track(runs[0], car), seed=seed)
     click.echo("\n".join([*verdict_lines(document), _truth(document)]), err=quiet)
     common.write_json(document, json_file)
     found = _diagnosed(vehicle, seed, quiet)

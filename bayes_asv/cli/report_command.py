@@ -13,7 +13,11 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-_KINDS = {"bayes_asv/estimate/1": "estimate", "bayes_asv/diagnose/1": "diagnosis"}
+_KINDS = {
+    "bayes_asv/estimate/1": "estimate",
+    "bayes_asv/diagnose/1": "diagnosis",
+    "bayes_asv/track/1": "track",
+}
 
 
 @click.command("report")
@@ -22,7 +26,7 @@ _KINDS = {"bayes_asv/estimate/1": "estimate", "bayes_asv/diagnose/1": "diagnosis
 @click.option("-o", "output", required=True, metavar="OUT", help="An .html or a .pdf file.")
 @click.option(
     "--from", "saved", multiple=True, metavar="FILE",
-    help="JSON that estimate or diagnose wrote before; once for each.",
+    help="JSON that estimate, diagnose or track wrote before; once for each.",
 )  # fmt: skip
 @click.option(
     "--no-diagnosis", is_flag=True, help="Do not ask these recordings what the half car lacks."
@@ -42,15 +46,15 @@ def command(
 ) -> int:
     """Write a report of recordings, HTML or PDF by the suffix of OUT.
 
-    What was saved with --json by estimate and diagnose is taken with --from and not computed again;
-    with recordings and --vehicle the rest is computed.
+    What was saved with --json by estimate, diagnose and track is taken with --from and not computed
+    again; with recordings and --vehicle the rest is computed.
     """
     from bayes_asv.report.render import check_suffix, write_report
 
     check_suffix(output)
     if len(saved) > len(_KINDS):
         raise click.UsageError(
-            "a report tells one estimate and one diagnosis; give --from once for each"
+            "a report tells one estimate, one diagnosis and one track; give --from once for each"
         )
     if not recordings and not saved:
         raise click.UsageError("give recordings and --vehicle, or --from a saved document")
@@ -62,9 +66,12 @@ def command(
     told = _saved(saved)
     if recordings:
         told = _completed(told, saved, recordings, vehicle, rate, seed, not no_diagnosis)
-    document = told.get("estimate") or told["diagnosis"]
-    if len(told) == len(_KINDS):
-        document = {**document, "diagnosis": told["diagnosis"]}
+    if "estimate" not in told and len(told) > 1:
+        raise click.UsageError("a diagnosis and a track need the estimate beside them")
+    document = told.get("estimate") or next(iter(told.values()))
+    if "estimate" in told:
+        beside = {"diagnosis": told.get("diagnosis"), "online": told.get("track")}
+        document = {**document, **{key: one for key, one in beside.items() if one is not None}}
     write_report(document, output)
     common.write_json(document, json_file)
     click.echo(f"{_headline(document)}\n{output}", err=json_file == "-")
@@ -116,6 +123,11 @@ def _completed(
 
             found = diagnose(runs, (), car, seed, progress)
             told["diagnosis"] = diagnose_document(found, runs)
+        if "track" not in told and told["estimate"]["verdict"] != "refused":
+            from bayes_asv.online.track import track
+            from bayes_asv.report.track_document import track_document
+
+            told["track"] = track_document(track(runs[0], car), seed=seed)
     return told
 
 
@@ -127,7 +139,8 @@ def _same(told: dict[str, dict[str, Any]], saved: tuple[str, ...], runs: list[Re
     for path, (kind, document) in zip(saved, told.items(), strict=True):
         files = (document.get("provenance") or {}).get("recordings") or []
         known = {file.get("sha256") for file in files}
-        if known and (known != given if kind == "estimate" else not given <= known):
+        whole = {"estimate": known == given, "diagnosis": given <= known, "track": known <= given}
+        if known and not whole[kind]:
             raise InputError(
                 path, "was made of other recordings", "give those, or leave the file out"
             )
@@ -136,8 +149,11 @@ def _same(told: dict[str, dict[str, Any]], saved: tuple[str, ...], runs: list[Re
 def _headline(document: dict[str, Any]) -> str:
     """First line of what is printed."""
     from bayes_asv.report.diagnose_words import diagnose_headline
+    from bayes_asv.report.track_words import track_headline
     from bayes_asv.report.words import headline
 
+    if _KINDS[document["schema"]] == "track":
+        return track_headline(document)
     if _KINDS[document["schema"]] == "diagnosis":
         return diagnose_headline(document)
     found = document.get("diagnosis")

@@ -24,11 +24,12 @@ LAGS = 10
 """Readings apart up to which it is looked for."""
 
 _NORMAL95 = 1.959964
-_DOUBT = 3.9  # deviations of the mean: once in 10,000 windows by chance
-_COLOURED = 150.0  # χ² with 20 degrees of freedom: nothing that chance would do
-_WHITE_AGAIN = 80.0
+_DOUBT = 4.5  # deviations of the mean: hardly ever by chance
+_COLOURED = 300.0  # χ² with 20 degrees of freedom: nothing that chance would do
+_WHITE_AGAIN = 150.0
 _SWOLLEN = 4.0  # times the declared variance
-_MOSTLY = 0.95  # share of the rows that have to be well
+_CUT = 3.0  # deviations
+_MOSTLY = 0.9  # share of the rows that have to be well
 _SLIGHT = 0.05  # of the mean NIS, a fortieth of a deviation: too little to matter
 
 
@@ -105,6 +106,8 @@ class Summary:
     faults : tuple of str
         ``swollen`` noise, ``coloured`` innovations, ``uneven`` ones, a filter that was
         ``optimistic`` or ``pessimistic`` all along; empty when all was well.
+    recovered : bool
+        Whether nothing was amiss for the last two seconds, whatever was before.
     """
 
     nis_mean: float
@@ -115,11 +118,14 @@ class Summary:
     colour: float
     correlation: Array
     faults: tuple[str, ...]
+    recovered: bool
 
     @property
     def verdict(self) -> str:
-        """``consistent`` or ``inconsistent``."""
-        return "inconsistent" if self.faults else "consistent"
+        """``consistent``, ``recovered`` or ``inconsistent``."""
+        if not self.faults:
+            return "consistent"
+        return "recovered" if self.recovered else "inconsistent"
 
 
 @dataclass
@@ -140,6 +146,7 @@ class Consistency:
     readings: float = 0.0
     rows: int = 0
     rows_consistent: int = 0
+    rows_well: int = 0
     worst_colour: float = 0.0
     worst_level: float = 1.0
     products: Array = field(default_factory=lambda: np.zeros((2, LAGS + 1)))
@@ -165,7 +172,9 @@ class Consistency:
             Level of the noise's variance, front and rear.
         """
         n = len(nis)
-        own = np.column_stack([nis, readings, innovations * (readings > 0)[:, None]])
+        # cut, so that a sharp edge or two, where a spline errs, do not pass for a colour
+        cut = np.clip(innovations, -_CUT, _CUT) * (readings > 0)[:, None]
+        own = np.column_stack([nis, readings, cut])
         rows = np.concatenate([self._past, own])
         self._past = rows[n:].copy()
         first = len(rows) - n
@@ -203,6 +212,8 @@ class Consistency:
             self.worst_colour = max(self.worst_colour, float(colour.max()))
             self.worst_level = max(self.worst_level, float(level.max()))
         self.rows_consistent += int(consistent.sum())
+        wrong = np.flatnonzero(~consistent)
+        self.rows_well = n - 1 - int(wrong[-1]) if len(wrong) else self.rows_well + n
         return Watched(mean, low, high, colour, consistent)
 
     def _held(
@@ -240,6 +251,7 @@ class Consistency:
             colour=self.worst_colour,
             correlation=np.asarray(self.products / power),
             faults=tuple(found),
+            recovered=self.rows_well >= self._long and share > 0.5,
         )
 
 

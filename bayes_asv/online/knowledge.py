@@ -23,7 +23,7 @@ START = np.array([0.1, 1.0, 0.1, 1.0, 1.0, 1.0]) ** 2
 
 RULES = Rules(
     gate=16.0,  # one reading in 16,000 lies beyond by chance
-    trust=20.0,  # a declared noise is good to 16 %
+    trust=40.0,  # a declared noise is good to 11 %
     window=500.0,
     quick=32.0,
     sudden=2.5,

@@ -47,8 +47,8 @@ _KEPT: Final[dict[str, tuple[str, ...]]] = {
         "_held",
     ),
     "Consistency": (
-        "nis", "readings", "rows", "rows_consistent", "worst_colour", "worst_level", "products",
-        "_past", "_doubt",
+        "nis", "readings", "rows", "rows_consistent", "rows_well", "worst_colour", "worst_level",
+        "products", "_past", "_doubt",
     ),
     "Fitness": ("rows", "first", "last", "present", "clipped", "total", "squares"),
 }  # fmt: skip

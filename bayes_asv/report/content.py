@@ -26,6 +26,8 @@ from bayes_asv.report.tables import (
     provenance_tables,
     travel_table,
 )
+from bayes_asv.report.track_content import is_track, track_sections, track_subtitle
+from bayes_asv.report.track_words import consistency_lines, track_headline
 from bayes_asv.report.width_tables import budget_table, fault_table
 from bayes_asv.report.width_words import halving_lines, width_limits
 from bayes_asv.report.words import (
@@ -70,8 +72,9 @@ def content(document: Document) -> tuple[Page, dict[str, Panel]]:
     ----------
     document : dict
         Schema ``bayes_asv/estimate/1``, with a diagnosis of the same recordings under ``diagnosis``
-        or without; or schema ``bayes_asv/diagnose/1`` alone. What is not of the stable interface
-        may be absent; the report then leaves out what it would have shown.
+        and a track under ``online`` or without; or schema ``bayes_asv/diagnose/1`` or
+        ``bayes_asv/track/1`` alone. What is not of the stable interface may be absent; the report
+        then leaves out what it would have shown.
 
     Returns
     -------
@@ -83,6 +86,8 @@ def content(document: Document) -> tuple[Page, dict[str, Panel]]:
     """
     if is_diagnosis(document):
         return _diagnosis(document)
+    if is_track(document):
+        return _track(document)
     verdict = document["verdict"]
     vehicle = document.get("vehicle", {})
     pictures: dict[str, Panel] = {}
@@ -112,6 +117,8 @@ def content(document: Document) -> tuple[Page, dict[str, Panel]]:
         sections.append(known)
     if document.get("diagnosis"):
         sections += diagnose_sections(document["diagnosis"], pictures)
+    if document.get("online"):
+        sections += track_sections(document["online"], pictures)
     sections += provenance_tables(document)
     return _finished(page), pictures
 
@@ -150,6 +157,42 @@ def _diagnosis(document: Document) -> tuple[Page, dict[str, Panel]]:
         "system": vehicle.get("units", "SI"),
         "footer": f"bayes_asv {plain(document.get('version', ''))}, seed {document.get('seed')}",
     }
+    return _finished(page), pictures
+
+
+def _amiss(document: Document) -> bool:
+    return bool(document["verdict"] == "ok" and document["consistency"]["verdict"] != "consistent")
+
+
+def _track(document: Document) -> tuple[Page, dict[str, Panel]]:
+    """Pages of a track alone."""
+    verdict = document["verdict"]
+    vehicle = document.get("vehicle", {})
+    pictures: dict[str, Panel] = {}
+    cards = _cards(document, pictures)
+    doubtful = verdict == "ok" and document["consistency"]["verdict"] == "inconsistent"
+    name = plain(vehicle.get("name") or "unnamed vehicle")
+    page: Page = {
+        "title": f"Suspension of {name}",
+        "name": name,
+        "subtitle": track_subtitle(document),
+        "verdict": verdict,
+        "badge": "Verdict, not to be relied on" if doubtful else BADGES[verdict],
+        "headline": track_headline(document).split(". "),
+        "tone": "stop" if doubtful else _tone(verdict, cards),
+        "cards": cards,
+        "reasons": [_sentence(split_reason(r)[0]) for r in document["reasons"]],
+        "steps": next_steps(document),
+        "limits": [
+            *(consistency_lines(document)[1:] if _amiss(document) else []),
+            *(_sentence(w) for w in document["warnings"]),
+        ],
+        "sections": [
+            *track_sections(document, pictures, alone=True), *provenance_tables(document),
+        ],
+        "system": vehicle.get("units", "SI"),
+        "footer": f"bayes_asv {plain(document.get('version', ''))}, seed {document.get('seed')}",
+    }  # fmt: skip
     return _finished(page), pictures
 
 

@@ -13,11 +13,12 @@ __all__ = ["check_suffix", "write_report"]
 
 Document = dict[str, Any]
 
-_DIAGNOSIS: Final = "bayes_asv/diagnose/1"
+_KINDS: Final = {"bayes_asv/diagnose/1": "diagnose", "bayes_asv/track/1": "track"}
 _SUFFIXES: Final = (".html", ".htm", ".pdf")
 _NEEDED: Final = {
     "estimate": ("verdict", "reasons", "warnings", "parameters"),
     "diagnose": ("verdict", "reasons", "warnings", "effects", "gap", "unexplained"),
+    "track": ("verdict", "reasons", "warnings", "parameters", "consistency"),
 }
 
 
@@ -43,21 +44,21 @@ def write_report(document: Document, path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     document : dict
-        Schema ``bayes_asv/estimate/1`` or ``bayes_asv/diagnose/1``, as made by
-        :func:`bayes_asv.report.document.estimate_document` or
-        :func:`bayes_asv.report.diagnose_document.diagnose_document`, or read from its JSON; an
-        estimate may hold a diagnosis under ``diagnosis``.
+        Schema ``bayes_asv/estimate/1``, ``bayes_asv/diagnose/1`` or ``bayes_asv/track/1``, as
+        made by :mod:`bayes_asv.report.document`, :mod:`bayes_asv.report.diagnose_document` or
+        :mod:`bayes_asv.report.track_document`, or read from its JSON; an estimate may hold a
+        diagnosis under ``diagnosis`` and a track under ``online``.
     path : str or os.PathLike
         Ends in ``.html`` or ``.pdf``. The same document gives the same bytes.
 
     Raises
     ------
     InputError
-        If the suffix is another one, the document is neither, or the file cannot be
+        If the suffix is another one, the document is none of them, or the file cannot be
         written.
     """
     suffix = check_suffix(path)
-    kind = "diagnose" if document.get("schema") == _DIAGNOSIS else "estimate"
+    kind = _KINDS.get(document.get("schema", ""), "estimate")
     missing = [key for key in _NEEDED[kind] if key not in document]
     if missing:
         raise InputError(

@@ -1,8 +1,8 @@
 """Reading a saved document: what comes from a file is checked before anything is told from it.
 
 A document may be cut off, come from another program or be made to do harm. What the report
-counts on is checked by shape, size and sense in :mod:`bayes_asv.report.saved_document` and
-:mod:`bayes_asv.report.saved_diagnosis`.
+counts on is checked by shape, size and sense in :mod:`bayes_asv.report.saved_document`,
+:mod:`bayes_asv.report.saved_diagnosis` and :mod:`bayes_asv.report.saved_track`.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from bayes_asv.errors import InputError
 from bayes_asv.files import PathLike, decode, read_bytes
 from bayes_asv.report.saved_diagnosis import SavedDiagnosis
 from bayes_asv.report.saved_document import SavedDocument
+from bayes_asv.report.saved_track import SavedTrack
 
 __all__ = ["read_saved"]
 
 _SCHEMAS: Final[dict[str, type[BaseModel]]] = {
     "bayes_asv/estimate/1": SavedDocument,
     "bayes_asv/diagnose/1": SavedDiagnosis,
+    "bayes_asv/track/1": SavedTrack,
 }
-_MEND: Final = "give a file that 'bayes-asv estimate --json' or 'bayes-asv diagnose --json' wrote"
+_MEND: Final = "give a file that 'bayes-asv estimate', 'diagnose' or 'track' wrote with --json"
 _LARGEST_FILE: Final = 200_000_000
 
 
 def read_saved(path: PathLike) -> dict[str, Any]:
-    """Read a document that ``bayes-asv estimate`` or ``bayes-asv diagnose`` wrote with ``--json``.
+    """Read a document that ``estimate``, ``diagnose`` or ``track`` wrote with ``--json``.
 
     Parameters
     ----------
@@ -39,7 +41,7 @@ def read_saved(path: PathLike) -> dict[str, Any]:
     Returns
     -------
     dict
-        Schema ``bayes_asv/estimate/1`` or ``bayes_asv/diagnose/1``, as plain data.
+        Schema ``bayes_asv/estimate/1``, ``diagnose/1`` or ``track/1``, as plain data.
 
     Raises
     ------

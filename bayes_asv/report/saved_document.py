@@ -32,6 +32,7 @@ from bayes_asv.report.saved_parts import (
     Words,
     alike,
 )
+from bayes_asv.report.saved_track import SavedTrack
 
 __all__ = ["SavedDocument"]
 
@@ -302,6 +303,7 @@ class SavedDocument(Part):
     runs: Annotated[list[_Run], Field(max_length=1000)] = Field(default_factory=list)
     draws: dict[Words, Curve] = Field(default_factory=dict)
     diagnosis: SavedDiagnosis | None = None
+    online: SavedTrack | None = None
     vehicle: _Vehicle = _Vehicle()
     provenance: Provenance = Provenance()
     version: Words

@@ -29,6 +29,11 @@ _FAULTS = {
     "given, and the intervals are wider than they need be.",
 }
 
+_DOUBTS = {
+    "recovered": " Something was amiss on the way, and the filter has recovered since.",
+    "inconsistent": " The filter is not consistent: do not rely on its intervals.",
+}
+
 
 def track_headline(document: Document) -> str:
     """Say the verdict in one sentence or two.
@@ -39,9 +44,9 @@ def track_headline(document: Document) -> str:
         Schema ``bayes_asv/track/1``.
     """
     words = headline(document)
-    if document["verdict"] == "ok" and document["consistency"]["verdict"] != "consistent":
-        return f"{words} The filter is not consistent: do not rely on its intervals."
-    return words
+    if document["verdict"] != "ok":
+        return words
+    return words + _DOUBTS.get(document["consistency"]["verdict"], "")
 
 
 def consistency_lines(document: Document) -> list[str]:

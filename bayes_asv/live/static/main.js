@@ -56,6 +56,9 @@ function draw() {
     panels.words(words);
     words = null;
   }
+  if (frame.state === "waiting") {
+    say($("verdict-long"), scene.live ? `No row has come from ${scene.source} yet.` : "The filter is starting.");
+  }
   if (frame.traces) panels.draw(traces, run);
   stats.drawn += 1;
   stats.at = times.now;

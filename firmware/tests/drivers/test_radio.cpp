@@ -135,6 +135,22 @@ TEST(exchange_does_not_need_the_radios_own_ack) {
   CHECK(p.one.chip.count.max_rt > 0);
 }
 
+TEST(exchange_takes_no_late_reply_for_its_own) {
+  pair p(9);
+  p.answers = false;
+  const uint8_t data[1] = {1};
+  p.one.as_this([&] { p.asks.ask(2, 0x30, data, 1, p.one.clock()); });
+  CHECK(p.w.run_until_true([&] { return !p.at_2.empty(); }, sec));
+  const frame late = reply_to(p.at_2.back());
+  p.one.as_this([&] { p.asks.ask(2, 0x30, data, 1, p.one.clock()); });
+  CHECK(p.w.run_until_true([&] { return p.at_2.back().seq != late.seq; }, sec));
+  CHECK(!p.asks.received(late));
+  frame other_board = reply_to(p.at_2.back());
+  other_board.from = 3;
+  CHECK(!p.asks.received(other_board));
+  CHECK(p.asks.received(reply_to(p.at_2.back())));
+}
+
 TEST(exchange_gives_up_on_a_silent_board) {
   pair p(5);
   p.two.chip.dead = true;

@@ -48,6 +48,21 @@ TEST(transfer_finishes_when_every_first_ack_is_lost) {
   CHECK_EQUAL(l.pc.get_all().size(), 2u);
 }
 
+TEST(fetching_asks_again_for_what_did_not_come) {
+  // At 93 % loss even four times six tries of a frame fail now and then.
+  logger l(32, link::cable);
+  set_motion(l);
+  CHECK_EQUAL(l.pc.config(800, 0, 0), 0);
+  CHECK(l.take_run(20 * sec));
+  const auto b = l.pc.get_block(1);
+  CHECK(b.has_value());
+  l.space.loss = 0.93;
+  CHECK_EQUAL(l.pc.done(*b), 0);
+  const nanoseconds from = l.w.now();
+  CHECK(l.wait_for_state(slave_1::state::sending_other, 60 * sec));
+  CHECK(l.w.now() - from < 20 * sec);
+}
+
 TEST(saturated_board_is_named_and_the_run_thrown_away) {
   for (const uint8_t board : {uint8_t{1}, uint8_t{2}}) {
     logger l(40 + board, link::cable);

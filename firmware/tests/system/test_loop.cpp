@@ -100,3 +100,22 @@ TEST(loop_survives_a_lossy_radio) {
     if (blocks.size() == 2) CHECK_EQUAL(blocks[0].rows, 800);
   }
 }
+
+TEST(loop_forgets_what_was_at_the_rail_before_the_trigger) {
+  logger l(14, link::cable);
+  const auto sensor = [](int board) {
+    return [board](int channel, double t) { return t > 5 && t < 6 ? 1023.0 : motion(board, channel, t); };
+  };
+  l.front.sensor = sensor(0);
+  l.rear.sensor = sensor(1);
+  CHECK_EQUAL(l.pc.config(800, 1, 1, 4, 100, 511), 0);
+  CHECK_EQUAL(l.pc.result_of(kind::start), 0);
+  CHECK(l.wait_for_state(slave_1::state::armed, sec));
+  l.w.run_until(8 * sec);
+  CHECK_EQUAL(l.one->now_in(), slave_1::state::armed);
+  CHECK_EQUAL(l.pc.result_of(kind::trigger), 0);
+  CHECK(l.wait_for_state(slave_1::state::waiting, 5 * sec));
+  const auto blocks = l.pc.get_all();
+  CHECK_EQUAL(blocks.size(), 2u);
+  for (const kept_block &b : blocks) CHECK_EQUAL(b.saturated, 0);
+}

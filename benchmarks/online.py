@@ -1,0 +1,230 @@
+"""The online filter on drives of the rig: coverage, consistency, speed, change, false alarms.
+
+Five parts, each kept in ``benchmarks/results/online.json``:
+
+*coverage*  Drives of two seconds (bump, stops, rough road, rollers; 400 and 800 Hz; given values
+    exact, and off by what is declared): last 95 % intervals, errors, NIS and NEES.
+*speed*  Steps a second of both engines and the replay of a minute at 800 Hz, in CPU time.
+*change*  A front damper that loses 30 % in 20 s: the lag with which it is followed.
+*alarms*  Hours of driving with a front damper at nominal, and at 5 % above the share that
+    ``watch`` asks about: false alarms an hour; and how soon a true one comes.
+*white*  Coverage where the sensors' noise is white, which the filter does not assume.
+
+``python -m benchmarks.online`` runs them all, ``--part NAME`` one; ``--page`` writes
+``docs/online.md`` and ``docs/online.png`` from the results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta, chi2
+
+from bayes_asv import __version__
+from bayes_asv.files import write_whole
+from benchmarks.online_runs import (
+    KNOWLEDGE,
+    covered,
+    faded_share,
+    fading,
+    long_drive,
+    nees_band,
+    raised,
+    speeds,
+    watched,
+)
+from tests.inference.cases import DECLARED, vehicle
+from tests.rig import SensorSpec
+
+__all__ = ["RESULTS", "main"]
+
+Row = dict[str, Any]
+
+RESULTS = Path(__file__).parent / "results" / "online.json"
+TERRAINS = ("bump", "stops", "rough", "rollers")
+RATES = (400.0, 800.0)
+
+_BELOW, _SURE = 0.8, 0.99  # what `watch` asks without options
+_MINUTES = 10.0
+
+
+def share_interval(hits: int, of: int) -> tuple[float, float]:
+    """Jeffreys' 95 % interval of a share."""
+    low, high = beta.ppf([0.025, 0.975], hits + 0.5, of - hits + 0.5)
+    return float(low) if hits else 0.0, float(high) if hits < of else 1.0
+
+
+def rate_interval(events: int, hours: float) -> tuple[float, float]:
+    """Exact 95 % interval of a Poisson rate, events an hour."""
+    low = 0.5 * chi2.ppf(0.025, 2 * events) if events else 0.0
+    return float(low) / hours, float(0.5 * chi2.ppf(0.975, 2 * events + 2)) / hours
+
+
+def coverage(given: argparse.Namespace) -> Row:
+    """Track drives of fresh cars to their ends."""
+    rows = [
+        covered(terrain, rate, knowledge, given.seed + k)
+        for knowledge in KNOWLEDGE
+        for rate in RATES
+        for terrain in TERRAINS
+        for k in range(given.runs)
+    ]
+    parts = {}
+    for wanted in itertools.product(KNOWLEDGE, RATES, TERRAINS):
+        own = [r for r in rows if (r["knowledge"], r["rate"], r["terrain"]) == wanted]
+        parts[f"{wanted[0]}, {wanted[1]:.0f} Hz, {wanted[2]}"] = summary(own)
+    exact = [r for r in rows if r["knowledge"] == "exact"]
+    fifty = [r["nees"] for r in exact[:: max(len(exact) // 50, 1)]][:50]
+    return {
+        "seed": given.seed,
+        "all": summary(rows),
+        "exact": summary(exact),
+        "parts": parts,
+        "nees_of_50": {"mean": float(np.mean(fifty)), "band95": nees_band(len(fifty))},
+        "rows": rows,
+    }
+
+
+def summary(rows: list[Row]) -> Row:
+    """Sum up what a set of runs says."""
+    z = np.array([np.array(r["error"]) / r["sd"] for r in rows])
+    errors = 100.0 * np.abs([r["error"] for r in rows])
+    inside = np.abs(z) < 1.959964
+    nis = [r["nis_band95"][0] <= r["nis"] <= r["nis_band95"][1] for r in rows]
+    return {
+        "runs": len(rows),
+        "coverage": float(inside.mean()),
+        "coverage_interval": share_interval(int(inside.sum()), inside.size),
+        "median_error_percent": float(np.median(errors)),
+        "largest_error_percent": float(np.max(errors)),
+        "rms_z": float(np.sqrt(np.mean(z**2))),
+        "median_sd_percent": 100.0 * float(np.median([r["sd"] for r in rows])),
+        "nis_inside": float(np.mean(nis)),
+        "nis_mean": float(np.mean([r["nis"] for r in rows])),
+        "nees": float(np.mean([r["nees"] for r in rows])),
+        "nees_band95": nees_band(len(rows)),
+        "consistent": float(np.mean([r["consistent"] for r in rows])),
+        "resets": int(sum(r["resets"] for r in rows)),
+    }
+
+
+def speed(given: argparse.Namespace) -> Row:
+    """Time both engines."""
+    return {"seed": given.seed, **{name: speeds(name) for name in KNOWLEDGE}}
+
+
+def change(given: argparse.Namespace) -> Row:
+    """Follow fading dampers, with a walk and without."""
+    out: Row = {"seed": given.seed, "loss": 0.3, "seconds": 20.0}
+    for name, forget in (("forget 60 s", 60.0), ("constant", None)):
+        rows = [fading(given.seed + k, forget) for k in range(given.drives)]
+        lags = [r["lag"] for r in rows]
+        out[name] = {
+            "drives": len(rows),
+            "lag_median": float(np.median(lags)),
+            "lag_largest": float(np.max(lags)),
+            "rms_percent_median": float(np.median([r["rms_percent"] for r in rows])),
+            "consistent_share": float(np.mean([r["consistent_share"] for r in rows])),
+            "rows": rows,
+        }
+    return out
+
+
+def alarms(given: argparse.Namespace) -> Row:
+    """Count false alarms over hours, and time true ones."""
+    out: Row = {"seed": given.seed, "below": _BELOW, "sure": _SURE, "hold": 1.0, "forget": 60.0}
+    count = max(round(given.hours * 60.0 / _MINUTES), 1)
+    for name, left in (("nominal", 1.0), ("5 % above the share", 1.05 * _BELOW)):
+        rows = []
+        for k in range(count):
+            rows.append(watched(given.seed + k, _MINUTES, left, _BELOW, _SURE))
+            print(name, rows[-1], file=sys.stderr, flush=True)
+        hours = float(sum(r["hours"] for r in rows))
+        false = sum(r["alarm"] is not None for r in rows)
+        out[name] = {
+            "hours": hours,
+            "alarms": false,
+            "an_hour": false / hours,
+            "interval95": rate_interval(false, hours),
+            "told": float(np.mean([r["told"] for r in rows])),
+            "rows": rows,
+        }
+    waits = []
+    for k in range(given.drives):
+        car, recording = long_drive(40.0, 400.0, given.seed + k, loss=0.3)
+        nominal = vehicle(DECLARED)
+        _, alarm, frames = raised(recording, nominal, _BELOW, _SURE)
+        left = faded_share(frames.time, 0.3, 20.0) * car.c_f / nominal.c_f.value
+        if left[0] > _BELOW > left[-1]:
+            crossed = float(frames.time[int(np.argmax(left < _BELOW))])
+            waits.append(None if alarm is None else alarm.time - crossed)
+    out["after crossing"] = {"seconds": waits}
+    return out
+
+
+def white(given: argparse.Namespace) -> Row:
+    """Coverage with noise that passed no filter."""
+    sensors = SensorSpec(noise_kind="white")
+    rows = [
+        covered(terrain, 400.0, "exact", given.seed + k, sensors)
+        for terrain in TERRAINS
+        for k in range(given.runs)
+    ]
+    return {"seed": given.seed, "all": summary(rows), "rows": rows}
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], Row]] = {
+    "coverage": coverage,
+    "speed": speed,
+    "change": change,
+    "alarms": alarms,
+    "white": white,
+}
+
+
+def main() -> int:
+    """Run the bench and keep its results; return the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--part", choices=PARTS, action="append")
+    parser.add_argument("--runs", type=int, default=13, help="a terrain, rate and knowledge")
+    parser.add_argument("--drives", type=int, default=10, help="with a damper that fades")
+    parser.add_argument("--hours", type=float, default=10.0, help="of each kind of watch")
+    parser.add_argument("--seed", type=int, default=5000)
+    parser.add_argument("--page", action="store_true", help="write the page alone")
+    given = parser.parse_args()
+    kept: Row = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    if not given.page:
+        commit = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
+        ).stdout.strip()
+        for name in given.part or PARTS:
+            about = {
+                "commit": commit,
+                "version": __version__,
+                "python": platform.python_version(),
+                "numpy": np.__version__,
+                "cores": os.cpu_count(),
+            }
+            kept[name] = {"about": about, **PARTS[name](given)}
+            write_whole(RESULTS, (json.dumps(kept, indent=1) + "\n").encode())
+            told = {k: v for k, v in kept[name].items() if k not in ("rows", "parts")}
+            print(name, json.dumps(told, indent=1, default=str)[:3000], file=sys.stderr, flush=True)
+    if set(PARTS) <= set(kept):
+        from benchmarks.online_page import write_page
+
+        write_page(kept)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

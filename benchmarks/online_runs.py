@@ -1,0 +1,209 @@
+"""Single runs for :mod:`benchmarks.online`: drives of the rig through the online filter."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.kernels import unscented
+from bayes_asv.kernels.filter_state import COLUMNS, Steps
+from bayes_asv.online import reference
+from bayes_asv.online.coordinates import coordinates
+from bayes_asv.online.frames import Frames
+from bayes_asv.online.history import cut
+from bayes_asv.online.knowledge import RULES, beginning, model_of
+from bayes_asv.online.layout import Layout
+from bayes_asv.online.noise import sensing
+from bayes_asv.online.track import Track, track
+from bayes_asv.online.watchdog import Alarm, Watchdog
+from bayes_asv.recording import Recording, accelerations, nominal_rate
+from bayes_asv.vehicle import Vehicle
+from tests.inference.cases import DECLARED, EXACT, as_recording, case, vehicle
+from tests.rig import (
+    DEFAULT_SPEEDS,
+    TERRAINS,
+    FadingDamper,
+    RigCar,
+    SensorSpec,
+    baja,
+    draw,
+    draw_biases,
+    drive,
+    with_terms,
+)
+
+__all__ = [
+    "KNOWLEDGE", "NAMES", "covered", "faded_share", "fading", "long_drive", "nees_band", "raised",
+    "speeds", "watched",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+NAMES = ("c_f", "c_r", "i")
+KNOWLEDGE = {"exact": EXACT, "declared": DECLARED}
+_NEVER = RULES._replace(learned=math.inf, look=math.inf, patience=math.inf)
+
+
+def covered(
+    terrain: str, rate: float, knowledge: str, seed: int, sensors: SensorSpec | None = None
+) -> Row:
+    """Track one drive of two seconds and hold the last row against the truth."""
+    sds = KNOWLEDGE[knowledge]
+    car, _, recording = case(terrain, seed, sds, rate=rate, sensors=sensors)
+    began = time.process_time()
+    result = track(recording, vehicle(sds, sensors))
+    seconds = time.process_time() - began
+    truth = np.array([getattr(car, name) for name in NAMES])
+    error = np.log(result.frames.median[-1] / truth)
+    scale = result.coordinates.scale[:3]
+    covariance = result.covariance[:3, :3] * np.outer(scale, scale)
+    found = result.consistency
+    return {
+        "terrain": terrain,
+        "rate": rate,
+        "knowledge": knowledge,
+        "seed": seed,
+        "verdict": result.verdict,
+        "error": error.tolist(),
+        "sd": result.frames.log_sd[-1].tolist(),
+        "nees": float(error @ np.linalg.solve(covariance, error)),
+        "nis": found.nis_mean,
+        "nis_band95": list(found.nis_band95),
+        "consistent": found.verdict == "consistent",
+        "resets": len(result.resets),
+        "cpu_seconds": seconds,
+    }
+
+
+def long_drive(
+    seconds: float,
+    rate: float,
+    seed: int,
+    *,
+    terrain: str = "rough",
+    loss: float = 0.0,
+    fade: float = 20.0,
+    like: RigCar | None = None,
+) -> tuple[RigCar, Recording]:
+    """Drive a car drawn around the baja; its front damper may lose a share of its rate."""
+    rng = np.random.default_rng([seed, 92])
+    car = draw(baja(), rng, DECLARED) if like is None else like
+    driven = car
+    if loss:
+        driven = with_terms(car, "front", FadingDamper(car.c_f, loss, fade), damper=False)
+    sensors = draw_biases(SensorSpec(), rng)
+    run = drive(
+        driven, TERRAINS[terrain](seed), DEFAULT_SPEEDS[terrain], rate, seconds, sensors, seed
+    )
+    return car, as_recording(run, f"{terrain}-{seed}.csv")
+
+
+def faded_share(time_: Array, loss: float, fade: float) -> Array:
+    """Share of its rate that a fading damper of the rig has left."""
+    through = np.clip(time_ / fade, 0.0, 1.0)
+    return np.asarray(1.0 - loss * (1.0 - np.exp(-3.0 * through)) / (1.0 - np.exp(-3.0)))
+
+
+def fading(seed: int, forget: float | None) -> Row:
+    """Follow a front damper that loses 30 % in 20 s; the lag is what shifts the truth onto it."""
+    car, recording = long_drive(24.0, 400.0, seed, loss=0.3)
+    frames = track(recording, vehicle(DECLARED), forget=forget).frames
+    inside = (frames.time > 2.0) & (frames.time < 20.0)
+    share = frames.median[:, 0] / car.c_f
+    true = faded_share(frames.time, 0.3, 20.0)
+    # errors of mass and springs scale the whole course; they are the given values', not a lag
+    share = share / np.median((share / true)[inside])
+    shifts = np.arange(0.0, 5.0, 0.05)
+    errors = [
+        float(np.mean((share - np.interp(frames.time - s, frames.time, true))[inside] ** 2))
+        for s in shifts
+    ]
+    return {
+        "seed": seed,
+        "forget": forget,
+        "lag": float(shifts[int(np.argmin(errors))]),
+        "rms_percent": 100.0 * math.sqrt(float(np.mean((share - true)[inside] ** 2))),
+        "consistent_share": float(frames.consistent.mean()),
+    }
+
+
+def watched(seed: int, minutes: float, share_left: float, below: float, sure: float) -> Row:
+    """Watch a car whose front damper has a share of nominal and stays there."""
+    nominal = baja()
+    rng = np.random.default_rng([seed, 93])
+    car = draw(nominal, rng, DECLARED)
+    car = replace(car, c_f=share_left * nominal.c_f, c_r=nominal.c_r)
+    terrain = ("rough", "rollers")[seed % 2]
+    _, recording = long_drive(60.0 * minutes, 400.0, seed, terrain=terrain, like=car)
+    dog, alarm, frames = raised(recording, vehicle(DECLARED), below, sure)
+    return {
+        "seed": seed,
+        "terrain": terrain,
+        "hours": len(frames) / 400.0 / 3600.0 if alarm is None else alarm.time / 3600.0,
+        "share_left": share_left,
+        "alarm": None if alarm is None else alarm.time,
+        "told": dog.rows_told / max(dog.rows, 1),
+        "largest": float(np.max(dog.probability)),
+    }
+
+
+def raised(
+    recording: Recording, car: Vehicle, below: float, sure: float
+) -> tuple[Watchdog, Alarm | None, Frames]:
+    """Let a watchdog look at a whole recording, as ``bayes-asv watch`` does."""
+    result: Track = track(recording, car, forget=60.0)
+    dog = Watchdog(car, below, sure, 1.0)
+    return dog, dog.look(result.frames), result.frames
+
+
+def speeds(knowledge: str, repeats: int = 7) -> Row:
+    """Time both engines over the same steps, and the replay of a minute."""
+    car = vehicle(KNOWLEDGE[knowledge])
+    _, recording = long_drive(60.0, 800.0, 5)
+    layout = Layout(car, sensing(car), nominal_rate(recording))
+    steps = layout.push(recording.time, accelerations(recording, car).T).steps
+    where = coordinates(car)
+    model = model_of(where, sensing(car).kernel_noise())
+
+    def best(run: Callable[..., object], part: Steps, times: int) -> float:
+        """Most steps a second of CPU time, over a few tries: others may use the machine."""
+        most = 0.0
+        for _ in range(times):
+            state, out = beginning(model), np.zeros((len(part.step), COLUMNS))
+            began = time.process_time()
+            run(0, False, state, model, _NEVER, part, out)
+            most = max(most, len(part.step) / (time.process_time() - began))
+        return most
+
+    compiled = best(unscented.run, steps, repeats)
+    plain = best(reference.run, cut(steps, 500, 800), 2)
+    replays = []
+    for _ in range(repeats):
+        began = time.process_time()
+        track(recording, car)
+        replays.append(60.0 / (time.process_time() - began))
+    return {
+        "knowledge": knowledge,
+        "parameters": len(where),
+        "compiled_steps_a_second": compiled,
+        "filterpy_steps_a_second": plain,
+        "ratio": compiled / plain,
+        "replay_times_faster": max(replays),
+        "replay_median": float(np.median(replays)),
+    }
+
+
+def nees_band(runs: int, level: float = 0.95) -> tuple[float, float]:
+    """Where the mean NEES of three parameters lies over so many runs."""
+    from scipy.stats import chi2
+
+    tail = 0.5 * (1.0 - level)
+    low, high = chi2.ppf([tail, 1.0 - tail], 3 * runs) / runs
+    return float(low), float(high)
