@@ -109,7 +109,7 @@ def rates_of(seed: int) -> list[Row]:
 
 
 def transfers_of(seed: int, count: int) -> list[Row]:
-    """Hold a session of `count` runs at 800 Hz with their transfers over the bad link."""
+    """Hold `count` runs at 800 Hz with their transfers over the bad link."""
     rng = np.random.default_rng([seed, 2])
     ppm, rows = crystals(rng), []
     with tempfile.TemporaryDirectory() as folder:
@@ -124,7 +124,7 @@ def transfers_of(seed: int, count: int) -> list[Row]:
                     break
             logger.emulated.statistics()
             air = logger.emulated.totals("air")
-            rows[-1]["session"] = {
+            rows[-1]["totals"] = {
                 "packets": air["packets"],
                 "packets_lost": air["lost"],
                 "bytes_spoilt": logger.emulated.totals("modem", name="vehicle")["spoilt"],
@@ -202,7 +202,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=41)
     parser.add_argument("--transfers", type=int, default=200)
-    parser.add_argument("--sessions", type=int, default=10, help="into which transfers are split")
+    parser.add_argument("--parts", type=int, default=10, help="processes that share the transfers")
     parser.add_argument("--rates", type=int, default=4, help="runs at each rate")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args(arguments)
@@ -213,15 +213,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     build()
     build_firmware()
     begun = time.monotonic()
-    each = -(-given.transfers // given.sessions)
+    each = -(-given.transfers // given.parts)
     with ProcessPoolExecutor(given.jobs) as pool:
-        sessions = [
+        parts = [
             pool.submit(transfers_of, given.seed + i, min(each, given.transfers - i * each))
-            for i in range(given.sessions)
+            for i in range(given.parts)
             if i * each < given.transfers
         ]
         drives = [pool.submit(rates_of, given.seed + 1000 + i) for i in range(given.rates)]
-        transfers = [row for job in sessions for row in job.result()]
+        transfers = [row for job in parts for row in job.result()]
         rates = [row for job in drives for row in job.result()]
     summary = summary_of(rates, transfers)
     commit = subprocess.run(

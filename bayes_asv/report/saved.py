@@ -26,7 +26,10 @@ _SCHEMAS: Final[dict[str, type[BaseModel]]] = {
     "bayes_asv/diagnose/1": SavedDiagnosis,
     "bayes_asv/track/1": SavedTrack,
 }
-_MEND: Final = "give a file that 'bayes-asv estimate', 'diagnose' or 'track' wrote with --json"
+_MEND: Final = (
+    "give a file that 'bayes-asv estimate --json', 'bayes-asv diagnose --json' or "
+    "'bayes-asv track --json' wrote"
+)
 _LARGEST_FILE: Final = 200_000_000
 
 
