@@ -20,6 +20,7 @@ import json
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -28,11 +29,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import serial
+
 __all__ = [
     "EMULATOR",
     "FIRMWARE",
     "Emulated",
     "EmulatorError",
+    "Pyserial",
     "Terminal",
     "VirtualPort",
     "build",
@@ -286,6 +290,52 @@ class VirtualPort:
     def clock(self) -> float:
         """Virtual time in seconds, for whoever measures time-outs himself."""
         return self.emulated.now
+
+
+class Pyserial:
+    """A real serial port with a clock that runs `speed` times as fast, for a `Terminal`.
+
+    Parameters
+    ----------
+    path
+        The pseudo-terminal.
+    speed
+        Virtual seconds a second; time-outs and the clock are in virtual ones.
+    """
+
+    def __init__(self, path: str, speed: float) -> None:
+        self._port = serial.Serial(path, 9600)
+        self._speed = speed
+        self.timeout = 1.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._port.close()
+
+    @property
+    def in_waiting(self) -> int:
+        """Number of bytes that can be read without waiting."""
+        return int(self._port.in_waiting)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes; fewer when they have not come within `timeout`."""
+        self._port.timeout = self.timeout / self._speed
+        return bytes(self._port.read(size))
+
+    def write(self, data: bytes) -> int:
+        """Send bytes; their number."""
+        return int(self._port.write(data) or 0)
+
+    def clock(self) -> float:
+        """Virtual time in seconds, as far as the emulator keeps up."""
+        return time.monotonic() * self._speed
 
 
 class Terminal(_Process):
