@@ -29,6 +29,7 @@ seed gives the same answer. Progress shows on a terminal only.
 | 2 | wrong usage or unreadable input: one line says which file, line or key, and the mend |
 | 3 | the data cannot answer: too short, saturated or not excited; the reasons are in the JSON |
 | 4 | not converged: the numbers are written, but not to be relied on |
+| 5 | `watch` raised its alarm |
 """
 
 
