@@ -7,17 +7,18 @@ motion in its bands is then left out of measurement and simulation alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import sosfilt, sosfreqz
 
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.inference.freerun import free_run
-from bayes_asv.inference.stage import Setting, Stage, setting
+from bayes_asv.inference.stage import Setting, Stage, base, setting
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.tones import Notch, find_tones, main_tones, notched
+from bayes_asv.inference.tones import Notch, find_tones, main_tones, notch_filter, notched
 from bayes_asv.kernels.innovations import VALUE
 
 __all__ = ["Engine", "without_engine"]
@@ -50,40 +51,70 @@ class Engine:
 
 def without_engine(
     where: Setting,
-    base: Stage,
+    stage: Stage,
     held: tuple[Timeline, ...],
     fit: Callable[[Setting], Stage],
+    known: float = 0.0,
 ) -> tuple[Setting, Stage, Engine | None, tuple[Timeline, ...]]:
-    """Cut tones out where they are what the half car cannot explain.
+    """Cut tones out where they are what a model cannot explain.
 
-    Returns the setting, the fit of the half car there, the engine, and the held-out runs without
-    its tones; all as they came when there is no engine.
+    A car that is missing something else has lines in its innovations as well, near its own
+    frequencies: there is no engine where a candidate explains more than the tones hold.
+
+    Parameters
+    ----------
+    where, stage : Setting, Stage
+        Recordings, and a model at its mode.
+    held : tuple of Timeline
+        Runs that were held out.
+    fit : callable
+        Fits the model to a setting.
+    known : float
+        Largest squared score of a candidate.
+
+    Returns
+    -------
+    Setting, Stage, Engine or None, tuple of Timeline
+        The setting, the model there, the engine, and the held-out runs without its tones; all as
+        they came when there is no engine.
     """
-    before, p = memory(base)
+    before, p = memory(stage)
     if p > _REMEMBERS:
-        return where, base, None, held
-    tones = _tones(where, base)
-    if not tones:
-        return where, base, None, held
+        return where, stage, None, held
+    tones = _tones(where, stage)
+    if not tones or _held(where, stage, tones) < known:
+        return where, stage, None, held
     lines = tuple(notched(line, where.vehicle, tones) for line in where.lines)
     quiet = setting(where.vehicle, lines)
-    stage = fit(quiet)
-    if memory(stage)[0] > _LEFT * before:
-        return where, base, None, held
-    engine = Engine(tones[0].frequency, _amplitude(where, base, tones[0]), main_tones(tones))
+    cut = fit(quiet)
+    if memory(cut)[0] > _LEFT * before:
+        return where, stage, None, held
+    engine = Engine(tones[0].frequency, _amplitude(where, stage, tones[0]), main_tones(tones))
     silent = []
     for line in held:
         alone = setting(where.vehicle, (line,))
-        own = _tones(alone, fit(alone))
+        own = _tones(alone, base(alone))
         silent.append(notched(line, where.vehicle, _joined((tones, own))))
-    return quiet, stage, engine, tuple(silent)
+    return quiet, cut, engine, tuple(silent)
 
 
-def _tones(where: Setting, base: Stage) -> tuple[Notch, ...]:
+def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
+    """Energy of innovations that goes with the tones, beyond what white ones lose."""
+    lost = 0.0
+    for run, line in enumerate(where.lines):
+        nu = np.nan_to_num(line.paired(stage.target.scored(stage.mode.z, run)[0]))
+        sections = notch_filter(tones, 1.0 / line.reading_step)
+        _, response = sosfreqz(sections, 2048)
+        share = float(np.mean(np.abs(response) ** 2))
+        lost += float(np.sum(nu**2) - np.sum(sosfilt(sections, nu, axis=0) ** 2) / share)
+    return lost
+
+
+def _tones(where: Setting, stage: Stage) -> tuple[Notch, ...]:
     """Tones of all runs; one engine sounds in each of them."""
     return _joined(
         find_tones(
-            line.paired(base.target.scored(base.mode.z, run)[0]), 1.0 / line.reading_step, _ALARM
+            line.paired(stage.target.scored(stage.mode.z, run)[0]), 1.0 / line.reading_step, _ALARM
         )
         for run, line in enumerate(where.lines)
     )
@@ -99,15 +130,15 @@ def _joined(runs: Iterable[tuple[Notch, ...]]) -> tuple[Notch, ...]:
     return tuple(out)
 
 
-def _amplitude(where: Setting, base: Stage, tone: Notch) -> float:
+def _amplitude(where: Setting, stage: Stage, tone: Notch) -> float:
     """Amplitude of the force at the chassis in the band of a tone, N."""
     from scipy.signal import butter, sosfiltfilt
 
     power, n = 0.0, 0
-    mass = float(base.space.cars(base.mode.z[None])[0][3])
-    wdf = float(base.space.cars(base.mode.z[None])[0][5])
+    mass = float(stage.space.cars(stage.mode.z[None])[0][3])
+    wdf = float(stage.space.cars(stage.mode.z[None])[0][5])
     for run, line in enumerate(where.lines):
-        output, _, _ = free_run(base.target, base.mode.z, run)
+        output, _, _ = free_run(stage.target, stage.mode.z, run)
         left = np.nan_to_num(
             line.paired(np.where(line.kind == VALUE, line.reading - output, np.nan))
         )

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from bayes_asv.diagnosis.family import family_p
+from bayes_asv.diagnosis.pushes import with_pushes
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.tolerance import Allowed, allowed
 from bayes_asv.inference.candidates import candidates
 from bayes_asv.inference.stage import Setting, Stage, carried, fitted, foretold
 
-__all__ = ["Model", "asked", "base", "pruned", "without"]
+__all__ = ["Model", "again", "asked", "pruned", "without"]
 
 _NEEDLESS = 2.0  # nats below which a named effect is taken out again
 
@@ -29,10 +28,13 @@ class Model:
     p: float
 
 
-def base(where: Setting) -> Stage:
-    """Fit the linear half car to a setting's recordings."""
-    target = where.target(())
-    return fitted(where, (), target, np.zeros(target.space.dimension))
+def again(stage: Stage, where: Setting) -> Stage:
+    """Fit the model of a stage to other recordings of the same drives."""
+    target = where.target(stage.sites)
+    start = carried(stage.space, stage.mode.z, target.space, None, {})
+    where = foretold(where, fitted(where, stage.sites, target, start))
+    target = where.target(stage.sites)
+    return fitted(where, stage.sites, target, start)
 
 
 def asked(where: Setting, stage: Stage, seed: int) -> Model:
@@ -40,8 +42,9 @@ def asked(where: Setting, stage: Stage, seed: int) -> Model:
     where = foretold(where, stage)
     target = replace(stage.target, patterns=where.patterns)
     stage = replace(stage, target=target)
-    found = signatures(where, stage, candidates(stage, where.vehicle))
-    p, _ = family_p(found, seed)
+    asked_for = signatures(where, stage, candidates(stage, where.vehicle))
+    found = with_pushes(asked_for)
+    p = family_p(asked_for, seed)
     return Model(where, stage, found, allowed(stage, found), p)
 
 

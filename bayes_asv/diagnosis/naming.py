@@ -30,6 +30,7 @@ NONE = 0.3
 """Probability beforehand that nothing is missing."""
 
 _ASKED = 4  # sites that each way of ranking sends on
+_CHOSEN = 15.0  # squared score that the best of all pushes has where there is none
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,9 @@ def leading(found: Signatures) -> list[list[Candidate]]:
     pull, own = with_tolerances(found)
     granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
     chosen: dict[str, list[Candidate]] = {}
+    pushed = np.array([c.site.effect.name == "external_force" for c in found.candidates])
     for score in (found.score, granted):
-        value = one_sided(score, found)
+        value = one_sided(score, found) - _CHOSEN * pushed
         taken: list[str] = []
         for k in np.argsort(-value):
             candidate = found.candidates[k]

@@ -20,32 +20,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.answer import draws, effect_draws, told_by
-from bayes_asv.diagnosis.classes import same_class
 from bayes_asv.diagnosis.engine import without_engine
-from bayes_asv.diagnosis.model import asked, base, pruned, without
-from bayes_asv.diagnosis.naming import probabilities, weigh
+from bayes_asv.diagnosis.family import one_sided
+from bayes_asv.diagnosis.growing import LEVEL, begun, grow
+from bayes_asv.diagnosis.model import again, asked, pruned, without
 from bayes_asv.diagnosis.proof import failed, proof
 from bayes_asv.diagnosis.results import Diagnosis, Named
 from bayes_asv.diagnosis.slack import unexplained
 from bayes_asv.diagnosis.where import disagreement
 from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.stage import setting
+from bayes_asv.inference.stage import base, setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Site
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["LEVEL", "Diagnosis", "Named", "diagnose", "named_in"]
+__all__ = ["Diagnosis", "Named", "diagnose", "named_in"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-LEVEL = 0.05
-"""Family-wise level of the test for a disagreement."""
-
-_MOST = 4  # effects that are named
-_GAIN = 5.0  # nats that a second effect has to bring
-_BARELY = 0.1  # probability below which a name is not worth its mention
 _EXCITED = 0.3  # of a recording's wheel power that its held-out half must have
 
 
@@ -75,7 +69,7 @@ def diagnose(
     -------
     Diagnosis
     """
-    begun = time.perf_counter()
+    clock = time.perf_counter()
     tell = progress or (lambda share, words: None)
     tell(0.0, "laying the recordings out")
     fit_runs, held_runs, notes = _held_out(recordings, holdout)
@@ -88,44 +82,27 @@ def diagnose(
         held = ()
     tell(0.05, "fitting the linear half car")
     where = setting(vehicle, lines)
-    plain = base(where)
+    plain = linear = base(where)
     first_where, first_held = where, setting(vehicle, held) if held else None
-    where, linear, engine, held = without_engine(where, plain, held, base)
-    model = asked(where, linear, seed)
-    first = model
+    first = asked(where, plain, seed)
+    known = float(one_sided(first.found.score, first.found).max())
+    where, linear, engine, held = without_engine(where, plain, held, base, known)
+    if engine is not None:
+        first = asked(where, linear, seed)
     seen = disagreement(where, linear)
-    named: list[Named] = []
-    none, told = 1.0, told_by(model.stage, model.allowed)
-    while len(named) < _MOST and model.p < (LEVEL if not named else 0.2 * LEVEL):
-        share_done = 0.1 + 0.2 * len(named)
-        tell(share_done, "asking what is missing")
-        options = weigh(model.where, model.stage, model.found, partial(_trying, tell, share_done))
-        if not options:
-            break
-        best = options[0]
-        sites = len({str(c.site) for c in model.found.candidates})
-        nothing, share = probabilities(model.allowed.log_evidence, options, sites)
-        none = nothing if not named else none
-        told = [
-            *told_by(model.stage, model.allowed, nothing),
-            *(
-                one
-                for option, part in zip(options, share, strict=True)
-                for one in told_by(option.stage, option.allowed, part)
-            ),
-        ]
-        gain = best.allowed.log_evidence - model.allowed.log_evidence
-        if gain < (_GAIN if named else 0.0):
-            break
-        tell(share_done + 0.15, "asking what cannot be told apart")
-        members = same_class(model.where, options)
-        probability = sum(share[options.index(m)] for m in members)
-        if probability < _BARELY:
-            break
-        named.append(Named(best.site, float(probability), tuple(members[1:]), {}))
-        model = asked(model.where, best.stage, seed)
-        if nothing > 0.5:  # a little of everything explains it as well: no second name on top
-            break
+    grown = grow(begun(first), seed, tell)
+    if engine is None:
+        # What is missing may have hidden an engine.
+        model = grown.model
+        quiet, stage, engine, held = without_engine(
+            model.where, model.stage, held, partial(again, model.stage)
+        )
+        if engine is not None:
+            where = quiet
+            linear = base(where)
+            model = asked(where, stage, seed)
+            grown = grow(replace(grown, model=model), seed, tell)
+    model, named, told = grown.model, list(grown.named), grown.told
     count = len(named)
     model, named = pruned(model, named, seed)
     tell(0.85, "asking what has no name")
@@ -155,7 +132,7 @@ def diagnose(
         p=first.p,
         named=tuple(named),
         engine=engine,
-        none=none,
+        none=grown.none,
         left=left,
         seen=seen,
         gaps=gaps,
@@ -166,7 +143,7 @@ def diagnose(
         before=draws([(1.0, plain, plain.mode.z, plain.mode.covariance)], seed),
         after=draws(told, seed),
         effects=effect_draws(model.stage, model.allowed.covariance, seed),
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - clock,
     )
 
 
@@ -179,10 +156,6 @@ def named_in(
     """Effects that are more likely than not to be in these recordings, all of them fitted."""
     found = diagnose(recordings, (), vehicle, seed, progress)
     return tuple(n.site for n in found.named if n.probability > 0.5)
-
-
-def _trying(tell: Progress, share: float, words: str) -> None:
-    tell(share + 0.05, f"trying {words}")
 
 
 def _held_out(

@@ -12,13 +12,14 @@ from bayes_asv.errors import InputError
 from bayes_asv.inference.candidates import Candidate, candidates
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.stage import Setting, Stage, carried, fitted, foretold
-from bayes_asv.model.effects import EFFECTS, Site, site
+from bayes_asv.model.effects import AXLES, EFFECTS, Site, site
 
 __all__ = ["added", "read_site", "with_effects"]
 
 Array = NDArray[np.float64]
 
 _TRIED = 2  # starts from which a site is fitted
+_LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is asked for
 
 
 def read_site(text: str) -> Site:
@@ -59,14 +60,34 @@ def with_effects(where: Setting, sites: Sequence[Site]) -> tuple[Setting, Stage]
     where = foretold(where, stage)
     for one in sites:
         stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
-        group = [
-            c
-            for c in candidates(stage, where.vehicle)
-            if str(c.site) == str(one) and (one.run is None or c.site.run == one.run)
-        ]
-        stage = added(where, stage, group)
+        stage = max(
+            (added(where, stage, group) for group in _groups(stage, where, one)),
+            key=lambda s: s.mode.log_posterior,
+        )
         where = foretold(where, stage)
     return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
+
+
+def _groups(stage: Stage, where: Setting, site: Site) -> list[list[Candidate]]:
+    """Values from which to add an effect, one group a run that it may be in."""
+    if site.effect.name != "external_force":
+        return [[c for c in candidates(stage, where.vehicle) if str(c.site) == str(site)]]
+    runs = range(len(where.lines)) if site.run is None else (site.run,)
+    edges = [c for c in candidates(stage, where.vehicle) if c.edge and c.site.where == AXLES[0]]
+    return [
+        [
+            replace(
+                c,
+                site=replace(site, run=run),
+                values={**c.values, "duration": lasts},
+                edge=False,
+            )
+            for c in edges
+            for lasts in _LENGTHS
+            if c.site.run == run
+        ]
+        for run in runs
+    ]
 
 
 def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:

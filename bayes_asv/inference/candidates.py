@@ -2,7 +2,7 @@
 
 A candidate is one effect at one place with one set of values: a little of it where that makes
 sense (a tolerance), and where nobody has a little of it a stop within the travel that was used,
-or a push at some time of one run.
+or the edge of a push at some time of one run: a push is the difference of two of them.
 """
 
 from __future__ import annotations
@@ -15,17 +15,22 @@ from numpy.typing import NDArray
 
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.stage import Stage
-from bayes_asv.model.effects import EFFECTS, Effect, Site
+from bayes_asv.model.effects import AXLES, EFFECTS, Effect, Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Candidate", "candidates", "travels"]
+__all__ = ["FOR_EVER", "PUSH", "Candidate", "candidates", "travels"]
 
 Array = NDArray[np.float64]
 
 _DEEP = (0.5, 0.65, 0.8, 0.92)  # shares of the travel used at which a stop is looked for
 _SOFT = 1.0  # rate of a stop that is looked for, in spring rates
-_LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is looked for
-_PUSH = 0.02  # of the axle's load
+_GRID = 0.03  # s between edges that are looked for
+_EDGES = 250  # edges that all runs together have at most, an axle
+_RISE = 0.03  # s, of a push that is looked for
+PUSH = 0.02
+"""Size of a push that is looked for, of the axle's load."""
+FOR_EVER = 1e4
+"""Duration, s, of a force that does not end."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class Candidate:
         Less than nothing of it cannot be.
     begin : bool
         A fit begins from these values; otherwise from the effect's own starts.
+    edge : bool
+        A force that begins and never ends.
     """
 
     site: Site
@@ -51,6 +58,7 @@ class Candidate:
     tolerance: bool
     signed: bool
     begin: bool = False
+    edge: bool = False
 
 
 def travels(stage: Stage) -> Array:
@@ -98,21 +106,25 @@ def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
                     for share in _DEEP
                     if share * travel > 0.003
                 ]
-            else:
-                out += _pushes(effect, where, stage, scale.load)
+            elif where in AXLES:
+                out += _edges(effect, where, stage, scale.load)
     return out
 
 
-def _pushes(effect: Effect, where: str, stage: Stage, load: float) -> list[Candidate]:
-    """Pushes of several lengths that follow each other through every run."""
+def _edges(effect: Effect, where: str, stage: Stage, load: float) -> list[Candidate]:
+    """List forces that begin at some instant of a run and never end.
+
+    The grid is as fine as the answer to an edge is short: a push that is 30 ms off looks like no
+    push.  Long recordings are asked less closely, for the number of questions has a price.
+    """
+    lengths = [float(line.instants[-1] - line.instants[0]) for line in stage.space.timelines]
+    grid = max(_GRID, sum(lengths) / _EDGES)
     out = []
-    for run, line in enumerate(stage.space.timelines):
-        length = float(line.instants[-1] - line.instants[0])
-        for lasts in _LENGTHS:
-            for start in np.arange(0.0, max(length - 0.5 * lasts, 0.0), 0.5 * lasts):
-                values = {"force": _PUSH * load, "start": float(start), "duration": lasts}
-                site = Site(effect, where, run)
-                out.append(Candidate(site, {**values, "rise": 0.03}, False, False))
+    for run, length in enumerate(lengths):
+        site = Site(effect, where, run)
+        for begin in np.arange(0.0, length, grid):
+            values = {"force": PUSH * load, "start": float(begin), "duration": FOR_EVER}
+            out.append(Candidate(site, {**values, "rise": _RISE}, False, False, edge=True))
     return out
 
 

@@ -49,7 +49,11 @@ def rows(values: Values, run: int) -> Array:
             continue
         assert site.effect.packed is not None
         packed = site.effect.packed(value)
-        out.append([AXLES.index(site.where), site.effect.code, *packed, *[0.0] * (4 - len(packed))])
+        if site.where == "both":  # a force, half of it at each axle
+            packed = (0.5 * packed[0], *packed[1:])
+        for axle in AXLES if site.where == "both" else (site.where,):
+            law = [*packed, *[0.0] * (4 - len(packed))]
+            out.append([AXLES.index(axle), site.effect.code, *law])
     return np.array(out, float).reshape(-1, 6)
 
 

@@ -17,7 +17,7 @@ from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Setting", "Stage", "carried", "fitted", "foretold", "setting"]
+__all__ = ["Setting", "Stage", "base", "carried", "fitted", "foretold", "setting"]
 
 Array = NDArray[np.float64]
 
@@ -116,3 +116,9 @@ def fitted(where: Setting, sites: tuple[Site, ...], target: Target, start: Array
     with shared_work(target) as shared:
         mode = climb(shared, start)
     return Stage(sites, replace(target, pool=None), mode)
+
+
+def base(where: Setting) -> Stage:
+    """Fit the linear half car to a setting's recordings."""
+    target = where.target(())
+    return fitted(where, (), target, np.zeros(target.space.dimension))

@@ -40,7 +40,7 @@ from tests.cli.conftest import Check, Command
         (("report", "{rec}", "-v", "{car}", "-o", "{tmp}/x.doc"), ("x.doc", ".html or .pdf")),
         (("report", "{rec}", "-v", "{car}", "-o", "{tmp}/x"), (".html or .pdf",)),
         (("report", "{rec}", "--from", "{car}", "-o", "{tmp}/x.html"), ("need --vehicle",)),
-        (("report", *3 * ("--from", "a"), "-o", "{tmp}/x.html"), ("--from once",)),
+        (("report", *4 * ("--from", "a"), "-o", "{tmp}/x.html"), ("--from once",)),
         (("report", "--from", "a", "-v", "{car}", "-o", "{tmp}/x.html"), ("needs recordings",)),
         (("simulate", "-v", "{car}"), ("-o",)),
         (("simulate", "-v", "{car}", "-o", "{tmp}/x.csv", "--road", "moon"), ("moon", "rough")),

@@ -1,4 +1,7 @@
-"""A force from outside that pushes the chassis at an axle line for a while, in one run only."""
+"""A force from outside that pushes the chassis for a while, in one run only.
+
+It acts at an axle line, or half at each.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ EFFECT = Effect(
     name="external_force",
     title="a push from outside",
     acts="suspension",
-    sites=AXLES,
+    sites=(*AXLES, "both"),
     parameters=(
         Parameter("force", "N", "linear", 0.0, 0.15, (0.05, -0.05), per="load"),
         Parameter("start", "s", "linear", 1.0, 1.0, ()),
