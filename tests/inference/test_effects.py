@@ -61,12 +61,12 @@ def test_a_sensor_that_is_off_is_measured(name: str) -> None:
     _, stage = with_effects(laid(recording, car), (read_site(name),))
     assert stage.mode.converged
     site = stage.sites[0]
-    value = stage.space.effects(stage.mode.z)[site][parameter]
     k = stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))
     sd = np.sqrt(np.linalg.inv(stage.mode.slopes.precision())[k, k])
     z = site.effect.parameters[0].coordinate(truth, stage.space.sizes)  # type: ignore[arg-type]
-    assert abs(stage.mode.z[k] - z) < 4.0 * sd
-    assert value == pytest.approx(truth, rel=0.08)
+    assert abs(stage.mode.z[k] - z) < 3.0 * sd
+    assert abs(z) > 6.0 * sd  # and it is measured, not merely allowed for
+    assert site.effect.parameters[0].name == parameter
 
 
 @pytest.mark.parametrize(
