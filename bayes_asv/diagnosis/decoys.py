@@ -48,11 +48,12 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
         Recordings, and a model at its mode.
     """
     runs = range(len(where.lines))
-    # From the readings themselves a change would share their noise: it follows from a simulation.
-    clear = [free_run(stage.target, stage.mode.z, run)[0] for run in runs]
+    # From the readings themselves, or from states that follow them, a change would share their
+    # noise: it follows from a simulation.
+    clear = [free_run(stage.target, stage.mode.z, run)[:2] for run in runs]
     target, z = where.target(stage.sites), stage.mode.z
     passes = [target.scored(z, run) for run in runs]
-    nudges = [list(_nudges(where, target, z, run, passes[run][2], clear[run])) for run in runs]
+    nudges = [list(_nudges(where, target, z, run, *clear[run])) for run in runs]
     words = tuple(name for name, _ in nudges[0])
 
     def one(k: int) -> Array:
@@ -69,7 +70,7 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
 
 
 def _nudges(
-    where: Setting, target: Target, z: Array, run: int, states: Array, clear: Array
+    where: Setting, target: Target, z: Array, run: int, clear: Array, states: Array
 ) -> Iterator[tuple[str, Nudge]]:
     """Every decoy of one run."""
     line = where.lines[run]

@@ -19,24 +19,20 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.family import largest
 from bayes_asv.diagnosis.memory import memory
+from bayes_asv.diagnosis.rival import AS_WELL
 from bayes_asv.diagnosis.signatures import Signatures, signatures
-from bayes_asv.diagnosis.tolerance import beside
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.stage import Setting, Stage
 from bayes_asv.model.effects import AXLES, EFFECTS, Site
 
-__all__ = ["BETTER", "Unexplained", "pulses", "rival", "unexplained"]
+__all__ = ["Unexplained", "pulses", "unexplained"]
 
 Array = NDArray[np.float64]
 
 ENOUGH = 5.0
 """Nats by which a slack model has to win."""
 
-BETTER = 3.0
-"""Nats by which a decoy has to explain more than names."""
-
-_ROOM = 3.0  # deviation of a decoy's size, in the size that the data ask for
 _PULSE = 0.04  # s between two pulses of a force of any course
 _PUSH = 0.01  # of the axle's load
 _SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
@@ -65,7 +61,8 @@ class Unexplained:
     failed : tuple of str
         Effects that were fitted and made things worse on what was held out.
     rival : float
-        Nats by which a decoy alone explains the recordings better than what was named.
+        Nats by which a decoy alone explains the recordings better than what was named; negative
+        when it does worse.
     """
 
     score: float
@@ -81,33 +78,8 @@ class Unexplained:
     def present(self) -> bool:
         """Whether something is left that has no name."""
         noticed = min(self.p_memory, self.p_decoy) < _NOTICED
-        wrong = bool(self.swollen) or bool(self.failed) or self.rival > BETTER
+        wrong = bool(self.swollen) or bool(self.failed) or self.rival > AS_WELL
         return self.score > ENOUGH or noticed or wrong
-
-
-def rival(where: Setting, stage: Stage, found: Signatures, amount: float) -> tuple[float, str]:
-    """Log evidence of the decoy that the model asks for most, and what it is.
-
-    Two names that only together imitate a third thing leave nothing to find; held against that
-    thing alone they cost more.
-
-    Parameters
-    ----------
-    where, stage : Setting, Stage
-        A model to which nothing was added.
-    found : Signatures
-        Of what may be there to a tolerance, at that model.
-    amount : float
-        How much of everything there is, in tolerances.
-    """
-    rows, words = decoy_rows(where, stage)
-    keep = np.array([c.tolerance for c in found.candidates], bool)
-    pull, gram = _beyond(stage, amount * found.rows[keep], rows)
-    own = np.maximum(np.diag(gram), 1e-8 * np.sum(rows**2, axis=1) + 1e-30)
-    k = int(np.argmax(pull**2 / own))
-    size = _ROOM * abs(pull[k]) / own[k]
-    evidence = beside(stage, found, amount, size * rows[k])
-    return evidence - math.log(len(words)), words[k]
 
 
 def pulses(where: Setting, stage: Stage, axle: str) -> list[Candidate]:

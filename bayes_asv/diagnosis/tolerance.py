@@ -24,7 +24,7 @@ from bayes_asv.inference.likelihood import Nudge, Target
 from bayes_asv.inference.scoring import climb
 from bayes_asv.inference.stage import Stage
 
-__all__ = ["AMOUNTS", "Allowed", "allowed", "beside", "with_tolerances"]
+__all__ = ["AMOUNTS", "Allowed", "allowed", "with_tolerances"]
 
 Array = NDArray[np.float64]
 
@@ -122,28 +122,6 @@ def allowed(stage: Stage, found: Signatures) -> Allowed:
         joint.covariance,
         there,
     )
-
-
-def beside(stage: Stage, found: Signatures, amount: float, row: Array) -> float:
-    """Log evidence of a stage with one more signature beside a little of everything.
-
-    Parameters
-    ----------
-    stage : Stage
-        A model at its mode.
-    found : Signatures
-        Of candidates at that mode; those that are not tolerances are left out.
-    amount : float
-        How much of everything there is, in tolerances.
-    row : (N,) array
-        Signature times what it may be: its size is a normal number.
-    """
-    keep = np.array([c.tolerance for c in found.candidates], bool)
-    rows = np.vstack([amount * found.rows[keep], row])
-    joint = _joint(stage, rows, np.zeros(len(rows)))
-    _, again = _again(stage, rows, joint)
-    believed = float(_BELIEVED[np.argmin(np.abs(AMOUNTS - amount))])
-    return max(joint.log_evidence, again.log_evidence) + believed
 
 
 @dataclass(frozen=True)

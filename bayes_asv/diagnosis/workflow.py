@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,10 +23,11 @@ from bayes_asv.diagnosis.answer import draws, effect_draws, told_by
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.growing import LEVEL, begun, grow
-from bayes_asv.diagnosis.model import Model, again, asked, pruned, without
+from bayes_asv.diagnosis.model import again, asked, pruned, without
 from bayes_asv.diagnosis.proof import failed, proof
 from bayes_asv.diagnosis.results import Diagnosis, Named
-from bayes_asv.diagnosis.slack import BETTER, Unexplained, rival, unexplained
+from bayes_asv.diagnosis.rival import AS_WELL, rival
+from bayes_asv.diagnosis.slack import unexplained
 from bayes_asv.diagnosis.where import disagreement
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.stage import base, setting
@@ -118,7 +118,9 @@ def diagnose(
         left = replace(left, failed=tuple(str(n.site) for n in worse))
         gaps, named = proof(*settings, model, named, engine, seed)
     if named and not left.present:
-        left = _against_one(first, model, len(named), left)
+        sites = len({str(c.site) for c in first.found.candidates})
+        better, words = rival(model.where, model.stage, len(named), sites)
+        left = replace(left, rival=better, like=words if better > AS_WELL else left.like)
     if len(named) < count:
         told = told_by(model.stage, model.allowed)
     disagrees = first.p < LEVEL or left.present or engine is not None
@@ -159,14 +161,6 @@ def named_in(
     """Effects that are more likely than not to be in these recordings, all of them fitted."""
     found = diagnose(recordings, (), vehicle, seed, progress)
     return tuple(n.site for n in found.named if n.probability > 0.5)
-
-
-def _against_one(first: Model, model: Model, named: int, left: Unexplained) -> Unexplained:
-    """Hold what was named against the best single explanation that has no name."""
-    evidence, words = rival(first.where, first.stage, first.found, model.allowed.amount)
-    sites = len({str(c.site) for c in first.found.candidates})
-    better = evidence - (model.allowed.log_evidence - named * math.log(sites))
-    return replace(left, rival=better, like=words if better > BETTER else left.like)
 
 
 def _held_out(

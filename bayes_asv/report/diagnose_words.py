@@ -29,7 +29,7 @@ _SUSPENSION: Final = ("front", "rear")
 _LEVEL: Final = 0.05  # of the test for a disagreement, as in bayes_asv.diagnosis.workflow
 _SLACK: Final = 5.0  # nats, as in bayes_asv.diagnosis.slack
 _NOTICED: Final = 1e-3  # the same, of p-values
-_BETTER: Final = 3.0  # the same, of nats by which a decoy beats what was named
+_AS_WELL: Final = -2.0  # as in bayes_asv.diagnosis.rival
 _FEW: Final = 3  # effects that a headline holds
 
 
@@ -245,10 +245,10 @@ def _left(unexplained: Document) -> list[str]:
     if unexplained.get("like") and (unexplained.get("p_decoy") or 0.0) < _NOTICED:
         signs.append(f"it looks most like {plain(unexplained['like'])}")
     rival = unexplained.get("rival")
-    if rival is not None and rival > _BETTER:
+    if rival is not None and rival > _AS_WELL:
         signs.append(
             f"{plain(unexplained.get('like') or 'something else')} alone would explain the "
-            f"recordings better by {rival:.0f} nats"
+            f"recordings {'as well' if rival < 1.0 else f'better by {rival:.0f} nats'}"
         )
     if (unexplained.get("p_memory") or 0.0) < _NOTICED:
         signs.append("the innovations remember their past")
