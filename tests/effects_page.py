@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from bayes_asv.model.effects import AXLES, EFFECTS, Effect, Parameter
+from bayes_asv.model.effects import AXLES, BOTH, EFFECTS, Effect, Parameter
 
 __all__ = ["LAWS", "MEANINGS", "PAGE", "page"]
 
@@ -131,7 +131,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayes_asv.kernels.forces import QUADRATIC
-from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -219,6 +219,8 @@ def _overview() -> str:
 
 
 def _where(effect: Effect) -> str:
+    if effect.sites == (*AXLES, BOTH):
+        return "front, rear or both"
     if effect.sites == AXLES:
         return "front, rear"
     return "any channel" if any(effect.sites) else "the car"

@@ -1,14 +1,12 @@
 """What these data cannot tell apart.
 
 Two explanations are one class when either, fitted to what the other foretells without any noise,
-comes so near that noise would hide the difference.
+comes so near that noise would hide the difference, or when both do about as well.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-
-import numpy as np
 
 from bayes_asv.diagnosis.naming import Option
 from bayes_asv.inference.freerun import free_run
@@ -19,6 +17,7 @@ __all__ = ["APART", "distance", "same_class"]
 APART = 10.0
 """Squared distance in deviations of the noise beyond which two explanations are told apart."""
 
+_EVEN = 3.0  # nats: these very data do not prefer one to the other by twenty to one
 _CLOSE = 25.0  # nats: what fits the data themselves so much worse is told apart by them
 _MOST = 4
 
@@ -47,10 +46,9 @@ def same_class(where: Setting, options: list[Option]) -> list[Option]:
     first = options[0]
     found = [first]
     for other in options[1 : 1 + _MOST]:
-        if first.allowed.log_evidence - other.allowed.log_evidence > _CLOSE:
+        behind = first.allowed.log_evidence - other.allowed.log_evidence
+        if not behind < _CLOSE:
             continue
-        if not np.isfinite(other.allowed.log_evidence):
-            continue
-        if distance(where, first.stage, other.stage) < APART:
+        if behind < _EVEN or distance(where, first.stage, other.stage) < APART:
             found.append(other)
     return found

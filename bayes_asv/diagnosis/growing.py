@@ -9,7 +9,7 @@ from functools import partial
 from bayes_asv.diagnosis.answer import Told, told_by
 from bayes_asv.diagnosis.classes import same_class
 from bayes_asv.diagnosis.model import Model, asked
-from bayes_asv.diagnosis.naming import probabilities, weigh
+from bayes_asv.diagnosis.naming import divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
 
 __all__ = ["LEVEL", "Grown", "begun", "grow"]
@@ -68,7 +68,7 @@ def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
         options = weigh(model.where, model.stage, model.found, partial(_trying, tell, share_done))
         if not options:
             break
-        best = options[0]
+        options[0] = best = divided(model.where, options[0], model.found, _GAIN)
         sites = len({str(c.site) for c in model.found.candidates})
         nothing, share = probabilities(model.allowed.log_evidence, options, sites)
         none = nothing if not named else none
@@ -88,7 +88,8 @@ def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
         probability = sum(share[options.index(m)] for m in members)
         if probability < _BARELY:
             break
-        named.append(Named(best.site, float(probability), tuple(members[1:]), {}))
+        new = best.stage.sites[len(model.stage.sites) :]
+        named += [Named(site, float(probability), tuple(members[1:]), {}) for site in new]
         model = asked(model.where, best.stage, seed)
         if nothing > 0.5:  # a little of everything explains it as well: no second name on top
             break

@@ -19,10 +19,10 @@ from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.tolerance import Allowed, allowed, with_tolerances
 from bayes_asv.inference.adding import added
 from bayes_asv.inference.candidates import Candidate
-from bayes_asv.inference.stage import Setting, Stage
-from bayes_asv.model.effects import Site
+from bayes_asv.inference.stage import Setting, Stage, carried, fitted
+from bayes_asv.model.effects import AXLES, BOTH, Site
 
-__all__ = ["NONE", "Option", "leading", "probabilities", "weigh"]
+__all__ = ["NONE", "Option", "divided", "leading", "probabilities", "weigh"]
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,8 @@ def weigh(
     for group in leading(found):
         tell(str(group[0].site))
         stage_with = added(where, stage, group)
-        others = [c for c in found.candidates if c.tolerance and str(c.site) != str(group[0].site)]
+        site = group[0].site
+        others = _others(site, found)
         options.append(
             Option(
                 group[0].site,
@@ -121,6 +122,31 @@ def weigh(
             )
         )
     return sorted(options, key=lambda o: -o.allowed.log_evidence)
+
+
+def divided(where: Setting, option: Option, found: Signatures, gain: float) -> Option:
+    """Give each axle its own values where that brings a gain (nats) over the same on both."""
+    if option.site.where != BOTH:
+        return option
+    old = option.stage
+    own = tuple(replace(option.site, where=axle) for axle in AXLES)
+    sites = (*(s for s in old.sites if s != option.site), *own)
+    target = where.target(sites)
+    start = carried(old.space, old.mode.z, target.space, None, {})
+    for site in own:
+        for p in site.effect.parameters:
+            z = old.mode.z[old.space.names.index(option.site.coordinate_name(p))]
+            start[target.space.names.index(site.coordinate_name(p))] = z
+    stage = fitted(where, sites, target, start)
+    granted = allowed(stage, signatures(where, stage, _others(option.site, found)))
+    if granted.log_evidence < option.allowed.log_evidence + gain:
+        return option
+    return Option(option.site, stage, granted)
+
+
+def _others(site: Site, found: Signatures) -> list[Candidate]:
+    """List tolerances of everything but one effect."""
+    return [c for c in found.candidates if c.tolerance and not site.meets(c.site)]
 
 
 def probabilities(none: float, options: list[Option], sites: int) -> tuple[float, Array]:

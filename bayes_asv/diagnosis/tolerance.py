@@ -114,7 +114,10 @@ def allowed(stage: Stage, found: Signatures) -> Allowed:
     joint, there = at_mode[best], stage
     if amount > 0.0 and gains[best] > gains[0] + _WORTH:
         there, joint = _again(stage, amount * rows, joint)
-        gains[best] = max(gains[best], joint.log_evidence)
+        # Expanded about a mode without tolerances, gains are guesses: far from it they promise
+        # more than there is.  All amounts are wrong by about the same share.
+        share = (joint.log_evidence - gains[0]) / (gains[best] - gains[0])
+        gains = gains[0] + share * (gains - gains[0])
     return Allowed(
         float(logsumexp(gains + _BELIEVED)),
         amount,
@@ -189,7 +192,8 @@ def with_tolerances(found: Signatures) -> tuple[Array, Array]:
     tolerant = np.flatnonzero([c.tolerance for c in found.candidates])
     pull, own = found.pull.copy(), np.diag(found.gram).copy()
     for k in range(len(pull)):
-        others = tolerant[tolerant != k]
+        site = found.candidates[k].site
+        others = np.array([j for j in tolerant if not site.meets(found.candidates[j].site)], int)
         inner = found.gram[np.ix_(others, others)] + np.eye(len(others))
         cross = found.gram[k, others]
         solved = np.linalg.solve(inner, np.column_stack([cross, found.pull[others]]))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.stage import Stage
-from bayes_asv.model.effects import AXLES, EFFECTS, Effect, Site
+from bayes_asv.model.effects import AXLES, BOTH, EFFECTS, Effect, Site
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["FOR_EVER", "PUSH", "Candidate", "candidates", "travels"]
@@ -83,17 +83,19 @@ def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
         What it says is uncertain is in the model already.
     """
     scale = car_scale(vehicle)
-    has = {(s.effect.name, s.where) for s in stage.sites}
     far = travels(stage)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
         for where in effect.sites:
-            if (effect.name, where) in has or not _possible(effect, where, vehicle):
-                continue
             site = Site(effect, where)
+            known = any(site.meets(other) for other in stage.sites)
+            if known or not _possible(effect, where, vehicle):
+                continue
             if effect.slight is not None:
                 signed = effect.name in ("coulomb_friction", "digressive_damper")
-                out.append(Candidate(site, effect.slightly(scale), True, signed))
+                # on both axles a tolerance is that of one and of the other
+                tolerance = where != BOTH
+                out.append(Candidate(site, effect.slightly(scale), tolerance, signed))
             elif effect.name.endswith("stop"):
                 travel = far[0 if where == "front" else 1, 0 if effect.name == "bump_stop" else 1]
                 out += [

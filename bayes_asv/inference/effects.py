@@ -49,9 +49,9 @@ def rows(values: Values, run: int) -> Array:
             continue
         assert site.effect.packed is not None
         packed = site.effect.packed(value)
-        if site.where == "both":  # a force, half of it at each axle
+        if site.effect.halved and len(site.axles) == 2:
             packed = (0.5 * packed[0], *packed[1:])
-        for axle in AXLES if site.where == "both" else (site.where,):
+        for axle in site.axles:
             law = [*packed, *[0.0] * (4 - len(packed))]
             out.append([AXLES.index(axle), site.effect.code, *law])
     return np.array(out, float).reshape(-1, 6)

@@ -64,7 +64,7 @@ def law_curves(found: Diagnosis) -> Document:
     values = _effects(stage, z, found)
     car = _car(stage, z, found)
     for k, axle in enumerate(AXLES):
-        sites = [s for s in stage.sites if s.where == axle and s.run is None]
+        sites = [s for s in stage.sites if axle in s.axles and s.run is None]
         laws = tuple(s for s in sites if s.effect.acts == "suspension")
         if not laws and not any(s.effect.name == "spring_rate" for s in sites):
             continue

@@ -170,6 +170,8 @@ def place(effect: Document) -> str:
     where = effect["where"]
     if not where:
         return ""
+    if where == "both":
+        return " at both axles"
     if where in _SUSPENSION:
         return f" at the {where}"
     return f" of the {plain(where).replace('_', ' ')} sensor"

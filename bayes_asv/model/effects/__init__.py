@@ -17,9 +17,9 @@ from bayes_asv.model.effects import (
     sensors,
     stops,
 )
-from bayes_asv.model.effects.base import AXLES, Effect, Parameter, Scale, Site
+from bayes_asv.model.effects.base import AXLES, BOTH, Effect, Parameter, Scale, Site
 
-__all__ = ["AXLES", "EFFECTS", "Effect", "Parameter", "Scale", "Site", "site"]
+__all__ = ["AXLES", "BOTH", "EFFECTS", "Effect", "Parameter", "Scale", "Site", "site"]
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect

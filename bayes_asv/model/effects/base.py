@@ -15,11 +15,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AXLES", "Effect", "Form", "Parameter", "Scale", "Site"]
+__all__ = ["AXLES", "BOTH", "Effect", "Form", "Parameter", "Scale", "Site"]
 
 Array = NDArray[np.float64]
 
 AXLES = ("front", "rear")
+BOTH = "both"
 Form = Literal["linear", "log", "positive"]
 Acts = Literal["suspension", "car", "reading"]
 
@@ -106,7 +107,7 @@ class Effect:
     acts : {'suspension', 'car', 'reading'}
         On the force of an axle, on a given value, or on what a sensor says.
     sites : tuple of str
-        Where it can be: axles, channels, or an empty string.
+        Where it can be: axles, both of them alike, channels, or an empty string.
     parameters : tuple of Parameter
         The first is the one that vanishes with the effect.
     slight : mapping or None
@@ -121,6 +122,8 @@ class Effect:
         values, c, k, δ, δ̇ and the share of the recording that has gone by.
     drive : str
         The drive that shows it best, in words.
+    halved : bool
+        On both axles each gets half of the first parameter, in place of all of it.
     """
 
     name: str
@@ -133,6 +136,7 @@ class Effect:
     packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     force: Callable[..., Array] | None = None
     drive: str = ""
+    halved: bool = False
 
     def slightly(self, scale: Scale) -> dict[str, float]:
         """Values at one tolerance, for one car."""
@@ -149,7 +153,7 @@ class Site:
     effect : Effect
         What.
     where : str
-        An axle, a channel, or an empty string.
+        An axle, ``both``, a channel, or an empty string.
     run : int or None
         The only recording in which it acts; None for all.
     """
@@ -161,6 +165,16 @@ class Site:
     def __str__(self) -> str:
         """Name and place as the command line takes them."""
         return f"{self.effect.name}@{self.where}" if self.where else self.effect.name
+
+    @property
+    def axles(self) -> tuple[str, ...]:
+        """Axles at which it acts; none for a sensor or the car."""
+        return AXLES if self.where == BOTH else tuple(a for a in AXLES if a == self.where)
+
+    def meets(self, other: Site) -> bool:
+        """Whether it is the same effect on an axle in common, or at the same place."""
+        alike = self.where == other.where or bool(set(self.axles) & set(other.axles))
+        return self.effect.name == other.effect.name and alike
 
     def coordinate_name(self, parameter: Parameter) -> str:
         """Name of a parameter among the coordinates of a posterior."""

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayes_asv.kernels.forces import BOUND_REBOUND
-from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -34,7 +34,7 @@ EFFECT = Effect(
     name="bound_rebound",
     title="bound and rebound rates that differ",
     acts="suspension",
-    sites=AXLES,
+    sites=(*AXLES, BOTH),
     parameters=(
         Parameter("ratio", "", "log", 1.0, 0.7, (1.5, 3.0, 0.6)),
         Parameter("rounding", "m/s", "log", 0.015, 0.7, (0.015,), shape=True),

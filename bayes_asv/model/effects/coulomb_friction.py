@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayes_asv.kernels.forces import COULOMB
-from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -26,7 +26,7 @@ EFFECT = Effect(
     name="coulomb_friction",
     title="dry friction",
     acts="suspension",
-    sites=AXLES,
+    sites=(*AXLES, BOTH),
     parameters=(
         Parameter("force", "N", "positive", 0.0, 0.06, (0.005, 0.03), per="load"),
         Parameter("slip", "m/s", "log", 0.01, 0.7, (0.01,), shape=True),

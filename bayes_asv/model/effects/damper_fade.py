@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayes_asv.kernels.forces import FADE
-from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -24,7 +24,7 @@ EFFECT = Effect(
     name="damper_fade",
     title="a damper that fades during the run",
     acts="suspension",
-    sites=AXLES,
+    sites=(*AXLES, BOTH),
     parameters=(Parameter("loss", "", "linear", 0.0, 0.3, (0.1, 0.4)),),
     slight={"loss": 0.015},
     code=FADE,

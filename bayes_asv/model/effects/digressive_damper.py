@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayes_asv.kernels.forces import DIGRESSIVE
-from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -32,7 +32,7 @@ EFFECT = Effect(
     name="digressive_damper",
     title="a damper whose force flattens out at speed",
     acts="suspension",
-    sites=AXLES,
+    sites=(*AXLES, BOTH),
     parameters=(
         Parameter("knee", "m/s", "log", 0.5, 1.2, (0.1, 0.25, 0.6, 1.5, 4.0)),
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayes_asv.kernels.forces import OUTSIDE
-from bayes_asv.model.effects.base import AXLES, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -21,7 +21,7 @@ EFFECT = Effect(
     name="external_force",
     title="a push from outside",
     acts="suspension",
-    sites=(*AXLES, "both"),
+    sites=(*AXLES, BOTH),
     parameters=(
         Parameter("force", "N", "linear", 0.0, 0.15, (0.05, -0.05), per="load"),
         Parameter("start", "s", "linear", 1.0, 1.0, ()),
@@ -30,5 +30,6 @@ EFFECT = Effect(
     ),
     code=OUTSIDE,
     packed=_packed,
+    halved=True,
     drive="the same drive again: a push will not come back",
 )

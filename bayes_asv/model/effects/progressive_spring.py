@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bayes_asv.kernels.forces import PROGRESSIVE
-from bayes_asv.model.effects.base import AXLES, Array, Effect, Parameter
+from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -25,7 +25,7 @@ EFFECT = Effect(
     name="progressive_spring",
     title="a spring that stiffens with travel",
     acts="suspension",
-    sites=AXLES,
+    sites=(*AXLES, BOTH),
     parameters=(
         Parameter("kappa", "1/m^2", "linear", 0.0, 150.0, (20.0, 150.0)),
         Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
