@@ -149,7 +149,8 @@ def watched(seed: int, minutes: float, share_left: float, below: float, sure: fl
     given = vehicle(DECLARED)
     dog, alarm, frames = raised(recording, given, below, sure)
     edge = math.log(below * given.c_f.value)
-    p = ndtr((edge - np.log(frames.median[:, 0])) / frames.log_sd[:, 0])[frames.consistent]
+    p = ndtr((edge - np.log(frames.median[:, 0])) / frames.log_sd[:, 0])
+    p = p[frames.consistent & (frames.time > 2.0)]  # before, it is what the prior says
     return {
         "seed": seed,
         "terrain": terrain,

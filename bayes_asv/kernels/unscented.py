@@ -215,7 +215,7 @@ def run(
     slow = np.empty(4)
     ahead = behind = 0.0
     fastest = 0.0
-    h_known = -1.0
+    h_known = h_decay = -1.0
     placed = False
 
     for k in range(first, steps.step.shape[0]):
@@ -250,6 +250,8 @@ def run(
             if fresh:
                 structure_of(W, cars, h, phi, gamma, qf, qr)
                 h_known = h
+            if h != h_decay:
+                h_decay = h
                 for c in range(4):
                     decay[2 + c] = math.exp(-noise[8 + c] * h)
             crossed(odd, Pi, B)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.kernels.steps import OPTIONS
 
-__all__ = ["LAGS", "SUMS", "slide"]
+__all__ = ["LAGS", "SUMS", "Limits", "judge", "slide"]
 
 Array = NDArray[np.float64]
 
@@ -20,6 +20,28 @@ LAGS: Final = 10
 _AXLE: Final = LAGS + 2  # numbers an axle: products by lag, and how many innovations
 SUMS: Final = 2 + 2 * _AXLE
 """Numbers in ``sums``: NIS and readings of the short window, then each axle's of the long one."""
+
+
+class Limits(NamedTuple):
+    """When a doubt begins, and when it ends.
+
+    Parameters
+    ----------
+    bands : (4, M) array
+        By number of readings in a window: the mean NIS within which a doubt ends, low and high,
+        and beyond which it begins.
+    coloured, white : float
+        Statistic of the colour, likewise.
+    swollen, shrunk : float
+        Level of the noise's variance, likewise; infinite where it tells nothing.
+    """
+
+    bands: Array
+    coloured: float
+    white: float
+    swollen: float
+    shrunk: float
+
 
 _LEAST: Final = 1e-10  # less than any sum of squares but one of nothing
 
@@ -112,3 +134,53 @@ def _afresh(rows: Array, end: int, short: int, long: int, sums: Array) -> None:
             for lag in range(LAGS + 1):
                 sums[at + lag] += new * rows[e - lag, 2 + axle]
             sums[at + LAGS + 1] += 1.0 if new != 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def judge(
+    nis: Array,
+    colour: Array,
+    level: Array,
+    limits: Limits,
+    doubt: NDArray[np.bool_],
+    mean: Array,
+    low: Array,
+    high: Array,
+    well: NDArray[np.bool_],
+) -> None:
+    """Doubt and trust, row by row: a doubt lasts from what begins it to what ends it.
+
+    Parameters
+    ----------
+    nis, colour : (N, 2) and (N,) arrays
+        As :func:`slide` filled them.
+    level : (N, 2) array
+        Level of the noise's variance, front and rear.
+    limits : Limits
+        See there.
+    doubt : (3,) bool array
+        Of the mean, the colour and the level, as the row before left them; changed in place.
+    mean, low, high : (N,) arrays
+        Filled with the mean NIS a reading and its band.
+    well : (N,) bool array
+        Filled: whether nothing is doubted.
+    """
+    for k in range(nis.shape[0]):
+        count = nis[k, 1]
+        mean[k] = nis[k, 0] / count if count > 0.5 else 1.0
+        n = int(count + 0.5)
+        low[k], high[k] = limits.bands[0, n], limits.bands[1, n]
+        if mean[k] < limits.bands[2, n] or mean[k] > limits.bands[3, n]:
+            doubt[0] = True
+        elif low[k] <= mean[k] <= high[k]:
+            doubt[0] = False
+        if colour[k] > limits.coloured:
+            doubt[1] = True
+        elif colour[k] < limits.white:
+            doubt[1] = False
+        most = max(level[k, 0], level[k, 1])
+        if most > limits.swollen:
+            doubt[2] = True
+        elif most < limits.shrunk:
+            doubt[2] = False
+        well[k] = not (doubt[0] or doubt[1] or doubt[2])

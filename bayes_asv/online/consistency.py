@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.kernels.watched import LAGS, SUMS, slide
+from bayes_asv.kernels.watched import LAGS, SUMS, Limits, judge, slide
 
 __all__ = ["LAGS", "WINDOW", "Consistency", "Summary", "Watched", "band"]
 
@@ -156,7 +156,13 @@ class Consistency:
         self._sums = np.zeros(SUMS)
         self._since = 0  # rows since these were summed afresh
         counts = np.arange(2.0 * self._window + 1.0)  # as many readings as a window can hold
-        self._bands = np.stack([*band(counts), *band(counts, _DOUBT)])
+        self._limits = Limits(
+            np.stack([*band(counts), *band(counts, _DOUBT)]),
+            _COLOURED,
+            _WHITE_AGAIN,
+            _SWOLLEN if self.declared else np.inf,
+            0.5 * _SWOLLEN if self.declared else np.inf,
+        )
 
     def watch(self, nis: Array, readings: Array, innovations: Array, level: Array) -> Watched:
         """Take N rows.
@@ -176,43 +182,22 @@ class Consistency:
         rows = np.concatenate([self._past, np.column_stack([nis, readings, cut])])
         self._past = rows[n:].copy()
         totals, colour = np.empty((n, 2)), np.empty(n)
+        mean, low, high, consistent = np.empty(n), np.empty(n), np.empty(n), np.empty(n, bool)
         self._since = slide(
             rows, len(rows) - n, self._window, self._long, self._since, self._sums, self.products,
             totals, colour,
         )  # fmt: skip
-        count = totals[:, 1]
-        mean = np.where(count > 0.5, totals[:, 0] / np.maximum(count, 1.0), 1.0)
-        low, high, far_low, far_high = self._bands[:, np.rint(count).astype(int)]
+        judge(totals, colour, level, self._limits, self._doubt, mean, low, high, consistent)
         self.nis += float(nis.sum())
         self.readings += float(readings.sum())
         self.rows += n
-        swollen = level.max(axis=1) if self.declared else np.ones(n)
-        amiss = np.column_stack(
-            [
-                self._held(0, (mean < far_low) | (mean > far_high), (mean >= low) & (mean <= high)),
-                self._held(1, colour > _COLOURED, colour < _WHITE_AGAIN),
-                self._held(2, swollen > _SWOLLEN, swollen < 0.5 * _SWOLLEN),
-            ]
-        )
-        consistent = np.asarray(~amiss.any(axis=1))
         if n:
-            self._doubt = amiss[-1]
             self.worst_colour = max(self.worst_colour, float(colour.max()))
             self.worst_level = max(self.worst_level, float(level.max()))
         self.rows_consistent += int(consistent.sum())
         wrong = np.flatnonzero(~consistent)
         self.rows_well = n - 1 - int(wrong[-1]) if len(wrong) else self.rows_well + n
         return Watched(mean, low, high, colour, consistent)
-
-    def _held(
-        self, which: int, begins: NDArray[np.bool_], ends: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Let a doubt last from what begins it to what ends it."""
-        at = np.arange(1, len(begins) + 1)
-        begun = np.maximum.accumulate(np.where(begins, at, 0))
-        ended = np.maximum.accumulate(np.where(ends & ~begins, at, 0))
-        untouched = (begun == 0) & (ended == 0)
-        return np.where(untouched, self._doubt[which], begun > ended)
 
     def summary(self) -> Summary:
         """Say how it went from the first row to the last."""
