@@ -170,9 +170,9 @@ def alarms(given: argparse.Namespace) -> Row:
         car, recording = long_drive(40.0, 400.0, given.seed + k, loss=0.3)
         nominal = vehicle(DECLARED)
         _, alarm, frames = raised(recording, nominal, _BELOW, _SURE)
-        left = faded_share(frames.time, 0.3, 20.0) * car.c_f / nominal.c_f.value
-        if left[0] > _BELOW > left[-1]:
-            crossed = float(frames.time[int(np.argmax(left < _BELOW))])
+        share = faded_share(frames.time, 0.3, 20.0) * car.c_f / nominal.c_f.value
+        if share[0] > _BELOW > share[-1]:
+            crossed = float(frames.time[int(np.argmax(share < _BELOW))])
             waits.append(None if alarm is None else alarm.time - crossed)
     out["after crossing"] = {"seconds": waits}
     return out
