@@ -203,7 +203,8 @@ def concluded(
         resets = tuple(tracker.filter.resets)
     if not reasons:
         sd = where.scale[:3] * np.sqrt(np.diag(covariance)[:3])
-        reasons = unlearned(sd, where.scale[:3])
+        lost = tracker.watch.summary().verdict == "inconsistent"
+        reasons = unlearned(sd, where.scale[:3], lost=lost)
     said = [*warnings, *tracker.fitness.warnings(name)]
     unheard = [c for c, s in zip(CHANNELS, tracker.vehicle.sensors, strict=True) if s.noise is None]
     if unheard:
