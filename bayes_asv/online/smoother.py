@@ -203,7 +203,7 @@ def _back(before: State, after: _Belief, model: Model, step: Steps, rules: Rules
 
 
 def _predicted(before: State, model: Model, step: Steps, rules: Rules) -> tuple[State, Array]:
-    """What the filter expects after a step, and how it carries the state given the parameters."""
+    """Foretell a step: what the filter expects, and how it carries the state given θ."""
     state = copied(before)
     blind = step._replace(kind=np.full_like(step.kind, MISSING))
     run(0, False, state, model, rules, blind, np.empty((1, COLUMNS)))
