@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+from collections import Counter
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -14,7 +16,9 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.errors import InputError
 from bayes_asv.recording import COUNTS, Recording, parse_rate
 
-__all__ = ["DUMP_END", "Dump", "dumps_in", "merged_dumps"]
+__all__ = ["DUMP_END", "Dump", "agreed", "dumps_in", "merged_dumps"]
+
+_Said = TypeVar("_Said")
 
 _ROW: Final = re.compile(r"(\d{1,4}) (\d{1,4}) (\d{1,4}) (\d{1,4}) (\d{1,4})")
 _REMARK: Final = re.compile(
@@ -85,37 +89,44 @@ def _dump(lines: list[str]) -> Dump:
     return Dump(tuple(remarks), tuple(rows), DUMP_END in lines, unreadable)
 
 
+def agreed(dumps: list[Dump]) -> dict[int, tuple[int, ...]]:
+    """Return the rows that two dumps gave alike and nothing contradicts as often."""
+    votes: dict[int, Counter[tuple[int, ...]]] = {}
+    for dump in dumps:
+        for index, readings in dump.rows:
+            votes.setdefault(index, Counter())[readings] += 1
+    return {index: row for index, own in votes.items() if (row := _elected(own)) is not None}
+
+
 def merged_dumps(dumps: list[Dump], rate: float | None, source: str = "") -> Merged:
-    """Make a recording of one dump, or of what two dumps of one run agree on.
+    """Make a recording of one dump, or of what several dumps of one run agree on.
 
     Parameters
     ----------
     dumps : list of Dump
-        At least one; the last two count.
+        At least one.
     rate : float or None
         Rows a second, Hz, where the dump does not say it.
     source : str
         For messages.
     """
-    pair = dumps[-2:]
-    held = [dict(dump.rows) for dump in pair]
-    checked = len(pair) == 2
-    good = {k: v for k, v in held[-1].items() if not checked or held[0].get(k) == v}
-    remarks = [r for r in pair[-1].remarks if not checked or r in pair[0].remarks]
+    checked = len(dumps) > 1
+    good = agreed(dumps) if checked else dict(dumps[0].rows)
+    said = {key: _elected(own) if checked else own.most_common(1)[0][0]
+            for key, own in _remarks(dumps).items()}  # fmt: skip
     faults, warnings = [], []
     lost = [k for k in range(1, MOST_ROWS + 1) if k not in good]
     if lost:
         why = "did not come twice alike" if checked else "did not come"
         faults.append(f"{len(lost)} of {MOST_ROWS} rows {why}: {ranges(lost)}")
-    if not all(dump.ended for dump in pair):
-        faults.append("a text dump broke off before its end")
     if not checked:
         warnings.append("the text dump came once: nothing checks its readings")
-    said = dict(remarks).get("sample_rate")
-    try:
-        rate = parse_rate(said, source) if said is not None else rate
-    except InputError:
-        rate = None
+    if said.get("clock rear") is None:
+        faults.append("the drift of the rear's clock did not come")
+    text = said.pop("sample_rate", None)
+    if text is not None:
+        with contextlib.suppress(InputError):  # one dump alone may be spoilt here as well
+            rate = parse_rate(text, source)
     if rate is None:
         return Merged(None, (*faults, "the dump does not say its rate"), tuple(warnings))
     if len(good) < 2:
@@ -123,14 +134,27 @@ def merged_dumps(dumps: list[Dump], rate: float | None, source: str = "") -> Mer
     index = np.array(sorted(good))
     values = np.array([good[k] for k in index], dtype=np.float64).T
     metadata = [
-        ("sample_rate", f"{rate!r} Hz"),
-        *(r for r in remarks if r[0] != "sample_rate"),
+        ("sample_rate", f"{rate:.12g} Hz"),
+        *((key, value) for key, value in said.items() if value is not None),
         *(("note", note) for note in (*faults, *warnings)),
     ]
     assert len(values) == len(CHANNELS)
-    drift = _ppm(dict(remarks).get("clock rear"))
     recording = Recording((index - 1) / rate, values, (COUNTS,) * 4, tuple(metadata), source)
-    return Merged(recording, tuple(faults), tuple(warnings), drift)
+    return Merged(recording, tuple(faults), tuple(warnings), _ppm(said.get("clock rear")))
+
+
+def _remarks(dumps: list[Dump]) -> dict[str, Counter[str]]:
+    votes: dict[str, Counter[str]] = {}
+    for dump in dumps:
+        for key, value in dump.remarks:
+            votes.setdefault(key, Counter())[value] += 1
+    return votes
+
+
+def _elected(votes: Counter[_Said]) -> _Said | None:
+    """Return what was said twice at least, and more often than anything else."""
+    first, *others = votes.most_common(2)
+    return first[0] if first[1] > max([1, *(count for _, count in others)]) else None
 
 
 def _ppm(text: str | None) -> float | None:

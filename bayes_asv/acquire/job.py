@@ -29,6 +29,7 @@ def acquire(
     rate: float | None = None,
     say: Callable[[str], None] = lambda text: None,
     grown: Callable[[Block], None] | None = None,
+    seq: int | None = None,
 ) -> Outcome:
     """Bring one run over a port; whatever stops it, what has come is in the outcome.
 
@@ -50,12 +51,14 @@ def acquire(
         Told what happens, a sentence at a time.
     grown : callable, optional
         Told a block whenever a frame of it has come.
+    seq : int, optional
+        Number before the first command's; at random without it.
     """
 
     def heard(event: Event) -> None:
         say(event.said)
 
-    laptop = Laptop(port, heard, grown, patience=min(patience, _FIRST_ANSWER))
+    laptop = Laptop(port, heard, grown, patience=min(patience, _FIRST_ANSWER), seq=seq)
     laptop.replay(held)
     laptop.events.clear()
     faults: tuple[str, ...] = ()

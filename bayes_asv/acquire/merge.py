@@ -103,10 +103,11 @@ def merged(front: Block, rear: Block, source: str = "") -> Merged:
     rows = np.flatnonzero(here)
     late = _lateness(clocks, head, first + start, shift)
     metadata = [
-        ("sample_rate", f"{rate!r} Hz"),
+        ("sample_rate", f"{rate:.12g} Hz"),
         *_delays(blocks, clocks, late, head),
         *([] if clocks.drift is None else [("clock rear", f"{1e6 * clocks.drift:.4f} ppm")]),
         ("logger run", _run_words(head)),
+        ("first row", f"{first + start + 1}"),
         *(("note", note) for note in (*faults, *warnings)),
     ]
     recording = Recording(

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from bayes_asv.acquire.blocks import Block
-from bayes_asv.acquire.dump import DUMP_END
+from bayes_asv.acquire.blocks import MOST_ROWS, Block
+from bayes_asv.acquire.dump import DUMP_END, agreed, dumps_in
 from bayes_asv.acquire.frames import Address, Kind, Result, State
 from bayes_asv.acquire.laptop import Laptop, SilentError
 from bayes_asv.acquire.messages import STATES, Code, Event, Settings, Status
@@ -25,6 +25,7 @@ _MOST_DROPS: Final = 3  # times that a block whose CRC-32 differs is fetched aga
 _LOOK: Final = 3.0  # s between looks at the state while nothing is said
 _LAST_WORDS: Final = 2.5  # s: an event is repeated every 2 s
 _DUMP_SILENCE: Final = 6.0  # s without a line after which a dump has broken off
+_MOST_DUMPS: Final = 4
 _FRONT, _REAR = Address.SLAVE_1, Address.SLAVE_2
 
 
@@ -127,13 +128,15 @@ def bring(laptop: Laptop, request: Request, say: Callable[[str], None]) -> tuple
     return tuple(course.faults)
 
 
-def bring_text(laptop: Laptop, times: int = 2) -> bool:
-    """Let the logger dump a waiting run as text, `times` times; whether all of them ended.
+def bring_text(laptop: Laptop, most: int = _MOST_DUMPS) -> None:
+    """Let the logger dump a waiting run as text until every row has come twice alike.
 
-    The text has no check of its own, so two dumps are held against each other later.
+    The text has no check of its own, so one dump is held against the others.
     """
     laptop.lines.clear()
-    return all(_dumped(laptop) for _ in range(times))
+    for _ in range(most):
+        if not _dumped(laptop) or len(agreed(dumps_in(laptop.lines))) == MOST_ROWS:
+            return
 
 
 def _dumped(laptop: Laptop) -> bool:
