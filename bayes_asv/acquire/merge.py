@@ -87,7 +87,7 @@ def merged(front: Block, rear: Block, source: str = "") -> Merged:
     head = heads[0] or heads[1]
     if head is None:
         return Merged(None, (*faults, "no block says how fast the rows were taken"), ())
-    if heads[0] and heads[1] and (heads[0].run, _every(heads[0])) != (heads[1].run, _every(head)):
+    if heads[0] and heads[1] and _run_of(heads[0]) != _run_of(heads[1]):
         faults.append("the two blocks are not of one run, so the rear's is left out")
         blocks, heads = (front, Block(rear.board)), [heads[0], None]
     clocks, doubts = _clocks(blocks, heads)
@@ -159,8 +159,8 @@ def _said(head: Head | None, name: str) -> list[str]:
     return [f"{head.saturated} readings of the {name} board are 0 or 1023"]
 
 
-def _every(head: Head) -> tuple[int, int]:
-    return head.prescale, head.cycles
+def _run_of(head: Head) -> tuple[int, int, int]:
+    return head.run, head.prescale, head.cycles
 
 
 def _clocks(
