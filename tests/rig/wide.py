@@ -87,6 +87,12 @@ class WideCar:
         """Centre of gravity to rear axle, m."""
         return self.l * self.wdf
 
+    @property
+    def loads(self) -> Reals:
+        """Static forces (4,) of the tyres, N."""
+        share = 0.5 * np.array([self.wdf, self.wdf, 1.0 - self.wdf, 1.0 - self.wdf])
+        return np.asarray((share * self.m + np.array(self.m_u)) * STANDARD_GRAVITY)
+
 
 def wide_baja() -> WideCar:
     """Return the car of Table 7.1 with two sides.
@@ -210,9 +216,7 @@ def wide_motion(
             [-car.l_r, 0.5 * car.t_r], [-car.l_r, -0.5 * car.t_r],
         ]
     )  # fmt: skip
-    share = 0.5 * np.array([car.wdf, car.wdf, 1.0 - car.wdf, 1.0 - car.wdf])
-    load = (share * car.m + np.array(car.m_u)) * STANDARD_GRAVITY
-    wheel = np.column_stack([car.k, car.c, car.m_u, car.k_t, car.c_t, load])
+    wheel = np.column_stack([car.k, car.c, car.m_u, car.k_t, car.c_t, car.loads])
     n = (len(road) + 1) // 2
     states, rates = np.empty((n, 14)), np.empty((n, 14))
     body = np.array([car.m, car.i, car.i_roll])
@@ -223,7 +227,7 @@ def wide_motion(
 
 @dataclass(frozen=True)
 class WideRun:
-    """Stamps (N,), readings (7, N) in m/s² and true accelerations behind the same filters."""
+    """Stamps (N,), readings (7, N) in m/s², true accelerations behind the same filters, flight."""
 
     time: Reals
     channels: Reals
@@ -290,8 +294,8 @@ def wide_drive(
         noise = _NOISE[j] * lfilter([1.0], [1.0, -memory], fresh)
         noisy = clean[j] + 4.0 * INCH * rng.standard_normal() + noise
         channels[j] = clean[j] if quiet else np.rint(noisy / _STEP[j]) * _STEP[j]
-    load = np.array(car.k_t) * (road[::2] - states[:, 3:7])
-    return WideRun(rows, channels, clean, bool(load.min() < -0.99 * car.m * STANDARD_GRAVITY))
+    pressed = car.loads + np.array(car.k_t) * (road[::2] - states[:, 3:7])
+    return WideRun(rows, channels, clean, bool(pressed.min() <= 0.0))
 
 
 def wide_toml(
