@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import chi2
 
+from bayes_asv.inference.bestfit import best_fit, lay_out
 from bayes_asv.kernels import unscented
 from bayes_asv.kernels.filter_state import COLUMNS, Steps
 from bayes_asv.online import reference
@@ -42,8 +43,8 @@ from tests.rig import (
 from tests.rig.terrain import rollers
 
 __all__ = [
-    "KNOWLEDGE", "NAMES", "covered", "faded_share", "fading", "long_drive", "nees_band", "raised",
-    "speeds", "watched",
+    "KNOWLEDGE", "NAMES", "against", "covered", "faded_share", "fading", "long_drive", "nees_band",
+    "raised", "speeds", "watched",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -82,6 +83,22 @@ def covered(
         "consistent": found.verdict == "consistent",
         "resets": len(result.resets),
         "cpu_seconds": seconds,
+    }
+
+
+def against(terrain: str, seed: int) -> Row:
+    """Hold the last row of a drive of two seconds against mode and curvature of the posterior."""
+    _, _, recording = case(terrain, seed, EXACT)
+    lines, _, _ = lay_out([recording], vehicle(EXACT))
+    found = best_fit(lines, vehicle(EXACT))
+    mode = found.space.cars(found.mode.z[None])[0, : len(NAMES)]
+    sd = np.array([found.space.log_deviation(found.mode.covariance, n) for n in NAMES])
+    frames = track(recording, vehicle(EXACT)).frames
+    return {
+        "terrain": terrain,
+        "seed": seed,
+        "shift": (np.log(frames.median[-1] / mode) / sd).tolist(),
+        "ratio": (frames.log_sd[-1] / sd).tolist(),
     }
 
 
