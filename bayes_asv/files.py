@@ -123,8 +123,8 @@ def check_target(path: PathLike) -> None:
         raise _unwritable(where, exc) from None
 
 
-def write_whole(path: PathLike, data: bytes) -> None:
-    """Write a file whole or not at all.
+def write_whole(path: PathLike, data: bytes | Iterable[bytes]) -> None:
+    """Write a file whole or not at all, from one piece of bytes or from many.
 
     The bytes go to a temporary file in the same folder, which then takes the name in one step: a
     full disk or a cut cable leaves the old file as it was.
@@ -143,7 +143,7 @@ def write_whole(path: PathLike, data: bytes) -> None:
         beside = target.with_name(f".{secrets.token_hex(8)}.part")
         with open(beside, "xb") as file:
             temporary = beside
-            file.write(data)
+            file.writelines([data] if isinstance(data, bytes) else data)
             file.flush()
             os.fsync(file.fileno())
         if target.exists():

@@ -17,4 +17,9 @@ QUANTITIES = {
     "wdf": ("dimensionless", "front weight fraction"),
     "k_f": ("stiffness", "front spring rate"),
     "k_r": ("stiffness", "rear spring rate"),
+    "c_fl": ("damping", "front left damping rate"),
+    "c_fr": ("damping", "front right damping rate"),
+    "c_rl": ("damping", "rear left damping rate"),
+    "c_rr": ("damping", "rear right damping rate"),
+    "i_roll": ("pitch_inertia", "roll inertia"),
 }

@@ -1,4 +1,4 @@
-"""A recording: four accelerometer channels over time, in the units they were read in.
+"""A recording: accelerometer channels over time, in the units they were read in.
 
 Nothing is resampled, filtered or filled in here. A missing cell is NaN, a missing row is a step in
 time, and the stamps govern; what is known about clocks and delays is applied only when asked for.
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bayes_asv.channels import CHANNELS
+from bayes_asv.channels import CHANNELS, ROLL_CHANNELS
 from bayes_asv.errors import InputError
 from bayes_asv.files import closest
 from bayes_asv.units import parse_quantity, si_factor
@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 __all__ = [
     "CHANNELS",
     "COUNTS",
+    "ROLL_CHANNELS",
     "Recording",
     "Timing",
     "accelerations",
+    "corners_only",
     "declared_rate",
+    "half_car_only",
     "nominal_rate",
     "sample_offsets",
     "timing",
@@ -53,9 +56,9 @@ class Recording:
     ----------
     time : ndarray of float, shape (N,)
         Stamp of each row, s, strictly increasing, N at least 2.
-    values : ndarray of float, shape (4, N)
-        Readings in the order of `CHANNELS`, each in its own unit; NaN where a cell is missing.
-    units : tuple of 4 str
+    values : ndarray of float, shape (C, N)
+        Readings in the order of the channels, each in its own unit; NaN where a cell is missing.
+    units : tuple of C str
         Unit of each channel, an acceleration or ``"counts"``.
     metadata : tuple of (str, str)
         Keys and values in their order; white space is folded.
@@ -63,6 +66,8 @@ class Recording:
         Name and hash of the file; empty when it was made in memory.
     warnings : tuple of str
         What a reader noticed and a person should know.
+    channels : tuple of C str
+        `CHANNELS`, or `ROLL_CHANNELS` for a car that rolls.
 
     Raises
     ------
@@ -72,21 +77,22 @@ class Recording:
 
     time: NDArray[np.float64]
     values: NDArray[np.float64]
-    units: tuple[str, str, str, str]
+    units: tuple[str, ...]
     metadata: tuple[tuple[str, str], ...] = ()
     source: str = ""
     sha256: str = ""
     warnings: tuple[str, ...] = ()
+    channels: tuple[str, ...] = CHANNELS
 
     def __post_init__(self) -> None:
         where = self.source or "recording"
         time = np.array(self.time, dtype=np.float64, ndmin=1)
         values = np.array(self.values, dtype=np.float64, ndmin=2)
-        if time.ndim != 1 or values.shape != (len(CHANNELS), time.size):
+        if time.ndim != 1 or values.shape != (len(self.channels), time.size):
             raise InputError(
                 where,
                 f"time {time.shape} and values {values.shape} do not match",
-                "give time (N,) and values (4, N)",
+                f"give time (N,) and values ({len(self.channels)}, N)",
             )
         if time.size < 2:
             raise InputError(where, f"has {time.size} rows", "a recording needs two at least")
@@ -100,9 +106,9 @@ class Recording:
                 raise InputError(
                     where, f"{name} is beyond {LARGEST_NUMBER:g}", "leave missing cells as NaN"
                 )
-        if len(self.units) != len(CHANNELS):
+        if len(self.units) != len(self.channels):
             raise InputError(where, f"has {len(self.units)} units", "give one a channel")
-        for channel, unit in zip(CHANNELS, self.units, strict=True):
+        for channel, unit in zip(self.channels, self.units, strict=True):
             if unit != COUNTS:
                 acceleration_factor(unit, f"{where}: {channel}")
         pairs = tuple((_folded(key), _folded(value)) for key, value in self.metadata)
@@ -130,14 +136,46 @@ class Timing:
 
     Parameters
     ----------
-    delay : tuple of 4 (float or None)
+    delay : tuple of C (float or None)
         Sampled this much after the stamp, s; None where the metadata do not say.
-    clock : tuple of 4 float
+    clock : tuple of C float
         How much the channel's clock runs fast, as a ratio (48.3 ppm is 48.3e-6).
     """
 
     delay: tuple[float | None, ...] = (None,) * 4
     clock: tuple[float, ...] = (0.0,) * 4
+
+
+def half_car_only(recording: Recording) -> None:
+    """Refuse a recording of single corners where a half car is meant.
+
+    Raises
+    ------
+    InputError
+        If its channels are not `CHANNELS`.
+    """
+    if recording.channels != CHANNELS:
+        raise InputError(
+            recording.source or "recording",
+            f"has {len(recording.channels)} channels, of single corners, and this needs four",
+            "use bayes-asv estimate --car roll",
+        )
+
+
+def corners_only(recording: Recording) -> None:
+    """Refuse a recording of a half car where one of single corners is meant.
+
+    Raises
+    ------
+    InputError
+        If its channels are not `ROLL_CHANNELS`.
+    """
+    if recording.channels != ROLL_CHANNELS:
+        raise InputError(
+            recording.source or "recording",
+            "has the four channels of a half car, and a car that rolls needs seven",
+            f"give {', '.join(ROLL_CHANNELS)}, or leave out --car roll",
+        )
 
 
 def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:
@@ -154,8 +192,8 @@ def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]
 
     Returns
     -------
-    ndarray of float, shape (4, N)
-        m/s^2 in the order of `CHANNELS`; NaN where a cell is missing.
+    ndarray of float, shape (C, N)
+        m/s^2 in the order of the recording's channels; NaN where a cell is missing.
 
     Raises
     ------
@@ -163,11 +201,11 @@ def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]
         If a channel is in counts and the vehicle's file lacks its zero or its scale.
     """
     result = np.empty_like(recording.values)
-    for row, (channel, unit) in enumerate(zip(CHANNELS, recording.units, strict=True)):
+    for row, (channel, unit) in enumerate(zip(recording.channels, recording.units, strict=True)):
         if unit != COUNTS:
             result[row] = recording.values[row] * si_factor(unit, "acceleration")
             continue
-        zero, scale = _count_scale(vehicle, vehicle.sensors[row], channel)
+        zero, scale = _count_scale(vehicle, vehicle.sensor(channel), channel)
         result[row] = (recording.values[row] - zero) * scale
     return result
 
@@ -214,7 +252,8 @@ def timing(recording: Recording) -> Timing:
     InputError
         If an entry names no channel or is not a delay or a clock.
     """
-    delay: list[float | None] = [None] * len(CHANNELS)
+    channels = recording.channels
+    delay: list[float | None] = [None] * len(channels)
     board: dict[str, float] = {}
     own: dict[str, float] = {}
     for key, value in recording.metadata:
@@ -223,7 +262,7 @@ def timing(recording: Recording) -> Timing:
             continue
         where = f"{recording.source or 'recording'}: # {key}"
         kind, name = match[1], re.sub(r"[\s-]+", "_", match[2].lower())
-        names = CHANNELS if kind == "delay" else (*CHANNELS, "front", "rear")
+        names = channels if kind == "delay" else (*channels, "front", "rear")
         if name not in names:
             near = closest(name, names)
             mend = f"did you mean {near}?" if near else f"name one of {', '.join(names)}"
@@ -232,13 +271,13 @@ def timing(recording: Recording) -> Timing:
             seconds = _quantity(value, "time", "s", where)
             if abs(seconds) > _LARGEST_DELAY:
                 raise InputError(where, f"{seconds:g} s is not believable", "write 0.000675 s")
-            delay[CHANNELS.index(name)] = seconds
+            delay[channels.index(name)] = seconds
         else:
             ratio = _quantity(value, "dimensionless", "ppm", where)
             if abs(ratio) > _LARGEST_CLOCK_PPM * 1e-6:
                 raise InputError(where, f"{ratio * 1e6:g} ppm is not believable", "write 48.3 ppm")
-            (own if name in CHANNELS else board)[name] = ratio
-    clock = tuple(own.get(name, board.get(name.split("_")[0], 0.0)) for name in CHANNELS)
+            (own if name in channels else board)[name] = ratio
+    clock = tuple(own.get(name, board.get(name.split("_")[0], 0.0)) for name in channels)
     return Timing(tuple(delay), clock)
 
 
@@ -258,8 +297,8 @@ def sample_offsets(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64
 
     Returns
     -------
-    ndarray of float, shape (4, N)
-        s, in the order of `CHANNELS`.
+    ndarray of float, shape (C, N)
+        s, in the order of the recording's channels.
 
     Raises
     ------
@@ -269,7 +308,8 @@ def sample_offsets(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64
     said = timing(recording)
     start = recording.time[0]
     result = np.empty_like(recording.values)
-    for row, sensor in enumerate(vehicle.sensors):
+    for row, channel in enumerate(recording.channels):
+        sensor = vehicle.sensor(channel)
         own = said.delay[row]
         delay = sensor.delay if own is None else own
         # An ideal clock leaves its stamps as they are, to the last bit.

@@ -10,24 +10,27 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from bayes_asv.channels import CHANNELS
+from bayes_asv.channels import CHANNELS, ROLL_CHANNELS
 from bayes_asv.errors import InputError
 from bayes_asv.files import closest, read_bytes, write_whole
 from bayes_asv.units import display_units, si_factor
+from bayes_asv.vehicle_parts import Given, Nominal, Roll, Sensor, Travel, Unsprung
 
 if TYPE_CHECKING:
     from bayes_asv.files import PathLike
-    from bayes_asv.vehicle_file import Measured, SensorTable
+    from bayes_asv.vehicle_file import Measured, RollTable, SensorTable, UnsprungTable
 
 __all__ = [
     "CHANNELS",
     "Given",
     "Nominal",
+    "Roll",
     "Sensor",
     "Travel",
+    "Unsprung",
     "Vehicle",
     "read_vehicle",
     "to_toml",
@@ -35,70 +38,6 @@ __all__ = [
 ]
 
 _LARGEST_FILE: Final = 1_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Given:
-    """A value that is known, in SI, with its standard deviation (zero: exact)."""
-
-    value: float
-    sd: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Nominal:
-    """A value to start from, in SI; `sd` is the prior's deviation, None for the usual prior."""
-
-    value: float
-    sd: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Travel:
-    """Suspension travel from rest to the stop, m, positive; bump is compression.
-
-    None where it is not known.
-    """
-
-    front_bump: float | None = None
-    front_droop: float | None = None
-    rear_bump: float | None = None
-    rear_droop: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Sensor:
-    """One accelerometer as mounted; None where a figure is not known.
-
-    Parameters
-    ----------
-    zero_counts : float or None
-        Reading at rest, counts.
-    counts_scale : float or None
-        Acceleration per count, m/s^2; negative when mounted upside down.
-    low, high : float
-        Ends of the range, m/s^2.
-    noise : float or None
-        Root-mean-square noise of one sample, quantising left out, m/s^2.
-    resolution : float or None
-        One step of the reading, m/s^2.
-    bandwidth : float or None
-        Corner of the output filter (one pole), Hz.
-    delay : float
-        Sampled this much later than the row's time, s.
-    counts_scale_sd : float
-        Standard deviation of `counts_scale`, m/s^2 (zero: exact).
-    """
-
-    zero_counts: float | None = None
-    counts_scale: float | None = None
-    low: float = -math.inf
-    high: float = math.inf
-    noise: float | None = None
-    resolution: float | None = None
-    bandwidth: float | None = None
-    delay: float = 0.0
-    counts_scale_sd: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +68,12 @@ class Vehicle:
         Suspension travel.
     sensors : tuple of 4 Sensor
         In the order of `CHANNELS`.
+    corner_sensors : tuple of (str, Sensor)
+        Those of single corners by channel, in the order of `ROLL_CHANNELS`.
+    unsprung : Unsprung or None
+        Wheels and tyres.
+    roll : Roll or None
+        What the car needs to roll.
     source, sha256 : str
         Name and hash of the file it was read from; empty when it was not.
     """
@@ -147,17 +92,31 @@ class Vehicle:
     sensors: tuple[Sensor, Sensor, Sensor, Sensor] = field(
         default_factory=lambda: (Sensor(), Sensor(), Sensor(), Sensor())
     )
+    corner_sensors: tuple[tuple[str, Sensor], ...] = ()
+    unsprung: Unsprung | None = None
+    roll: Roll | None = None
     source: str = field(default="", compare=False)
     sha256: str = field(default="", compare=False)
 
     def sensor(self, name: str) -> Sensor:
         """Sensor of one channel.
 
+        That of a corner without a table of its own is like the axle's, but for its zero and its
+        scale in counts, which are each sensor's own.
+
         Raises
         ------
         InputError
-            If `name` is not one of `CHANNELS`.
+            If `name` is not one of `CHANNELS` or `ROLL_CHANNELS`.
         """
+        if name in ROLL_CHANNELS and name not in CHANNELS:
+            axle, _, place = name.split("_")
+            alike = self.sensors[CHANNELS.index(f"{axle}_{place}")]
+            step = alike.resolution or (abs(alike.counts_scale) if alike.counts_scale else None)
+            alike = replace(
+                alike, zero_counts=None, counts_scale=None, counts_scale_sd=0.0, resolution=step
+            )
+            return dict(self.corner_sensors).get(name, alike)
         if name not in CHANNELS:
             near = closest(name, CHANNELS)
             mend = f"did you mean {near}?" if near else f"channels are {', '.join(CHANNELS)}"
@@ -240,6 +199,13 @@ def read_vehicle(path: PathLike) -> Vehicle:
             _sensor(tables.sensors.rear_wheel),
             _sensor(tables.sensors.rear_chassis),
         ),
+        corner_sensors=tuple(
+            (name, _sensor(table))
+            for name in ROLL_CHANNELS
+            if name not in CHANNELS and (table := getattr(tables.sensors, name)) is not None
+        ),
+        unsprung=None if tables.unsprung is None else _unsprung(tables.unsprung),
+        roll=None if tables.roll is None else _roll(tables.roll),
         source=source,
         sha256=hashlib.sha256(data).hexdigest(),
     )
@@ -296,8 +262,31 @@ def to_toml(vehicle: Vehicle) -> str:
     ]
     if travel:
         lines += ["", "[travel]", *travel]
+    if (wheels := vehicle.unsprung) is not None:
+        entries = (
+            ("front_mass", wheels.front_mass, "mass"),
+            ("rear_mass", wheels.rear_mass, "mass"),
+            ("front_tyre_rate", wheels.front_tyre_rate, "stiffness"),
+            ("rear_tyre_rate", wheels.rear_tyre_rate, "stiffness"),
+            ("front_tyre_damping", wheels.front_tyre_damping, "damping"),
+            ("rear_tyre_damping", wheels.rear_tyre_damping, "damping"),
+        )
+        lines += ["", "[unsprung]", *(line(*entry) for entry in entries if entry[1])]
+    if (roll := vehicle.roll) is not None:
+        lines += [
+            "",
+            "[roll]",
+            line("front_track", roll.front_track.value, "length", roll.front_track.sd),
+            line("rear_track", roll.rear_track.value, "length", roll.rear_track.sd),
+            line("inertia", roll.inertia.value, "pitch_inertia", roll.inertia.sd),
+        ]
+        for key, bar in (("front_bar", roll.front_bar), ("rear_bar", roll.rear_bar)):
+            lines += [line(key, bar, "stiffness")] if bar else []
+        if roll.front_sensors is not None:
+            lines.append(line("front_sensors", roll.front_sensors, "length"))
     acceleration = si_factor(units["acceleration"], "acceleration")
-    for channel, sensor in zip(CHANNELS, vehicle.sensors, strict=True):
+    mounted = (*zip(CHANNELS, vehicle.sensors, strict=True), *vehicle.corner_sensors)
+    for channel, sensor in mounted:
         table = []
         if sensor.zero_counts is not None:
             table.append(f"zero_counts = {_shortest(sensor.zero_counts, 1.0)}")
@@ -330,6 +319,28 @@ def _given(measured: Measured) -> Given:
 
 def _value(measured: Measured | None) -> float | None:
     return None if measured is None else measured.value
+
+
+def _unsprung(table: UnsprungTable) -> Unsprung:
+    return Unsprung(
+        table.front_mass.value,
+        table.rear_mass.value,
+        table.front_tyre_rate.value,
+        table.rear_tyre_rate.value,
+        _value(table.front_tyre_damping) or 0.0,
+        _value(table.rear_tyre_damping) or 0.0,
+    )
+
+
+def _roll(table: RollTable) -> Roll:
+    return Roll(
+        _given(table.front_track),
+        _given(table.rear_track),
+        Nominal(*table.inertia),
+        _value(table.front_bar) or 0.0,
+        _value(table.rear_bar) or 0.0,
+        _value(table.front_sensors),
+    )
 
 
 def _sensor(table: SensorTable) -> Sensor:

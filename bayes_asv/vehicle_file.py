@@ -11,7 +11,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from functools import partial
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 from pydantic_core import PydanticCustomError
@@ -20,7 +20,10 @@ from bayes_asv.errors import InputError
 from bayes_asv.files import closest, decode
 from bayes_asv.units import parse_quantity, si_factor
 
-__all__ = ["Measured", "RangeSI", "SensorTable", "VehicleTables", "parse_vehicle"]
+__all__ = [
+    "Measured", "RangeSI", "RollTable", "SensorTable", "UnsprungTable", "VehicleTables",
+    "parse_vehicle",
+]  # fmt: skip
 
 
 class Measured(NamedTuple):
@@ -259,13 +262,41 @@ class SensorTable(_Table):
     delay: Annotated[Measured | None, _plain("time", "delay")] = None
 
 
+class UnsprungTable(_Table):
+    """``[unsprung]``: wheels and tyres, both sides of an axle together."""
+
+    front_mass: Annotated[Measured, _plain("mass")]
+    rear_mass: Annotated[Measured, _plain("mass")]
+    front_tyre_rate: Annotated[Measured, _plain("stiffness")]
+    rear_tyre_rate: Annotated[Measured, _plain("stiffness")]
+    front_tyre_damping: Annotated[Measured | None, _plain("damping")] = None
+    rear_tyre_damping: Annotated[Measured | None, _plain("damping")] = None
+
+
+class RollTable(_Table):
+    """``[roll]``: what a car needs to roll."""
+
+    front_track: Annotated[Measured, _given("length")]
+    rear_track: Annotated[Measured, _given("length")]
+    inertia: Annotated[Measured, _nominal("pitch_inertia")]
+    front_bar: Annotated[Measured | None, _plain("stiffness")] = None
+    rear_bar: Annotated[Measured | None, _plain("stiffness")] = None
+    front_sensors: Annotated[Measured | None, _plain("length")] = None
+
+
 class SensorsTable(_Table):
-    """``[sensors]``, one table a channel."""
+    """``[sensors]``, one table a channel; those of a corner only for a car that rolls."""
 
     front_wheel: SensorTable = SensorTable()
     front_chassis: SensorTable = SensorTable()
     rear_wheel: SensorTable = SensorTable()
     rear_chassis: SensorTable = SensorTable()
+    front_left_wheel: SensorTable | None = None
+    front_right_wheel: SensorTable | None = None
+    rear_left_wheel: SensorTable | None = None
+    rear_right_wheel: SensorTable | None = None
+    front_left_chassis: SensorTable | None = None
+    front_right_chassis: SensorTable | None = None
 
 
 class VehicleTables(_Table):
@@ -277,6 +308,8 @@ class VehicleTables(_Table):
     nominal: NominalTable
     travel: TravelTable = TravelTable()
     sensors: SensorsTable = SensorsTable()
+    unsprung: UnsprungTable | None = None
+    roll: RollTable | None = None
 
 
 def parse_vehicle(data: bytes, where: str) -> VehicleTables:
@@ -344,10 +377,11 @@ def _where_it_belongs(place: tuple[int | str, ...]) -> str:
     table: type[BaseModel] = VehicleTables
     for part in place[:-1]:
         inner = table.model_fields[str(part)].annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            table = inner
+        for choice in (inner, *get_args(inner)):  # a table, or a table or None
+            if isinstance(choice, type) and issubclass(choice, BaseModel):
+                table = choice
     key = str(place[-1])
-    for name, other in (("known", KnownTable), ("nominal", NominalTable), ("travel", TravelTable)):
+    for name, other in _HOMES:
         if key in other.model_fields and other is not table:
             return f"move it to [{name}]"
     near = closest(key, table.model_fields)
@@ -364,4 +398,8 @@ def _key(place: tuple[int | str, ...]) -> str:
     return f"[{'.'.join(parts[:-1])}] {parts[-1]}"
 
 
-_TABLES: Final = frozenset({"known", "nominal", "travel", "sensors"})
+_HOMES: Final[tuple[tuple[str, type[BaseModel]], ...]] = (
+    ("known", KnownTable), ("nominal", NominalTable), ("travel", TravelTable),
+    ("unsprung", UnsprungTable), ("roll", RollTable),
+)  # fmt: skip
+_TABLES: Final = frozenset({"known", "nominal", "travel", "sensors", "unsprung", "roll"})

@@ -7,8 +7,8 @@ Two parts, in virtual time, with crystal errors drawn between -50 and +50 ppm a 
              other.
 *transfers*  Whole runs (synchronised by six steps, the short form and by radio in turn) and both
              blocks over a bad link: one packet in five between the boards is lost, one bit in a
-             thousand between the modems inverted.  What the laptop holds is held against what the
-             converters gave, reading by reading.
+             thousand between the modems inverted.  The laptop is `bayes_asv.acquire`; its
+             recordings are held against what the converters gave, reading by reading.
 
 ``python -m benchmarks.logger`` writes ``benchmarks/results/logger.json``.  It needs what
 ``firmware/emulator`` needs, and some 20 minutes of two cores.
@@ -32,11 +32,16 @@ import numpy as np
 from scipy import stats
 
 from bayes_asv import __version__
-from tests.firmware.emulated import FIRMWARE, build
-from tests.firmware.laptop import Block, NoAnswerError
+from bayes_asv.acquire.job import acquire
+from bayes_asv.acquire.messages import Settings
+from bayes_asv.acquire.run import Request
+from bayes_asv.recording import Recording, declared_rate, sample_offsets
+from bayes_asv.shipped import shipped
+from bayes_asv.vehicle import read_vehicle
+from tests.firmware.emulated import FIRMWARE, Emulated, VirtualPort, build
 from tests.firmware.logger import Logger, switched_on, why_not
 from tests.firmware.scenarios import Setup, build_firmware
-from tests.firmware.truth import predicted_times, rows_of
+from tests.firmware.truth import rows_of
 
 __all__ = ["main", "rates_of", "transfers_of"]
 
@@ -45,7 +50,9 @@ RATES = (50, 100, 200, 400, 800)
 SYNCHS = ("six steps", "short", "radio")
 LOSS, ERROR_RATE = 0.2, 1e-3
 LARGEST_PPM = 50.0
-ROWS = 800
+ROWS, READINGS = 800, 4
+PATIENCE = 200.0  # virtual seconds without an answer
+VEHICLE = read_vehicle(shipped("vehicles", "baja2008.toml"))
 
 Row = dict[str, Any]
 
@@ -56,72 +63,91 @@ def crystals(rng: np.random.Generator) -> tuple[float, float, float]:
     return one, two, three
 
 
-def held_against_truth(
-    logger: Logger, blocks: tuple[Block, Block], since: float, ppm: float
-) -> Row:
+def held_against_truth(emulated: Emulated, recording: Recording, since: float, ppm: float) -> Row:
     """Count the readings that differ, and measure how the two boards' times agree with the truth.
 
-    Times are compared between the boards: a constant that both share, such as the interrupt's
-    latency, is left out.
+    Times are those that an estimate would use (`sample_offsets`), and compared between the boards:
+    a constant that both share, such as the interrupt's latency, is left out. A missing cell is not
+    wrong.
+
+    Parameters
+    ----------
+    since : float
+        Virtual time before the run, s.
+    ppm : float
+        True crystal error of Slave 1, whose seconds the recording's are.
     """
-    truths = [
-        rows_of(logger.emulated, name, block.head.readings, since)
-        for name, block in zip(("slave_1", "slave_2"), blocks, strict=True)
-    ]
+    truths = [rows_of(emulated, name, READINGS, since) for name in ("slave_1", "slave_2")]
     if any(truth.time.shape != (ROWS, 2) for truth in truths):
-        return {"rows_wrong": 2 * ROWS}
-    wrong = sum(
-        int((np.abs(block.rows - truth.count) > 0.5).any(axis=1).sum())
-        for block, truth in zip(blocks, truths, strict=True)
-    )
-    predicted = predicted_times(*blocks, ppm)
-    apart = (predicted[1] - truths[1].time) - (predicted[0] - truths[0].time)
+        return {"readings_wrong": 4 * ROWS}
+    counts = np.concatenate([truth.count.T for truth in truths])
+    instants = np.concatenate([truth.time.T for truth in truths])
+    rate = declared_rate(recording)
+    assert rate is not None
+    rows = np.round(recording.time * rate).astype(int) + int(recording.get("first row") or 1) - 1
+    got = recording.values
+    wrong = int((np.abs(got - counts[:, rows]) > 0.5).sum())  # NaN compares false
+    said = sample_offsets(recording, VEHICLE) / (1 + ppm * 1e-6) - instants[:, rows]
+    apart = said[2:] - said[:2]
     start = truths[1].time[0] - truths[0].time[0]
     return {
-        "rows_wrong": wrong,
-        "overruns": [block.head.overruns for block in blocks],
+        "readings_wrong": wrong,
+        "readings_missing": 4 * ROWS - int(np.isfinite(got).sum()),
         "start_apart_us": round(1e6 * float(np.abs(start).max()), 3),
         "times_apart_us": round(1e6 * float(np.abs(apart).max()), 3),
     }
 
 
+def run_of(logger: Logger, rate: int, synch: int, ppm: float, number: int) -> Row:
+    """One run, the `number`th of this logger, started, fetched and merged by the package."""
+    emulated = logger.emulated
+    since = emulated.now
+    outcome = acquire(
+        VirtualPort(emulated),
+        Request(Settings(rate=rate, synch=synch), start=True),
+        patience=PATIENCE,
+        seq=37 * number % 256,
+    )
+    row: Row = {
+        "synch": SYNCHS[synch],
+        "verdict": outcome.verdict,
+        "reasons": list(outcome.reasons),
+        "overruns": [block["overruns"] for block in outcome.blocks],
+        "seconds": round(emulated.now - since, 2),
+        "frames_spoilt": outcome.spoilt,
+        "commands_repeated": outcome.repeats,
+    }
+    if outcome.recording is not None:
+        row |= held_against_truth(emulated, outcome.recording, since, ppm)
+    row["whole"] = outcome.verdict == "ok" and row["readings_wrong"] == row["readings_missing"] == 0
+    # Wrong and not told: a reading that differs, or a gap under the verdict "ok".
+    row["silently_wrong"] = bool(
+        row.get("readings_wrong") or (outcome.verdict == "ok" and not row["whole"])
+    )
+    return row
+
+
 def rates_of(seed: int) -> list[Row]:
     """One run at each rate, six steps, good link."""
-    rng = np.random.default_rng([seed, 1])
-    ppm, rows = crystals(rng), []
+    ppm = crystals(np.random.default_rng([seed, 1]))
     with tempfile.TemporaryDirectory() as folder:
         setup = Setup(seed=seed, ppm=ppm, extra=("log adc",))
         with switched_on(Path(folder), setup) as logger:
-            for rate in RATES:
-                logger.laptop.events.clear()
-                since = logger.start(rate)
-                logger.finish()
-                blocks = logger.transfer()
-                head = blocks[0].head
-                row = {
-                    "seed": seed,
-                    "ppm": ppm[:2],
-                    "rate": rate,
-                    "actual": 4e6 / (head.prescale * head.cycles),
-                }
-                rows.append(row | held_against_truth(logger, blocks, since, ppm[0]))
-    return rows
+            return [
+                {"seed": seed, "ppm": ppm[:2], "rate": rate} | run_of(logger, rate, 0, ppm[0], i)
+                for i, rate in enumerate(RATES)
+            ]
 
 
 def transfers_of(seed: int, count: int) -> list[Row]:
     """Hold `count` runs at 800 Hz with their transfers over the bad link."""
-    rng = np.random.default_rng([seed, 2])
-    ppm, rows = crystals(rng), []
+    ppm, rows = crystals(np.random.default_rng([seed, 2])), []
     with tempfile.TemporaryDirectory() as folder:
         setup = Setup(seed=seed, ppm=ppm, loss=LOSS, error_rate=ERROR_RATE, extra=("log adc",))
         with switched_on(Path(folder), setup) as logger:
             for number in range(count):
                 rows.append({"seed": seed, "number": number, "ppm": ppm[:2]})
-                try:
-                    rows[-1] |= transfer_of(logger, number % len(SYNCHS), ppm[0])
-                except NoAnswerError as failure:
-                    rows[-1] |= {"whole": False, "failure": str(failure)}
-                    break
+                rows[-1] |= run_of(logger, 800, number % len(SYNCHS), ppm[0], number)
             logger.emulated.statistics()
             air = logger.emulated.totals("air")
             rows[-1]["totals"] = {
@@ -133,26 +159,6 @@ def transfers_of(seed: int, count: int) -> list[Row]:
     return rows
 
 
-def transfer_of(logger: Logger, synch: int, ppm: float) -> Row:
-    """One run and its transfer."""
-    laptop, emulated = logger.laptop, logger.emulated
-    laptop.events.clear()
-    spoilt, repeats = laptop.spoilt, laptop.repeats
-    since = logger.start(800, synch=synch)
-    logger.finish()
-    begun = emulated.now
-    blocks = logger.transfer(within=400.0)
-    took = emulated.now - begun
-    row = held_against_truth(logger, blocks, since, ppm)
-    return row | {
-        "synch": SYNCHS[synch],
-        "whole": row["rows_wrong"] == 0,
-        "seconds": round(took, 2),
-        "frames_spoilt": laptop.spoilt - spoilt,
-        "commands_repeated": laptop.repeats - repeats,
-    }
-
-
 def summary_of(rates: Sequence[Row], transfers: Sequence[Row]) -> Row:
     """Figures for the table of results."""
     summary: Row = {}
@@ -160,32 +166,46 @@ def summary_of(rates: Sequence[Row], transfers: Sequence[Row]) -> Row:
         mine = [row for row in rates if row["rate"] == rate]
         summary[f"{rate} Hz"] = {
             "runs": len(mine),
-            "actual": mine[0]["actual"],
-            "overruns": sum(sum(row["overruns"]) for row in mine),
-            "rows_wrong": sum(row["rows_wrong"] for row in mine),
-            "start_apart_us_largest": max(row["start_apart_us"] for row in mine),
-            "times_apart_us_largest": max(row["times_apart_us"] for row in mine),
+            "overruns": overruns_of(mine),
+            "whole": sum(row["whole"] for row in mine),
+            "silently_wrong": sum(row["silently_wrong"] for row in mine),
+            **largest_of(mine),
         }
-    whole = sum(bool(row["whole"]) for row in transfers)
+    whole = sum(row["whole"] for row in transfers)
     interval = stats.binomtest(whole, len(transfers)).proportion_ci(method="exact")
-    seconds = [row["seconds"] for row in transfers if "seconds" in row]
+    seconds = [row["seconds"] for row in transfers if row["whole"]]
     summary["transfers"] = {
         "count": len(transfers),
         "whole": whole,
+        "told_incomplete": sum(row["verdict"] != "ok" for row in transfers),
+        "silently_wrong": sum(row["silently_wrong"] for row in transfers),
         "whole_95_percent": [round(interval.low, 4), round(interval.high, 4)],
-        "overruns": sum(sum(row.get("overruns", ())) for row in transfers),
+        "overruns": overruns_of(transfers),
         "seconds_median": float(np.median(seconds)),
         "seconds_longest": max(seconds),
-        "frames_spoilt": sum(row.get("frames_spoilt", 0) for row in transfers),
+        "frames_spoilt": sum(row["frames_spoilt"] for row in transfers),
     }
     for name in SYNCHS:
-        mine = [row for row in transfers if row.get("synch") == name]
+        mine = [row for row in transfers if row["synch"] == name]
         summary[name] = {
             "runs": len(mine),
-            "start_apart_us_largest": max(row["start_apart_us"] for row in mine),
-            "times_apart_us_largest": max(row["times_apart_us"] for row in mine),
+            **largest_of(mine),
         }
     return summary
+
+
+def overruns_of(rows: Sequence[Row]) -> int:
+    """Overruns of both boards in all runs."""
+    return sum(count or 0 for row in rows for count in row["overruns"])
+
+
+def largest_of(rows: Sequence[Row]) -> Row:
+    """How far apart the boards were, and how far wrong the merged times are, at most."""
+    told = [row for row in rows if "times_apart_us" in row]
+    return {
+        f"{name}_largest": max((row[name] for row in told), default=None)
+        for name in ("start_apart_us", "times_apart_us")
+    }
 
 
 def firmware_digest() -> str:

@@ -33,7 +33,7 @@ def make(
     units: tuple[str, ...] = METRIC, metadata: tuple[tuple[str, str], ...] = (), n: int = 5
 ) -> Recording:
     values = np.arange(4.0 * n).reshape(4, n)
-    return Recording(np.arange(n) / 400, values, units, metadata)  # type: ignore[arg-type]
+    return Recording(np.arange(n) / 400, values, units, metadata)
 
 
 def test_arrays_are_copied_and_read_only() -> None:

@@ -366,3 +366,26 @@ def test_written_file_keeps_permissions_and_links(tmp_path: Path) -> None:
     write_vehicle(vehicle, link)
     assert link.is_symlink()
     assert new.stat().st_mode & 0o777 == 0o640
+
+
+def test_two_sides_are_read_and_written_back(tmp_path: Path) -> None:
+    text = (VEHICLES / "baja2008_roll.toml").read_text(encoding="utf-8")
+    text = text.replace(
+        "[sensors.front_wheel]",
+        "[sensors.rear_left_wheel]\nzero_counts = 500\ncounts_scale = '6 in/s^2'\n\n"
+        "[sensors.front_wheel]",
+        1,
+    ).replace("[roll]\n", "[roll]\nfront_bar = '20 lbf/in'\nfront_sensors = '30 in'\n")
+    path = tmp_path / "car.toml"
+    path.write_text(text, encoding="utf-8")
+    car = read_vehicle(path)
+    assert car.roll is not None
+    assert car.roll.front_track.value == pytest.approx(52 * 0.0254)
+    assert car.roll.front_bar == pytest.approx(20 * 175.12683524647636)
+    assert car.sensor("rear_left_wheel").zero_counts == 500
+    alike = car.sensor("front_right_wheel")  # like its axle's, but for counts
+    assert alike.noise == car.sensor("front_wheel").noise
+    assert (alike.zero_counts, alike.counts_scale) == (None, None)
+    assert alike.resolution == pytest.approx(5.945 * 0.0254)
+    path.write_text(to_toml(car), encoding="utf-8")
+    assert read_vehicle(path) == car

@@ -49,16 +49,18 @@ rate_option = click.option(
 
 
 def read_inputs(
-    paths: tuple[str, ...], vehicle: str, rate: float | None
+    paths: tuple[str, ...], vehicle: str, rate: float | None, rolls: bool = False
 ) -> tuple[list[Recording], Vehicle]:
-    """Read the vehicle first, then every recording."""
+    """Read the vehicle first, then every recording; of single corners where the car rolls."""
     from bayes_asv.formats import read_recording
+    from bayes_asv.recording import corners_only, half_car_only
     from bayes_asv.vehicle import read_vehicle
 
     car = read_vehicle(vehicle)
     runs: list[Recording] = []
     for path in paths:
         run = read_recording(path, rate=rate)
+        (corners_only if rolls else half_car_only)(run)
         twin = next((r for r in runs if r.sha256 == run.sha256), None)
         if twin is not None:  # it would be counted as twice the evidence
             raise InputError(path, f"holds the same as {twin.source}", "give each recording once")

@@ -13,6 +13,14 @@ __all__ = ["command"]
 @common.recordings_argument
 @common.vehicle_option
 @click.option(
+    "--car",
+    "which",
+    type=click.Choice(["half", "roll"]),
+    default="half",
+    show_default=True,
+    help="'roll' takes seven channels and tells left dampers from right ones (docs/cars.md).",
+)
+@click.option(
     "--likelihood",
     type=click.Choice(["innovations", "output-error"]),
     default="innovations",
@@ -46,6 +54,7 @@ __all__ = ["command"]
 def command(
     recordings: tuple[str, ...],
     vehicle: str,
+    which: str,
     likelihood: str,
     below: float | None,
     effects: tuple[str, ...],
@@ -59,6 +68,16 @@ def command(
     common.check_outputs((*recordings, vehicle), json_file, netcdf)
     if (effects or model == "auto") and (below is not None or likelihood != "innovations"):
         raise click.UsageError("effects need the whole band and the innovations likelihood")
+    if which == "roll":
+        half_only = (
+            ("--likelihood", likelihood != "innovations"), ("--below", below is not None),
+            ("--with", bool(effects)), ("--model", model != "linear"),
+            ("--netcdf", netcdf is not None),
+        )  # fmt: skip
+        for option, asked in half_only:
+            if asked:
+                raise click.UsageError(f"{option} needs the half car; leave it or --car roll out")
+        return _rolling(recordings, vehicle, json_file, rate, seed)
     runs, car = common.read_inputs(recordings, vehicle, rate)
     with common.progress_bar() as progress:
         from bayes_asv.inference.adding import read_site
@@ -88,4 +107,22 @@ def command(
     if model == "auto" and not sites and document["verdict"] != "refused":
         lines.append("Nothing was named, so the model is the linear half car.")
     click.echo("\n".join(lines), err=json_file == "-")
+    return common.EXIT_STATUS[result.verdict]
+
+
+def _rolling(
+    recordings: tuple[str, ...], vehicle: str, json_file: str | None, rate: float | None, seed: int
+) -> int:
+    """Estimate a car that rolls."""
+    runs, car = common.read_inputs(recordings, vehicle, rate, rolls=True)
+    with common.progress_bar() as progress:
+        from bayes_asv.inference.rolling.estimate import estimate_roll
+
+        result = estimate_roll(runs, car, seed=seed, progress=progress)
+    from bayes_asv.report.roll_document import roll_document
+    from bayes_asv.report.roll_words import roll_lines
+
+    document = roll_document(result)
+    common.write_json(document, json_file)
+    click.echo("\n".join(roll_lines(document)), err=json_file == "-")
     return common.EXIT_STATUS[result.verdict]

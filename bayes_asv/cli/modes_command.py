@@ -17,6 +17,11 @@ _RECORDS = 50
 @click.argument("recording", required=False, metavar="[REC]")
 @common.vehicle_option
 @click.option(
+    "--car", "which", type=click.Choice(["half", "quarter", "half4", "full7", "roll"]),
+    default="half", show_default=True,
+    help="Another car than the half car: with wheels and tyres, or rolling (docs/cars.md).",
+)  # fmt: skip
+@click.option(
     "--white-noise", is_flag=True,
     help="Also try to read the modes from drives over white noise with both axles damped to "
     "10, 30 and 70 %.",
@@ -27,6 +32,7 @@ _RECORDS = 50
 def command(
     recording: str | None,
     vehicle: str,
+    which: str,
     white_noise: bool,
     rate: float | None,
     json_file: str | None,
@@ -34,6 +40,10 @@ def command(
 ) -> int:
     """Eigenvalue modes of the nominal car, and the spectrum of a recording."""
     common.check_outputs((recording, vehicle), json_file)
+    if which != "half":
+        if recording is not None or white_noise:
+            raise click.UsageError("a recording and --white-noise need the half car")
+        return _other_car(vehicle, which, json_file)
     runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
     from bayes_asv import __version__
     from bayes_asv.model.modes import modes
@@ -72,4 +82,15 @@ def command(
     )
     common.write_json(document, json_file)
     click.echo("\n".join(modes_lines(document)), err=json_file == "-")
+    return common.EXIT_STATUS["ok"]
+
+
+def _other_car(vehicle: str, which: str, json_file: str | None) -> int:
+    """Tell the modes of a car beyond the half car."""
+    from bayes_asv.reference.cars import car_modes_document, car_modes_lines
+    from bayes_asv.vehicle import read_vehicle
+
+    document = car_modes_document(read_vehicle(vehicle), which)
+    common.write_json(document, json_file)
+    click.echo("\n".join(car_modes_lines(document)), err=json_file == "-")
     return common.EXIT_STATUS["ok"]

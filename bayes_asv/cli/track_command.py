@@ -54,7 +54,6 @@ def command(
     common.check_outputs((recording, vehicle), json_file, trace, wanted.gif, wanted.keep)
     runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
     began = time.perf_counter()
-    frames: list[Frames] = []
     trackers: list[Tracker] = []
 
     def make(about: About) -> Tracker:
@@ -68,31 +67,45 @@ def command(
     # A bar would lie over the view, and of a port nobody knows how much is to come.
     quiet = wanted.shown or wanted.port is not None
     with nullcontext() if quiet else common.progress_bar() as progress:
-        from bayes_asv.online.frames import joined
+        from bayes_asv.online.thinned import Thinned
         from bayes_asv.online.track import concluded, track
+        from bayes_asv.report.trace import Trace
+
+        rows = None if trace is None else Trace(car)
+        if rows is not None:
+            click.get_current_context().call_on_close(rows.close)
+        # of a recording all is kept, as it is itself; a drive from a port may last for hours
+        kept = Thinned(len(runs[0].time)) if runs else Thinned()
+
+        def keep(frames: Frames) -> None:
+            kept.append(frames)
+            if rows is not None:
+                rows.append(frames)
 
         if runs and not (wanted.shown or wanted.gif):
             result = track(runs[0], car, forget=forget, engine=engine, progress=progress)
+            if rows is not None:
+                rows.append(result.frames)
         else:
-            followed(wanted, runs[0] if runs else None, car, make, frames.append, rate, progress)
+            followed(wanted, runs[0] if runs else None, car, make, keep, rate, progress)
             if not trackers:
                 click.echo("nothing came in, so there is nothing to tell", err=True)
                 return common.EXIT_STATUS["refused"]
             result = concluded(
                 trackers[0],
-                joined(frames),
+                kept.frames(),
                 runs[0].source if runs else str(wanted.port),
                 runs[0].sha256 if runs else "",
                 runs[0].warnings if runs else (),
                 time.perf_counter() - began,
             )
     from bayes_asv.files import write_whole
-    from bayes_asv.report.track_document import trace_csv, track_document
+    from bayes_asv.report.track_document import track_document
     from bayes_asv.report.track_words import track_lines
 
     document = track_document(result, trace, seed)
-    if trace is not None:
-        write_whole(trace, trace_csv(result).encode())
+    if trace is not None and rows is not None:
+        write_whole(trace, rows.pieces())
     common.write_json(document, json_file)
     click.echo("\n".join(track_lines(document)), err=json_file == "-")
     return common.EXIT_STATUS[result.verdict]

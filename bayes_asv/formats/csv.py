@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from bayes_asv.channels import CHANNELS
+from bayes_asv.channels import CHANNELS, ROLL_CHANNELS
 from bayes_asv.errors import InputError
 from bayes_asv.files import closest, write_whole
 from bayes_asv.formats.text import check_cells, check_time, column, finish, metadata_lines
@@ -75,6 +75,7 @@ def read(text: Text, rate: float | None) -> Recording:
     separator = _separator(text.lines[0])
     header = _split(text.lines[0], separator, text.at(0))
     columns, ignored = _columns(header, text.at(0))
+    channels = tuple(name for name in columns if name != "time")
     units = _units(columns, text.at(0))
     rows = len(text.lines) - 1
     if rows < 2:
@@ -86,15 +87,15 @@ def read(text: Text, rate: float | None) -> Recording:
             [cell.replace(",", ".") for cell in own] if _is_used(place, columns) else own
             for place, own in enumerate(cells)
         ]
-    values = np.empty((len(CHANNELS), rows))
-    for row, name in enumerate(CHANNELS):
+    values = np.empty((len(channels), rows))
+    for row, name in enumerate(channels):
         values[row] = column(cells[columns[name].place], text, 1, name)
     time = _time(columns, cells, text, rate, rows)
     warnings = []
     if ignored:
         more = f" and {len(ignored) - _MOST_NAMED} more" if len(ignored) > _MOST_NAMED else ""
         warnings.append(f"columns ignored: {', '.join(ignored[:_MOST_NAMED])}{more}")
-    return finish(text, time, values, units, text.metadata, rate, warnings)
+    return finish(text, time, values, units, text.metadata, rate, warnings, channels)
 
 
 def write_csv(recording: Recording, path: PathLike) -> None:
@@ -114,7 +115,10 @@ def write_csv(recording: Recording, path: PathLike) -> None:
     """
     header = ",".join(
         ["time [s]"]
-        + [f"{name} [{unit}]" for name, unit in zip(CHANNELS, recording.units, strict=True)]
+        + [
+            f"{name} [{unit}]"
+            for name, unit in zip(recording.channels, recording.units, strict=True)
+        ]
     )
     columns = [list(map(repr, recording.time.tolist()))]
     for readings in recording.values:
@@ -140,36 +144,47 @@ def _split(line: str, separator: str, where: str) -> list[str]:
 
 
 def _columns(header: Sequence[str], where: str) -> tuple[dict[str, _Column], list[str]]:
-    """Return the columns by name, and the names of those that are not used."""
+    """Return the columns by name in the channels' order, and the names of those not used.
+
+    Channels of single corners make it a recording of a car that rolls.
+    """
     if len(header) > _MOST_COLUMNS:
-        raise InputError(where, f"has {len(header)} columns", "keep time and the four channels")
+        raise InputError(where, f"has {len(header)} columns", "keep time and the channels")
+    cells = [re.fullmatch(r"([^\[\]()]*)(?:[\[(]([^\[\]]*)[\])])?", c.strip()) for c in header]
+    given = [
+        re.sub(r"[\s_-]+", "_", (match[1] if match else cell).strip().lower())
+        for match, cell in zip(cells, header, strict=True)
+    ]
+    corners = sum(name in ROLL_CHANNELS for name in given)
+    wanted = ROLL_CHANNELS if corners > sum(name in CHANNELS for name in given) else CHANNELS
     found: dict[str, _Column] = {}
     ignored = []
-    for place, cell in enumerate(header):
-        match = re.fullmatch(r"([^\[\]()]*)(?:[\[(]([^\[\]]*)[\])])?", cell.strip())
-        name = re.sub(r"[\s_-]+", "_", (match[1] if match else cell).strip().lower())
-        if match is None or name not in ("time", *CHANNELS):
+    for place, (cell, match, name) in enumerate(zip(header, cells, given, strict=True)):
+        if match is None or name not in ("time", *wanted):
             if name:
                 ignored.append(cell.strip()[:40])
             continue
         if name in found:
             raise InputError(where, f"column {name} stands twice", "keep one of them")
         found[name] = _Column(name, match[2], place)
-    missing = [name for name in CHANNELS if name not in found]
-    if len(missing) == len(CHANNELS):
+    missing = [name for name in wanted if name not in found]
+    if len(missing) == len(wanted):
         raise InputError(where, "is not the header of a recording", f"write: {_HEADER}")
     if missing:
         names = {cell.split("[")[0].strip().lower(): cell for cell in ignored}
         near = closest(missing[0], names)
         hint = f"rename {names[near]} to {missing[0]}" if near else "add it with its unit"
         raise InputError(where, f"column {missing[0]} is missing", hint)
-    return found, ignored
+    order = [name for name in ("time", *wanted) if name in found]
+    return {name: found[name] for name in order}, ignored
 
 
-def _units(columns: dict[str, _Column], where: str) -> tuple[str, str, str, str]:
+def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:
     units = []
-    for name in CHANNELS:
-        unit = columns[name].unit
+    for name, own in columns.items():
+        if name == "time":
+            continue
+        unit = own.unit
         if unit is None or not unit.strip():
             raise InputError(where, f"column {name} has no unit", f"write {name} [m/s^2]")
         unit = unit.strip()
@@ -178,7 +193,7 @@ def _units(columns: dict[str, _Column], where: str) -> tuple[str, str, str, str]
         else:
             acceleration_factor(unit, f"{where}: {name}")
         units.append(unit)
-    return units[0], units[1], units[2], units[3]
+    return tuple(units)
 
 
 def _cells(text: Text, separator: str, width: int) -> list[Sequence[str]]:

@@ -144,10 +144,11 @@ def finish(
     text: Text,
     time: NDArray[np.float64],
     values: NDArray[np.float64],
-    units: tuple[str, str, str, str],
+    units: tuple[str, ...],
     metadata: Sequence[tuple[str, str]],
     rate: float | None,
     warnings: Sequence[str],
+    channels: tuple[str, ...] = CHANNELS,
 ) -> Recording:
     """Make the recording and look at it as a whole.
 
@@ -156,11 +157,13 @@ def finish(
     InputError
         If a channel holds no reading at all, or metadata on time cannot be read.
     """
-    for channel, readings in zip(CHANNELS, values, strict=True):
+    for channel, readings in zip(channels, values, strict=True):
         if np.isnan(readings).all():
             raise InputError(text.source, f"{channel} holds no reading", "check the sensor's wire")
     noticed = list(warnings)
-    made = Recording(time, values, units, tuple(metadata), text.source, text.sha256)
+    made = Recording(
+        time, values, units, tuple(metadata), text.source, text.sha256, channels=channels
+    )
     timing(made)  # a clock or delay that cannot be read is told now, not hours later
     declared = declared_rate(made)
     actual = nominal_rate(made)
@@ -172,7 +175,14 @@ def finish(
                 f"{whose} is {said:g} Hz but the stamps run at {actual:.6g} Hz; the stamps govern"
             )
     return Recording(
-        made.time, made.values, units, made.metadata, text.source, text.sha256, tuple(noticed)
+        made.time,
+        made.values,
+        units,
+        made.metadata,
+        text.source,
+        text.sha256,
+        tuple(noticed),
+        channels,
     )
 
 

@@ -23,7 +23,18 @@ from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Scale, Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["CAR", "DAMPING_FACTOR", "INERTIA_FACTOR", "Space", "space"]
+__all__ = [
+    "CAR",
+    "DAMPING_FACTOR",
+    "INERTIA_FACTOR",
+    "NOISE_GIVEN_SD",
+    "NOISE_UNKNOWN_SD",
+    "WORST",
+    "Space",
+    "log_normal_sd",
+    "quiet_level",
+    "space",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -34,15 +45,15 @@ INERTIA_FACTOR = 2.0
 
 # A data sheet's noise figure is good to about a third.  Without one, the quiet part of the
 # record gives the level to within a factor of three at one deviation.
-_NOISE_GIVEN_SD = 0.3
-_NOISE_UNKNOWN_SD = math.log(3.0)
+NOISE_GIVEN_SD = 0.3
+NOISE_UNKNOWN_SD = math.log(3.0)
 # Where a disagreement is looked for, noise must not swell until it has swallowed it: a level is
 # good to a fifth, and in no case more than half as much again.  One that is not given is taken
 # from the record itself, and trusted to a factor of two.
 _NEAR_SD, _NEAR_CAP = 0.2, 0.4
 _UNKNOWN_CAP = 0.7
 _SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
-_WORST = 30.0  # prior deviations beyond which nothing is tried
+WORST = 30.0  # prior deviations beyond which nothing is tried
 
 _LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
 # Rows: what the accelerations depend on, as exponents of the quantities above.
@@ -238,7 +249,7 @@ class Space:
         if not self.near:
             return self._other(z, name)
         d = self.names.index(name)
-        cap = _NEAR_CAP if self.scale[d] < _NOISE_GIVEN_SD else _UNKNOWN_CAP
+        cap = _NEAR_CAP if self.scale[d] < NOISE_GIVEN_SD else _UNKNOWN_CAP
         return np.asarray(self.centre[d] + cap * np.tanh(self.scale[d] * z[:, d] / cap))
 
     def _share(self, z: Array, run: int) -> Array | float:
@@ -262,7 +273,7 @@ class Space:
     def log_prior(self, z: Array) -> Array:
         """Log density (W,) of the prior; −inf where no car can be."""
         value = -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * math.log(2.0 * math.pi)
-        bad = np.any(~(np.abs(z) < _WORST), axis=1)
+        bad = np.any(~(np.abs(z) < WORST), axis=1)
         if "wdf" in self.names:
             wdf = self._other(z, "wdf")
             bad |= (wdf <= 0.01) | (wdf >= 0.99)
@@ -369,7 +380,7 @@ def space(
             noise = line.noise[c]
             levels[c] = _quiet_level(line, c) if noise is None else noise
             if run not in hold:
-                deviation = _NOISE_UNKNOWN_SD if noise is None else _NOISE_GIVEN_SD
+                deviation = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
                 if near and noise is not None:
                     deviation = _NEAR_SD
                 add(f"noise {channel} {run}", math.log(levels[c]), deviation)
@@ -400,23 +411,27 @@ def _prior_log_sd(vehicle: Vehicle, name: str) -> float:
     quantity = getattr(vehicle, name)
     if quantity.sd is None:
         return math.log(INERTIA_FACTOR if name == "i" else DAMPING_FACTOR)
-    return _log_sd(quantity.value, quantity.sd)
+    return log_normal_sd(quantity.value, quantity.sd)
 
 
-def _log_sd(value: float, sd: float) -> float:
+def log_normal_sd(value: float, sd: float) -> float:
     """Deviation of the logarithm of a log-normal with this median and this deviation."""
     return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * (sd / value) ** 2))))
 
 
-def _quiet_level(line: Timeline, c: int) -> float:
-    """Noise of one sample of a channel, m/s², from the quietest quarter of its record.
+def quiet_level(a: Array, step: float) -> float:
+    """Noise of one sample (m/s²) of readings (N,), from the quietest quarter of their record.
 
     Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
     A hundredth of the channel's own deviation is the least that is believed.
     """
-    if line.quiet is not None:
-        return float(line.quiet[c])
-    a = line.acceleration[c]
     a = a[np.isfinite(a)]
     quiet = float(np.quantile(np.abs(np.diff(a, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)
-    return max(quiet, 0.01 * float(np.std(a)), float(line.steps[c]) / math.sqrt(12.0), 1e-6)
+    return max(quiet, 0.01 * float(np.std(a)), step / math.sqrt(12.0), 1e-6)
+
+
+def _quiet_level(line: Timeline, c: int) -> float:
+    """Noise of one sample of a channel, m/s², where none is given."""
+    if line.quiet is not None:
+        return float(line.quiet[c])
+    return quiet_level(line.acceleration[c], float(line.steps[c]))

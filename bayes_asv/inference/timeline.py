@@ -15,10 +15,12 @@ from bayes_asv.inference.cut import Cut
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments, wheel_signal
 from bayes_asv.kernels.innovations import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
 from bayes_asv.model.halfcar import HalfCar, deflection_form
-from bayes_asv.recording import Recording, accelerations, sample_offsets
+from bayes_asv.recording import Recording, accelerations, half_car_only, sample_offsets
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["FEWEST_READINGS", "Schedule", "Timeline", "build", "rails", "schedule"]
+__all__ = [
+    "FEWEST_READINGS", "Schedule", "Timeline", "build", "common_bandwidth", "rails", "schedule",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -135,24 +137,28 @@ class Timeline:
         return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
 
 
-def rails(acc: Array, vehicle: Vehicle) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def rails(
+    acc: Array, vehicle: Vehicle, channels: tuple[str, ...] = CHANNELS
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find readings at the lower and at the upper rail of their sensor.
 
     Parameters
     ----------
-    acc : (4, N) array
+    acc : (C, N) array
         Accelerations, m/s².
     vehicle : Vehicle
         Gives each channel's range; a channel without one has no rails.
+    channels : tuple of C str
+        Which they are.
 
     Returns
     -------
-    low, high : (4, N) bool arrays
+    low, high : (C, N) bool arrays
         A reading within half a step of the rail counts as at the rail.
     """
     low = np.zeros(acc.shape, bool)
     high = np.zeros(acc.shape, bool)
-    for c, name in enumerate(CHANNELS):
+    for c, name in enumerate(channels):
         sensor = vehicle.sensor(name)
         slack = 0.5 * abs(sensor.resolution or sensor.counts_scale or 0.0)
         if np.isfinite(sensor.low):
@@ -179,8 +185,10 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
     Raises
     ------
     InputError
-        When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range.
+        When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or the
+        channels are those of single corners.
     """
+    half_car_only(recording)
     acc = accelerations(recording, vehicle)
     times = sample_offsets(recording, vehicle)
     low, high = rails(acc, vehicle)
@@ -192,7 +200,7 @@ def build(recording: Recording, vehicle: Vehicle) -> Timeline:
                 "check the wiring, the column and the vehicle's range for that sensor",
             )
     sensors = [vehicle.sensor(name) for name in CHANNELS]
-    acc, poles = _common_bandwidth(acc, times, [s.bandwidth for s in sensors])
+    acc, poles = common_bandwidth(acc, times, [s.bandwidth for s in sensors])
     scale_sd = np.array(
         [
             s.counts_scale_sd / abs(s.counts_scale)
@@ -280,23 +288,23 @@ def _longest_step(vehicle: Vehicle) -> float:
     return _LONGEST_PHASE / fastest
 
 
-def _common_bandwidth(
+def common_bandwidth(
     acc: Array, times: Array, bandwidth: list[float | None]
 ) -> tuple[Array, Array]:
-    """Filter the faster sensors' readings so that all four passed the same pole.
+    """Filter the faster sensors' readings so that all passed the same pole.
 
     A sensor without a bandwidth is taken to be like the slowest of the others.
     """
     given = [b for b in bandwidth if b is not None]
     if not given:
-        return acc, np.zeros(4)
+        return acc, np.zeros(len(acc))
     target = min(given)
     out = acc.copy()
     for c, b in enumerate(bandwidth):
         there = np.isfinite(acc[c])
         if b is not None:
             out[c, there] = equalised(times[c, there], acc[c, there], b, target)
-    return out, np.full(4, 2.0 * np.pi * target)
+    return out, np.full(len(acc), 2.0 * np.pi * target)
 
 
 def _instants(

@@ -10,8 +10,8 @@ odd part of what a step or a reading makes of them is the new J; the even part g
 variance.  With θ before s in the state vector this is the plain unscented filter with n + λ =
 REACH², α = β = 1, whose points along the ten linear directions need not be computed.  To its
 process and reading noise comes what no point along an axis sees, that parameters and states are
-both uncertain (:func:`bayes_asv.kernels.lanes.crossed`): without it the first sharp edge, where
-nothing is known yet, gave answers off by 3 to 18 of the deviations claimed.
+both uncertain (:func:`bayes_asv.kernels.lane_readings.crossed`): without it the first sharp edge,
+where nothing is known yet, gave answers off by 3 to 18 of the deviations claimed.
 
 A moving reference follows the estimate: after each reading μ, D and J take up m and F.  A fixed
 one stays where it was put, so that a stretch of record can be run over again with the points
@@ -28,6 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.kernels.doubts import doubt, keep_safe, learn_level, levels, listen, shaken
+from bayes_asv.kernels.expected import REACH, expect
 from bayes_asv.kernels.factored import follow, leverage, take, wander
 from bayes_asv.kernels.filter_state import (
     BROKEN,
@@ -54,19 +55,9 @@ from bayes_asv.kernels.filter_state import (
     Steps,
 )
 from bayes_asv.kernels.innovations import AT_LEAST, MISSING, VALUE
-from bayes_asv.kernels.lanes import (
-    BLOCK,
-    blocks,
-    crossed,
-    moved,
-    odd_parts,
-    output_matrix,
-    outputs,
-    place_cars,
-    spread,
-    step,
-    structure_of,
-)
+from bayes_asv.kernels.lane_readings import crossed, odd_parts, output_matrix
+from bayes_asv.kernels.lane_rows import BLOCK, blocks
+from bayes_asv.kernels.lanes import moved, place_cars, step, structure_of
 from bayes_asv.kernels.steps import OPTIONS, TAYLOR, advance
 from bayes_asv.kernels.tails import upper_tail
 
@@ -74,7 +65,6 @@ __all__ = ["DONE", "LEARNED", "LOOK", "REACH", "UPSET", "run"]
 
 Array = NDArray[np.float64]
 
-REACH: Final = math.sqrt(3.0)  # of the sigma points, in deviations: a normal's fourth moment
 DONE, LEARNED, UPSET, LOOK = 0, 1, 2, 3  # why a run came back
 
 _SURE: Final = 0.1  # share of `crossed` in a reading's variance beyond which it tests nothing
@@ -93,61 +83,6 @@ def _forget_motion(state: State, start: Array, slow: Array) -> None:
         for b in range(10):
             state.Pi[a, b] = state.Pi[b, a] = 0.0
         state.Pi[a, a] = start[a] if a < 4 else slow[a - 6]
-
-
-@njit(**OPTIONS)
-def _expect(
-    W: Array,
-    cars: int,
-    state: State,
-    C: Array,
-    y: Array,
-    expected: Array,
-    g: Array,
-    PC: Array,
-    rest: Array,
-) -> float:
-    """Fill what both chassis readings are expected to be; return their covariance given d.
-
-    ``expected`` + ``g`` d is the mean of each given d, ``rest`` its variance without the white
-    noise of the reading, ``PC`` its covariance with the state.
-    """
-    x, J, Pi = state.x, state.J, state.Pi
-    spread(W, cars, REACH, x, J)
-    outputs(W, cars, y)
-    over = 1.0 / (REACH * REACH)
-    half = 0.5 / REACH
-    between = 0.0
-    for axle in range(2):
-        expected[axle] = y[0, axle] + x[4 + axle] + x[8 + axle]
-        rest[axle] = 0.0
-    for i in range(cars):
-        up, down = 1 + 2 * i, 2 + 2 * i
-        e0 = 0.5 * (y[up, 0] + y[down, 0]) - y[0, 0]
-        e1 = 0.5 * (y[up, 1] + y[down, 1]) - y[0, 1]
-        g[0, i] = J[i, 4] + J[i, 8] + (y[up, 0] - y[down, 0]) * half
-        g[1, i] = J[i, 5] + J[i, 9] + (y[up, 1] - y[down, 1]) * half
-        expected[0] += e0 * over
-        expected[1] += e1 * over
-        rest[0] += e0 * e0 * over
-        rest[1] += e1 * e1 * over
-        between += e0 * e1 * over
-    for axle in range(2):
-        for i in range(cars, J.shape[0]):  # directions that change no car
-            g[axle, i] = J[i, 4 + axle] + J[i, 8 + axle]
-            for a in range(4):
-                g[axle, i] += C[axle, a] * J[i, a]
-        for a in range(10):
-            PC[axle, a] = Pi[4 + axle, a] + Pi[8 + axle, a]
-            for b in range(4):
-                PC[axle, a] += C[axle, b] * Pi[b, a]
-        rest[axle] += PC[axle, 4 + axle] + PC[axle, 8 + axle]
-        for b in range(4):
-            rest[axle] += C[axle, b] * PC[axle, b]
-    covariance: float = between + PC[1, 4] + PC[1, 8]
-    for b in range(4):
-        covariance += C[0, b] * PC[1, b]
-    return covariance
 
 
 @njit(**OPTIONS)
@@ -215,7 +150,7 @@ def run(
     slow = np.empty(4)
     ahead = behind = 0.0
     fastest = 0.0
-    h_known = -1.0
+    h_known = h_decay = -1.0
     placed = False
 
     for k in range(first, steps.step.shape[0]):
@@ -250,6 +185,8 @@ def run(
             if fresh:
                 structure_of(W, cars, h, phi, gamma, qf, qr)
                 h_known = h
+            if h != h_decay:
+                h_decay = h
                 for c in range(4):
                     decay[2 + c] = math.exp(-noise[8 + c] * h)
             crossed(odd, Pi, B)
@@ -289,7 +226,7 @@ def run(
                     output_matrix(W, C, gain)
                     odd_parts(W, cars, REACH, odd)
                     h_known = -1.0
-                between = _expect(W, cars, state, C, y, expected, g, PC, rest)
+                between = expect(W, cars, state, C, y, expected, g, PC, rest)
                 crossed(odd, Pi, B)
                 unsure[0] = gain[0] * gain[0] * B[0, 0]
                 unsure[1] = gain[1] * gain[1] * B[1, 1]

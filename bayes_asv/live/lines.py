@@ -17,7 +17,7 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.errors import InputError
 from bayes_asv.formats import csv, logger
 from bayes_asv.formats.text import Text
-from bayes_asv.recording import LARGEST_NUMBER, Recording, nominal_rate
+from bayes_asv.recording import LARGEST_NUMBER, Recording, half_car_only, nominal_rate
 
 __all__ = ["RESTART_GAP", "LineReader", "Piece"]
 
@@ -103,7 +103,7 @@ class LineReader:
         return self._rate
 
     @property
-    def units(self) -> tuple[str, str, str, str] | None:
+    def units(self) -> tuple[str, ...] | None:
         """Unit of each channel; None before a row has come."""
         return None if self._pattern is None else self._pattern.units
 
@@ -199,6 +199,7 @@ class LineReader:
         lines = [*self._preamble, *([] if header is None else [header]), *rows]
         reader = logger.read if header is None else csv.read
         found = reader(Text("\n".join(lines), self._source, ""), self._asked_rate)
+        half_car_only(found)
         start, step = float(found.time[0]), float(found.time[1] - found.time[0])
         if header is None:  # the index counts from one
             separates, place, seconds, origin = None, 0, step / width, 1.0

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LAGS", "WINDOW", "Consistency", "Summary", "Watched", "band", "portmanteau_of"]
+from bayes_asv.kernels.watched import LAGS, SUMS, Limits, judge, slide
+
+__all__ = ["LAGS", "WINDOW", "Consistency", "Summary", "Watched", "band"]
 
 Array = NDArray[np.float64]
 
@@ -20,8 +22,6 @@ WINDOW = 0.5
 """Length of the window of the mean NIS, s."""
 MEMORY = 2.0
 """Length of the window over which correlation is looked for, s."""
-LAGS = 10
-"""Readings apart up to which it is looked for."""
 
 _NORMAL95 = 1.959964
 _DOUBT = 4.5  # deviations of the mean: hardly ever by chance
@@ -53,13 +53,6 @@ def band(readings: Array, normal: float = _NORMAL95) -> tuple[Array, Array]:
     high = (1.0 - c + normal * np.sqrt(c)) ** 3
     none = np.asarray(readings) < 0.5
     return np.where(none, 0.0, low), np.where(none, np.inf, high)
-
-
-def portmanteau_of(products: Array, squares: Array, count: Array) -> Array:
-    """Box–Pierce statistic Σ n r_l² from sums of products (…, lags) and of squares (…)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = products / squares[..., None]
-        return np.asarray(np.nan_to_num(np.sum(r**2, axis=-1) * count))
 
 
 @dataclass
@@ -151,6 +144,8 @@ class Consistency:
     worst_level: float = 1.0
     products: Array = field(default_factory=lambda: np.zeros((2, LAGS + 1)))
     _past: Array = field(init=False)
+    _sums: Array = field(init=False)
+    _since: int = field(init=False)
     _doubt: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, bool))
 
     def __post_init__(self) -> None:
@@ -158,6 +153,16 @@ class Consistency:
         self._long = max(round(MEMORY * self.rate), 100)
         # NIS, readings, normalised innovations of both axles
         self._past = np.zeros((self._long + LAGS, 4))
+        self._sums = np.zeros(SUMS)
+        self._since = 0  # rows since these were summed afresh
+        counts = np.arange(2.0 * self._window + 1.0)  # as many readings as a window can hold
+        self._limits = Limits(
+            np.stack([*band(counts), *band(counts, _DOUBT)]),
+            _COLOURED,
+            _WHITE_AGAIN,
+            _SWOLLEN if self.declared else np.inf,
+            0.5 * _SWOLLEN if self.declared else np.inf,
+        )
 
     def watch(self, nis: Array, readings: Array, innovations: Array, level: Array) -> Watched:
         """Take N rows.
@@ -174,57 +179,25 @@ class Consistency:
         n = len(nis)
         # cut, so that a sharp edge or two, where a spline errs, do not pass for a colour
         cut = np.clip(innovations, -_CUT, _CUT) * (readings > 0)[:, None]
-        own = np.column_stack([nis, readings, cut])
-        rows = np.concatenate([self._past, own])
+        rows = np.concatenate([self._past, np.column_stack([nis, readings, cut])])
         self._past = rows[n:].copy()
-        first = len(rows) - n
-        totals = _sliding(rows[:, :2], self._window, first)
-        count = totals[:, 1]
-        mean = np.where(count > 0.5, totals[:, 0] / np.maximum(count, 1.0), 1.0)
-        low, high = band(count)
-        colour = np.zeros(n)
-        for axle in range(2):
-            nu = rows[:, 2 + axle]
-            lagged = np.column_stack(
-                [
-                    nu * np.concatenate([np.zeros(lag), nu[: len(nu) - lag]])
-                    for lag in range(LAGS + 1)
-                ]
-            )
-            self.products[axle] += lagged[first:].sum(axis=0)
-            sums = _sliding(np.column_stack([lagged, nu != 0.0]), self._long, first)
-            colour += portmanteau_of(sums[:, 1 : LAGS + 1], sums[:, 0], sums[:, -1])
+        totals, colour = np.empty((n, 2)), np.empty(n)
+        mean, low, high, consistent = np.empty(n), np.empty(n), np.empty(n), np.empty(n, bool)
+        self._since = slide(
+            rows, len(rows) - n, self._window, self._long, self._since, self._sums, self.products,
+            totals, colour,
+        )  # fmt: skip
+        judge(totals, colour, level, self._limits, self._doubt, mean, low, high, consistent)
         self.nis += float(nis.sum())
         self.readings += float(readings.sum())
         self.rows += n
-        far_low, far_high = band(count, _DOUBT)
-        swollen = level.max(axis=1) if self.declared else np.ones(n)
-        amiss = np.column_stack(
-            [
-                self._held(0, (mean < far_low) | (mean > far_high), (mean >= low) & (mean <= high)),
-                self._held(1, colour > _COLOURED, colour < _WHITE_AGAIN),
-                self._held(2, swollen > _SWOLLEN, swollen < 0.5 * _SWOLLEN),
-            ]
-        )
-        consistent = np.asarray(~amiss.any(axis=1))
         if n:
-            self._doubt = amiss[-1]
             self.worst_colour = max(self.worst_colour, float(colour.max()))
             self.worst_level = max(self.worst_level, float(level.max()))
         self.rows_consistent += int(consistent.sum())
         wrong = np.flatnonzero(~consistent)
         self.rows_well = n - 1 - int(wrong[-1]) if len(wrong) else self.rows_well + n
         return Watched(mean, low, high, colour, consistent)
-
-    def _held(
-        self, which: int, begins: NDArray[np.bool_], ends: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Let a doubt last from what begins it to what ends it."""
-        at = np.arange(1, len(begins) + 1)
-        begun = np.maximum.accumulate(np.where(begins, at, 0))
-        ended = np.maximum.accumulate(np.where(ends & ~begins, at, 0))
-        untouched = (begun == 0) & (ended == 0)
-        return np.where(untouched, self._doubt[which], begun > ended)
 
     def summary(self) -> Summary:
         """Say how it went from the first row to the last."""
@@ -253,10 +226,3 @@ class Consistency:
             faults=tuple(found),
             recovered=self.rows_well >= self._long and share > 0.5,
         )
-
-
-def _sliding(columns: Array, window: int, first: int) -> Array:
-    """Sum over the window that ends at each row from ``first`` on."""
-    total = np.cumsum(np.concatenate([np.zeros((1, columns.shape[1])), columns]), axis=0)
-    end = np.arange(first + 1, len(columns) + 1)
-    return np.asarray(total[end] - total[np.maximum(end - window, 0)])

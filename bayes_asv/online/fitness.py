@@ -116,30 +116,42 @@ class Fitness:
         for c, name in enumerate(CHANNELS):
             if self.clipped[c]:
                 out.append(
-                    f"{self.clipped[c]} samples of the {PLAIN[name]} sensor of {source} were at "
-                    "the end of its range and are used as bounds"
+                    f"{self.clipped[c]} {'sample' if self.clipped[c] == 1 else 'samples'} of the "
+                    f"{PLAIN[name]} sensor of {source} at the end of its range, used as "
+                    f"{'a bound' if self.clipped[c] == 1 else 'bounds'}"
                 )
             if self.present[c] < self.rows:
                 out.append(
-                    f"{self.rows - int(self.present[c])} readings of the {PLAIN[name]} sensor of "
-                    f"{source} are missing"
+                    f"{_readings(self.rows - int(self.present[c]))} of the {PLAIN[name]} sensor of "
+                    f"{source} missing"
                 )
         return out
 
 
-def unlearned(log_sd: Array, before: Array) -> list[str]:
+def _readings(count: int) -> str:
+    return "1 reading" if count == 1 else f"{count} readings"
+
+
+def unlearned(log_sd: Array, before: Array, *, lost: bool = False) -> list[str]:
     """Say which of c_f, c_r and i the rows taught next to nothing about.
 
     Parameters
     ----------
     log_sd, before : (3,) arrays
         Deviations of the logarithms, now and beforehand.
+    lost : bool
+        Whether the filter was not consistent: then what it learnt was taken back, and a harder
+        drive would not help.
     """
     out = []
     for name, now, prior in zip(("c_f", "c_r", "i"), log_sd, before, strict=True):
         if prior > _WIDE and now > _LEARNED * prior:
             out.append(
-                f"the recording says next to nothing about the {_WORDS[name]} ({name}): "
+                f"the filter could not hold the {_WORDS[name]} ({name}): its predictions missed by "
+                "far more than the sensors' noise; see whether a sensor is loose or its noise is "
+                "given too small, or ask 'bayes-asv diagnose' what the half car lacks"
+                if lost
+                else f"the recording says next to nothing about the {_WORDS[name]} ({name}): "
                 f"{_DRIVES[name]}, faster or over a higher one"
             )
     return out

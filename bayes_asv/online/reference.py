@@ -18,7 +18,6 @@ from bayes_asv.kernels.doubts import COPY
 from bayes_asv.kernels.filter_state import (
     BROKEN,
     CLOCK,
-    COLOUR,
     COPIED,
     DEFLECTION,
     DEFLECTION_SD,
@@ -28,7 +27,6 @@ from bayes_asv.kernels.filter_state import (
     EXPECTED,
     EXPECTED_SD,
     INNOVATION,
-    LAGS,
     LEVEL,
     LOG_P,
     LOST,
@@ -38,8 +36,6 @@ from bayes_asv.kernels.filter_state import (
     QUICK,
     READINGS,
     SHAKEN,
-    SUM,
-    WEIGHT,
     Model,
     Rules,
     State,
@@ -47,8 +43,9 @@ from bayes_asv.kernels.filter_state import (
 )
 from bayes_asv.kernels.innovations import AT_LEAST, MISSING, VALUE
 from bayes_asv.kernels.tails import upper_tail
-from bayes_asv.kernels.unscented import DONE, LEARNED, LOOK, REACH, UPSET
+from bayes_asv.kernels.unscented import DONE, REACH
 from bayes_asv.model.halfcar import HalfCar, LinearSystem, deflection_form
+from bayes_asv.online.reference_doubts import Doubts
 
 __all__ = ["run"]
 
@@ -74,7 +71,7 @@ def run(
     k = first
     for k in range(first, len(steps.step)):
         ukf.step(steps, k, out[k])
-        event = ukf.event()
+        event = ukf.doubts.event()
         if event != DONE:
             break
     ukf.give_back(state)
@@ -86,7 +83,8 @@ class _Plain:
 
     def __init__(self, state: State, model: Model, rules: Rules) -> None:
         self.model, self.rules = model, rules
-        self.memory, self.safe, self.echo = state.memory, state.safe, state.echo
+        self.memory, self.safe = state.memory, state.safe
+        self.doubts = Doubts(state.memory, state.echo, rules)
         self.learns = True
         self.kept: dict[tuple[bytes, float], tuple[LinearSystem, Array, Array]] = {}
         p = self.p = len(state.mu)
@@ -190,7 +188,7 @@ class _Plain:
         """Predict over a step, take up its readings, and tell."""
         ukf, p = self.ukf, self.p
         self.kept.clear()
-        level = self.levels()
+        level = self.doubts.levels()
         h = float(steps.step[k])
         walk = self.model.walk
         if self.memory[DOUBTED] > 0.0:
@@ -211,7 +209,7 @@ class _Plain:
         row[INNOVATION : INNOVATION + 2] = 0.0
         nis, count = self.take_up(steps.kind[k], steps.reading[k], level, row)
         if count:
-            self.doubt()
+            self.doubts.doubt()
         self.tell(level, nis, count, row)
         self.keep(h)
 
@@ -257,8 +255,8 @@ class _Plain:
                     self.memory[LOG_P] -= 0.5 * (math.log(2.0 * math.pi * variance) + ratio)
                     row[INNOVATION + axle] = nu / math.sqrt(variance)
                     if unsure[axle] < _SURE * variance:
-                        self.learn_level(axle, ratio, level[axle])
-                        self.listen(axle, nu / math.sqrt(variance))
+                        self.doubts.learn_level(axle, ratio, level[axle])
+                        self.doubts.listen(axle, nu / math.sqrt(variance))
                         nis, count = nis + ratio, count + 1
                     more = variance * max(ratio / self.rules.gate - 1.0, 0.0)
                 else:
@@ -332,41 +330,7 @@ class _Plain:
         slow = self.model.noise[4:8] * np.tile(level, 2)
         self.ukf.P[gone, gone] = np.concatenate([self.model.start[:4], slow])
 
-    # Level of the noise, and what is told
-
-    def levels(self) -> Array:
-        """Level of each axle's noise."""
-        trust, memory = self.rules.trust, self.memory
-        slow = (trust + memory[SUM : SUM + 2]) / (trust + memory[WEIGHT : WEIGHT + 2])
-        quick = memory[QUICK : QUICK + 2]
-        return np.where(quick > np.maximum(slow, self.rules.sudden), quick, slow)
-
-    def learn_level(self, axle: int, ratio: float, level: float) -> None:
-        """Hold a reading's squared deviations against what its noise would give."""
-        rules, memory = self.rules, self.memory
-        raw = min(ratio, rules.gate) * level
-        memory[SUM + axle] += min(raw, rules.gate) - memory[SUM + axle] / rules.window
-        memory[WEIGHT + axle] += 1.0 - memory[WEIGHT + axle] / rules.window
-        memory[QUICK + axle] += (raw - memory[QUICK + axle]) / rules.quick
-
-    def listen(self, axle: int, nu: float) -> None:
-        """Hold a normalised innovation against those before it."""
-        edge = math.sqrt(self.rules.gate)
-        past, products = self.echo[axle]
-        past[0] = min(max(nu, -edge), edge)
-        products += (past[0] * past - products) / self.rules.window
-        past[1:] = past[:-1].copy()
-
-    def doubt(self) -> None:
-        """Doubt constant parameters while the innovations say more than white ones would."""
-        taper = 2.0 * (1.0 - np.arange(1, LAGS + 1) / (LAGS + 1.0))
-        products = self.echo[:, 1]
-        most = float(np.max(1.0 + (products[:, 1:] / products[:, :1]) @ taper))
-        self.memory[COLOUR] = most
-        if most > self.rules.coloured:
-            self.memory[DOUBTED] = 1.0
-        elif most**2 < self.rules.coloured:
-            self.memory[DOUBTED] = 0.0
+    # What is told, and kept
 
     def tell(self, level: Array, nis: float, count: int, row: Array) -> None:
         """Fill the row."""
@@ -392,14 +356,6 @@ class _Plain:
             self.safe[1, :, 1:] = _upper_root(self.ukf.P[:p, :p])
         memory[CLOCK] += h
         memory[BROKEN] = memory[BROKEN] + h if worst > self.rules.broken else 0.0
-
-    def event(self) -> int:
-        """Whether something has to be decided."""
-        if self.memory[BROKEN] > self.rules.patience:
-            return UPSET
-        if self.memory[LOST] > self.rules.learned:
-            return LEARNED
-        return LOOK if self.memory[CLOCK] > self.rules.look else DONE
 
 
 def _upper_root(P: Array) -> Array:

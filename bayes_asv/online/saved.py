@@ -48,7 +48,7 @@ _KEPT: Final[dict[str, tuple[str, ...]]] = {
     ),
     "Consistency": (
         "nis", "readings", "rows", "rows_consistent", "rows_well", "worst_colour", "worst_level",
-        "products", "_past", "_doubt",
+        "products", "_past", "_sums", "_since", "_doubt",
     ),
     "Fitness": ("rows", "first", "last", "present", "clipped", "total", "squares"),
 }  # fmt: skip

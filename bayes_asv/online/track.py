@@ -43,7 +43,12 @@ class Track:
     source, sha256 : str
         The recording's name and hash; a port's name and nothing.
     frames : Frames
-        What was known after each row.
+        What was known after each row; of a long drive from a port after some of them
+        (:class:`bayes_asv.online.thinned.Thinned`).
+    rows : int
+        How many rows there were.
+    begin, end : float
+        Stamps of the first and of the last, s.
     coordinates : Coordinates
         What was learnt, in which coordinates.
     mean, covariance : (p,) and (p, p) arrays
@@ -71,6 +76,9 @@ class Track:
     source: str
     sha256: str
     frames: Frames
+    rows: int
+    begin: float
+    end: float
     coordinates: Coordinates
     mean: Array
     covariance: Array
@@ -175,7 +183,7 @@ def concluded(
     tracker : Tracker
         After its ``finish``.
     frames : Frames
-        All that it gave.
+        All that it gave, or as much of it as was kept.
     source, sha256 : str
         Where the rows came from.
     warnings : tuple of str
@@ -195,7 +203,8 @@ def concluded(
         resets = tuple(tracker.filter.resets)
     if not reasons:
         sd = where.scale[:3] * np.sqrt(np.diag(covariance)[:3])
-        reasons = unlearned(sd, where.scale[:3])
+        lost = tracker.watch.summary().verdict == "inconsistent"
+        reasons = unlearned(sd, where.scale[:3], lost=lost)
     said = [*warnings, *tracker.fitness.warnings(name)]
     unheard = [c for c, s in zip(CHANNELS, tracker.vehicle.sensors, strict=True) if s.noise is None]
     if unheard:
@@ -211,6 +220,9 @@ def concluded(
         source=name,
         sha256=sha256,
         frames=frames,
+        rows=tracker.fitness.rows,
+        begin=tracker.fitness.first,
+        end=tracker.fitness.last,
         coordinates=where,
         mean=mean,
         covariance=covariance,

@@ -161,9 +161,9 @@ class Tracker:
     def finish(self) -> Frames:
         """No row will follow: tell of those that were held back."""
         parts = []
+        if self._layout is None and not self._heard:
+            return nothing()
         if self._layout is None:
-            if not self._heard:
-                return nothing()
             parts.append(self._stop_listening())
         assert self._layout is not None
         parts.append(self._take(self._layout.finish()))
@@ -317,8 +317,10 @@ class Tracker:
         step = np.clip(step, 0, len(known) - 1)
         last = np.maximum.accumulate(np.where(dark, 0, step.max(axis=1)))
         at = known[last]
-        own = [known[step[:, axle]] for axle in range(2)]
         apart = step[:, 0] != step[:, 1]
+        # as a rule both axles are read at once, and all is known then
+        one = not (apart.any() or dark.any())
+        own = [at, at] if one else [known[step[:, axle]] for axle in range(2)]
         nis = np.where(apart, own[0][:, NIS] + own[1][:, NIS], at[:, NIS])
         count = np.where(apart, own[0][:, READINGS] + own[1][:, READINGS], at[:, READINGS])
         nis, count = np.where(dark, 0.0, nis), np.where(dark, 0.0, count)
@@ -356,15 +358,11 @@ class Tracker:
 
 def _scale_sds(vehicle: Vehicle, counts: Sequence[bool]) -> list[float]:
     """Relative deviation of each sensor's scale, where its readings are in counts."""
-    out = []
-    for name, raw in zip(CHANNELS, counts, strict=True):
-        sensor = vehicle.sensor(name)
-        out.append(
-            sensor.counts_scale_sd / abs(sensor.counts_scale)
-            if raw and sensor.counts_scale
-            else 0.0
-        )
-    return out
+    sensors = [vehicle.sensor(name) for name in CHANNELS]
+    return [
+        s.counts_scale_sd / abs(s.counts_scale) if raw and s.counts_scale else 0.0
+        for s, raw in zip(sensors, counts, strict=True)
+    ]
 
 
 def tracker_for(

@@ -27,7 +27,12 @@ from bayes_asv.report.tables import (
     travel_table,
 )
 from bayes_asv.report.track_content import is_track, track_sections, track_subtitle
-from bayes_asv.report.track_words import consistency_lines, track_headline
+from bayes_asv.report.track_words import (
+    DOUBTED_STEPS,
+    consistency_lines,
+    is_doubted,
+    track_headline,
+)
 from bayes_asv.report.width_tables import budget_table, fault_table
 from bayes_asv.report.width_words import halving_lines, width_limits
 from bayes_asv.report.words import (
@@ -169,8 +174,8 @@ def _track(document: Document) -> tuple[Page, dict[str, Panel]]:
     verdict = document["verdict"]
     vehicle = document.get("vehicle", {})
     pictures: dict[str, Panel] = {}
-    cards = _cards(document, pictures)
-    doubtful = verdict == "ok" and document["consistency"]["verdict"] == "inconsistent"
+    doubtful = verdict == "ok" and is_doubted(document)
+    cards = _cards({**document, "verdict": "not_converged"} if doubtful else document, pictures)
     name = plain(vehicle.get("name") or "unnamed vehicle")
     page: Page = {
         "title": f"Suspension of {name}",
@@ -182,7 +187,7 @@ def _track(document: Document) -> tuple[Page, dict[str, Panel]]:
         "tone": "stop" if doubtful else _tone(verdict, cards),
         "cards": cards,
         "reasons": [_sentence(split_reason(r)[0]) for r in document["reasons"]],
-        "steps": next_steps(document),
+        "steps": list(DOUBTED_STEPS) if doubtful else next_steps(document),
         "limits": [
             *(consistency_lines(document)[1:] if _amiss(document) else []),
             *(_sentence(w) for w in document["warnings"]),

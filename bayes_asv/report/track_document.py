@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.online.consistency import LAGS, WINDOW
-from bayes_asv.online.frames import PARAMETERS, Frames
+from bayes_asv.online.frames import PARAMETERS
 from bayes_asv.online.track import Track
 from bayes_asv.quantities import QUANTITIES
+from bayes_asv.report.trace import moments, shown
 from bayes_asv.report.track_words import consistency_lines
-from bayes_asv.units import display_units, from_si
+from bayes_asv.units import display_units
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["SCHEMA", "trace_csv", "track_document"]
+__all__ = ["SCHEMA", "track_document"]
 
 Array = NDArray[np.float64]
 Document = dict[str, Any]
@@ -76,8 +77,8 @@ def track_document(result: Track, trace: str | None = None, seed: int = 0) -> Do
             "engine": result.engine,
             "forget_seconds": result.forget,
             "rate": result.rate,
-            "rows": len(result.frames),
-            "seconds": _span(result.frames),
+            "rows": result.rows,
+            "seconds": max(result.end - result.begin, 0.0),
             "resets": list(result.resets),
         },
         "vehicle": {
@@ -106,45 +107,6 @@ def track_document(result: Track, trace: str | None = None, seed: int = 0) -> Do
     return cleaned
 
 
-def trace_csv(result: Track) -> str:
-    """Write what was known after each row as CSV, in the vehicle's units.
-
-    Parameters
-    ----------
-    result : Track
-        A track.
-
-    Returns
-    -------
-    str
-        Columns ``time [s]``, ``c_f mean``, ``c_f sd``, … of c_f, c_r and i, then ``nis mean``
-        (empty before the first reading that counts), ``inflation`` and ``consistent`` (1 or 0).
-    """
-    frames = result.frames
-    columns = ["time [s]"]
-    values = [frames.time]
-    for k, name in enumerate(PARAMETERS):
-        mean, sd = _moments(np.log(frames.median[:, k]), frames.log_sd[:, k])
-        columns += [f"{name} mean", f"{name} sd"]
-        values += [_shown(mean, name, result.vehicle), _shown(sd, name, result.vehicle)]
-    columns += ["nis mean", "inflation", "consistent"]
-    values += [frames.nis_mean, frames.inflation, frames.consistent.astype(float)]
-    lines = [",".join(columns)]
-    lines += [",".join(f"{v:.9g}" for v in row) for row in np.column_stack(values).tolist()]
-    return "\n".join(lines) + "\n"
-
-
-def _moments(log_mean: Any, log_sd: Any) -> tuple[Any, Any]:
-    """Mean and deviation of a log-normal."""
-    mean = np.exp(log_mean + 0.5 * log_sd**2)
-    return mean, mean * np.sqrt(np.expm1(log_sd**2))
-
-
-def _shown(value: Array, name: str, vehicle: Vehicle, units: str | None = None) -> Array:
-    dimension = QUANTITIES[name][0]
-    return value * from_si(1.0, display_units(units or vehicle.units)[dimension], dimension)
-
-
 def _parameter(name: str, result: Track) -> Document:
     """One answer at the last row, log-normal."""
     vehicle = result.vehicle
@@ -165,10 +127,10 @@ def _parameter(name: str, result: Track) -> Document:
 def _summary(
     name: str, log_mean: float, log_sd: float, nominal: float, vehicle: Vehicle, units: str
 ) -> Document:
-    mean, sd = _moments(log_mean, log_sd)
+    mean, sd = moments(log_mean, log_sd)
     low, high = (math.exp(log_mean + side * _NORMAL95 * log_sd) for side in (-1.0, 1.0))
     values = np.array([float(mean), math.exp(log_mean), float(sd), low, high, nominal])
-    mean, median, sd, low, high, nominal = _shown(values, name, vehicle, units).tolist()
+    mean, median, sd, low, high, nominal = shown(values, name, vehicle, units).tolist()
     return {
         "unit": display_units(units)[QUANTITIES[name][0]],
         "mean": mean,
@@ -183,7 +145,7 @@ def _known(name: str, result: Track) -> Document:
     """One given value, and what the readings made of it."""
     vehicle, where = result.vehicle, result.coordinates
     given = getattr(vehicle, name)
-    value, sd = _shown(np.array([given.value, given.sd]), name, vehicle).tolist()
+    value, sd = shown(np.array([given.value, given.sd]), name, vehicle).tolist()
     out: Document = {
         "label": QUANTITIES[name][1],
         "unit": display_units(vehicle.units)[QUANTITIES[name][0]],
@@ -194,10 +156,10 @@ def _known(name: str, result: Track) -> Document:
         k = where.names.index(name)
         middle = where.centre[k] + where.scale[k] * float(result.mean[k])
         width = where.scale[k] * math.sqrt(result.covariance[k, k])
-        mean, spread = _moments(middle, width) if where.log[k] else (middle, width)
+        mean, spread = moments(middle, width) if where.log[k] else (middle, width)
         ends = [middle + side * _NORMAL95 * width for side in (-1.0, 1.0)]
         low, high = np.exp(ends) if where.log[k] else ends
-        numbers = _shown(np.array([mean, spread, low, high]), name, vehicle).tolist()
+        numbers = shown(np.array([mean, spread, low, high]), name, vehicle).tolist()
         out["posterior"] = {"mean": numbers[0], "sd": numbers[1], "eti95": numbers[2:]}
     return out
 
@@ -229,14 +191,15 @@ def _track(result: Track) -> Document:
     """Curves against time."""
     frames, vehicle = result.frames, result.vehicle
     keep = np.unique(np.linspace(0, len(frames) - 1, _CURVE).astype(int))
-    out: Document = {"time": _rounded(frames.time[keep] - frames.time[0]), "parameters": {}}
+    since = np.append(0, keep[:-1] + 1)  # a doubt of a moment between two points is told as well
+    out: Document = {"time": _rounded(frames.time[keep] - result.begin), "parameters": {}}
     for k, name in enumerate(PARAMETERS):
         median, sd = frames.median[keep, k], frames.log_sd[keep, k]
         out["parameters"][name] = {
             "unit": display_units(vehicle.units)[QUANTITIES[name][0]],
-            "median": _rounded(_shown(median, name, vehicle)),
+            "median": _rounded(shown(median, name, vehicle)),
             "band95": [
-                _rounded(_shown(median * np.exp(side * _NORMAL95 * sd), name, vehicle))
+                _rounded(shown(median * np.exp(side * _NORMAL95 * sd), name, vehicle))
                 for side in (-1.0, 1.0)
             ],
         }
@@ -244,13 +207,9 @@ def _track(result: Track) -> Document:
         "mean": _rounded(frames.nis_mean[keep]),
         "band95": [_rounded(frames.nis_low[keep]), _rounded(frames.nis_high[keep])],
     }
-    out["inflation"] = _rounded(frames.inflation[keep])
-    out["consistent"] = [bool(v) for v in frames.consistent[keep]]
+    out["inflation"] = _rounded(np.maximum.reduceat(frames.inflation, since))
+    out["consistent"] = np.logical_and.reduceat(frames.consistent, since).tolist()
     return out
-
-
-def _span(frames: Frames) -> float:
-    return float(frames.time[-1] - frames.time[0]) if len(frames) else 0.0
 
 
 def _rounded(values: Array) -> list[float | None]:

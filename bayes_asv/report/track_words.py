@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
-from bayes_asv.report.readable import number, percent, plain
-from bayes_asv.report.words import headline, sentence
+from bayes_asv.report.readable import number, percent, plain, readable_unit
+from bayes_asv.report.words import LABELS, headline, sentence
 
-__all__ = ["consistency_lines", "track_headline", "track_lines"]
+__all__ = ["DOUBTED_STEPS", "consistency_lines", "is_doubted", "track_headline", "track_lines"]
 
 Document = dict[str, Any]
 
 _SHOWN = ("c_f", "c_r", "i", "k_g")
 
+_MANY = 200.0
+
 _FAULTS = {
     "swollen": (
-        "The noise had to be raised to {level} times what the vehicle file says: a sensor was at "
-        "fault, a value given as exact is off, or something moves that a half car does not know."
+        "The noise had to be raised to {level} what the vehicle file says: a sensor was at fault, "
+        "a value given as exact is off, or something moves that a half car does not know."
     ),
     "coloured": (
         "What the predictions miss hangs together from reading to reading: the parameters changed, "
@@ -29,10 +31,19 @@ _FAULTS = {
     "given, and the intervals are wider than they need be.",
 }
 
-_DOUBTS = {
-    "recovered": " Something was amiss on the way, and the filter has recovered since.",
-    "inconsistent": " The filter is not consistent: do not rely on its intervals.",
-}
+_RECOVERED = " Something was amiss on the way, and the filter has recovered since."
+_DOUBTED = (
+    "Not to be relied on: this recording is not one that the half car and the sensors of the "
+    "vehicle file would make. The figures are where the filter ended."
+)
+
+DOUBTED_STEPS: Final = (
+    "See whether a sensor is loose, or its noise is given too small in the vehicle file.",
+    "Ask 'bayes-asv diagnose' what the half car lacks: a damper whose bound and rebound differ, "
+    "a stop, friction.",
+    "'bayes-asv estimate' learns the noise as well and says how much of the motion is explained.",
+)
+"""What to do where the filter was not consistent."""
 
 
 def track_headline(document: Document) -> str:
@@ -46,7 +57,14 @@ def track_headline(document: Document) -> str:
     words = headline(document)
     if document["verdict"] != "ok":
         return words
-    return words + _DOUBTS.get(document["consistency"]["verdict"], "")
+    if is_doubted(document):
+        return _DOUBTED
+    return words + (_RECOVERED if document["consistency"]["verdict"] == "recovered" else "")
+
+
+def is_doubted(document: Document) -> bool:
+    """Whether the filter was not consistent with what it saw, so that nothing can be claimed."""
+    return bool(document["consistency"]["verdict"] == "inconsistent")
 
 
 def consistency_lines(document: Document) -> list[str]:
@@ -57,18 +75,19 @@ def consistency_lines(document: Document) -> list[str]:
     low, high = found["nis_band95"]
     mean = number(found["nis_mean"], 0.01)
     lines = [
-        f"The innovations' normalised squares have a mean of {mean} over {found['readings']} "
-        f"readings (95 % of filters that are right: {number(low, 0.01)} to {number(high, 0.01)}), "
-        f"and {percent(found['share_of_time'])} of the time nothing was amiss."
+        f"Normalised innovations squared (NIS): mean {mean} over {found['readings']} readings; "
+        f"95 % of filters that are right lie between {number(low, 0.01)} and {number(high, 0.01)}. "
+        f"For {percent(found['share_of_time'])} of the time nothing was amiss."
     ]
-    level = number(found["largest_noise_level"], 0.1)
+    raised = found["largest_noise_level"]
+    level = f"{number(raised, 0.1 * raised)} times" if raised < _MANY else "hundreds of times"
     lines += [_FAULTS[fault].format(level=level) for fault in found["faults"]]
     resets = (document.get("filter") or {}).get("resets") or []
     if resets:
-        shown = ", ".join(f"{number(t, 0.1)}" for t in resets[:5])
+        shown = ", ".join(f"{number(t, 0.1)} s" for t in resets[:5])
         more = f" and {len(resets) - 5} times more" if len(resets) > 5 else ""
         lines.append(
-            f"At {shown} s{more} something broke; motion and biases were begun anew, and what was "
+            f"At {shown}{more} something broke; motion and biases were begun anew, and what was "
             "learnt of the car just before was taken back."
         )
     if not found["faults"] and not resets:
@@ -80,9 +99,23 @@ def track_lines(document: Document) -> list[str]:
     """Say everything a terminal needs: verdict, parameters, consistency, warnings."""
     if document["verdict"] == "refused":
         return [track_headline(document), *(f"Why: {plain(r)}." for r in document["reasons"])]
-    parameters = document["parameters"]
+    parameters = {n: document["parameters"][n] for n in _SHOWN if n in document["parameters"]}
     lines = [track_headline(document)]
-    lines += [sentence(n, parameters[n]) for n in _SHOWN if n in parameters]
+    if is_doubted(document):  # no probability is worth its digits here
+        lines += [_ending(n, p) for n, p in parameters.items()]
+    else:
+        lines += [sentence(n, p) for n, p in parameters.items()]
     lines += consistency_lines(document)
+    if is_doubted(document):
+        lines += [f"Next: {step}" for step in DOUBTED_STEPS]
     lines += [f"Note: {plain(w)}." for w in document["warnings"]]
     return lines
+
+
+def _ending(name: str, parameter: Document) -> str:
+    """Say where a parameter ended, and claim nothing."""
+    low, high = parameter["eti95"]
+    return (
+        f"{LABELS[name].capitalize()}: {number(parameter['median'], high - low)} "
+        f"{readable_unit(parameter['unit'])} (nominal {number(parameter['nominal'])})."
+    )

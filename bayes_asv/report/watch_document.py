@@ -45,7 +45,8 @@ def watch_document(
     if alarm is None and not reasons and tracker.begun:
         before = tracker.coordinates.scale[:3]
         D = tracker.filter.state.D[:, :3]
-        reasons = unlearned(before * np.sqrt(np.sum(D**2, axis=0)), before)
+        lost = tracker.watch.summary().verdict == "inconsistent"
+        reasons = unlearned(before * np.sqrt(np.sum(D**2, axis=0)), before, lost=lost)
     return {
         "schema": "bayes_asv/watch/1",
         "verdict": "alarm" if alarm else "refused" if reasons else "ok",

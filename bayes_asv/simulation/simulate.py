@@ -17,12 +17,14 @@ from bayes_asv.simulation.roads import Road
 from bayes_asv.units import si_factor
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Drive", "simulate"]
+__all__ = ["FINE", "SETTLE", "Drive", "fine_grid", "hub_acceleration", "read_out", "simulate"]
 
 Array = NDArray[np.float64]
 
-_FINE = 10_000.0  # Hz, where hub, chassis and sensor filters are computed
-_SETTLE = 0.5  # s parked before the road begins
+FINE = 10_000.0
+"""Rate at which hub, chassis and sensor filters are computed, Hz."""
+SETTLE = 0.5
+"""Parked before the road begins, s."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,11 @@ def simulate(
     rng = np.random.default_rng([seed, 1])
     if car is None:
         car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    delays = [sensor.delay for sensor in vehicle.sensors]
-    bandwidths = [sensor.bandwidth for sensor in vehicle.sensors if sensor.bandwidth is not None]
-    fine = np.arange(-_SETTLE + min(*delays, 0.0), seconds + max(*delays, 0.0) + 0.1, 1.0 / _FINE)
+    fine = fine_grid(vehicle, CHANNELS, seconds)
     hubs = np.stack(
         [
-            _acceleration(road, road.speed * (fine - _SETTLE)),
-            _acceleration(road, road.speed * (fine - _SETTLE) - car.l),
+            hub_acceleration(road, road.speed * (fine - SETTLE)),
+            hub_acceleration(road, road.speed * (fine - SETTLE) - car.l),
         ],
         axis=1,
     )
@@ -98,12 +98,60 @@ def simulate(
     states = simulate_linear(system, fine, hubs)
     chassis = states @ system.C.T
     truth = np.stack([hubs[:, 0], chassis[:, 0], hubs[:, 1], chassis[:, 1]])
+    note = f"simulated: {vehicle.name} over {road.name} at {road.speed:.2f} m/s, seed {seed}"
+    recording = read_out(
+        vehicle, CHANNELS, fine, truth, rate, seconds, rng, note, f"simulated {road.name}"
+    )
+    return Drive(recording, fine, states[:, [0, 2]], truth)
+
+
+def fine_grid(vehicle: Vehicle, channels: tuple[str, ...], seconds: float) -> Array:
+    """Make the times (M,), s, from before the recording to after its last reading."""
+    delays = [vehicle.sensor(name).delay for name in channels]
+    return np.arange(-SETTLE + min(*delays, 0.0), seconds + max(*delays, 0.0) + 0.1, 1.0 / FINE)
+
+
+def read_out(
+    vehicle: Vehicle,
+    channels: tuple[str, ...],
+    fine: Array,
+    truth: Array,
+    rate: float,
+    seconds: float,
+    rng: np.random.Generator,
+    note: str,
+    source: str,
+) -> Recording:
+    """Read true accelerations with a vehicle's sensors.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Its sensors filter, delay, add noise and round as the file says.
+    channels : tuple of C str
+        Which they are.
+    fine : (M,) array
+        Times, s.
+    truth : (C, M) array
+        Accelerations, m/s².
+    rate, seconds : float
+        Rows a second and length of the recording.
+    rng : numpy Generator
+        Draws the noise.
+    note, source : str
+        Kept with the recording.
+
+    Returns
+    -------
+    Recording
+    """
+    sensors = [vehicle.sensor(name) for name in channels]
+    bandwidths = [sensor.bandwidth for sensor in sensors if sensor.bandwidth is not None]
     rows = np.arange(round(seconds * rate)) / rate
     unit = "in/s^2" if vehicle.units == "US" else "m/s^2"
-    values = np.empty((4, len(rows)))
+    values = np.empty((len(channels), len(rows)))
     units = []
-    for c, name in enumerate(CHANNELS):
-        sensor = vehicle.sensor(name)
+    for c, sensor in enumerate(sensors):
         signal = truth[c]
         if bandwidths:  # a sensor without one is like the slowest of the others
             signal = _one_pole(fine, signal, sensor.bandwidth or min(bandwidths))
@@ -119,25 +167,20 @@ def simulate(
                 sampled = np.rint(sampled / sensor.resolution) * sensor.resolution
             values[c], each = sampled / si_factor(unit, "acceleration"), unit
         units.append(each)
-    recording = Recording(
+    return Recording(
         time=rows,
         values=values,
-        units=(units[0], units[1], units[2], units[3]),
-        metadata=(
-            ("sample_rate", f"{rate:g} Hz"),
-            ("note", f"simulated: {vehicle.name} over {road.name} at {road.speed:.2f} m/s, "
-                     f"seed {seed}"),
-        ),
-        source=f"simulated {road.name}",
-        sha256="",
-    )  # fmt: skip
-    return Drive(recording, fine, states[:, [0, 2]], truth)
+        units=tuple(units),
+        metadata=(("sample_rate", f"{rate:g} Hz"), ("note", note)),
+        source=source,
+        channels=channels,
+    )
 
 
-def _acceleration(road: Road, x: Array) -> Array:
+def hub_acceleration(road: Road, x: Array) -> Array:
     """Hub acceleration, m/s²: second difference of the height at exact distances."""
-    d = road.speed / _FINE
-    return np.asarray((road.height(x + d) - 2.0 * road.height(x) + road.height(x - d)) * _FINE**2)
+    d = road.speed / FINE
+    return np.asarray((road.height(x + d) - 2.0 * road.height(x) + road.height(x - d)) * FINE**2)
 
 
 def _one_pole(time: Array, signal: Array, bandwidth: float) -> Array:

@@ -181,3 +181,27 @@ def test_counts_with_uncertain_scales(invoke: Command, tmp_path: Path, baja: Pat
     said = invoke("track", ROOT / "data" / "recordings" / "stops-800hz.csv", "-v", baja)
     assert said.status == 0
     assert "20 % softer" in said.out
+
+
+def test_where_the_filter_is_not_consistent_nothing_is_claimed(
+    invoke: Command, baja: Path, tmp_path: Path
+) -> None:
+    """A damper whose bound and rebound differ: figures without probabilities, and what to do."""
+    valved = ROOT / "data" / "recordings" / "valved-stops-400hz.csv"
+    said = invoke("track", valved, "-v", baja, "--json", tmp_path / "t.json")
+    assert said.status == 0
+    lines = said.out.splitlines()
+    assert lines[0].startswith("Not to be relied on")
+    assert not any("certain" in line or "95 %:" in line for line in lines)
+    assert lines[-3].startswith("Next: ")
+    said = invoke("report", "--from", tmp_path / "t.json", "-o", tmp_path / "t.html")
+    assert said.out.startswith("Not to be relied on")
+    page = (tmp_path / "t.html").read_text(encoding="utf-8")
+    assert page.count("<strong>not to be relied on</strong>") == 4
+    assert "oil, seals" not in page
+    bump = ROOT / "data" / "recordings" / "valved-bump-400hz.csv"
+    for command in ("track", "watch"):
+        said = invoke(command, bump, "-v", baja)
+        assert said.status == 3
+        assert "could not hold the front damping" in said.out
+        assert "faster or over a higher one" not in said.out

@@ -13,7 +13,8 @@ from scipy.linalg import expm
 from bayes_asv.kernels import innovations, unscented
 from bayes_asv.kernels.factored import follow, leverage, take, wander
 from bayes_asv.kernels.filter_state import COLUMNS, INNOVATION, LOG_P, Model, Rules, State, Steps
-from bayes_asv.kernels.lanes import BLOCK, blocks, moved, place_cars, step, structure_of
+from bayes_asv.kernels.lane_rows import BLOCK, blocks
+from bayes_asv.kernels.lanes import moved, place_cars, step, structure_of
 from bayes_asv.kernels.steps import TAYLOR
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 from bayes_asv.online.knowledge import beginning

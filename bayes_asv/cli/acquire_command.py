@@ -1,0 +1,214 @@
+"""``bayes-asv acquire``."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bayes_asv.acquire.messages import MODES, RATES, SYNCHS
+from bayes_asv.cli import common
+from bayes_asv.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from bayes_asv.acquire.blocks import Block
+    from bayes_asv.acquire.outcome import Outcome
+    from bayes_asv.acquire.run import Request
+
+__all__ = ["command"]
+
+_STATUS = {"ok": 0, "incomplete": 3, "refused": 3}
+_FRAMES = 83  # of a full block, before its HEAD says it
+
+
+@click.command("acquire")
+@click.option("-o", "output", required=True, metavar="REC", help="The recording to write.")
+@click.option("--port", metavar="P", help="The logger's port; without it the only one there is.")
+@click.option("--start", is_flag=True, help="Start the run from here; otherwise wait for it.")
+@click.option(
+    "--frequency", type=click.Choice([str(rate) for rate in RATES]), metavar="HZ",
+    help=f"Rows a second: {', '.join(map(str, RATES))}; without it as the knob says.",
+)  # fmt: skip
+@click.option(
+    "--mode", type=click.Choice(MODES), help="From the start on, or a loop that waits for a bump."
+)
+@click.option("--synch", type=click.Choice(SYNCHS), help="Six steps, the short form, or by radio.")
+@click.option(
+    "--readings", type=click.Choice(["1", "2", "4", "8", "16", "32"]), metavar="N",
+    help="Conversions averaged to one reading.  [default: 4]",
+)  # fmt: skip
+@click.option(
+    "--pre", type=click.IntRange(0, 600), metavar="ROWS",
+    help="With --mode loop: rows kept from before the trigger.  [default: 200]",
+)  # fmt: skip
+@click.option(
+    "--threshold", type=click.IntRange(1, 1023), metavar="COUNTS",
+    help="With --mode loop: what counts as a shake.  [default: 20]",
+)  # fmt: skip
+@click.option(
+    "--trigger", type=click.FloatRange(0.0, 3600.0), metavar="SECONDS",
+    help="With --mode loop: trigger from here so long after arming.",
+)  # fmt: skip
+@click.option(
+    "--wait", type=click.FloatRange(0.0), metavar="SECONDS",
+    help="Give up when no run begins in this time.",
+)  # fmt: skip
+@click.option(
+    "--patience", type=click.FloatRange(1.0), default=60.0, show_default=True, metavar="SECONDS",
+    help="Give up after so long without an answer.",
+)  # fmt: skip
+@click.option(
+    "--cable", type=click.FloatRange(0.0), default=600.0, show_default=True, metavar="SECONDS",
+    help="Wait so long for a cable that was pulled.",
+)  # fmt: skip
+@click.option("--discard", is_flag=True, help="Drop a run that the logger holds already.")
+@click.option("--text", is_flag=True, help="Take the text dump, twice, instead of frames.")
+@click.option("--raw", metavar="FILE", help="Where every byte is kept.  [default: REC.raw]")
+@click.option("--resume", is_flag=True, help="Go on with the run whose bytes are in the raw file.")
+@click.option("--replay", metavar="FILE", help="Read kept bytes again instead of a port.")
+@common.rate_option
+@common.json_option
+def command(
+    output: str,
+    port: str | None,
+    raw: str | None,
+    resume: bool,
+    replay: str | None,
+    rate: float | None,
+    json_file: str | None,
+    **wanted: Any,
+) -> int:
+    """Bring a recording from the data logger over its serial port.
+
+    Every byte is on disk before it is looked at. What is missing is asked for again; what never
+    came is missing in the recording, which says so, and the exit status is 3.
+    """
+    request = _request(resume=resume, **{k: wanted[k] for k in _OF_REQUEST})
+    if replay is not None and (port is not None or resume or raw is not None or request.start):
+        raise click.UsageError("--replay takes no port: leave out --port, --raw, --resume, --start")
+    kept = replay or raw or f"{output}.raw"
+    common.check_outputs((replay,), output, json_file, None if replay else kept)
+    from bayes_asv.acquire.job import replayed
+    from bayes_asv.acquire.outcome import document, lines
+    from bayes_asv.formats import write_recording
+
+    if replay is not None:
+        outcome = replayed(replay, rate, output)
+    else:
+        outcome = _fetched(
+            port, kept, output, request, rate, wanted["patience"], wanted["cable"]
+        )  # fmt: skip
+    if outcome.recording is not None:
+        write_recording(outcome.recording, output)
+    common.write_json(document(outcome, output, kept), json_file)
+    click.echo("\n".join(lines(outcome, output, kept)), err=json_file == "-")
+    return _STATUS[outcome.verdict]
+
+
+_OF_REQUEST = (
+    "start", "frequency", "mode", "synch", "readings", "pre", "threshold", "trigger", "wait",
+    "discard", "text",
+)  # fmt: skip
+
+
+def _request(
+    *,
+    start: bool,
+    frequency: str | None,
+    mode: str | None,
+    synch: str | None,
+    readings: str | None,
+    pre: int | None,
+    threshold: int | None,
+    trigger: float | None,
+    wait: float | None,
+    discard: bool,
+    text: bool,
+    resume: bool,
+) -> Request:
+    """Put the options together, and refuse what does not fit."""
+    from bayes_asv.acquire.messages import Settings
+    from bayes_asv.acquire.run import Request
+
+    loop = mode == "loop"
+    for name, value in (("--pre", pre), ("--threshold", threshold), ("--trigger", trigger)):
+        if value is not None and not loop:
+            raise click.UsageError(f"{name} belongs to --mode loop")
+    if resume and (start or discard):
+        raise click.UsageError("--resume goes on with a run: leave out --start and --discard")
+    given = (frequency, mode, synch, readings, pre, threshold)
+    settings = None
+    if any(value is not None for value in given):
+        usual = Settings()
+        settings = Settings(
+            rate=int(frequency or 0),
+            mode=int(loop),
+            synch=SYNCHS.index(synch) if synch else usual.synch,
+            readings=int(readings) if readings else usual.readings,
+            pre=usual.pre if pre is None else pre,
+            threshold=threshold or usual.threshold,
+        )
+    return Request(settings, start, trigger, wait, resume, discard, text)
+
+
+def _fetched(
+    name: str | None,
+    kept: str,
+    output: str,
+    request: Request,
+    rate: float | None,
+    patience: float,
+    cable: float,
+) -> Outcome:
+    """Bring a run over the port, words on standard error and a bar on a terminal."""
+    from bayes_asv.acquire.job import acquire
+    from bayes_asv.acquire.port import KeptPort, found_port
+
+    def say(text: str) -> None:
+        click.echo(text, err=True)
+
+    held = _held(kept) if request.resumed else b""
+    if not request.resumed and os.path.exists(kept):
+        raise InputError(
+            kept, "is there already", "give --resume to go on with it, or name another by --raw"
+        )
+    chosen = name or found_port()
+    with ExitStack() as stack:
+        progress = stack.enter_context(common.progress_bar())
+        port = stack.enter_context(
+            KeptPort(chosen, kept, resume=request.resumed, patience=cable, say=say)
+        )
+        say(f"{chosen}: every byte is kept in {kept}")
+        return acquire(
+            port,
+            request,
+            patience=patience,
+            held=held,
+            source=output,
+            rate=rate,
+            say=say,
+            grown=_bar(progress),
+        )
+
+
+def _bar(progress: Callable[[float, str], None] | None) -> Callable[[Block], None] | None:
+    if progress is None:
+        return None
+
+    def grown(block: Block) -> None:
+        share = block.come / (block.expected or _FRAMES)
+        first = block.board == 1
+        words = f"{'front' if first else 'rear'} board, frame {block.come} of {block.expected}"
+        progress(0.5 * share + (0.0 if first else 0.5), words)
+
+    return grown
+
+
+def _held(kept: str) -> bytes:
+    from bayes_asv.files import read_bytes
+
+    return read_bytes(kept, 50_000_000)
