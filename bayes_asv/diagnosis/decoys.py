@@ -36,6 +36,7 @@ _PLAY = (0.05, 0.2, 0.5)  # shares of the rms deflection
 _YIELD = (0.05, 0.2, 0.6)  # the same, over which hysteresis turns
 _SEATS = (2.5, 4.0, 6.0)  # Hz
 _RINGS = (15.0, 25.0, 40.0, 70.0)  # Hz
+_FINER = 4  # steps of a system to one of its signal
 _SMALL = 0.01  # of the damper's rms force, and of a channel's rms
 
 
@@ -79,8 +80,9 @@ def _nudges(
         np.zeros_like(line.moments), np.zeros_like(line.reading), np.zeros_like(line.reading)
     )
     time = line.instants - line.instants[0]
+    pole = target.patterns[run].pole
     for axle, name in enumerate(("front", "rear")):
-        delta, rate = states[:, 2 * axle], states[:, 2 * axle + 1]
+        delta, rate = _moved(time, states[:, 2 * axle], states[:, 2 * axle + 1], pole)
         level = _SMALL * car[axle] * float(rate.std())
         for words, force in _laws(float(delta.std()), float(rate.std())):
             value = force(time, delta, rate)
@@ -118,11 +120,24 @@ def _laws(travel: float, speed: float) -> Iterator[tuple[str, Force]]:
     yield "a spring that is not symmetric", lambda t, d, v: -d * np.abs(d)
 
 
+def _moved(time: Array, delta: Array, rate: Array, pole: float) -> tuple[Array, Array]:
+    """Deflection and rate of the car itself, which the sensors' filter (``pole``, rad/s) passes."""
+    return delta + rate / pole, rate + CubicSpline(time, rate)(time, 1) / pole
+
+
+def _through(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
+    """Signal behind a linear system, between its samples a spline.
+
+    A straight line between samples would be half a step late to what follows its slope.
+    """
+    even = np.linspace(time[0], time[-1], _FINER * len(time))
+    out = lsim(system, CubicSpline(time, signal)(even), even)[1]
+    return np.interp(time, even, np.asarray(out, np.float64))
+
+
 def _slow(time: Array, signal: Array, lag: float) -> Array:
     """Signal behind a first-order lag."""
-    even = np.linspace(time[0], time[-1], 2 * len(time))
-    out = lsim(([1.0], [lag, 1.0]), np.interp(even, time, signal), even)[1]
-    return np.interp(time, even, np.asarray(out, np.float64))
+    return _through(time, signal, ([1.0], [lag, 1.0]))
 
 
 def _in_a_mount(lag: float, time: Array, delta: Array, rate: Array) -> Array:
@@ -153,11 +168,8 @@ def _hysteresis(travel: float, time: Array, delta: Array, rate: Array) -> Array:
 def _oscillator(time: Array, base: Array, frequency: float, damping: float) -> Array:
     """Force of a unit mass on a spring and damper that stands on a moving base."""
     w = 2.0 * np.pi * frequency
-    even = np.linspace(time[0], time[-1], 2 * len(time))
     # mass that moves with the base: −a; relative motion adds what the spring passes late
-    system = ([1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w**2])
-    relative = lsim(system, np.interp(even, time, base), even)[1]
-    return np.interp(time, even, np.asarray(relative, np.float64))
+    return _through(time, base, ([1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w**2]))
 
 
 def _accelerations(line: Timeline) -> Array:
@@ -177,10 +189,7 @@ def _sensor(
         w = 2.0 * np.pi * frequency
 
         def ringing(time: Array, signal: Array, w: float = w) -> Array:
-            even = np.linspace(time[0], time[-1], 2 * len(time))
-            system = ([1.0, 0.0, 0.0], [1.0, 0.06 * w, w**2])
-            out = lsim(system, np.interp(even, time, signal), even)[1]
-            return np.interp(time, even, np.asarray(out, np.float64))
+            return _through(time, signal, ([1.0, 0.0, 0.0], [1.0, 0.06 * w, w**2]))
 
         yield f"a mounting that rings near {frequency:.0f} Hz", ringing
 
