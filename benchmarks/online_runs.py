@@ -43,8 +43,8 @@ from tests.rig import (
 from tests.rig.terrain import rollers
 
 __all__ = [
-    "KNOWLEDGE", "NAMES", "after_crossing", "against", "covered", "faded_share", "fading", "long_drive",
-    "nees_band", "raised", "speeds", "watched",
+    "KNOWLEDGE", "NAMES", "after_crossing", "against", "covered", "faded_share", "fading",
+    "long_drive", "nees_band", "raised", "speeds", "watched",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
