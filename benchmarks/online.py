@@ -35,17 +35,14 @@ from bayes_asv import __version__
 from bayes_asv.files import write_whole
 from benchmarks.online_runs import (
     KNOWLEDGE,
+    after_crossing,
     against,
     covered,
-    faded_share,
     fading,
-    long_drive,
     nees_band,
-    raised,
     speeds,
     watched,
 )
-from tests.inference.cases import DECLARED, vehicle
 from tests.rig import SensorSpec
 
 __all__ = ["RESULTS", "main"]
@@ -185,15 +182,7 @@ def alarms(given: argparse.Namespace) -> Row:
             "largest": max(r["largest"] for r in rows),
             "rows": rows,
         }
-    waits = []
-    for k in range(given.drives):
-        car, recording = long_drive(40.0, 400.0, given.seed + k, loss=0.3)
-        nominal = vehicle(DECLARED)
-        _, alarm, frames = raised(recording, nominal, _BELOW, _SURE)
-        share = faded_share(frames.time, 0.3, 20.0) * car.c_f / nominal.c_f.value
-        if share[0] > _BELOW > share[-1]:
-            crossed = float(frames.time[int(np.argmax(share < _BELOW))])
-            waits.append(None if alarm is None else alarm.time - crossed)
+    waits = [after_crossing(given.seed + k, _BELOW, _SURE) for k in range(given.drives)]
     out["after crossing"] = {"seconds": waits}
     return out
 

@@ -43,8 +43,8 @@ from tests.rig import (
 from tests.rig.terrain import rollers
 
 __all__ = [
-    "KNOWLEDGE", "NAMES", "against", "covered", "faded_share", "fading", "long_drive", "nees_band",
-    "raised", "speeds", "watched",
+    "KNOWLEDGE", "NAMES", "after_crossing", "against", "covered", "faded_share", "fading",
+    "long_drive", "nees_band", "raised", "speeds", "watched",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -177,6 +177,19 @@ def watched(seed: int, minutes: float, share_left: float, below: float, sure: fl
         "told": dog.rows_told / max(dog.rows, 1),
         "largest": float(np.max(p, initial=0.0)),
     }
+
+
+def after_crossing(seed: int, below: float, sure: float) -> float | None:
+    """Seconds from where a damper at nominal that loses 30 % in 20 s crosses a share to the alarm.
+
+    None where no alarm comes in 40 s.
+    """
+    like = draw(baja(), np.random.default_rng([seed, 94]), DECLARED)
+    like = replace(like, c_f=baja().c_f)
+    _, recording = long_drive(40.0, 400.0, seed, loss=0.3, like=like)
+    _, alarm, frames = raised(recording, vehicle(DECLARED), below, sure)
+    crossed = float(frames.time[int(np.argmax(faded_share(frames.time, 0.3, 20.0) < below))])
+    return None if alarm is None else alarm.time - crossed
 
 
 def raised(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 
 from bayes_asv.formats import read_recording
 from bayes_asv.vehicle import read_vehicle
+from benchmarks.online import RESULTS
+from benchmarks.online_page import page
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -53,3 +56,8 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+?)\)", text):
         if not target.startswith("https://"):
             assert (page.parent / target).exists(), target
+
+
+def test_the_page_of_the_online_filter_is_made_of_its_results() -> None:
+    kept = json.loads(RESULTS.read_text(encoding="utf-8"))
+    assert (ROOT / "docs" / "online.md").read_text(encoding="utf-8") == page(kept)

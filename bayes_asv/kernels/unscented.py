@@ -271,8 +271,13 @@ def run(
                 memory[SCORE] += math.log(rest[axle]) + apart * apart / rest[axle]
             else:
                 sign = 1.0 if what == AT_LEAST else -1.0
+                z = sign * (value - mean) / math.sqrt(S)
+                if z > 0.0 and z * z > rules.gate:  # as far beyond belief as a value would be
+                    more = S * (z * z / rules.gate - 1.0)
+                    rest[axle] += more
+                    S += more
+                    z = math.sqrt(rules.gate)
                 root = math.sqrt(S)
-                z = sign * (value - mean) / root
                 log_tail, hazard = upper_tail(z)
                 memory[LOG_P] += log_tail
                 memory[SCORE] -= 2.0 * log_tail

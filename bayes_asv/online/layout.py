@@ -212,6 +212,10 @@ class Layout:
         value[~np.isfinite(value)] = np.nan
         low = value <= self._sensing.low[:, None]
         high = value >= self._sensing.high[:, None]
+        # a sensor at its rail says that the truth is beyond the rail, whatever number it sends
+        slack = 0.5 * self._sensing.steps
+        rails = self._sensing.low - slack, self._sensing.high + slack
+        value = np.clip(value, rails[0][:, None], rails[1][:, None])
         for c, equaliser in enumerate(self._equalisers):
             if equaliser is not None:
                 value[c] = equaliser(true[c], value[c])

@@ -261,6 +261,12 @@ class _Plain:
                     more = variance * max(ratio / self.rules.gate - 1.0, 0.0)
                 else:
                     sign = 1.0 if kind[axle] == AT_LEAST else -1.0
+                    off = sign * (value[axle] - expected)
+                    if off > 0.0 and off**2 > self.rules.gate * variance:
+                        wider = off**2 / self.rules.gate - variance
+                        given[axle, axle] += wider
+                        S[axle, axle] += wider
+                        variance += wider
                     root = math.sqrt(variance)
                     z = sign * (value[axle] - expected) / root
                     log_tail, hazard = upper_tail(z)

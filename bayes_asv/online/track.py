@@ -25,7 +25,7 @@ __all__ = ["Track", "concluded", "track"]
 
 Array = NDArray[np.float64]
 
-_CHUNK = 4096  # rows
+_CHUNK = 16_384  # rows
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class Trace:
     """Rows of CSV as they come; they wait in a file without a name, not in memory.
 
     Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of c_f, c_r and i, then ``nis mean``
-    (empty before the first reading that counts), ``inflation`` and ``consistent`` (1 or 0).
+    (one before the first reading that counts), ``inflation`` and ``consistent`` (1 or 0).
 
     Parameters
     ----------

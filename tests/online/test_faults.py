@@ -79,6 +79,29 @@ def test_while_it_lasts_the_answer_does_not_run_away() -> None:
     assert np.all(np.abs(distance(frames, car)) < 3.0)
 
 
+@pytest.mark.parametrize("ranged", [True, False], ids=["beyond its range", "without a range"])
+@pytest.mark.parametrize("channel", [0, 3])
+def test_one_absurd_reading_moves_nothing(channel: int, ranged: bool) -> None:
+    """A bit that flipped: 1e6 in/s² once; the interval of the end is that without it."""
+    _, recording = long_drive(SECONDS, 11)
+    given = vehicle(DECLARED)
+    if not ranged:
+        free = tuple(replace(s, low=-np.inf, high=np.inf) for s in given.sensors)
+        given = replace(given, sensors=free)  # type: ignore[arg-type]
+    values = recording.values.copy()
+    values[channel, _row(recording, BREAKS)] = 1e6
+    _, sound = tracked(recording, given)
+    _, frames = tracked(with_values(recording, values), given)
+    apart = np.log(frames.median[-1] / sound.median[-1])
+    assert np.all(np.abs(apart) < 0.1 * sound.log_sd[-1])
+    np.testing.assert_allclose(frames.log_sd[-1], sound.log_sd[-1], rtol=0.05)
+    assert frames.consistent[-1]
+
+
+def _row(recording: Recording, time: float) -> int:
+    return int(np.searchsorted(recording.time, time))
+
+
 def _lag(time: Array, followed: Array, true: Array, seconds: float) -> float:
     """Seconds by which a curve is behind the truth: the shift with the smallest error."""
     shifts = np.arange(0.0, 4.0, 0.05)
