@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tests.acquire.made import Made, told
-from tests.firmware.laptop import (
+from tests.firmware.frames import (
     BLOCK,
     CONFIG,
     DONE,

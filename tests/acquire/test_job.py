@@ -14,7 +14,15 @@ from bayes_asv.acquire.port import GoneError
 from bayes_asv.acquire.run import Request
 from tests.acquire.fake import FakeLogger
 from tests.acquire.made import Made, counts, stream
-from tests.firmware.laptop import DONE, GET, SENDING_1, SENDING_2, START, STOP, WAITING
+from tests.firmware.frames import (
+    DONE,
+    GET,
+    SENDING_1,
+    SENDING_2,
+    START,
+    STOP,
+    WAITING,
+)
 
 FRONT, REAR = Made(1, counts(1)), Made(2, counts(2), ppm=20.0)
 TRUTH = np.concatenate([FRONT.rows.T, REAR.rows.T])
