@@ -30,6 +30,9 @@ EVERY: Final = 12.0
 """s from one drive over the road to the next."""
 REPEATS: Final = 50
 
+FIRMWARE: Final = Path(__file__).resolve().parents[2] / "firmware"
+"""Where it is in a source checkout."""
+
 _FINE: Final = 2000.0  # Hz: several times the logger's highest rate, linear in between
 _COARSE: Final = 1600.0  # Hz below which a recording is worth a warning
 _DRIVE: Final = 2.8  # s
@@ -72,7 +75,7 @@ def built() -> Path:
     InputError
         If this is no source checkout, a tool is missing, or the build fails.
     """
-    firmware = Path(__file__).resolve().parents[2] / "firmware"
+    firmware = FIRMWARE
     if not (firmware / "emulator" / "Makefile").is_file():
         raise InputError(
             "logger --emulated",

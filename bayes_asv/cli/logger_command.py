@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -74,6 +75,8 @@ def command(
         if warning:
             click.echo(f"Note: {warning}.", err=True)
         wanted = Emulation(seed=seed, loss=loss, errors=errors, speed=speed)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _interrupted)
         process, port = started(firmware, scenario(firmware, wanted, inputs), folder)
         click.echo(
             f"The emulated logger is at {port}; the car passes its road every {EVERY:g} s.\n"
@@ -86,7 +89,11 @@ def command(
         try:
             with contextlib.suppress(KeyboardInterrupt):
                 process.wait()
-        finally:
+        finally:  # nobody is to be left at the port, whatever ends this
             process.terminate()
             process.wait(timeout=10)
     return 0
+
+
+def _interrupted(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
