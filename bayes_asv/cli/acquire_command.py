@@ -67,7 +67,7 @@ _FRAMES = 83  # of a full block, before its HEAD says it
     help="Wait so long for a cable that was pulled.",
 )  # fmt: skip
 @click.option("--discard", is_flag=True, help="Drop a run that the logger holds already.")
-@click.option("--text", is_flag=True, help="Take the text dump, twice, instead of frames.")
+@click.option("--text", is_flag=True, help="Take the text dump, more than once, instead of frames.")
 @click.option("--raw", metavar="FILE", help="Where every byte is kept.  [default: REC.raw]")
 @click.option("--resume", is_flag=True, help="Go on with the run whose bytes are in the raw file.")
 @click.option(
