@@ -233,7 +233,9 @@ def _grown(
             return
         share = block.come / (block.expected or _FRAMES)
         first = block.board == 1
-        words = f"{'front' if first else 'rear'} board, frame {block.come} of {block.expected}"
+        words = (
+            f"{'front' if first else 'rear'} board, {block.come} of {block.expected or '?'} frames"
+        )
         progress(0.5 * share + (0.0 if first else 0.5), words)
 
     return grown

@@ -12,6 +12,7 @@ from bayes_asv.acquire.messages import Settings
 from bayes_asv.acquire.outcome import Outcome
 from bayes_asv.acquire.port import GoneError
 from bayes_asv.acquire.run import Request
+from bayes_asv.errors import InputError
 from tests.acquire.fake import FakeLogger
 from tests.acquire.made import Made, counts, stream
 from tests.firmware.frames import (
@@ -154,7 +155,14 @@ def test_a_logger_that_falls_silent_leaves_what_came() -> None:
     assert any("did not come" in reason for reason in outcome.reasons)
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt(), GoneError("the port went away")])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        KeyboardInterrupt(),
+        GoneError("the port went away"),
+        InputError("r.raw", "cannot be written"),
+    ],
+)
 def test_what_came_before_an_interruption_is_kept(fault: BaseException) -> None:
     logger = FakeLogger(FRONT, REAR)
     left = [60]
