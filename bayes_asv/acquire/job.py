@@ -77,7 +77,7 @@ def acquire(
     warnings = (f"the port went away {times}; the transfer went on where it was",) if losses else ()
     outcome = concluded(laptop, faults, rate=rate, source=source, warnings=warnings)
     if request.text and outcome.verdict == "ok":
-        # Nobody acknowledges a text: the logger would hold the run. Where it does not hear, it does.
+        # Nobody acknowledges a text: the logger would go on to hold the run.
         with contextlib.suppress(SilentError, GoneError, InputError):
             laptop.order(Kind.STOP)
     return outcome
