@@ -62,7 +62,7 @@ def acquire(
 
     laptop = Laptop(port, heard, grown, patience=_FIRST * patience, seq=seq)
     laptop.replay(held)
-    laptop.events.clear()
+    laptop.events[:] = [event for event in laptop.events if not event.ends_run]
     faults: tuple[str, ...] = ()
     try:
         _greet(laptop)
@@ -72,9 +72,7 @@ def acquire(
         faults = (str(fault),)
     except KeyboardInterrupt:
         faults = ("interrupted",)
-    losses = getattr(port, "losses", 0)
-    times = "once" if losses == 1 else f"{losses} times"
-    warnings = (f"the port went away {times}; the transfer went on where it was",) if losses else ()
+    warnings = _noticed(port, laptop, request)
     outcome = concluded(laptop, faults, rate=rate, source=source, warnings=warnings)
     if request.text and outcome.verdict == "ok":
         # Nobody acknowledges a text: the logger would go on to hold the run.
@@ -103,6 +101,20 @@ def replayed(path: PathLike, rate: float | None = None, source: str = "") -> Out
     laptop = Laptop(_NoPort())
     laptop.replay(read_bytes(path, _LARGEST_RAW))
     return concluded(laptop, rate=rate, source=source)
+
+
+def _noticed(port: Port, laptop: Laptop, request: Request) -> tuple[str, ...]:
+    """Say what happened besides, and where the run is not what was asked for."""
+    said = []
+    losses = getattr(port, "losses", 0)
+    if losses:
+        times = "once" if losses == 1 else f"{losses} times"
+        said.append(f"the port went away {times}; the transfer went on where it was")
+    head = laptop.blocks[Address.SLAVE_1].head
+    wanted = request.settings.rate if request.settings is not None else 0
+    if head is not None and wanted and head.rate != wanted:
+        said.append(f"{wanted} Hz were asked for, but the run was taken at {head.rate} Hz")
+    return tuple(said)
 
 
 def _greet(laptop: Laptop) -> None:

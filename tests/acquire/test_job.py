@@ -16,6 +16,7 @@ from bayes_asv.errors import InputError
 from tests.acquire.fake import FakeLogger
 from tests.acquire.made import Made, counts, stream
 from tests.firmware.frames import (
+    CONFIG,
     DONE,
     GET,
     SENDING_1,
@@ -100,6 +101,27 @@ def test_a_run_held_already_is_fetched_or_given_up() -> None:
     logger = FakeLogger(FRONT, REAR, state=WAITING)
     check_whole(acquire(logger, Request(start=True, discard=True)))
     assert logger.got.index(STOP) < logger.got.index(START)
+
+
+def test_a_run_taken_otherwise_than_asked_for_is_told() -> None:
+    logger = FakeLogger(FRONT, REAR, state=WAITING)
+    outcome = acquire(logger, Request(Settings(rate=800), start=True))
+    check_whole(outcome)
+    assert outcome.warnings == ("800 Hz were asked for, but the run was taken at 400 Hz",)
+
+
+@pytest.mark.parametrize("start", [True, False])
+def test_settings_that_the_logger_refuses_end_it(start: bool) -> None:
+    logger = FakeLogger(FRONT, REAR, refuses={CONFIG: 2})
+    outcome = acquire(logger, Request(Settings(rate=800, readings=32), start=start))
+    assert outcome.verdict == "refused"
+    assert "refuses these settings" in outcome.reasons[0]
+    assert START not in logger.got
+
+
+def test_a_logger_that_refuses_to_start_is_not_asked_for_ever() -> None:
+    outcome = acquire(FakeLogger(FRONT, REAR, refuses={START: 5}), GO)
+    assert outcome.reasons == ("the logger stands by, but refuses to start (busy)",)
 
 
 def test_only_what_is_missing_is_asked_for_in_a_second_session() -> None:
