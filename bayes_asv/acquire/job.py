@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
 from bayes_asv.acquire.blocks import Block
@@ -11,12 +12,13 @@ from bayes_asv.acquire.messages import Event
 from bayes_asv.acquire.outcome import Outcome, concluded
 from bayes_asv.acquire.port import GoneError
 from bayes_asv.acquire.run import Request, bring
+from bayes_asv.errors import InputError
 from bayes_asv.files import PathLike, read_bytes
 
 __all__ = ["acquire", "replayed"]
 
 _LARGEST_RAW = 50_000_000  # bytes: half a day of a line that never rests
-_FIRST_ANSWER = 8.0  # s: a board that starts sets up its modem for 3 s first
+_FIRST = 0.25  # share of the patience for the first answer, which may be nobody's
 
 
 def acquire(
@@ -40,7 +42,7 @@ def acquire(
     request : Request
         What is wanted of the logger.
     patience : float
-        s without an answer after which one gives up.
+        s without an answer after which one gives up; a quarter of it for the first.
     held : bytes
         What came in an earlier session of the same run.
     source : str
@@ -58,24 +60,24 @@ def acquire(
     def heard(event: Event) -> None:
         say(event.said)
 
-    laptop = Laptop(port, heard, grown, patience=min(patience, _FIRST_ANSWER), seq=seq)
+    laptop = Laptop(port, heard, grown, patience=_FIRST * patience, seq=seq)
     laptop.replay(held)
-    laptop.events.clear()
+    laptop.events[:] = [event for event in laptop.events if not event.ends_run]
     faults: tuple[str, ...] = ()
     try:
         _greet(laptop)
         laptop.patience = patience
         faults = bring(laptop, request, say)
-    except (SilentError, GoneError) as fault:
+    except (SilentError, GoneError, InputError) as fault:  # the last: the disk is full
         faults = (str(fault),)
     except KeyboardInterrupt:
         faults = ("interrupted",)
-    losses = getattr(port, "losses", 0)
-    times = "once" if losses == 1 else f"{losses} times"
-    warnings = (f"the port went away {times}; the transfer went on where it was",) if losses else ()
+    warnings = _noticed(port, laptop, request)
     outcome = concluded(laptop, faults, rate=rate, source=source, warnings=warnings)
     if request.text and outcome.verdict == "ok":
-        laptop.order(Kind.STOP)  # nobody acknowledges a text: the logger would hold the run
+        # Nobody acknowledges a text: the logger would go on to hold the run.
+        with contextlib.suppress(SilentError, GoneError, InputError):
+            laptop.order(Kind.STOP)
     return outcome
 
 
@@ -99,6 +101,20 @@ def replayed(path: PathLike, rate: float | None = None, source: str = "") -> Out
     laptop = Laptop(_NoPort())
     laptop.replay(read_bytes(path, _LARGEST_RAW))
     return concluded(laptop, rate=rate, source=source)
+
+
+def _noticed(port: Port, laptop: Laptop, request: Request) -> tuple[str, ...]:
+    """Say what happened besides, and where the run is not what was asked for."""
+    said = []
+    losses = getattr(port, "losses", 0)
+    if losses:
+        times = "once" if losses == 1 else f"{losses} times"
+        said.append(f"the port went away {times}; the transfer went on where it was")
+    head = laptop.blocks[Address.SLAVE_1].head
+    wanted = request.settings.rate if request.settings is not None else 0
+    if head is not None and wanted and head.rate != wanted:
+        said.append(f"{wanted} Hz were asked for, but the run was taken at {head.rate} Hz")
+    return tuple(said)
 
 
 def _greet(laptop: Laptop) -> None:

@@ -26,6 +26,7 @@ _LOOK: Final = 3.0  # s between looks at the state while nothing is said
 _LAST_WORDS: Final = 2.5  # s: an event is repeated every 2 s
 _DUMP_SILENCE: Final = 6.0  # s without a line after which a dump has broken off
 _MOST_DUMPS: Final = 4
+_MOST_REFUSALS: Final = 5
 _FRONT, _REAR = Address.SLAVE_1, Address.SLAVE_2
 
 
@@ -67,6 +68,8 @@ class _Course:
     started: bool = False  # by us
     begun: bool = False  # a run is under way, by whomever
     triggered: bool = False
+    configured: bool = False
+    refused: int = 0  # STARTs
     seen: int | None = None
     faults: list[str] = field(default_factory=list)
 
@@ -220,27 +223,42 @@ def _fetch(laptop: Laptop, block: Block) -> Result:
     return Result.DONE
 
 
+def _configure(laptop: Laptop, request: Request, course: _Course) -> bool:
+    """Send the settings, once; whether they hold."""
+    if request.settings is None or course.configured:
+        return True
+    answered = laptop.order(Kind.CONFIG, request.settings.payload())
+    if answered == Result.BAD_VALUE:
+        course.faults.append(
+            "the logger refuses these settings; a row's readings have to fit into its period "
+            "(4 at 400 and 800 Hz)"
+        )
+    course.configured = answered == Result.DONE
+    return course.configured
+
+
 def _start(laptop: Laptop, request: Request, course: _Course) -> None:
     laptop.begin_run()
-    if request.settings is not None:
-        answered = laptop.order(Kind.CONFIG, request.settings.payload())
-        if answered == Result.BAD_VALUE:
-            course.faults.append(
-                "the logger refuses these settings; a row's readings have to fit into its period "
-                "(4 at 400 and 800 Hz)"
-            )
-            return
+    if not _configure(laptop, request, course):
+        return  # wrong, or its state has changed: look again
     answered = laptop.order(Kind.START)
     course.started = course.begun = answered == Result.DONE
+    course.refused += not course.started
+    if course.refused >= _MOST_REFUSALS:
+        words = answered.name.lower().replace("_", " ")
+        course.faults.append(f"the logger stands by, but refuses to start ({words})")
 
 
 def _await_button(laptop: Laptop, request: Request, since: float, course: _Course) -> None:
-    if request.settings is not None and not course.started:
-        course.started = laptop.order(Kind.CONFIG, request.settings.payload()) == Result.DONE
+    if not _configure(laptop, request, course):
+        return
     begun = _event_since(laptop, Code.RUN_STARTED, _FRONT)
-    fails = len(laptop.events)
-    laptop.listen(_LOOK, lambda: begun() or any(e.ends_run for e in laptop.events[fails:]))
-    course.begun |= begun() or any(e.ends_run for e in laptop.events[fails:])
+    told = len(laptop.events)
+
+    def over() -> bool:
+        return begun() or any(event.ends_run for event in laptop.events[told:])
+
+    course.begun |= laptop.listen(_LOOK, over)
     if request.wait is not None and laptop.port.clock() - since > request.wait:
         course.faults.append(f"no run was started within {request.wait:g} s")
 

@@ -27,6 +27,7 @@ COMMANDS = {
     "diagnose": "Where simulation and measurement disagree, and what is missing.",
     "report": "An HTML or PDF report of recordings or of saved estimates.",
     "acquire": "A recording from the data logger over a serial port.",
+    "logger": "The data logger without hardware, on simulated chips.",
     "plan": "Which road, speed, rate and passes give what is wanted, before the drive.",
     "simulate": "A recording from a road and a vehicle, with a seed.",
     "modes": "Eigenvalue modes, and the spectrum of a recording.",

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from bayes_asv.acquire.blocks import Block
     from bayes_asv.acquire.outcome import Outcome
     from bayes_asv.acquire.run import Request
+    from bayes_asv.acquire.watch import Watch
 
 __all__ = ["command"]
 
@@ -66,9 +67,13 @@ _FRAMES = 83  # of a full block, before its HEAD says it
     help="Wait so long for a cable that was pulled.",
 )  # fmt: skip
 @click.option("--discard", is_flag=True, help="Drop a run that the logger holds already.")
-@click.option("--text", is_flag=True, help="Take the text dump, twice, instead of frames.")
+@click.option("--text", is_flag=True, help="Take the text dump, more than once, instead of frames.")
 @click.option("--raw", metavar="FILE", help="Where every byte is kept.  [default: REC.raw]")
 @click.option("--resume", is_flag=True, help="Go on with the run whose bytes are in the raw file.")
+@click.option(
+    "--watch", is_flag=True, help="Track c_f, c_r and i while the rows come; needs --vehicle."
+)
+@click.option("--vehicle", "-v", metavar="V.toml", help="With --watch: what is known of the car.")
 @click.option("--replay", metavar="FILE", help="Read kept bytes again instead of a port.")
 @common.rate_option
 @common.json_option
@@ -80,6 +85,8 @@ def command(
     replay: str | None,
     rate: float | None,
     json_file: str | None,
+    watch: bool,
+    vehicle: str | None,
     **wanted: Any,
 ) -> int:
     """Bring a recording from the data logger over its serial port.
@@ -90,22 +97,32 @@ def command(
     request = _request(resume=resume, **{k: wanted[k] for k in _OF_REQUEST})
     if replay is not None and (port is not None or resume or raw is not None or request.start):
         raise click.UsageError("--replay takes no port: leave out --port, --raw, --resume, --start")
+    if watch != (vehicle is not None):
+        raise click.UsageError("--watch and --vehicle belong together")
     kept = replay or raw or f"{output}.raw"
-    common.check_outputs((replay,), output, json_file, None if replay else kept)
+    common.check_outputs((replay, vehicle), output, json_file, None if replay else kept)
     from bayes_asv.acquire.job import replayed
     from bayes_asv.acquire.outcome import document, lines
     from bayes_asv.formats import write_recording
 
+    watcher = None if vehicle is None else _watcher(vehicle)
     if replay is not None:
         outcome = replayed(replay, rate, output)
     else:
         outcome = _fetched(
-            port, kept, output, request, rate, wanted["patience"], wanted["cable"]
+            port, kept, output, request, rate, wanted["patience"], wanted["cable"], watcher
         )  # fmt: skip
+    made, said = document(outcome, output, kept), lines(outcome, output, kept)
     if outcome.recording is not None:
         write_recording(outcome.recording, output)
-    common.write_json(document(outcome, output, kept), json_file)
-    click.echo("\n".join(lines(outcome, output, kept)), err=json_file == "-")
+        if watcher is not None:
+            from bayes_asv.report.track_document import track_document
+            from bayes_asv.report.track_words import track_lines
+
+            made["track"] = track_document(watcher.finish(outcome.recording))
+            said += track_lines(made["track"])
+    common.write_json(made, json_file)
+    click.echo("\n".join(said), err=json_file == "-")
     return _STATUS[outcome.verdict]
 
 
@@ -163,13 +180,11 @@ def _fetched(
     rate: float | None,
     patience: float,
     cable: float,
+    watcher: Watch | None,
 ) -> Outcome:
     """Bring a run over the port, words on standard error and a bar on a terminal."""
     from bayes_asv.acquire.job import acquire
     from bayes_asv.acquire.port import KeptPort, found_port
-
-    def say(text: str) -> None:
-        click.echo(text, err=True)
 
     held = _held(kept) if request.resumed else b""
     if not request.resumed and os.path.exists(kept):
@@ -180,9 +195,9 @@ def _fetched(
     with ExitStack() as stack:
         progress = stack.enter_context(common.progress_bar())
         port = stack.enter_context(
-            KeptPort(chosen, kept, resume=request.resumed, patience=cable, say=say)
+            KeptPort(chosen, kept, resume=request.resumed, patience=cable, say=_say)
         )
-        say(f"{chosen}: every byte is kept in {kept}")
+        _say(f"{chosen}: every byte is kept in {kept}")
         return acquire(
             port,
             request,
@@ -190,19 +205,37 @@ def _fetched(
             held=held,
             source=output,
             rate=rate,
-            say=say,
-            grown=_bar(progress),
+            say=_say,
+            grown=_grown(progress, watcher),
         )
 
 
-def _bar(progress: Callable[[float, str], None] | None) -> Callable[[Block], None] | None:
-    if progress is None:
-        return None
+def _say(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _watcher(vehicle: str) -> Watch:
+    from bayes_asv.acquire.watch import Watch
+    from bayes_asv.vehicle import read_vehicle
+
+    return Watch(read_vehicle(vehicle), _say)
+
+
+def _grown(
+    progress: Callable[[float, str], None] | None, watcher: Watch | None
+) -> Callable[[Block], None]:
+    """Make what is done with a block whenever a frame of it has come."""
 
     def grown(block: Block) -> None:
+        if watcher is not None:
+            watcher.grown(block)
+        if progress is None:
+            return
         share = block.come / (block.expected or _FRAMES)
         first = block.board == 1
-        words = f"{'front' if first else 'rear'} board, frame {block.come} of {block.expected}"
+        words = (
+            f"{'front' if first else 'rear'} board, {block.come} of {block.expected or '?'} frames"
+        )
         progress(0.5 * share + (0.0 if first else 0.5), words)
 
     return grown

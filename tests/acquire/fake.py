@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tests.acquire.made import Made, told
-from tests.firmware.laptop import (
+from tests.firmware.frames import (
     BLOCK,
     CONFIG,
     DONE,
@@ -59,8 +59,12 @@ class FakeLogger:
         Seconds from START to the end of the run.
     aborts
         Event (code, board, text) that ends the run instead.
-    lies
-        Blocks whose DONE is refused so often.
+    dump
+        What DUMP gives.
+    deaf
+        Whether nothing is heard.
+    refuses
+        Results of commands that are not obeyed.
     got
         Kinds of commands that came.
     """
@@ -73,6 +77,7 @@ class FakeLogger:
     aborts: tuple[int, int, str] | None = None
     dump: bytes = b""
     deaf: bool = False
+    refuses: dict[int, int] = field(default_factory=dict)
     timeout: float = 1.0
     got: list[int] = field(default_factory=list)
     settings: bytes = b""
@@ -154,10 +159,12 @@ class FakeLogger:
             return struct.pack("<BHHHHHBBBBB", self.state, 400, 1, 10_000, 0, 0, 0, 0, 0, 0, 0)
         if frame.kind == CONFIG:
             self.settings = frame.payload
-            return struct.pack("<BHH", 0, 1, 10_000)
+            return struct.pack("<BHH", self.refuses.get(CONFIG, 0), 1, 10_000)
         return bytes([self._result(frame)])
 
     def _result(self, frame: Frame) -> int:
+        if frame.kind in self.refuses:
+            return self.refuses[frame.kind]
         if frame.kind == START and self.state == STANDBY:
             self.state, self._run_ends = TAKING, self._now + self.run_takes
         elif frame.kind == SEND and self.state == WAITING:

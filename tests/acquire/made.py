@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.firmware.laptop import (
+from tests.firmware.frames import (
     BLOCK,
     EVENT,
     LAPTOP,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bayes_asv.acquire.blocks import Block
 from bayes_asv.acquire.frames import Frame
 from tests.acquire.made import Made, counts
-from tests.firmware.laptop import block_of
+from tests.firmware.frames import block_of
 
 
 def frames_of(made: Made) -> list[Frame]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bayes_asv.acquire.frames import Frame, decoded, encoded, stuffed, unstuffed
 from bayes_asv.acquire.messages import Settings, event_of, hello_of
 from bayes_asv.acquire.splitter import Splitter
-from tests.firmware import laptop
+from tests.firmware import frames as reference
 
 PROTOCOL = Path(__file__).parents[2] / "firmware" / "PROTOCOL.md"
 
@@ -56,21 +56,21 @@ def test_golden_payloads_mean_what_the_protocol_says() -> None:
 
 @given(st.binary(max_size=700))
 def test_stuffing_is_that_of_the_tests_own_laptop(data: bytes) -> None:
-    assert stuffed(data) == laptop.cobs_encode(data)
+    assert stuffed(data) == reference.cobs_encode(data)
     assert unstuffed(stuffed(data)) == data
 
 
 @given(st.binary(max_size=300))
 def test_anything_is_unstuffed_as_by_the_tests_own_laptop(data: bytes) -> None:
     chunk = data.replace(b"\0", b"")
-    assert unstuffed(chunk) == laptop.cobs_decode(chunk)
+    assert unstuffed(chunk) == reference.cobs_decode(chunk)
 
 
 @given(st.binary(max_size=26), st.integers(0, 15), st.integers(0, 255), st.integers(1, 255))
 def test_a_spoilt_byte_makes_no_frame(payload: bytes, to: int, kind: int, flip: int) -> None:
     frame = Frame(to, 1, kind, 7, payload)
     line = encoded(frame)
-    assert line == laptop.cobs_encode(laptop.encode_body(laptop.Frame(*frame))) + b"\0"
+    assert line == reference.cobs_encode(reference.encode_body(reference.Frame(*frame))) + b"\0"
     for place in range(len(line)):
         spoilt = line[:place] + bytes([line[place] ^ flip]) + line[place + 1 :]
         assert all(

@@ -12,9 +12,19 @@ from bayes_asv.acquire.messages import Settings
 from bayes_asv.acquire.outcome import Outcome
 from bayes_asv.acquire.port import GoneError
 from bayes_asv.acquire.run import Request
+from bayes_asv.errors import InputError
 from tests.acquire.fake import FakeLogger
 from tests.acquire.made import Made, counts, stream
-from tests.firmware.laptop import DONE, GET, SENDING_1, SENDING_2, START, STOP, WAITING
+from tests.firmware.frames import (
+    CONFIG,
+    DONE,
+    GET,
+    SENDING_1,
+    SENDING_2,
+    START,
+    STOP,
+    WAITING,
+)
 
 FRONT, REAR = Made(1, counts(1)), Made(2, counts(2), ppm=20.0)
 TRUTH = np.concatenate([FRONT.rows.T, REAR.rows.T])
@@ -93,6 +103,27 @@ def test_a_run_held_already_is_fetched_or_given_up() -> None:
     assert logger.got.index(STOP) < logger.got.index(START)
 
 
+def test_a_run_taken_otherwise_than_asked_for_is_told() -> None:
+    logger = FakeLogger(FRONT, REAR, state=WAITING)
+    outcome = acquire(logger, Request(Settings(rate=800), start=True))
+    check_whole(outcome)
+    assert outcome.warnings == ("800 Hz were asked for, but the run was taken at 400 Hz",)
+
+
+@pytest.mark.parametrize("start", [True, False])
+def test_settings_that_the_logger_refuses_end_it(start: bool) -> None:
+    logger = FakeLogger(FRONT, REAR, refuses={CONFIG: 2})
+    outcome = acquire(logger, Request(Settings(rate=800, readings=32), start=start))
+    assert outcome.verdict == "refused"
+    assert "refuses these settings" in outcome.reasons[0]
+    assert START not in logger.got
+
+
+def test_a_logger_that_refuses_to_start_is_not_asked_for_ever() -> None:
+    outcome = acquire(FakeLogger(FRONT, REAR, refuses={START: 5}), GO)
+    assert outcome.reasons == ("the logger stands by, but refuses to start (busy)",)
+
+
 def test_only_what_is_missing_is_asked_for_in_a_second_session() -> None:
     held = stream(FRONT) + b"".join(REAR.frames[:40])
     logger = FakeLogger(FRONT, REAR, state=SENDING_2)
@@ -146,7 +177,14 @@ def test_a_logger_that_falls_silent_leaves_what_came() -> None:
     assert any("did not come" in reason for reason in outcome.reasons)
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt(), GoneError("the port went away")])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        KeyboardInterrupt(),
+        GoneError("the port went away"),
+        InputError("r.raw", "cannot be written"),
+    ],
+)
 def test_what_came_before_an_interruption_is_kept(fault: BaseException) -> None:
     logger = FakeLogger(FRONT, REAR)
     left = [60]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.firmware.emulated import Emulated, VirtualPort, missing
-from tests.firmware.laptop import (
+from tests.firmware.frames import (
     SEND,
     START,
     STATUS,
     Block,
-    Laptop,
 )
+from tests.firmware.laptop import Laptop
 from tests.firmware.scenarios import Setup, build_firmware, system_1, system_2
 
 __all__ = ["LONGEST_RUN", "Logger", "switched_on", "why_not"]

@@ -64,13 +64,13 @@ def command(*words: object) -> list[str]:
 def acquired(port: object, folder: Path, *options: object) -> Came:
     """Run ``bayes-asv acquire`` as a process of its own."""
     recording, answer = folder / "run.csv", folder / "acquire.json"
-    words = ("acquire", "--port", port, "-o", recording, "--json", answer, "--patience", 12)
+    words = ("acquire", "--port", port, "-o", recording, "--json", answer, "--patience", 100)
     done = subprocess.run(
         command(*words, *options),
         capture_output=True,
         text=True,
         cwd=ROOT,
-        timeout=150,
+        timeout=240,
         check=False,
     )
     assert "Traceback" not in done.stderr, done.stderr
@@ -276,6 +276,6 @@ def test_a_logger_that_is_off_is_named(tmp_path: Path) -> None:
         Emulated(system_2(setup), tmp_path) as emulated,
         Bridge(emulated, tmp_path, SPEED) as bridge,
     ):
-        came = acquired(bridge.path, tmp_path, "--start", "--patience", 2)
+        came = acquired(bridge.path, tmp_path, "--start", "--patience", 10)
     assert came.status == 3
     assert "no logger answers at this port" in came.said

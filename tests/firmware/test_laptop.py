@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.firmware.emulated import EMULATOR, FIRMWARE
-from tests.firmware.laptop import (
+from tests.firmware.frames import (
     Block,
     Frame,
     Head,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.firmware.emulated import Emulated
-from tests.firmware.laptop import CPU, Block
+from tests.firmware.frames import CPU, Block
 
 __all__ = ["Rows", "predicted_times", "rows_of", "synch_pulses"]
 
