@@ -1,11 +1,14 @@
 """Drives of the rig's whole car through ``estimate --car roll``: coverage of 95 % intervals.
 
     python -m benchmarks.rolling [RUNS]
+    python -m benchmarks.rolling again
+    python -m benchmarks.rolling worn RUNS
 
 RUNS drives a case (25) over each of four terrains, the right wheels 0.6 m behind the left ones or
 on a track of their own, with a true car drawn for each.  Known values are as a team declares them
 (1 % mass and weight share, 5 % springs), where the mass makes nearly all of the width, or exact.
-A fifth as many drives are of a car whose front left damper has lost 20 %.  Results go to
+``again`` repeats those of the last results that gave no answer, and ``worn`` adds drives of a car
+whose front left damper has lost 20 %.  Results go to
 ``benchmarks/results/rolling.json``.
 """
 
@@ -37,6 +40,7 @@ RESULTS: Final = Path(__file__).parent / "results" / "rolling.json"
 _TERRAINS: Final = ("bump", "stops", "rough", "rollers")
 _ANSWERS: Final = ("c_fl", "c_fr", "c_rl", "c_rr", "i", "i_roll", "ratio_f", "ratio_r")
 _WORN: Final = 0.8
+_FIRST: Final = {"declared": 1000, "exact": 2000, "worn": 3000}  # seeds
 
 
 def one_run(case: str, terrain: str, seed: int, vehicle: Vehicle) -> dict[str, Any]:
@@ -136,15 +140,31 @@ def _found(rows: list[dict[str, Any]]) -> Mapping[str, Any]:
     }
 
 
-def main(count: int) -> None:
-    """Run all cases and write the results after each."""
+def _cars() -> dict[str, Vehicle]:
+    """Nominal car of each case."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "car.toml"
         cars = {}
-        for name, sds in (("declared", None), ("exact", {})):
+        for name, sds in (("declared", None), ("exact", {}), ("worn", None)):
             path.write_text(wide_toml(wide_baja(), sds), encoding="utf-8")
             cars[name] = read_vehicle(path)
-    cars["worn"] = cars["declared"]
+    return cars
+
+
+def _write(document: dict[str, Any]) -> None:
+    """Sum up and write what there is."""
+    for case in ("declared", "exact", "worn"):
+        rows = [row for row in document["rows"] if row["case"] == case]
+        if rows:
+            document["cases"][case] = summary(rows)
+            if case == "worn":
+                document["cases"][case]["told"] = _found(rows)
+    RESULTS.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+
+
+def main(count: int) -> None:
+    """Run all cases and write the results after each."""
+    cars = _cars()
     document: dict[str, Any] = {
         "command": f"python -m benchmarks.rolling {count}",
         "version": __version__,
@@ -153,18 +173,44 @@ def main(count: int) -> None:
         "cases": {},
         "rows": [],
     }
-    for case, first in (("declared", 1000), ("exact", 2000), ("worn", 3000)):
-        rows = []
-        for k in range(count if case != "worn" else max(count // 5, 1)):
-            for j, terrain in enumerate(_TERRAINS):
-                rows.append(one_run(case, terrain, first + 4 * k + j, cars[case]))
-                print(case, terrain, rows[-1]["verdict"], rows[-1]["seconds"], flush=True)
-        document["cases"][case] = summary(rows)
-        if case == "worn":
-            document["cases"][case]["told"] = _found(rows)
-        document["rows"] += rows
-        RESULTS.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    for case in ("declared", "exact"):
+        document["rows"] += _runs(case, count, cars[case])
+        _write(document)
+
+
+def _runs(case: str, count: int, vehicle: Vehicle) -> list[dict[str, Any]]:
+    rows = []
+    for k in range(count):
+        for j, terrain in enumerate(_TERRAINS):
+            rows.append(one_run(case, terrain, _FIRST[case] + 4 * k + j, vehicle))
+            print(case, terrain, rows[-1]["verdict"], rows[-1]["seconds"], flush=True)
+    return rows
+
+
+def worn(count: int) -> None:
+    """Add the worn car's drives to the last results, in place of those that are there."""
+    document = json.loads(RESULTS.read_text(encoding="utf-8"))
+    rows = [row for row in document["rows"] if row["case"] != "worn"]
+    document["rows"] = rows + _runs("worn", count, _cars()["worn"])
+    _write(document)
+
+
+def again() -> None:
+    """Repeat the runs of the last results that gave no answer."""
+    document = json.loads(RESULTS.read_text(encoding="utf-8"))
+    cars = _cars()
+    for k, row in enumerate(document["rows"]):
+        if row["verdict"] != "ok":
+            new = one_run(row["case"], row["terrain"], row["seed"], cars[row["case"]])
+            document["rows"][k] = {**new, "repeated_after": row["verdict"]}
+            print(row["case"], row["terrain"], row["verdict"], "now", new["verdict"], flush=True)
+    _write(document)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 25)
+    if sys.argv[1:] == ["again"]:
+        again()
+    elif sys.argv[1:2] == ["worn"]:
+        worn(int(sys.argv[2]))
+    else:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else 25)

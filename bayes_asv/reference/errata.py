@@ -18,6 +18,10 @@ class Erratum(NamedTuple):
 
 _ERRATA: Final = (
     Erratum(
+        "Section 2.2, chassis modes", "bounce, pitch, roll, warp", "bounce, pitch, roll",
+        "a rigid chassis has three; in a warp front and rear wheels turn against each other",
+    ),
+    Erratum(
         "Fig. 3.2, F_r", "lever l_f", "lever l_r",
         "the rear axle is l_r from the centre of gravity; App. C.2 has it right",
     ),

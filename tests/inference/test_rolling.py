@@ -185,6 +185,15 @@ def test_what_cannot_answer_is_refused_in_words(tmp_path: Path, cut: str) -> Non
     assert any(said in reason for reason in found.reasons)
 
 
+def test_wheels_that_move_alike_roll_nothing(tmp_path: Path) -> None:
+    road = bump()
+    run = wide_drive(wide_baja(), (road, road), 4.0, 400.0, 1.5, 1)
+    found = estimate_roll([recording(run)], vehicle(tmp_path, {}))
+    assert found.verdict == "refused"
+    assert len(found.reasons) == 1
+    assert "move alike" in found.reasons[0]
+
+
 def test_a_wrong_column_is_not_explained(tmp_path: Path) -> None:
     """Left and right chassis sensors mixed up: even the true car does not explain them."""
     road = bump()

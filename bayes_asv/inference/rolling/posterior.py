@@ -42,8 +42,8 @@ ROLL_ANSWERS: Final = ("c_fl", "c_fr", "c_rl", "c_rr", "i", "i_roll")
 """What is asked for."""
 
 _DIFFERENCE = 1e-3  # of a prior deviation, to both sides: smaller ones lose to rounding
-_ROUNDS = 40
-_ENOUGH = 1e-3  # nats that the next step would gain
+_ROUNDS = 60
+_ENOUGH = 0.02  # nats that the next step would gain; the weights of the draws make up for it
 
 
 @dataclass(frozen=True)

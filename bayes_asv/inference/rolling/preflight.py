@@ -72,16 +72,32 @@ def roll_preflight(car: RollCar, line: RollLayout) -> list[str]:
                 "readings; check its wiring and the logger"
             )
         if c < 4:
-            signal = line.acceleration[c, there]
-            rms = float(np.std(signal))
-            noise = line.noise[c]
-            level = quiet_level(signal, float(line.steps[c])) if noise is None else noise
-            if rms < max(_STILL, _SHAKEN * level):
+            rms = float(np.std(line.acceleration[c, there]))
+            if rms < max(_STILL, _SHAKEN * _level(line, c)):
                 reasons.append(
                     f"the {plain} of {line.source} hardly moves (rms {rms:.2g} m/s²); drive its "
                     "wheel over something, or drive faster"
                 )
+    if not reasons and all(_alike(line, left) for left in (0, 2)):
+        reasons.append(
+            f"left and right wheels of {line.source} move alike, so nothing rolls the car; drive "
+            "one side over something before the other, or leave out --car roll"
+        )
     return reasons
+
+
+def _level(line: RollLayout, c: int) -> float:
+    """Noise of one sample of a channel with its steps, m/s²."""
+    given, step = line.noise[c], float(line.steps[c])
+    own = quiet_level(line.acceleration[c], step) if given is None else given
+    return math.hypot(own, step / math.sqrt(12.0))
+
+
+def _alike(line: RollLayout, left: int) -> bool:
+    """Whether the two wheels of an axle differ by little more than their noise."""
+    apart = line.acceleration[left] - line.acceleration[left + 1]
+    rms = float(np.std(apart[np.isfinite(apart)]))
+    return rms < _SHAKEN * math.hypot(_level(line, left), _level(line, left + 1))
 
 
 def unmeasured(target: RollPosterior, log_sd: dict[str, float]) -> list[str]:
