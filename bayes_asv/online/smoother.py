@@ -24,7 +24,7 @@ from bayes_asv.kernels.steps import ORDER, TAYLOR, series, transition
 from bayes_asv.kernels.unscented import run
 from bayes_asv.online.filter import Filter
 from bayes_asv.online.history import cut
-from bayes_asv.online.knowledge import beginning, copied, model_of
+from bayes_asv.online.knowledge import RULES, beginning, copied, model_of
 from bayes_asv.online.layout import Layout
 from bayes_asv.online.noise import quiet_level
 from bayes_asv.online.tracker import tracker_for
@@ -122,7 +122,7 @@ def smoothed(recording: Recording, vehicle: Vehicle, *, forget: float | None = N
     )
 
 
-def smoothed_states(model: Model, steps: Steps) -> tuple[Array, Array]:
+def smoothed_states(model: Model, steps: Steps, rules: Rules = RULES) -> tuple[Array, Array]:
     """Means and deviations (N, p + 10) of parameters and states after each step.
 
     Parameters
@@ -131,10 +131,12 @@ def smoothed_states(model: Model, steps: Steps) -> tuple[Array, Array]:
         Car and sensors.
     steps : Steps
         N steps of a whole recording.
+    rules : Rules
+        When the filter doubts its noise.
     """
     n, p = len(steps.step), len(model.which)
     means, deviations = np.empty((n, p + _X)), np.empty((n, p + _X))
-    head = Filter(model)
+    head = Filter(model, rules=rules)
     known = 0
     while known < n and head.looking_back:
         head.advance(cut(steps, known, known + 1))
