@@ -132,7 +132,7 @@ def smoothed_states(model: Model, steps: Steps, rules: Rules = RULES) -> tuple[A
     steps : Steps
         N steps of a whole recording.
     rules : Rules
-        When the filter doubts.
+        When the filter doubts its noise.
     """
     n, p = len(steps.step), len(model.which)
     means, deviations = np.empty((n, p + _X)), np.empty((n, p + _X))

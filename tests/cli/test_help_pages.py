@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import os
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import click
 import pytest
@@ -17,7 +16,7 @@ from tests.cli.conftest import ROOT, Command
 from tests.cli.help_pages import PAGE, page
 
 HEAVY = ("numpy", "scipy", "pydantic", "pint", "matplotlib", "numba", "rich", "emcee", "jinja2")
-QUICK = 0.3  # s, on an idle machine
+QUICK = 0.3  # s of one core
 
 
 def test_the_page_is_what_the_commands_say() -> None:
@@ -80,18 +79,18 @@ def test_the_help_imports_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("words", [(), *((name,) for name in COMMANDS)], ids=" ".join)
-def test_the_help_answers_at_once(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_the_help_takes_next_to_no_work(words: tuple[str, ...]) -> None:
     best = 1e9
     for _ in range(12):  # other tests run beside this one
-        began = time.perf_counter()
-        subprocess.run(
+        running = subprocess.Popen(
             [sys.executable, "-m", "bayes_asv", *words, "--help"],
-            check=True,
             stdout=subprocess.DEVNULL,
             cwd=ROOT,
         )
-        best = min(best, time.perf_counter() - began)
+        _, status, used = os.wait4(running.pid, 0)
+        running.returncode = os.waitstatus_to_exitcode(status)
+        assert running.returncode == 0
+        best = min(best, used.ru_utime + used.ru_stime)
         if best < QUICK:
             break
-        time.sleep(0.25)
     assert best < QUICK

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
@@ -11,18 +9,13 @@ from scipy.linalg import block_diag, expm
 from bayes_asv.kernels.filter_state import Model, Steps
 from bayes_asv.kernels.innovations import VALUE
 from bayes_asv.model.halfcar import deflection_form
-from bayes_asv.online.knowledge import RULES
 from bayes_asv.online.smoother import smoothed, smoothed_states
 from tests.inference.cases import DECLARED, vehicle
 from tests.kernels.test_innovations import CAR, LaidOut, recursion_case
+from tests.kernels.test_unscented import NEVER
 from tests.online.drives import faded, long_drive, tracked
 
 Array = NDArray[np.float64]
-
-# The readings are made up: a filter that doubts would take its noise for larger than it is told.
-_TRUSTING = RULES._replace(
-    gate=math.inf, trust=1e15, sudden=math.inf, broken=math.inf, coloured=math.inf
-)
 
 
 def _dense(noise: Array, laid: LaidOut) -> tuple[Array, Array]:
@@ -92,7 +85,7 @@ def test_with_known_parameters_it_is_the_gaussian_smoother() -> None:
             noise, laid[6], np.zeros(3), np.zeros(3),
         )  # fmt: skip
         steps = Steps(h, moments, spread, kind, reading, np.zeros(15, bool))
-        means, deviations = smoothed_states(model, steps, _TRUSTING)
+        means, deviations = smoothed_states(model, steps, NEVER)
         wanted, sd = _dense(noise, laid)
         np.testing.assert_allclose(deviations[:, 3:], sd, atol=1e-5)
         np.testing.assert_allclose(means[:, 3:], wanted, atol=1e-5)
