@@ -17,7 +17,13 @@ import numpy as np
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.errors import InputError
-from bayes_asv.recording import Recording, accelerations, nominal_rate, sample_offsets
+from bayes_asv.recording import (
+    Recording,
+    acceleration_factor,
+    accelerations,
+    nominal_rate,
+    sample_offsets,
+)
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
 from bayes_asv.vehicle import Vehicle
@@ -36,6 +42,7 @@ FIRMWARE: Final = Path(__file__).resolve().parents[2] / "firmware"
 _FINE: Final = 2000.0  # Hz: several times the logger's highest rate, linear in between
 _COARSE: Final = 1600.0  # Hz below which a recording is worth a warning
 _DRIVE: Final = 2.8  # s
+_BESIDE: Final = 0.1  # m/s², one deviation of a sensor's reading at rest
 _FIRST: Final = 6.0  # s after switching on
 _TOOLS: Final = ("make", "gcc", "avr-gcc")
 _HEADERS: Final = (("simavr/sim_avr.h", "libsimavr-dev"), ("libelf.h", "libelf-dev"))
@@ -107,14 +114,24 @@ def built() -> Path:
 def default_drive(vehicle: Vehicle, seed: int) -> Recording:
     """Simulate the nominal car over two parking stops, as voltages: no delays and no steps yet.
 
-    The converters add both themselves.
+    The converters add both themselves. Every sensor reads a little beside its zero, as mounted
+    ones do: with none at rest exactly between two counts, steps are like noise of q²/12.
     """
-    one, two, three, four = (replace(s, delay=0.0, resolution=None) for s in vehicle.sensors)
+    one, two, three, four = (
+        replace(s, delay=0.0, resolution=None, zero_counts=None, counts_scale=None)
+        for s in vehicle.sensors
+    )
     bare = replace(vehicle, sensors=(one, two, three, four))
-    where = road("stops", np.random.default_rng([seed, 0]))
-    made = simulate(bare, where, rate=_FINE, seconds=_DRIVE, seed=seed).recording
+    rng = np.random.default_rng([seed, 0])
+    made = simulate(bare, road("stops", rng), rate=_FINE, seconds=_DRIVE, seed=seed).recording
+    beside = [_BESIDE * rng.standard_normal() / acceleration_factor(unit, "drive")
+              for unit in made.units]  # fmt: skip
     at_once = tuple((f"delay {channel}", "0 s") for channel in CHANNELS)
-    return replace(made, metadata=(*made.metadata, *at_once))
+    return replace(
+        made,
+        values=made.values + np.array(beside)[:, None],
+        metadata=(*made.metadata, *at_once),
+    )
 
 
 def write_voltages(recording: Recording, vehicle: Vehicle, folder: Path) -> tuple[list[str], str]:

@@ -174,7 +174,7 @@ def lines(outcome: Outcome, recording: str, raw: str) -> list[str]:
                 "the recording's metadata correct it."
             )
         rest = outcome.reasons
-    said += [f"Missing: {reason}." for reason in rest]
+    said += [f"Not whole: {reason}." for reason in rest]
     said += [f"Note: {warning}." for warning in outcome.warnings]
     said.append(f"Every byte that came is in {raw}.")
     return said
