@@ -88,8 +88,9 @@ def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatu
     precision[:d, :d] = here.precision()
     imitated = known @ rows.T  # (D + G, K)
     gram = rows @ rows.T - imitated.T @ np.linalg.solve(precision, imitated)
-    # At the mode nothing is asked of the model's own coordinates, only of what is granted.
-    slope = np.concatenate([np.zeros(d), granted @ here.nu])
+    # A mode is found to a few thousandths of a nat: for a signature that the model can all but
+    # imitate, what it would still gain itself is not nothing.
+    slope = np.concatenate([here.gradient(z), granted @ here.nu])
     pull = rows @ here.nu - imitated.T @ np.linalg.solve(precision, slope)
     return Signatures(tuple(wanted), rows, pull, gram)
 

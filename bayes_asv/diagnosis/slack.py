@@ -145,7 +145,7 @@ def _beyond(stage: Stage, allowed: Array, rows: Array) -> tuple[Array, Array]:
     precision[:d, :d] += 0.5 * here.scales @ here.scales.T
     cross = known @ rows.T
     # What tolerances take off the innovations before anything else is asked.
-    slope = np.concatenate([np.zeros(d), allowed @ here.nu])
+    slope = np.concatenate([here.gradient(stage.mode.z), allowed @ here.nu])
     pull = rows @ here.nu - cross.T @ np.linalg.solve(precision, slope)
     return pull, rows @ rows.T - cross.T @ np.linalg.solve(precision, cross)
 
