@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import lsim
+from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.freerun import free_run
@@ -126,13 +126,18 @@ def _moved(time: Array, delta: Array, rate: Array, pole: float) -> tuple[Array, 
 
 
 def _through(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
-    """Signal behind a linear system, between its samples a spline.
+    """Signal behind a linear system that was at rest, between its samples a spline.
 
     A straight line between samples would be half a step late to what follows its slope.
     """
     even = np.linspace(time[0], time[-1], _FINER * len(time))
-    out = lsim(system, CubicSpline(time, signal)(even), even)[1]
-    return np.interp(time, even, np.asarray(out, np.float64))
+    top, bottom = (np.array(part, np.float64) for part in system)
+    numerator, denominator, _ = cont2discrete((top, bottom), even[1] - even[0], "foh")
+    first = float(signal[0])
+    steady = first * system[0][-1] / system[1][-1]
+    moved = CubicSpline(time, signal - first)(even)
+    out = steady + lfilter(np.ravel(numerator), denominator, moved)
+    return np.interp(time, even, out)
 
 
 def _slow(time: Array, signal: Array, lag: float) -> Array:
