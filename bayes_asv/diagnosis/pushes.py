@@ -112,7 +112,7 @@ def with_pushes(found: Signatures) -> Signatures:
 def _push(found: Signatures, place: _Place, begin: int, end: int) -> Candidate:
     """Return the push between two edges."""
     own = [c for c in found.candidates if c.edge and c.site.run == place.run]
-    edges = [c for c in own if c.site.where == AXLES[0]]
+    edges = [c for c in own if c.site.where == own[0].site.where]
     first = edges[begin]
     grid = edges[1].values["start"] - edges[0].values["start"]
     lasts = (end - begin) * grid
@@ -128,12 +128,14 @@ def _places(found: Signatures) -> Iterator[_Place]:
             [k for k, c in enumerate(found.candidates) if c.edge and _is(c, axle, run)]
             for axle in AXLES
         ]
-        if len(at[0]) <= _SHORTEST:
-            continue
         for where, shares in _SHARES.items():
-            mixed = np.zeros((len(at[0]), len(found.candidates)))
+            edges = min(len(own) for own, share in zip(at, shares, strict=True) if share)
+            if edges <= _SHORTEST:  # none where a push is named already
+                continue
+            mixed = np.zeros((edges, len(found.candidates)))
             for axle, share in enumerate(shares):
-                mixed[np.arange(len(mixed)), at[axle]] = share
+                if share:
+                    mixed[np.arange(edges), at[axle]] = share
             gram = np.zeros((len(mixed) + 1, len(mixed) + 1))
             gram[:-1, :-1] = mixed @ found.gram @ mixed.T
             own = np.diag(gram)

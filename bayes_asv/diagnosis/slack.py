@@ -18,6 +18,7 @@ from scipy.special import logsumexp
 from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.family import largest
+from bayes_asv.diagnosis.jitter import jitter
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.diagnosis.rival import AS_WELL
 from bayes_asv.diagnosis.signatures import Signatures, signatures
@@ -63,6 +64,10 @@ class Unexplained:
     rival : float
         Nats by which a decoy alone explains the recordings better than what was named; negative
         when it does worse.
+    p_jitter : float
+        p-value of innovations that are no louder where signals are steep.
+    jitters : str
+        The channel whose slope makes them louder.
     """
 
     score: float
@@ -73,11 +78,13 @@ class Unexplained:
     like: str = ""
     failed: tuple[str, ...] = ()
     rival: float = -math.inf
+    p_jitter: float = 1.0
+    jitters: str = ""
 
     @property
     def present(self) -> bool:
         """Whether something is left that has no name."""
-        noticed = min(self.p_memory, self.p_decoy) < _NOTICED
+        noticed = min(self.p_memory, self.p_decoy, self.p_jitter) < _NOTICED
         wrong = bool(self.swollen) or bool(self.failed) or self.rival > AS_WELL
         return self.score > ENOUGH or noticed or wrong
 
@@ -133,7 +140,17 @@ def unexplained(
     pull, gram = _beyond(stage, allowed, rows)
     two_sided = np.zeros(len(rows), bool)
     p, k, _ = largest(pull, gram, np.sum(rows**2, axis=1), two_sided, seed)
-    return Unexplained(scores[best], best, memory(stage)[1], _swollen(where, stage), p, words[k])
+    p_jitter, jitters = jitter(where, stage)
+    return Unexplained(
+        score=scores[best],
+        axle=best,
+        p_memory=memory(stage)[1],
+        swollen=_swollen(where, stage),
+        p_decoy=p,
+        like=words[k],
+        p_jitter=p_jitter,
+        jitters=jitters,
+    )
 
 
 def _beyond(stage: Stage, allowed: Array, rows: Array) -> tuple[Array, Array]:

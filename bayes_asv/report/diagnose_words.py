@@ -252,6 +252,11 @@ def _left(unexplained: Document) -> list[str]:
             f"{plain(unexplained.get('like') or 'something else')} alone would explain the "
             f"recordings {'as well' if rival < 1.0 else f'better by {rival:.0f} nats'}"
         )
+    if (unexplained.get("p_jitter", 1.0) or 0.0) < _NOTICED and unexplained.get("jitters"):
+        channel = plain(unexplained["jitters"]).replace("_", " ")
+        signs.append(
+            f"noise is largest where the {channel} signal is steep, as with time stamps that jitter"
+        )
     if (unexplained.get("p_memory") or 0.0) < _NOTICED:
         signs.append("the innovations remember their past")
     if unexplained.get("swollen"):

@@ -66,6 +66,8 @@ class _Unexplained(Part):
     like: Words = ""
     failed: Annotated[list[Words], Field(max_length=50)] = Field(default_factory=list)
     rival: Finite | None = None
+    p_jitter: Share | None = None
+    jitters: Words = ""
 
 
 class _Cell(Part):

@@ -1,0 +1,74 @@
+"""Noise that is largest where a signal is steep: time stamps that jitter, or a sensor that slips.
+
+A reading taken by a random time too early or late is off by its slope times that.  Nothing in the
+mean tells; the variance of the innovations does, and a level of the noise cannot take it in.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.stats import pearson3
+
+from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.freerun import free_run
+from bayes_asv.inference.stage import Setting, Stage
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.kernels.innovations import VALUE
+
+__all__ = ["jitter"]
+
+Array = NDArray[np.float64]
+
+_STEEPEST = 10.0  # mean squares of a slope; no single reading is to decide
+
+
+def jitter(where: Setting, stage: Stage) -> tuple[float, str]:
+    """p-value of innovations that are no louder where signals are steep, and the channel they are.
+
+    A score test of the variance (Breusch & Pagan 1979, Econometrica 47:1287) against the squared
+    slope of each channel, one-sided, noise levels taken out, Bonferroni over channels.  A bump is
+    steep in a few places, so that the statistic is a sum of few squares: its skewness is counted.
+
+    Parameters
+    ----------
+    where, stage : Setting, Stage
+        Recordings, and a model at its mode.
+    """
+    here = stage.mode.slopes
+    slopes = [_slopes(stage, line, run) for run, line in enumerate(where.lines)]
+    known = np.vstack([here.scales, np.ones_like(here.nu)])
+    known = known[np.sum(known**2, axis=1) > 1e-12]
+    p = []
+    for c in range(len(CHANNELS)):
+        steep = np.concatenate([own[c] for own in slopes])
+        own = steep - known.T @ np.linalg.lstsq(known.T, steep, rcond=1e-10)[0]
+        variance = 2.0 * float(own @ own)
+        if variance <= 0.0:
+            p.append(1.0)
+            continue
+        z = float(own @ (here.nu**2 - 1.0)) / math.sqrt(variance)
+        skew = 8.0 * float(np.sum(own**3)) / variance**1.5
+        p.append(float(pearson3(skew).sf(z)))
+    best = int(np.argmin(p))
+    return min(len(p) * p[best], 1.0), CHANNELS[best]
+
+
+def _slopes(stage: Stage, line: Timeline, run: int) -> Array:
+    """Squared slope of each channel at every reading (4, N), in the order of the innovations.
+
+    A wheel is heard in both chassis channels, so its slope counts at either's readings.
+    """
+    output = free_run(stage.target, stage.mode.z, run)[0]
+    at, axle = np.nonzero(line.kind == VALUE)
+    out = np.zeros((4, len(at)))
+    for k in range(2):
+        wheel = line.wheels[k].spline(line.instants, 1)
+        chassis = CubicSpline(line.instants, output[:, k])(line.instants, 1)
+        out[2 * k] = wheel[at] ** 2
+        out[2 * k + 1] = np.where(axle == k, chassis[at] ** 2, 0.0)
+    out /= np.maximum(out.mean(axis=1, keepdims=True), 1e-30)
+    return np.asarray(np.minimum(out, _STEEPEST))
