@@ -1,0 +1,119 @@
+"""Parts of the diagnosis, each on its own: pushes, jitter, engines, effects on both axles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from bayes_asv.diagnosis.engine import without_engine
+from bayes_asv.diagnosis.family import one_sided
+from bayes_asv.diagnosis.jitter import jitter
+from bayes_asv.diagnosis.model import asked
+from bayes_asv.diagnosis.pushes import push_p, with_pushes
+from bayes_asv.diagnosis.signatures import Signatures, signatures
+from bayes_asv.inference.bestfit import lay_out
+from bayes_asv.inference.candidates import Candidate, candidates
+from bayes_asv.inference.effects import rows
+from bayes_asv.inference.stage import Setting, Stage, base, foretold, setting
+from bayes_asv.model.effects import EFFECTS, Site
+from tests.battery.cases import case
+
+
+@cache
+def fitted(name: str) -> tuple[Setting, Stage]:
+    one = case(name, 5, 0)
+    lines, reasons, _ = lay_out(one.recordings, one.vehicle)
+    assert not reasons
+    where = setting(one.vehicle, lines)
+    stage = base(where)
+    where = foretold(where, stage)
+    return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
+
+
+def _edges(count: int, rng: np.random.Generator) -> Signatures:
+    """Signatures of edges at both axles of one run: a kernel that dies away, whitened noise."""
+    effect = EFFECTS["external_force"]
+    wanted, signature = [], []
+    for axle in ("front", "rear"):
+        shape = rng.standard_normal(12)
+        for k in range(count):
+            row = np.zeros(6 * count + 20)
+            row[6 * k : 6 * k + 12] = shape
+            signature.append(row)
+            values = {"force": 1.0, "start": 0.03 * k, "duration": 1e4, "rise": 0.03}
+            wanted.append(Candidate(Site(effect, axle, 0), values, False, False, edge=True))
+    found = np.array(signature)
+    return Signatures(tuple(wanted), found, np.zeros(len(found)), found @ found.T)
+
+
+def test_the_best_push_is_the_best_of_all_pairs() -> None:
+    rng = np.random.default_rng(3)
+    edges = _edges(12, rng)
+    for _ in range(20):
+        pull = edges.rows @ rng.standard_normal(edges.rows.shape[1])
+        found = with_pushes(replace(edges, pull=pull))
+        best = 0.0
+        for shares in ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5)):
+            whole = shares[0] * edges.rows[:12] + shares[1] * edges.rows[12:]
+            own = shares[0] * pull[:12] + shares[1] * pull[12:]
+            for begin in range(12):
+                for end in range(begin + 2, 13):
+                    row = whole[begin] - (whole[end] if end < 12 else 0.0)
+                    score = own[begin] - (own[end] if end < 12 else 0.0)
+                    best = max(best, score**2 / float(row @ row))
+        assert float(np.max(found.score**2)) == pytest.approx(best, rel=1e-9)
+
+
+def test_a_push_that_is_not_there_has_any_p_value() -> None:
+    """300 draws, seed 4; Kolmogorov's test at 0.1 %."""
+    rng = np.random.default_rng(4)
+    edges = _edges(8, rng)
+    found = []
+    for k in range(300):
+        pull = edges.rows @ rng.standard_normal(edges.rows.shape[1])
+        found.append(push_p(replace(edges, pull=pull), k))
+    assert kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_the_difference_of_two_edges_is_a_push() -> None:
+    where, stage = fitted("null/bump~baja")
+    edges = [c for c in candidates(stage, where.vehicle) if c.edge]
+    found = with_pushes(signatures(where, stage, edges))
+    direct = signatures(where, stage, list(found.candidates))
+    error = np.abs(found.rows - direct.rows).max(axis=1)
+    assert np.all(error < 1e-3 * np.abs(direct.rows).max(axis=1))
+    np.testing.assert_allclose(found.score, direct.score, atol=0.01)
+
+
+@pytest.mark.parametrize(("name", "seen"), [("null/bump~baja", 0), ("hidden_jitter-4000", 1)])
+def test_jitter_is_seen_in_the_variance(name: str, seen: int) -> None:
+    p, channel = jitter(*fitted(name))
+    assert (p < 1e-3) == bool(seen)
+    assert channel
+
+
+@pytest.mark.parametrize(
+    ("name", "there"), [("progressive_spring@rear-4000", 0), ("engine_vibration@both-400", 1)]
+)
+def test_lines_near_the_cars_own_frequencies_are_no_engine(name: str, there: int) -> None:
+    where, stage = fitted(name)
+    found = asked(where, stage, 1).found
+    known = float(one_sided(found.score, found).max())
+    _, _, engine, _ = without_engine(where, stage, (), base, known)
+    assert (engine is not None) == bool(there)
+
+
+def test_on_both_axles_a_law_acts_twice_and_a_push_in_halves() -> None:
+    friction = Site(EFFECTS["coulomb_friction"], "both")
+    table = rows({friction: {"force": 3.0, "slip": 0.01}}, 0)
+    assert table[:, 0].tolist() == [0.0, 1.0]
+    assert table[:, 2].tolist() == [3.0, 3.0]
+    push = Site(EFFECTS["external_force"], "both", 0)
+    table = rows({push: {"force": 3.0, "start": 1.0, "duration": 0.2, "rise": 0.03}}, 0)
+    assert table[:, 2].tolist() == [1.5, 1.5]
+    assert friction.meets(Site(EFFECTS["coulomb_friction"], "rear"))
+    assert not friction.meets(Site(EFFECTS["bound_rebound"], "rear"))
