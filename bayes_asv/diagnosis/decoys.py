@@ -18,8 +18,10 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.denoised import clear_wheel, denoised
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Nudge, Target, shared_work
+from bayes_asv.inference.noise_level import noise_level
 from bayes_asv.inference.stage import Setting, Stage
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, moments
@@ -82,7 +84,11 @@ def _nudges(
     time = line.instants - line.instants[0]
     pole = target.patterns[run].pole
     for axle, name in enumerate(("front", "rear")):
-        delta, rate = _moved(time, states[:, 2 * axle], states[:, 2 * axle + 1], pole)
+        delta, rate = states[:, 2 * axle], states[:, 2 * axle + 1]
+        # The car itself moves ahead of what its sensors' filter passes.
+        noise = line.noise[2 * axle] or noise_level(line, 2 * axle)
+        faster = denoised(time, CubicSpline(time, rate)(time, 1), noise, None)
+        delta, rate = delta + rate / pole, rate + faster / pole
         level = _SMALL * car[axle] * float(rate.std())
         for words, force in _laws(float(delta.std()), float(rate.std())):
             value = force(time, delta, rate)
@@ -92,16 +98,17 @@ def _nudges(
             added = np.zeros_like(line.reading)
             added[:, axle] = level * value / size
             yield f"{words} at the {name}", nothing._replace(force=added)
-    heave = _accelerations(line)
     for frequency in _SEATS:
         for place, share in (("front", (1.0, 0.0)), ("rear", (0.0, 1.0))):
-            moved = _oscillator(time, heave @ np.array(share), frequency, 0.2)
+            moved = _oscillator(time, clear @ np.array(share), frequency, 0.2)
             added = np.outer(moved, share)
             added *= _SMALL * car[0] * float(states[:, 1].std()) / max(float(np.std(moved)), 1e-12)
             yield f"a mass on a spring near the {place}", nothing._replace(force=added)
     for c, channel in enumerate(CHANNELS):
         for words, change in _sensor(line, clear, c):
-            yield f"{words} ({channel.replace('_', ' ')})", _put(nothing, line, clear, c, change)
+            corner = where.vehicle.sensor(channel).bandwidth
+            nudge = _put(nothing, line, clear, c, change, corner)
+            yield f"{words} ({channel.replace('_', ' ')})", nudge
 
 
 def _laws(travel: float, speed: float) -> Iterator[tuple[str, Force]]:
@@ -118,11 +125,6 @@ def _laws(travel: float, speed: float) -> Iterator[tuple[str, Force]]:
     yield "a damper that stiffens with speed", lambda t, d, v: -(v**3)
     yield "a spring that is not symmetric", lambda t, d, v: -(d**2)
     yield "a spring that is not symmetric", lambda t, d, v: -d * np.abs(d)
-
-
-def _moved(time: Array, delta: Array, rate: Array, pole: float) -> tuple[Array, Array]:
-    """Deflection and rate of the car itself, which the sensors' filter (``pole``, rad/s) passes."""
-    return delta + rate / pole, rate + CubicSpline(time, rate)(time, 1) / pole
 
 
 def _through(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
@@ -177,15 +179,6 @@ def _oscillator(time: Array, base: Array, frequency: float, damping: float) -> A
     return _through(time, base, ([1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w**2]))
 
 
-def _accelerations(line: Timeline) -> Array:
-    """Chassis readings (E, 2) at all instants, interpolated where there is none."""
-    out = np.empty_like(line.reading)
-    for axle in range(2):
-        there = line.kind[:, axle] != MISSING
-        out[:, axle] = np.interp(line.instants, line.instants[there], line.reading[there, axle])
-    return out
-
-
 def _sensor(
     line: Timeline, clear: Array, c: int
 ) -> Iterator[tuple[str, Callable[[Array, Array], Array]]]:
@@ -218,16 +211,15 @@ def _put(
     clear: Array,
     c: int,
     change: Callable[[Array, Array], Array],
+    corner: float | None,
 ) -> Nudge:
     """Change a channel by a little of something that follows from its own samples."""
     axle = c // 2
     if c % 2 == 0:
-        wheel = line.wheels[axle]
-        value = change(wheel.knots, wheel.spline(wheel.knots))
-        value *= (
-            _SMALL * float(np.std(wheel.spline(wheel.knots))) / max(float(np.std(value)), 1e-12)
-        )
-        signal = WheelSignal(CubicSpline(wheel.knots, value), wheel.knots, wheel.deviation)
+        knots, own = clear_wheel(line, axle, corner)
+        value = change(knots, own)
+        value *= _SMALL * float(np.std(own)) / max(float(np.std(value)), 1e-12)
+        signal = WheelSignal(CubicSpline(knots, value), knots, line.wheels[axle].deviation)
         driven = np.zeros_like(line.moments)
         driven[:, axle] = moments(signal, line.instants, ORDER)
         return nothing._replace(moments=driven)

@@ -4,8 +4,8 @@ Sensor effects change readings by patterns that follow from the readings themsel
 the signal behind one more pole of the declared corner, a sensor whose corner is b times the
 declared one would, were it as declared, have read slow + (signal − slow)/b: exact for one pole.
 A lag is a shift, taken to second order.  A chassis channel's patterns follow from a simulation that
-knows the wheels alone: from the reading itself they would share its noise, and a change that
-sharpens a channel would be taken for news.
+knows the wheels alone, and a wheel's from its reading without most of the noise: from the reading
+itself they would share its noise, and a change that sharpens a channel would be taken for news.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.denoised import clear_wheel
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments
 from bayes_asv.kernels.innovations import MISSING, ORDER
@@ -123,7 +124,7 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
         corner = vehicle.sensor(channel).bandwidth
         if c % 2 == 0:
             wheel = line.wheels[axle]
-            time, signal = wheel.knots, wheel.spline(wheel.knots)
+            time, signal = clear_wheel(line, axle, corner)
         else:
             there = line.kind[:, axle] != MISSING
             time, signal = line.instants[there], foretold[there, axle]

@@ -19,6 +19,7 @@ from scipy.special import ndtr
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.effects import Values, car_scale
+from bayes_asv.inference.noise_level import noise_level
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Scale, Site
 from bayes_asv.vehicle import Vehicle
@@ -32,7 +33,6 @@ __all__ = [
     "WORST",
     "Space",
     "log_normal_sd",
-    "quiet_level",
     "space",
 ]  # fmt: skip
 
@@ -378,7 +378,7 @@ def space(
             if likelihood != "innovations" and channel.endswith("wheel"):
                 continue
             noise = line.noise[c]
-            levels[c] = _quiet_level(line, c) if noise is None else noise
+            levels[c] = noise_level(line, c) if noise is None else noise
             if run not in hold:
                 deviation = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
                 if near and noise is not None:
@@ -417,21 +417,3 @@ def _prior_log_sd(vehicle: Vehicle, name: str) -> float:
 def log_normal_sd(value: float, sd: float) -> float:
     """Deviation of the logarithm of a log-normal with this median and this deviation."""
     return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * (sd / value) ** 2))))
-
-
-def quiet_level(a: Array, step: float) -> float:
-    """Noise of one sample (m/s²) of readings (N,), from the quietest quarter of their record.
-
-    Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
-    A hundredth of the channel's own deviation is the least that is believed.
-    """
-    a = a[np.isfinite(a)]
-    quiet = float(np.quantile(np.abs(np.diff(a, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)
-    return max(quiet, 0.01 * float(np.std(a)), step / math.sqrt(12.0), 1e-6)
-
-
-def _quiet_level(line: Timeline, c: int) -> float:
-    """Noise of one sample of a channel, m/s², where none is given."""
-    if line.quiet is not None:
-        return float(line.quiet[c])
-    return quiet_level(line.acceleration[c], float(line.steps[c]))

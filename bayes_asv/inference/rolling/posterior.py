@@ -20,6 +20,7 @@ from scipy.special import ndtr
 from bayes_asv.cars import roll_car
 from bayes_asv.channels import ROLL_CHANNELS
 from bayes_asv.inference.mode import Mode
+from bayes_asv.inference.noise_level import quiet_level
 from bayes_asv.inference.parameters import (
     DAMPING_FACTOR,
     INERTIA_FACTOR,
@@ -27,7 +28,6 @@ from bayes_asv.inference.parameters import (
     NOISE_UNKNOWN_SD,
     WORST,
     log_normal_sd,
-    quiet_level,
 )
 from bayes_asv.inference.rolling.layout import RollLayout
 from bayes_asv.kernels.rolling import rolling_pass

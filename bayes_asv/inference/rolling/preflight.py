@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from bayes_asv.channels import ROLL_CHANNELS
-from bayes_asv.inference.parameters import quiet_level
+from bayes_asv.inference.noise_level import quiet_level
 from bayes_asv.inference.preflight import DOUBTFUL, clipping_limit
 from bayes_asv.inference.rolling.layout import RollLayout
 from bayes_asv.inference.rolling.posterior import ROLL_ANSWERS, RollPosterior
