@@ -20,40 +20,30 @@ from scipy.special import ndtr
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.effects import Values, car_scale
 from bayes_asv.inference.noise_level import noise_level
+from bayes_asv.inference.priors import (
+    DAMPING_FACTOR,
+    INERTIA_FACTOR,
+    NOISE_GIVEN_SD,
+    NOISE_UNKNOWN_SD,
+    WORST,
+    log_normal_sd,
+)
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Scale, Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = [
-    "CAR",
-    "DAMPING_FACTOR",
-    "INERTIA_FACTOR",
-    "NOISE_GIVEN_SD",
-    "NOISE_UNKNOWN_SD",
-    "WORST",
-    "Space",
-    "log_normal_sd",
-    "space",
-]  # fmt: skip
+__all__ = ["CAR", "Space", "space"]
 
 Array = NDArray[np.float64]
 
 CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")  # the kernel's order
 
-DAMPING_FACTOR = 3.0  # a damping rate may be off by this factor at one deviation
-INERTIA_FACTOR = 2.0
-
-# A data sheet's noise figure is good to about a third.  Without one, the quiet part of the
-# record gives the level to within a factor of three at one deviation.
-NOISE_GIVEN_SD = 0.3
-NOISE_UNKNOWN_SD = math.log(3.0)
 # Where a disagreement is looked for, noise must not swell until it has swallowed it: a level is
 # good to a fifth, and in no case more than half as much again.  One that is not given is taken
 # from the record itself, and trusted to a factor of two.
 _NEAR_SD, _NEAR_CAP = 0.2, 0.4
 _UNKNOWN_CAP = 0.7
 _SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
-WORST = 30.0  # prior deviations beyond which nothing is tried
 
 _LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
 # Rows: what the accelerations depend on, as exponents of the quantities above.
@@ -412,8 +402,3 @@ def _prior_log_sd(vehicle: Vehicle, name: str) -> float:
     if quantity.sd is None:
         return math.log(INERTIA_FACTOR if name == "i" else DAMPING_FACTOR)
     return log_normal_sd(quantity.value, quantity.sd)
-
-
-def log_normal_sd(value: float, sd: float) -> float:
-    """Deviation of the logarithm of a log-normal with this median and this deviation."""
-    return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * (sd / value) ** 2))))

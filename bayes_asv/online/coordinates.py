@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.inference.parameters import CAR, DAMPING_FACTOR, INERTIA_FACTOR
+from bayes_asv.inference.parameters import CAR
+from bayes_asv.inference.priors import DAMPING_FACTOR, INERTIA_FACTOR
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["Coordinates", "coordinates"]

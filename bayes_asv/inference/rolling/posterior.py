@@ -21,7 +21,7 @@ from bayes_asv.cars import roll_car
 from bayes_asv.channels import ROLL_CHANNELS
 from bayes_asv.inference.mode import Mode
 from bayes_asv.inference.noise_level import quiet_level
-from bayes_asv.inference.parameters import (
+from bayes_asv.inference.priors import (
     DAMPING_FACTOR,
     INERTIA_FACTOR,
     NOISE_GIVEN_SD,
