@@ -106,7 +106,9 @@ def with_pushes(found: Signatures) -> Signatures:
         wanted.append(_push(found, place, begin, end))
         mixed.append(row)
     mix = np.array(mixed)
-    return Signatures(tuple(wanted), mix @ found.rows, mix @ found.pull, mix @ found.gram @ mix.T)
+    return Signatures(
+        tuple(wanted), mix @ found.rows, mix @ found.pull, mix @ found.gram @ mix.T, found.means
+    )
 
 
 def _push(found: Signatures, place: _Place, begin: int, end: int) -> Candidate:

@@ -9,14 +9,16 @@ normalised score is standard normal to first order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
+from bayes_asv.inference.scoring import slopes
 from bayes_asv.inference.stage import Setting, Stage, carried
 
 __all__ = ["Signatures", "signatures"]
@@ -38,12 +40,15 @@ class Signatures:
         Signature times innovations: the slope of the log-likelihood.
     gram : (K, K) array
         Signatures times signatures, what the model can imitate left out.
+    means : (D, N) array
+        Changes of the predictions along the model's own coordinates, on the same quiet inputs.
     """
 
     candidates: tuple[Candidate, ...]
     rows: Array
     pull: Array
     gram: Array
+    means: Array
 
     @property
     def score(self) -> Array:
@@ -55,6 +60,7 @@ class Signatures:
 def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatures:
     """Work out the signatures of candidates at a stage's mode."""
     z, here = stage.mode.z, stage.mode.slopes
+    where = clear(where, stage)
     plain = where.target(stage.sites)
     now = []
     for run in range(len(where.lines)):
@@ -81,18 +87,21 @@ def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatu
     with shared_work(stage.target) as shared:
         assert shared.pool is not None
         rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
+    with shared_work(plain) as shared:
+        own = replace(here, means=slopes(shared, z).means)
     granted = _feigned(where, stage, wanted, rows)
-    known = np.concatenate([here.means, granted])
+    known = np.concatenate([own.means, granted])
     precision = known @ known.T + np.eye(len(known))
-    d = len(here.means)
-    precision[:d, :d] = here.precision()
+    d = len(own.means)
+    precision[:d, :d] = own.precision()
     imitated = known @ rows.T  # (D + G, K)
     gram = rows @ rows.T - imitated.T @ np.linalg.solve(precision, imitated)
-    # A mode is found to a few thousandths of a nat: for a signature that the model can all but
-    # imitate, what it would still gain itself is not nothing.
-    slope = np.concatenate([here.gradient(z), granted @ here.nu])
+    # On quiet inputs the slope at the mode is not quite zero, and a mode is found to a few
+    # thousandths of a nat: for a signature that the model can all but imitate, what it would still
+    # gain itself is not nothing.
+    slope = np.concatenate([own.gradient(z), granted @ here.nu])
     pull = rows @ here.nu - imitated.T @ np.linalg.solve(precision, slope)
-    return Signatures(tuple(wanted), rows, pull, gram)
+    return Signatures(tuple(wanted), rows, pull, gram, own.means)
 
 
 def _feigned(where: Setting, stage: Stage, wanted: list[Candidate], rows: Array) -> Array:

@@ -9,7 +9,7 @@ remember their past, or noise had to swell, what was named is not the whole stor
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,10 +134,10 @@ def unexplained(
     scores = {}
     for axle in AXLES:
         found = signatures(where, stage, pulses(where, stage, axle))
-        scores[axle] = _wins(stage, allowed, found.rows)
+        scores[axle] = _wins(stage, tolerances.means, allowed, found.rows)
     best = max(scores, key=lambda name: scores[name])
     rows, words = decoy_rows(where, stage)
-    pull, gram = _beyond(stage, allowed, rows)
+    pull, gram = _beyond(stage, tolerances.means, allowed, rows)
     two_sided = np.zeros(len(rows), bool)
     p, k, _ = largest(pull, gram, np.sum(rows**2, axis=1), two_sided, seed)
     p_jitter, jitters = jitter(where, stage)
@@ -153,12 +153,12 @@ def unexplained(
     )
 
 
-def _beyond(stage: Stage, allowed: Array, rows: Array) -> tuple[Array, Array]:
+def _beyond(stage: Stage, means: Array, allowed: Array, rows: Array) -> tuple[Array, Array]:
     """Pull (K,) and Gram matrix (K, K) of signatures, what the model can imitate left out."""
-    here = stage.mode.slopes
-    known = np.concatenate([here.means, allowed])
+    here = replace(stage.mode.slopes, means=means)
+    known = np.concatenate([means, allowed])
     precision = known @ known.T + np.eye(len(known))
-    d = len(here.means)
+    d = len(means)
     precision[:d, :d] += 0.5 * here.scales @ here.scales.T
     cross = known @ rows.T
     # What tolerances take off the innovations before anything else is asked.
@@ -167,9 +167,9 @@ def _beyond(stage: Stage, allowed: Array, rows: Array) -> tuple[Array, Array]:
     return pull, rows @ rows.T - cross.T @ np.linalg.solve(precision, cross)
 
 
-def _wins(stage: Stage, allowed: Array, rows: Array) -> float:
+def _wins(stage: Stage, means: Array, allowed: Array, rows: Array) -> float:
     """Log Bayes factor of a slack model against none, averaged over its sizes."""
-    pull, gram = _beyond(stage, allowed, rows)
+    pull, gram = _beyond(stage, means, allowed, rows)
     eigen, vectors = np.linalg.eigh(gram)
     eigen = np.maximum(eigen, 0.0)
     turned = (vectors.T @ pull) ** 2

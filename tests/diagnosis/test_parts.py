@@ -47,7 +47,9 @@ def _edges(count: int, rng: np.random.Generator) -> Signatures:
             values = {"force": 1.0, "start": 0.03 * k, "duration": 1e4, "rise": 0.03}
             wanted.append(Candidate(Site(effect, axle, 0), values, False, False, edge=True))
     found = np.array(signature)
-    return Signatures(tuple(wanted), found, np.zeros(len(found)), found @ found.T)
+    return Signatures(
+        tuple(wanted), found, np.zeros(len(found)), found @ found.T, np.zeros((0, found.shape[1]))
+    )
 
 
 def test_the_best_push_is_the_best_of_all_pairs() -> None:
