@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.inference.denoised import clear_wheel, denoised
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Nudge, Target, shared_work
@@ -53,10 +54,11 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
     runs = range(len(where.lines))
     # From the readings themselves, or from states that follow them, a change would share their
     # noise: it follows from a simulation.
-    clear = [free_run(stage.target, stage.mode.z, run)[:2] for run in runs]
+    where = clear(where, stage)
     target, z = where.target(stage.sites), stage.mode.z
+    calm = [free_run(target, z, run)[:2] for run in runs]
     passes = [target.scored(z, run) for run in runs]
-    nudges = [list(_nudges(where, target, z, run, *clear[run])) for run in runs]
+    nudges = [list(_nudges(where, target, z, run, *calm[run])) for run in runs]
     words = tuple(name for name, _ in nudges[0])
 
     def one(k: int) -> Array:
@@ -73,7 +75,7 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
 
 
 def _nudges(
-    where: Setting, target: Target, z: Array, run: int, clear: Array, states: Array
+    where: Setting, target: Target, z: Array, run: int, calm: Array, states: Array
 ) -> Iterator[tuple[str, Nudge]]:
     """Every decoy of one run."""
     line = where.lines[run]
@@ -100,14 +102,14 @@ def _nudges(
             yield f"{words} at the {name}", nothing._replace(force=added)
     for frequency in _SEATS:
         for place, share in (("front", (1.0, 0.0)), ("rear", (0.0, 1.0))):
-            moved = _oscillator(time, clear @ np.array(share), frequency, 0.2)
+            moved = _oscillator(time, calm @ np.array(share), frequency, 0.2)
             added = np.outer(moved, share)
             added *= _SMALL * car[0] * float(states[:, 1].std()) / max(float(np.std(moved)), 1e-12)
             yield f"a mass on a spring near the {place}", nothing._replace(force=added)
     for c, channel in enumerate(CHANNELS):
-        for words, change in _sensor(line, clear, c):
+        for words, change in _sensor(line, calm, c):
             corner = where.vehicle.sensor(channel).bandwidth
-            nudge = _put(nothing, line, clear, c, change, corner)
+            nudge = _put(nothing, line, calm, c, change, corner)
             yield f"{words} ({channel.replace('_', ' ')})", nudge
 
 
@@ -180,7 +182,7 @@ def _oscillator(time: Array, base: Array, frequency: float, damping: float) -> A
 
 
 def _sensor(
-    line: Timeline, clear: Array, c: int
+    line: Timeline, calm: Array, c: int
 ) -> Iterator[tuple[str, Callable[[Array, Array], Array]]]:
     """Yield changes of one channel as functions of its times and samples."""
     for frequency in _RINGS:
@@ -199,7 +201,7 @@ def _sensor(
         axle = 1 if c == 1 else 0  # the other chassis channel
 
         def placed(time: Array, signal: Array) -> Array:
-            other = np.interp(time, line.instants, clear[:, axle])
+            other = np.interp(time, line.instants, calm[:, axle])
             return np.asarray(signal - other)
 
         yield "a sensor that sits elsewhere", placed
@@ -208,7 +210,7 @@ def _sensor(
 def _put(
     nothing: Nudge,
     line: Timeline,
-    clear: Array,
+    calm: Array,
     c: int,
     change: Callable[[Array, Array], Array],
     corner: float | None,
@@ -224,7 +226,7 @@ def _put(
         driven[:, axle] = moments(signal, line.instants, ORDER)
         return nothing._replace(moments=driven)
     there = line.kind[:, axle] != MISSING
-    signal = clear[there, axle]
+    signal = calm[there, axle]
     value = change(line.instants[there], signal)
     value *= _SMALL * float(np.std(signal)) / max(float(np.std(value)), 1e-12)
     reading = np.zeros_like(line.reading)
