@@ -54,13 +54,17 @@ def take(
     for k in range(p):
         nu -= g[k] * m[k]
     over = 1.0 / rest
+    by = (y - expected) * over
     for a in range(10):
-        gain = PC[a] * over
-        x[a] += gain * (y - expected)
-        for i in range(p):
-            J[i, a] -= gain * g[i]
+        x[a] += PC[a] * by
+    for i in range(p):
+        by = g[i] * over
+        for a in range(10):
+            J[i, a] -= PC[a] * by
+    for a in range(10):
+        by = PC[a] * over
         for b in range(10):
-            Pi[a, b] -= gain * PC[b]
+            Pi[a, b] -= by * PC[b]
     if not learn:
         return
     # F Fᵀ − F γ γᵀ Fᵀ / S, factored anew from the last column (Carlson 1973), with no difference
@@ -71,8 +75,9 @@ def take(
     for i in range(p - 1, -1, -1):
         below = above
         above = below + weight[i] * weight[i]
-        stay = math.sqrt(below / above)
-        away = weight[i] / math.sqrt(above * below)
+        scale = 1.0 / math.sqrt(above * below)
+        stay = below * scale
+        away = weight[i] * scale
         for k in range(i, p):
             old = F[i, k]
             F[i, k] = stay * old - away * moved_by[k]

@@ -19,7 +19,7 @@ __all__ = ["eliminate", "missed", "pieces", "step_moments"]
 
 Array = NDArray[np.float64]
 
-_FACTORIALS = np.array([float(math.factorial(j)) for j in range(ORDER + 5)])
+_SHARES = np.array([1.0 / math.factorial(j) for j in range(ORDER + 5)])
 
 
 @njit(**OPTIONS)
@@ -180,12 +180,12 @@ def step_moments(
                 for j in range(ORDER):
                     # ∫₀ˢ (s−τ)ʲ/j! τ^q dτ = q! s^(j+q+1)/(j+q+1)!
                     own[j] = power * (
-                        c0 / _FACTORIALS[j + 1]
+                        c0 * _SHARES[j + 1]
                         + span
                         * (
-                            c1 / _FACTORIALS[j + 2]
+                            c1 * _SHARES[j + 2]
                             + span
-                            * (2.0 * c2 / _FACTORIALS[j + 3] + span * 6.0 * c3 / _FACTORIALS[j + 4])
+                            * (2.0 * c2 * _SHARES[j + 3] + span * 6.0 * c3 * _SHARES[j + 4])
                         )
                     )
                     power *= span

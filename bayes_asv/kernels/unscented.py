@@ -57,7 +57,7 @@ from bayes_asv.kernels.filter_state import (
 from bayes_asv.kernels.innovations import AT_LEAST, MISSING, VALUE
 from bayes_asv.kernels.lane_readings import crossed, odd_parts, output_matrix
 from bayes_asv.kernels.lane_rows import BLOCK, blocks
-from bayes_asv.kernels.lanes import moved, place_cars, step, structure_of
+from bayes_asv.kernels.lanes import begin_cars, moved, place_cars, step, structure_of
 from bayes_asv.kernels.steps import OPTIONS, TAYLOR, advance
 from bayes_asv.kernels.tails import upper_tail
 
@@ -124,8 +124,10 @@ def run(
     cars = model.which.shape[0]
     p = mu.shape[0]
     W = np.zeros(blocks(cars) * BLOCK)
+    begin_cars(W, cars, model.base)
     inputs = np.empty((2, TAYLOR + 1))
     bent = np.empty((4, 4))
+    half = np.empty((2, 4))
     B = np.empty((2, 2))
     odd = np.empty((cars, 8))
     phi = np.zeros((4, 4))
@@ -171,7 +173,7 @@ def run(
                 placed = False
         if not placed:
             fastest = place_cars(
-                W, mu, D, REACH, model.base, model.which, model.log, model.centre, model.scale
+                W, mu, D, REACH, model.which, model.log, model.centre, model.scale
             )
             output_matrix(W, C, gain)
             odd_parts(W, cars, REACH, odd)
@@ -190,7 +192,7 @@ def run(
                 for c in range(4):
                     decay[2 + c] = math.exp(-noise[8 + c] * h)
             crossed(odd, Pi, B)
-            moved(W, cars, REACH, x, J, bent)
+            moved(W, cars, REACH, x, J, bent, half)
             for i in range(cars, p):
                 _moved_along(J[i], phi, gamma)
             for c in range(4):
@@ -220,9 +222,8 @@ def run(
                 if axle == 1 and not fixed:  # a bound is not linear: see what it left
                     follow(mu, D, x, J, m, F)
                     fastest = place_cars(
-                        W, mu, D, REACH, model.base, model.which, model.log, model.centre,
-                        model.scale,
-                    )  # fmt: skip
+                        W, mu, D, REACH, model.which, model.log, model.centre, model.scale
+                    )
                     output_matrix(W, C, gain)
                     odd_parts(W, cars, REACH, odd)
                     h_known = -1.0

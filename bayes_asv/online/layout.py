@@ -251,7 +251,7 @@ class Layout:
         steps = _no_steps()
         if lit.any():
             steps = self._lay(row[lit], axle[lit], when[lit])
-        whole = int(np.argmin(np.append(self._done.all(axis=1), False)))
+        whole = int(np.argmin(np.append(np.logical_and(*self._done.T), False)))
         measured = np.where(self._kind[:whole] == VALUE, self._reading[:whole], np.nan)
         rows = Rows(self._stamp[:whole], self._step[:whole], measured)
         for name in ("_stamp", "_when", "_reading", "_kind", "_step", "_done"):

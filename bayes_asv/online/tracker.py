@@ -313,9 +313,10 @@ class Tracker:
             known = np.zeros((1, COLUMNS))
             known[0, DEVIATION : DEVIATION + 3] = 1.0
             known[0, LEVEL : LEVEL + 2] = 1.0
-        dark = np.any(step < 0, axis=1)
+        # numpy reduces rows of two one by one, and takes its time
+        dark = np.logical_or(*(step < 0).T)
         step = np.clip(step, 0, len(known) - 1)
-        last = np.maximum.accumulate(np.where(dark, 0, step.max(axis=1)))
+        last = np.maximum.accumulate(np.where(dark, 0, np.maximum(*step.T)))
         at = known[last]
         apart = step[:, 0] != step[:, 1]
         # as a rule both axles are read at once, and all is known then
@@ -352,7 +353,7 @@ class Tracker:
             nis_low=seen.low,
             nis_high=seen.high,
             consistent=seen.consistent,
-            inflation=np.sqrt(np.maximum(level.max(axis=1), 1.0)),
+            inflation=np.sqrt(np.maximum(np.maximum(*level.T), 1.0)),
         )
 
 

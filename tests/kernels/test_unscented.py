@@ -14,7 +14,7 @@ from bayes_asv.kernels import innovations, unscented
 from bayes_asv.kernels.factored import follow, leverage, take, wander
 from bayes_asv.kernels.filter_state import COLUMNS, INNOVATION, LOG_P, Model, Rules, State, Steps
 from bayes_asv.kernels.lane_rows import BLOCK, blocks
-from bayes_asv.kernels.lanes import moved, place_cars, step, structure_of
+from bayes_asv.kernels.lanes import begin_cars, moved, place_cars, step, structure_of
 from bayes_asv.kernels.steps import TAYLOR
 from bayes_asv.model.halfcar import HalfCar, deflection_form
 from bayes_asv.online.knowledge import beginning
@@ -150,14 +150,13 @@ def test_lanes_carry_sigma_points_exactly(seed: int) -> None:
         wanted.append(after)
     points = np.array(wanted)
     W = np.zeros(blocks(p) * BLOCK)
-    fastest = place_cars(
-        W, mu, D, reach, model.base, model.which, model.log, model.centre, model.scale
-    )
+    begin_cars(W, p, model.base)
+    fastest = place_cars(W, mu, D, reach, model.which, model.log, model.centre, model.scale)
     step(W, p, reach, x, J, h, laid[1][1], np.zeros((2, TAYLOR + 1)), fastest, True)
     phi, gamma, qf, qr = (np.zeros(s) for s in ((4, 4), (4, 2), (4, 4), (4, 4)))
     structure_of(W, p, h, phi, gamma, qf, qr)
     bent = np.zeros((4, 4))
-    moved(W, p, reach, x, J, bent)
+    moved(W, p, reach, x, J, bent, np.empty((2, 4)))
     even = 0.5 * (points[1::2] + points[2::2]) - points[0]
     np.testing.assert_allclose(J[:, :4], (points[1::2] - points[2::2]) / (2 * reach), atol=1e-11)
     np.testing.assert_allclose(x[:4], points[0] + even.sum(axis=0) / 3.0, atol=1e-11)
