@@ -308,9 +308,7 @@ def spread(W: Array, p: int, reach: float, x: Array, J: Array) -> None:
 
 
 @njit(**OPTIONS)
-def moved(
-    W: Array, p: int, reach: float, x: Array, J: Array, bent: Array, room: Array
-) -> None:
+def moved(W: Array, p: int, reach: float, x: Array, J: Array, bent: Array, room: Array) -> None:
     """Read the states of the car after a step.
 
     ``x`` and ``J`` get mean and odd part; ``bent`` (4, 4) gets the variance that is in the even

@@ -184,8 +184,7 @@ def step_moments(
                         + span
                         * (
                             c1 * _SHARES[j + 2]
-                            + span
-                            * (2.0 * c2 * _SHARES[j + 3] + span * 6.0 * c3 * _SHARES[j + 4])
+                            + span * (2.0 * c2 * _SHARES[j + 3] + span * 6.0 * c3 * _SHARES[j + 4])
                         )
                     )
                     power *= span

@@ -172,9 +172,7 @@ def run(
                 memory[LOST] -= wander(D, J, Pi, room)
                 placed = False
         if not placed:
-            fastest = place_cars(
-                W, mu, D, REACH, model.which, model.log, model.centre, model.scale
-            )
+            fastest = place_cars(W, mu, D, REACH, model.which, model.log, model.centre, model.scale)
             output_matrix(W, C, gain)
             odd_parts(W, cars, REACH, odd)
             placed = True
