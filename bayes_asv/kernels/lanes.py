@@ -82,7 +82,7 @@ def _exp(x: float) -> float:
 
 @njit(**OPTIONS)
 def begin_cars(W: Array, p: int, base: Array) -> None:
-    """Give all lanes of p directions the car and gains ``base`` (12,), which no coordinate moves."""
+    """Give all lanes of p directions the numbers of a car, ``base`` (12,), before any moves."""
     for b in range(blocks(p)):
         row = np.uint64(b) * SIZE + CAR
         for c in range(12):
