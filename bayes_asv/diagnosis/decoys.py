@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.diagnosis.clear import clear
+from bayes_asv.diagnosis.clear import clear, settled
 from bayes_asv.inference.denoised import clear_wheel, denoised
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Nudge, Target, shared_work
@@ -54,7 +54,7 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
     runs = range(len(where.lines))
     # From the readings themselves, or from states that follow them, a change would share their
     # noise: it follows from a simulation.
-    where = clear(where, stage)
+    where, late = clear(where, stage), settled(stage)
     target, z = where.target(stage.sites), stage.mode.z
     calm = [free_run(target, z, run)[:2] for run in runs]
     passes = [target.scored(z, run) for run in runs]
@@ -66,7 +66,7 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
         for run in runs:
             nu, _, _ = target.scored(z, run, nudges[run][k][1])
             parts.append((passes[run][0] - nu)[passes[run][1] != 0.0])
-        return np.concatenate(parts)
+        return np.concatenate(parts) * late
 
     with shared_work(target) as shared:
         assert shared.pool is not None

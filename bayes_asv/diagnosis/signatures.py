@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.clear import clear
+from bayes_asv.diagnosis.clear import clear, settled
 from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
@@ -62,33 +62,28 @@ def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatu
     z, here = stage.mode.z, stage.mode.slopes
     where = clear(where, stage)
     plain = where.target(stage.sites)
-    now = []
-    for run in range(len(where.lines)):
-        nu, logs, _ = plain.scored(z, run)
-        now.append(nu[logs != 0.0])
+    now = [plain.scored(z, run)[:2] for run in range(len(where.lines))]
+    late = settled(stage)
 
     def one(candidate: Candidate) -> Array:
         target = where.target((*stage.sites, candidate.site))
         there = carried(stage.space, z, target.space, candidate.site, candidate.values)
         parts = []
-        for run in range(len(where.lines)):
+        for run, (nu, logs) in enumerate(now):
+            read = logs != 0.0
             if candidate.site.run not in (None, run):
-                parts.append(np.zeros(_count(stage, run)))
+                parts.append(np.zeros(np.count_nonzero(read)))
                 continue
-            nu, logs, _ = target.scored(there, run)
-            parts.append(nu[logs != 0.0])
-        change = np.concatenate(now) - np.concatenate(parts)
-        if candidate.site.run is not None:  # other runs do not know of it
-            begin = sum(_count(stage, run) for run in range(candidate.site.run))
-            end = begin + _count(stage, candidate.site.run)
-            change[:begin] = change[end:] = 0.0
-        return change
+            other, wider, _ = target.scored(there, run)
+            # of the predictions alone: deviations that change as well would go with innovations
+            parts.append((nu - other * np.exp(0.5 * (wider - logs)))[read])
+        return np.concatenate(parts) * late
 
     with shared_work(stage.target) as shared:
         assert shared.pool is not None
         rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
     with shared_work(plain) as shared:
-        own = replace(here, means=slopes(shared, z).means)
+        own = replace(here, means=slopes(shared, z).means * late, scales=here.scales * late)
     granted = _feigned(where, stage, wanted, rows)
     known = np.concatenate([own.means, granted])
     precision = known @ known.T + np.eye(len(known))

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from bayes_asv.inference.noise_level import noise_level
 from bayes_asv.inference.timeline import Timeline
 
-__all__ = ["clear_wheel", "denoised"]
+__all__ = ["clear_wheel", "denoised", "sample_noise"]
 
 Array = NDArray[np.float64]
 
@@ -36,12 +36,17 @@ def clear_wheel(line: Timeline, axle: int, corner: float | None) -> tuple[Array,
     corner : float or None
         Of the wheel's sensor, Hz.
     """
-    wheel, c = line.wheels[axle], 2 * axle
+    wheel = line.wheels[axle]
+    noise = sample_noise(line, 2 * axle)
+    return wheel.knots, denoised(wheel.knots, wheel.spline(wheel.knots), noise, corner)
+
+
+def sample_noise(line: Timeline, c: int) -> float:
+    """Deviation of one sample of a channel, m/s²: noise as given, or heard, and its steps."""
     given = line.noise[c]
-    noise = math.hypot(
+    return math.hypot(
         noise_level(line, c) if given is None else given, float(line.steps[c]) / math.sqrt(12.0)
     )
-    return wheel.knots, denoised(wheel.knots, wheel.spline(wheel.knots), noise, corner)
 
 
 def denoised(time: Array, signal: Array, noise: float, corner: float | None) -> Array:

@@ -10,7 +10,7 @@ from bayes_asv.inference.likelihood import Target
 from bayes_asv.kernels import extended
 from bayes_asv.kernels.innovations import VALUE
 
-__all__ = ["free_run"]
+__all__ = ["free_run", "simulated"]
 
 Array = NDArray[np.float64]
 
@@ -39,38 +39,58 @@ def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
         What the chassis sensors would have read, m/s².
     states : (E, 6) array
         δ_f, δ̇_f, δ_r, δ̇_r (m, m/s) and both filtered excess forces (N).
-    bias : (2,) array
-        Of each chassis against its wheel channel, m/s².
+    begin : (6,) array
+        The first four of these (m, m/s) where the recording begins, and the bias of each chassis
+        against its wheel channel, m/s².
     """
-    line, known = target.space.timelines[run], target.patterns[run]
-    values = target.space.effects(z)
-    driven, reading = known.corrected(line, values)
-    car, table = target.space.measured(z[None], run)[0], rows(values, run)
-    n = len(line.step)
-
-    def simulated(begin: Array) -> tuple[Array, Array]:
-        output, states = np.zeros((n, 2)), np.zeros((n, 6))
-        extended.free_run(
-            car, table, known.pole, line.step, driven, known.wheel, line.instants, begin, output,
-            states,
-        )  # fmt: skip
-        return output, states
-
+    line = target.space.timelines[run]
+    driven, reading = target.patterns[run].corrected(line, target.space.effects(z))
     use = line.kind == VALUE
     begin = np.zeros(6)
     # Next to the record the prior weighs as if noise were a thousandth of the motion's power.
     ridge = max(float(np.var(reading[use])) * 1e-3, 1e-12) / line.start
-    output, states = simulated(begin)
-    for _ in range(_ROUNDS if len(table) else 1):
+    output, states = simulated(target, z, run, driven, begin)
+    for _ in range(_ROUNDS if target.space.sites else 1):
         slope = np.stack(
-            [(simulated(begin + step)[0] - output)[use] / step.max() for step in np.diag(_STEPS)],
+            [
+                (simulated(target, z, run, driven, begin + step)[0] - output)[use] / step.max()
+                for step in np.diag(_STEPS)
+            ],
             axis=1,
         )
         left = (reading - output)[use]
         step = np.linalg.solve(slope.T @ slope + np.diag(ridge), slope.T @ left - ridge * begin)
         begin = begin + step
-        output, states = simulated(begin)
+        output, states = simulated(target, z, run, driven, begin)
         if np.all(np.abs(step) < _STEPS):
             break
     # The simulation is of sensors as declared; what the real ones added is put back.
-    return output + (line.reading - reading), states, begin[4:]
+    return output + (line.reading - reading), states, begin
+
+
+def simulated(
+    target: Target, z: Array, run: int, driven: Array, begin: Array
+) -> tuple[Array, Array]:
+    """Simulate one recording from wheels and a beginning that are given.
+
+    Parameters
+    ----------
+    target, z, run
+        As for :func:`free_run`.
+    driven : (E, 2, ORDER) array
+        Moments of the wheel accelerations that sensors as declared would have read.
+    begin : (6,) array
+        As :func:`free_run` returns it.
+
+    Returns
+    -------
+    output, states : (E, 2) and (E, 6) arrays
+        As there, the output of sensors as declared.
+    """
+    line, known = target.space.timelines[run], target.patterns[run]
+    car, table = target.space.measured(z[None], run)[0], rows(target.space.effects(z), run)
+    output, states = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 6))
+    extended.free_run(
+        car, table, known.pole, line.step, driven, known.wheel, line.instants, begin, output, states
+    )  # fmt: skip
+    return output, states

@@ -43,6 +43,9 @@ CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")  # the kernel's order
 # from the record itself, and trusted to a factor of two.
 _NEAR_SD, _NEAR_CAP = 0.2, 0.4
 _UNKNOWN_CAP = 0.7
+_NEAR_SHARE = (
+    3.0  # probits: noise comes before a sensor's filter or behind it, seldom half and half
+)
 _SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
 
 _LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
@@ -377,7 +380,7 @@ def space(
         held.append(levels)
         filtered = likelihood == "innovations" and np.any(line.poles > 0.0)
         if filtered and run not in hold:
-            add(f"filtered share {run}", 0.0, 1.0)
+            add(f"filtered share {run}", 0.0, _NEAR_SHARE if near else 1.0)
     return Space(
         names=tuple(names),
         centre=np.array(centre),

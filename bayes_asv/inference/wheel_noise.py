@@ -1,0 +1,89 @@
+"""What a wheel's sensor added to its reading, as far as everything that was read tells.
+
+With the noise n of the wheels, e of the chassis and the car's response G, a free run leaves
+r = e − G n.  The reading less the mean of n given r,
+
+    u + σ_n² Gᴴ (σ_e² + G σ_n² Gᴴ)⁻¹ r,
+
+has nothing more to do with r.  What is worked out from it is not moved by the noise that is
+still to be explained; with u itself, the two share n.  This is the statistic of the conditional
+score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), line by line of
+the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from bayes_asv.inference.denoised import sample_noise
+from bayes_asv.inference.freerun import free_run
+from bayes_asv.inference.likelihood import Target
+from bayes_asv.inference.timeline import Timeline
+from bayes_asv.kernels.innovations import VALUE
+from bayes_asv.model.halfcar import HalfCar, deflection_form
+
+__all__ = ["without_noise"]
+
+Array = NDArray[np.float64]
+
+_FINER = 2  # points of the even grid to a sample
+
+
+def without_noise(target: Target, z: Array, run: int) -> Timeline:
+    """Return a recording whose wheels' readings have lost what the chassis show to be noise.
+
+    Parameters
+    ----------
+    target : Target
+        With patterns.
+    z : (D,) array
+        Coordinates.
+    run : int
+        Which recording.
+
+    Returns
+    -------
+    Timeline
+        With other :attr:`wheels`; their moments are as they were.
+    """
+    line = target.space.timelines[run]
+    time = np.arange(line.instants[0], line.instants[-1], line.reading_step / _FINER)
+    added = _noise(target, z, run, time)
+    wheels = []
+    for wheel, noise in zip(line.wheels, added, strict=True):
+        value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise)
+        wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
+    return replace(line, wheels=(wheels[0], wheels[1]))
+
+
+def _noise(target: Target, z: Array, run: int, time: Array) -> Array:
+    """Mean noise (2, T) of both wheels' sensors at even instants (T,), m/s²."""
+    line = target.space.timelines[run]
+    left = line.reading - free_run(target, z, run)[0]
+    there = [line.kind[:, axle] == VALUE for axle in range(2)]
+    even = np.stack([np.interp(time, line.instants[t], left[t, a]) for a, t in enumerate(there)])
+    even -= even.mean(axis=1, keepdims=True)
+    n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
+    spectrum = np.fft.rfft(even, n).T[..., None]
+    response = _response(
+        target.space.measured(z[None], run)[0], np.fft.rfftfreq(n, np.diff(time)[0])
+    )
+    back = np.conj(np.swapaxes(response, 1, 2))
+    variance = np.array([sample_noise(line, c) for c in range(4)]) ** 2
+    wheel, chassis = variance[[0, 2]], variance[[1, 3]]
+    # both kinds of sensor pass the same filter: it is in either density, and cancels
+    density = np.diag(chassis) + (response * wheel) @ back
+    noise = -wheel[:, None] * (back @ np.linalg.solve(density, spectrum))
+    return np.asarray(np.fft.irfft(noise[..., 0].T, n)[:, : len(time)])
+
+
+def _response(car: Array, frequency: Array) -> Array:
+    """Chassis readings by wheel readings (F, 2, 2) of a car (12,) with its gains, at Hz."""
+    A, B, C, _ = deflection_form(HalfCar(*car[:8]))
+    s = 2j * np.pi * frequency
+    inner = np.linalg.solve(s[:, None, None] * np.eye(4) - A, np.broadcast_to(B, (len(s), 4, 2)))
+    return np.asarray(car[[9, 11]][:, None] * (C @ inner) / car[[8, 10]])
