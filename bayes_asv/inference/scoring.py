@@ -163,24 +163,38 @@ def climb(target: Target, start: Array) -> Climbed:
         Not converged when it did not settle in twenty rounds: a value, not an error.
     """
     lasting = target.space.lasting_dimension
-    z, _ = _ascend(target, start, lasting, _FIRST, 1.0)  # noise held: it cannot swell on the way
+    # noise held: it cannot swell on the way
+    z, _ = _ascend(target, start, lasting, _FIRST, 1.0, tempered=True)
     z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH)
     return Climbed(z, here, settled)
 
 
 def _ascend(
-    target: Target, start: Array, last: int, rounds: int, enough: float
+    target: Target,
+    start: Array,
+    last: int,
+    rounds: int,
+    enough: float,
+    *,
+    tempered: bool = False,
 ) -> tuple[Array, tuple[Slopes, bool]]:
-    """Climb in the coordinates before ``last`` until a step gains less than ``enough`` nats."""
+    """Climb in the coordinates before ``last`` until a step gains less than ``enough`` nats.
+
+    Far from the data the misfit counts as noise where ``tempered``: what the data hardly know
+    would otherwise go to any length to mend what a damper is to mend, and nothing else would move.
+    """
     z = start.copy()
     here = slopes(target, z, last=last)
     before: Array = np.zeros(last)
     damping = 0.0
     for _ in range(rounds):
         gradient, precision = here.gradient(z)[:last], here.precision()[:last, :last]
+        hot = max(float(np.mean(here.nu**2)), 1.0) if tempered else 1.0
+        slope = (gradient + z[:last]) / hot - z[:last]
+        precision = (precision - np.eye(last)) / hot + np.eye(last)
         while True:
             ridge = precision + damping * np.diag(np.diag(precision))
-            step: Array = np.asarray(np.linalg.solve(ridge, gradient), np.float64)
+            step: Array = np.asarray(np.linalg.solve(ridge, slope), np.float64)
             gain = 0.5 * float(gradient @ step)
             # Where the model is wrong its noise has no sharp optimum, and needs none.
             if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
