@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.pushes import push_p
-from bayes_asv.diagnosis.signatures import Signatures
+from bayes_asv.diagnosis.signatures import SILENT, Signatures
 
 __all__ = ["family_p", "largest", "one_sided"]
 
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 
 _DRAWS = 20_000
 _FOR_PUSHES = 0.2  # share of the error that pushes have to themselves
-_SILENT = 1e-6  # share of a signature that the model cannot imitate, below which it is silent
 
 
 def one_sided(score: Array, found: Signatures) -> Array:
@@ -69,7 +68,7 @@ def largest(
         Of 20,000 draws.
     """
     own = np.diag(gram)
-    use = own > _SILENT * np.maximum(raw, 1e-30)
+    use = own > SILENT * np.maximum(raw, 1e-30)
     if not np.any(use):
         return 1.0, 0, 0.0
     sd = np.sqrt(own[use])

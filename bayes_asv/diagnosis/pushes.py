@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.signatures import Signatures
+from bayes_asv.diagnosis.signatures import SILENT, Signatures
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.model.effects import AXLES
 
@@ -22,7 +22,6 @@ __all__ = ["push_p", "with_pushes"]
 Array = NDArray[np.float64]
 
 _DRAWS = 4000
-_SILENT = 1e-6  # share of a signature that the model cannot imitate, below which it is silent
 _SHORTEST = 2  # edges between beginning and end
 _SHARES = {"front": (1.0, 0.0), "rear": (0.0, 1.0), "both": (0.5, 0.5)}
 
@@ -143,7 +142,7 @@ def _places(found: Signatures) -> Iterator[_Place]:
             own = np.diag(gram)
             information = own[:, None] + own[None] - 2.0 * gram
             length = _ended((mixed @ raw)[None])[0]
-            loud = information > _SILENT * (length[:, None] + length[None])
+            loud = information > SILENT * (length[:, None] + length[None])
             later = np.triu(np.ones_like(gram, bool), _SHORTEST)
             later[-1] = False
             yield _Place(where, run, mixed, np.where(loud & later, information, 0.0))

@@ -21,9 +21,12 @@ from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import slopes
 from bayes_asv.inference.stage import Setting, Stage, carried
 
-__all__ = ["Signatures", "signatures"]
+__all__ = ["SILENT", "Signatures", "signatures"]
 
 Array = NDArray[np.float64]
+
+SILENT = 1e-6
+"""Share of a signature that the model cannot imitate, below which it is silent."""
 
 
 @dataclass(frozen=True)

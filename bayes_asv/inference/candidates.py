@@ -18,7 +18,7 @@ from bayes_asv.inference.stage import Stage
 from bayes_asv.model.effects import AXLES, BOTH, EFFECTS, Effect, Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["FOR_EVER", "PUSH", "Candidate", "candidates", "travels"]
+__all__ = ["Candidate", "candidates"]
 
 Array = NDArray[np.float64]
 
@@ -27,10 +27,8 @@ _SOFT = 1.0  # rate of a stop that is looked for, in spring rates
 _GRID = 0.03  # s between edges that are looked for
 _EDGES = 250  # edges that all runs together have at most, an axle
 _RISE = 0.03  # s, of a push that is looked for
-PUSH = 0.02
-"""Size of a push that is looked for, of the axle's load."""
-FOR_EVER = 1e4
-"""Duration, s, of a force that does not end."""
+_PUSH = 0.02  # of the axle's load, of a push that is looked for
+_FOR_EVER = 1e4  # s
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class Candidate:
     edge: bool = False
 
 
-def travels(stage: Stage) -> Array:
+def _travels(stage: Stage) -> Array:
     """Largest compression and extension (2, 2) of front and rear over all runs, m, positive."""
     far = np.zeros((2, 2))
     for run in range(len(stage.space.timelines)):
@@ -83,7 +81,7 @@ def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
         What it says is uncertain is in the model already.
     """
     scale = car_scale(vehicle)
-    far = travels(stage)
+    far = _travels(stage)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
         for where in effect.sites:
@@ -125,7 +123,7 @@ def _edges(effect: Effect, where: str, stage: Stage, load: float) -> list[Candid
     for run, length in enumerate(lengths):
         site = Site(effect, where, run)
         for begin in np.arange(0.0, length, grid):
-            values = {"force": PUSH * load, "start": float(begin), "duration": FOR_EVER}
+            values = {"force": _PUSH * load, "start": float(begin), "duration": _FOR_EVER}
             out.append(Candidate(site, {**values, "rise": _RISE}, False, False, edge=True))
     return out
 

@@ -26,7 +26,7 @@ from bayes_asv.inference.priors import (
     NOISE_GIVEN_SD,
     NOISE_UNKNOWN_SD,
     WORST,
-    log_normal_sd,
+    prior_log_sd,
 )
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Scale, Site
@@ -342,7 +342,8 @@ def space(
     Space
     """
     log_mean = np.array([math.log(getattr(vehicle, name).value) for name in _LOGS])
-    log_sd = np.array([_prior_log_sd(vehicle, name) for name in _LOGS])
+    factors = {name: INERTIA_FACTOR if name == "i" else DAMPING_FACTOR for name in _LOGS}
+    log_sd = np.array([prior_log_sd(getattr(vehicle, n), f) for n, f in factors.items()])
     _, strength, turns = np.linalg.svd(_SEEN * log_sd)
     rank = int(np.count_nonzero(strength > 1e-9 * strength[0]))
     directions = turns.T
@@ -397,11 +398,3 @@ def space(
         sizes=car_scale(vehicle) if sites else None,
         near=near,
     )
-
-
-def _prior_log_sd(vehicle: Vehicle, name: str) -> float:
-    """Prior deviation of the logarithm of a quantity of the car."""
-    quantity = getattr(vehicle, name)
-    if quantity.sd is None:
-        return math.log(INERTIA_FACTOR if name == "i" else DAMPING_FACTOR)
-    return log_normal_sd(quantity.value, quantity.sd)

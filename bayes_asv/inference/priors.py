@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from bayes_asv.vehicle_parts import Given, Nominal
+
 __all__ = [
     "DAMPING_FACTOR", "INERTIA_FACTOR", "NOISE_GIVEN_SD", "NOISE_UNKNOWN_SD", "WORST",
-    "log_normal_sd",
+    "log_normal_sd", "prior_log_sd",
 ]  # fmt: skip
 
 DAMPING_FACTOR = 3.0
@@ -24,3 +26,18 @@ WORST = 30.0
 def log_normal_sd(value: float, sd: float) -> float:
     """Deviation of the logarithm of a log-normal with this median and this deviation."""
     return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * (sd / value) ** 2))))
+
+
+def prior_log_sd(quantity: Given | Nominal, factor: float = DAMPING_FACTOR) -> float:
+    """Prior deviation of the logarithm of a quantity of the car.
+
+    Parameters
+    ----------
+    quantity : Given or Nominal
+        As the vehicle file has it.
+    factor : float
+        One deviation where the file gives none, such as :data:`INERTIA_FACTOR`.
+    """
+    if quantity.sd is None:
+        return math.log(factor)
+    return log_normal_sd(quantity.value, quantity.sd)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.parameters import CAR
-from bayes_asv.inference.priors import DAMPING_FACTOR, INERTIA_FACTOR
+from bayes_asv.inference.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["Coordinates", "coordinates"]
@@ -106,7 +106,8 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
             if vehicle.wdf.sd > 0.0:
                 rows.append((name, number, False, vehicle.wdf.value, vehicle.wdf.sd))
             continue
-        sd = _log_sd(vehicle, name)
+        factor = INERTIA_FACTOR if name == "i" else DAMPING_FACTOR
+        sd = prior_log_sd(getattr(vehicle, name), factor)
         if sd > 0.0:
             rows.append((name, number, True, math.log(base[number]), sd))
     for number, (channel, sd) in enumerate(zip(CHANNELS, scale_sd, strict=True), len(CAR)):
@@ -121,12 +122,3 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
         centre=np.array(centre, np.float64),
         scale=np.array(scale, np.float64),
     )
-
-
-def _log_sd(vehicle: Vehicle, name: str) -> float:
-    """Deviation of the logarithm of a log-normal whose median and deviation are given."""
-    quantity = getattr(vehicle, name)
-    if quantity.sd is None:
-        return math.log(INERTIA_FACTOR if name == "i" else DAMPING_FACTOR)
-    square = (quantity.sd / quantity.value) ** 2
-    return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * square))))

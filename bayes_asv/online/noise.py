@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.noise_level import quiet_level
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Sensing", "quiet_level", "sensing"]
+__all__ = ["Sensing", "heard_level", "sensing"]
 
 Array = NDArray[np.float64]
 
 # Weights of the cubic through four neighbours at the sample between them, its own last.
 _MISS = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
-_NOTHING = 1e-6  # m/s², the least noise that is believed
+_FEWEST = 8  # readings that a level is heard in
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,8 @@ def sensing(vehicle: Vehicle, counts: tuple[bool, ...] = (False,) * 4) -> Sensin
     )
 
 
-def quiet_level(signal: Array, step: float) -> float:
+def heard_level(signal: Array, step: float) -> float:
     """Noise of one sample, m/s², from the quietest quarter of what was read so far.
-
-    Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
 
     Parameters
     ----------
@@ -122,8 +121,6 @@ def quiet_level(signal: Array, step: float) -> float:
     -------
     float
     """
-    there = signal[np.isfinite(signal)]
-    if len(there) < 8:
+    if np.count_nonzero(np.isfinite(signal)) < _FEWEST:
         return max(step, 0.1)
-    quiet = float(np.quantile(np.abs(np.diff(there, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)
-    return max(quiet, 0.01 * float(np.std(there)), step / math.sqrt(12.0), _NOTHING)
+    return quiet_level(signal, step)

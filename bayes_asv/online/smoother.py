@@ -26,7 +26,7 @@ from bayes_asv.online.filter import Filter
 from bayes_asv.online.history import cut
 from bayes_asv.online.knowledge import RULES, beginning, copied, model_of
 from bayes_asv.online.layout import Layout
-from bayes_asv.online.noise import quiet_level
+from bayes_asv.online.noise import heard_level
 from bayes_asv.online.tracker import tracker_for
 from bayes_asv.recording import Recording, accelerations
 from bayes_asv.vehicle import Vehicle
@@ -102,7 +102,7 @@ def smoothed(recording: Recording, vehicle: Vehicle, *, forget: float | None = N
     sensors = tracker.sensing
     noise = sensors.noise.copy()
     for c in np.flatnonzero(~np.isfinite(noise)):
-        noise[c] = quiet_level(acc[:, c], sensors.steps[c])
+        noise[c] = heard_level(acc[:, c], sensors.steps[c])
     sensors = type(sensors)(**{**vars(sensors), "noise": noise})
     layout = Layout(vehicle, sensors, tracker.rate, tracker.timing)
     parts = [layout.push(recording.time, acc), layout.finish()]

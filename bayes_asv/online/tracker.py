@@ -34,7 +34,7 @@ from bayes_asv.online.fitness import Fitness
 from bayes_asv.online.frames import Frames, joined, nothing
 from bayes_asv.online.knowledge import RULES, model_of
 from bayes_asv.online.layout import Laid, Layout
-from bayes_asv.online.noise import Sensing, quiet_level, sensing
+from bayes_asv.online.noise import Sensing, heard_level, sensing
 from bayes_asv.online.saved import read_packed, taken_up, write_packed
 from bayes_asv.recording import COUNTS, Recording, Timing, nominal_rate, timing
 from bayes_asv.vehicle import Vehicle
@@ -277,7 +277,7 @@ class Tracker:
         early = acc[times <= times[0] + _LISTEN]
         noise = self._sensing.noise.copy()
         for c in np.flatnonzero(~np.isfinite(noise)):
-            noise[c] = quiet_level(early[:, c], self._sensing.steps[c])
+            noise[c] = heard_level(early[:, c], self._sensing.steps[c])
         self._begin(replace(self._sensing, noise=noise))
         return self.feed(times, acc)
 

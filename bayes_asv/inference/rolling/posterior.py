@@ -27,12 +27,12 @@ from bayes_asv.inference.priors import (
     NOISE_GIVEN_SD,
     NOISE_UNKNOWN_SD,
     WORST,
-    log_normal_sd,
+    prior_log_sd,
 )
 from bayes_asv.inference.rolling.layout import RollLayout
 from bayes_asv.kernels.rolling import rolling_pass
 from bayes_asv.model.cars.roll import RollCar, deflections, warp
-from bayes_asv.vehicle import Given, Nominal, Vehicle
+from bayes_asv.vehicle import Vehicle
 
 __all__ = ["ROLL_ANSWERS", "RollPosterior", "climb", "roll_posterior"]
 
@@ -163,16 +163,16 @@ def roll_posterior(vehicle: Vehicle, runs: tuple[RollLayout, ...]) -> RollPoster
             scale.append(deviation)
 
     for name in ("c_fl", "c_fr", "c_rl", "c_rr"):
-        add(name, _nominal_sd(getattr(vehicle, name[:3]), DAMPING_FACTOR))
-    add("i", _nominal_sd(vehicle.i, INERTIA_FACTOR))
-    add("i_roll", _nominal_sd(roll.inertia, INERTIA_FACTOR))
-    add("m", _given_sd(vehicle.m))
-    add("l", _given_sd(vehicle.l))
+        add(name, prior_log_sd(getattr(vehicle, name[:3]), DAMPING_FACTOR))
+    add("i", prior_log_sd(vehicle.i, INERTIA_FACTOR))
+    add("i_roll", prior_log_sd(roll.inertia, INERTIA_FACTOR))
+    add("m", prior_log_sd(vehicle.m))
+    add("l", prior_log_sd(vehicle.l))
     for axle in "fr":
-        add(f"k_{axle}", _given_sd(getattr(vehicle, f"k_{axle}")))
-        add(f"split_{axle}", _given_sd(getattr(vehicle, f"k_{axle}")))
-    add("t_f", _given_sd(roll.front_track))
-    add("t_r", _given_sd(roll.rear_track))
+        add(f"k_{axle}", prior_log_sd(getattr(vehicle, f"k_{axle}")))
+        add(f"split_{axle}", prior_log_sd(getattr(vehicle, f"k_{axle}")))
+    add("t_f", prior_log_sd(roll.front_track))
+    add("t_r", prior_log_sd(roll.rear_track))
     add("wdf", vehicle.wdf.sd)
     levels = np.empty((len(runs), 7))
     for run, line in enumerate(runs):
@@ -242,13 +242,3 @@ def _slopes(target: RollPosterior, z: Array) -> tuple[Array, Array]:
         mean = d_nu + 0.5 * d_log * nu[0]
         precision += mean @ mean.T + 0.5 * d_log @ d_log.T
     return gradient, precision
-
-
-def _given_sd(given: Given) -> float:
-    return log_normal_sd(given.value, given.sd) if given.sd > 0.0 else 0.0
-
-
-def _nominal_sd(nominal: Nominal, factor: float) -> float:
-    if nominal.sd is None:
-        return math.log(factor)
-    return log_normal_sd(nominal.value, nominal.sd)
