@@ -11,7 +11,7 @@ they were, and what a filter makes of earlier ones knows nothing of later ones.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,15 @@ from scipy.interpolate import CubicSpline
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.denoised import clear_wheel
 from bayes_asv.inference.freerun import free_run, simulated
+from bayes_asv.inference.likelihood import Target, shared_work
+from bayes_asv.inference.scoring import Slopes, slopes
 from bayes_asv.inference.stage import Setting, Stage, foretold
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheel_noise import without_noise
 from bayes_asv.inference.wheels import WheelSignal, moments
 from bayes_asv.kernels.innovations import ORDER
 
-__all__ = ["clear", "settled"]
+__all__ = ["Quiet", "clear"]
 
 _SETTLING = 0.2
 """Seconds in which a filter finds motion and biases.
@@ -36,20 +38,47 @@ recordings without a fault the score of dry friction had a mean of 0.9, all of i
 """
 
 
-def clear(where: Setting, stage: Stage) -> Setting:
-    """Return the setting with quiet wheels and a stage's innovations on them.
+@dataclass(frozen=True)
+class Quiet:
+    """A stage on quiet wheels.
 
-    Patterns stand on what the stage foretells from such wheels.
+    Parameters
+    ----------
+    stage : Stage
+        The stage, on the recordings as they are.
+    where : Setting
+        The recordings with quiet wheels; patterns stand on what the stage foretells from these.
+    target : Target
+        The stage's posterior there.
+    settled : (N,) bool array
+        Innovations that come when the filter has found the motion.
+    slopes : Slopes
+        The innovations as they are, and their changes along the stage's coordinates on quiet
+        wheels; zero where nothing is settled.
     """
-    quiet = replace(
-        where, lines=tuple(_quiet(where, stage, run) for run in range(len(where.lines)))
+
+    stage: Stage
+    where: Setting
+    target: Target
+    settled: NDArray[np.bool_]
+    slopes: Slopes
+
+
+def clear(where: Setting, stage: Stage) -> Quiet:
+    """Put a stage on quiet wheels, its innovations being what they were."""
+    lines = tuple(_quiet(where, stage, run) for run in range(len(where.lines)))
+    quiet = replace(where, lines=lines)
+    quiet = foretold(quiet, replace(stage, target=quiet.target(stage.sites)))
+    target, late = quiet.target(stage.sites), _settled(stage)
+    with shared_work(target) as shared:
+        means = slopes(shared, stage.mode.z).means
+    here = stage.mode.slopes
+    return Quiet(
+        stage, quiet, target, late, replace(here, means=means * late, scales=here.scales * late)
     )
-    target = quiet.target(stage.sites)
-    return foretold(quiet, replace(stage, target=target))
 
 
-def settled(stage: Stage) -> NDArray[np.bool_]:
-    """Which of a stage's innovations (N,) come when its filter has found the motion."""
+def _settled(stage: Stage) -> NDArray[np.bool_]:
     parts = []
     for run, line in enumerate(stage.space.timelines):
         _, logs, _ = stage.target.scored(stage.mode.z, run)

@@ -18,12 +18,12 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.diagnosis.clear import clear, settled
+from bayes_asv.diagnosis.clear import Quiet
 from bayes_asv.inference.denoised import clear_wheel, denoised
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Nudge, Target, shared_work
 from bayes_asv.inference.noise_level import noise_level
-from bayes_asv.inference.stage import Setting, Stage
+from bayes_asv.inference.stage import Setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, moments
 from bayes_asv.kernels.innovations import MISSING, ORDER
@@ -43,19 +43,18 @@ _FINER = 4  # steps of a system to one of its signal
 _SMALL = 0.01  # of the damper's rms force, and of a channel's rms
 
 
-def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
+def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
     """Signatures (K, N) of what has no name, with a few words on each.
 
     Parameters
     ----------
-    where, stage : Setting, Stage
-        Recordings, and a model at its mode.
+    quiet : Quiet
+        A model at its mode.
     """
+    where, target, z = quiet.where, quiet.target, quiet.stage.mode.z
     runs = range(len(where.lines))
     # From the readings themselves, or from states that follow them, a change would share their
     # noise: it follows from a simulation.
-    where, late = clear(where, stage), settled(stage)
-    target, z = where.target(stage.sites), stage.mode.z
     calm = [free_run(target, z, run)[:2] for run in runs]
     passes = [target.scored(z, run) for run in runs]
     nudges = [list(_nudges(where, target, z, run, *calm[run])) for run in runs]
@@ -66,7 +65,7 @@ def decoy_rows(where: Setting, stage: Stage) -> tuple[Array, tuple[str, ...]]:
         for run in runs:
             nu, _, _ = target.scored(z, run, nudges[run][k][1])
             parts.append((passes[run][0] - nu)[passes[run][1] != 0.0])
-        return np.concatenate(parts) * late
+        return np.concatenate(parts) * quiet.settled
 
     with shared_work(target) as shared:
         assert shared.pool is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.family import family_p
 from bayes_asv.diagnosis.pushes import with_pushes
 from bayes_asv.diagnosis.results import Named
@@ -42,7 +43,7 @@ def asked(where: Setting, stage: Stage, seed: int) -> Model:
     where = foretold(where, stage)
     target = replace(stage.target, patterns=where.patterns)
     stage = replace(stage, target=target)
-    asked_for = signatures(where, stage, candidates(stage, where.vehicle))
+    asked_for = signatures(clear(where, stage), candidates(stage, where.vehicle))
     found = with_pushes(asked_for)
     p = family_p(asked_for, seed)
     return Model(where, stage, found, allowed(stage, found), p)

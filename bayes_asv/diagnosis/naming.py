@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.tolerance import Allowed, allowed, with_tolerances
@@ -118,7 +119,7 @@ def weigh(
             Option(
                 group[0].site,
                 stage_with,
-                allowed(stage_with, signatures(where, stage_with, others)),
+                allowed(stage_with, signatures(clear(where, stage_with), others)),
             )
         )
     return sorted(options, key=lambda o: -o.allowed.log_evidence)
@@ -138,7 +139,7 @@ def divided(where: Setting, option: Option, found: Signatures, gain: float) -> O
             z = old.mode.z[old.space.names.index(option.site.coordinate_name(p))]
             start[target.space.names.index(site.coordinate_name(p))] = z
     stage = fitted(where, sites, target, start)
-    granted = allowed(stage, signatures(where, stage, _others(option.site, found)))
+    granted = allowed(stage, signatures(clear(where, stage), _others(option.site, found)))
     if granted.log_evidence < option.allowed.log_evidence + gain:
         return option
     return Option(option.site, stage, granted)

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Climbed, slopes
@@ -43,7 +44,7 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     z = carried(stage.space, stage.mode.z, target.space, None, {})
     with shared_work(target) as shared:
         here = slopes(shared, z)
-    rows, words = decoy_rows(where, Stage((), target, Climbed(z, here, True)))
+    rows, words = decoy_rows(clear(where, Stage((), target, Climbed(z, here, True))))
     # Least squares of the innovations on the car's coordinates, then on each decoy as well.
     whole = here.means @ here.means.T + np.eye(len(z))
     slope = here.means @ here.nu - z

@@ -9,16 +9,15 @@ normalised score is standard normal to first order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.clear import clear, settled
+from bayes_asv.diagnosis.clear import Quiet
 from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
-from bayes_asv.inference.scoring import slopes
 from bayes_asv.inference.stage import Setting, Stage, carried
 
 __all__ = ["SILENT", "Signatures", "signatures"]
@@ -60,13 +59,11 @@ class Signatures:
         return np.where(own > 1e-8, self.pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
 
 
-def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatures:
+def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     """Work out the signatures of candidates at a stage's mode."""
-    z, here = stage.mode.z, stage.mode.slopes
-    where = clear(where, stage)
-    plain = where.target(stage.sites)
-    now = [plain.scored(z, run)[:2] for run in range(len(where.lines))]
-    late = settled(stage)
+    stage, where, own = quiet.stage, quiet.where, quiet.slopes
+    z = stage.mode.z
+    now = [quiet.target.scored(z, run)[:2] for run in range(len(where.lines))]
 
     def one(candidate: Candidate) -> Array:
         target = where.target((*stage.sites, candidate.site))
@@ -80,13 +77,11 @@ def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatu
             other, wider, _ = target.scored(there, run)
             # of the predictions alone: deviations that change as well would go with innovations
             parts.append((nu - other * np.exp(0.5 * (wider - logs)))[read])
-        return np.concatenate(parts) * late
+        return np.concatenate(parts) * quiet.settled
 
     with shared_work(stage.target) as shared:
         assert shared.pool is not None
         rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
-    with shared_work(plain) as shared:
-        own = replace(here, means=slopes(shared, z).means * late, scales=here.scales * late)
     granted = _feigned(where, stage, wanted, rows)
     known = np.concatenate([own.means, granted])
     precision = known @ known.T + np.eye(len(known))
@@ -97,8 +92,8 @@ def signatures(where: Setting, stage: Stage, wanted: list[Candidate]) -> Signatu
     # On quiet inputs the slope at the mode is not quite zero, and a mode is found to a few
     # thousandths of a nat: for a signature that the model can all but imitate, what it would still
     # gain itself is not nothing.
-    slope = np.concatenate([own.gradient(z), granted @ here.nu])
-    pull = rows @ here.nu - imitated.T @ np.linalg.solve(precision, slope)
+    slope = np.concatenate([own.gradient(z), granted @ own.nu])
+    pull = rows @ own.nu - imitated.T @ np.linalg.solve(precision, slope)
     return Signatures(tuple(wanted), rows, pull, gram, own.means)
 
 

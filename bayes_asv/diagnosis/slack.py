@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.family import largest
 from bayes_asv.diagnosis.jitter import jitter
@@ -89,7 +90,7 @@ class Unexplained:
         return self.score > ENOUGH or noticed or wrong
 
 
-def pulses(where: Setting, stage: Stage, axle: str) -> list[Candidate]:
+def pulses(where: Setting, axle: str) -> list[Candidate]:
     """Short pushes at one axle that follow each other through every run."""
     load = car_scale(where.vehicle).load
     out = []
@@ -131,12 +132,13 @@ def unexplained(
     """
     keep = np.array([c.tolerance for c in tolerances.candidates], bool)
     allowed = amount * tolerances.rows[keep]
+    quiet = clear(where, stage)
     scores = {}
     for axle in AXLES:
-        found = signatures(where, stage, pulses(where, stage, axle))
+        found = signatures(quiet, pulses(where, axle))
         scores[axle] = _wins(stage, tolerances.means, allowed, found.rows)
     best = max(scores, key=lambda name: scores[name])
-    rows, words = decoy_rows(where, stage)
+    rows, words = decoy_rows(quiet)
     pull, gram = _beyond(stage, tolerances.means, allowed, rows)
     two_sided = np.zeros(len(rows), bool)
     p, k, _ = largest(pull, gram, np.sum(rows**2, axis=1), two_sided, seed)

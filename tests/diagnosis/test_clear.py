@@ -8,13 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.clear import clear, settled
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.signatures import signatures
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.candidates import candidates
 from bayes_asv.inference.freerun import free_run
-from bayes_asv.inference.likelihood import shared_work
-from bayes_asv.inference.scoring import slopes
 from bayes_asv.inference.stage import Setting, Stage, base, foretold, setting
 from bayes_asv.inference.wheel_noise import without_noise
 from bayes_asv.recording import Recording
@@ -51,9 +49,9 @@ def test_quiet_wheels_leave_the_innovations_as_they_were(vehicle: Vehicle) -> No
     where, stage = _setting(vehicle, 3)
     quiet = clear(where, stage)
     before, _, _ = stage.target.scored(stage.mode.z, 0)
-    after, _, _ = quiet.target(()).scored(stage.mode.z, 0)
+    after, _, _ = quiet.target.scored(stage.mode.z, 0)
     np.testing.assert_allclose(after, before, atol=1e-9)
-    change = quiet.lines[0].moments[:, :, 0] - where.lines[0].moments[:, :, 0]
+    change = quiet.where.lines[0].moments[:, :, 0] - where.lines[0].moments[:, :, 0]
     assert np.std(change) > 0.0
 
 
@@ -89,15 +87,12 @@ def test_a_score_asks_about_predictions_and_not_about_deviations(vehicle: Vehicl
     """A stiffer spring as an effect has the slope of the car's own spring rate."""
     where, stage = _setting(vehicle, 3)
     wanted = [c for c in candidates(stage, vehicle) if str(c.site) == "spring_rate@front"]
-    found = signatures(where, stage, wanted)
-    quiet = clear(where, stage).target(())
-    with shared_work(quiet) as shared:
-        own = slopes(shared, stage.mode.z).means
-    late = settled(stage)
-    slope = (own * late).T
+    quiet = clear(where, stage)
+    found = signatures(quiet, wanted)
+    slope = quiet.slopes.means.T
     rest = found.rows[0] - slope @ np.linalg.lstsq(slope, found.rows[0])[0]
     # The effect is a sum of the car's own slopes.  With the change of the deviations in its row,
     # which goes with the innovations' squares, 0.37 deviations of its score would be left.
     nu = stage.mode.slopes.nu
     assert abs(rest @ nu) < 0.1 * np.sqrt(found.gram[0, 0])
-    assert np.all(found.rows[0][~late] == 0.0)
+    assert np.all(found.rows[0][~quiet.settled] == 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.jitter import jitter
@@ -84,8 +85,8 @@ def test_a_push_that_is_not_there_has_any_p_value() -> None:
 def test_the_difference_of_two_edges_is_a_push() -> None:
     where, stage = fitted("null/bump~baja")
     edges = [c for c in candidates(stage, where.vehicle) if c.edge]
-    found = with_pushes(signatures(where, stage, edges))
-    direct = signatures(where, stage, list(found.candidates))
+    found = with_pushes(signatures(clear(where, stage), edges))
+    direct = signatures(clear(where, stage), list(found.candidates))
     error = np.abs(found.rows - direct.rows).max(axis=1)
     assert np.all(error < 1e-3 * np.abs(direct.rows).max(axis=1))
     np.testing.assert_allclose(found.score, direct.score, atol=0.01)
