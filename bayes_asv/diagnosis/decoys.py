@@ -196,6 +196,8 @@ def _sensor(
         return np.asarray((time - time[0]) * CubicSpline(time, signal)(time, 1))
 
     yield "a clock that runs", running
+    yield "a scale that bends", lambda time, signal: signal**2
+    yield "a scale that bends", lambda time, signal: signal**3
     if c % 2 == 1:
         axle = 1 if c == 1 else 0  # the other chassis channel
 

@@ -21,7 +21,7 @@ __all__ = ["AS_WELL", "rival"]
 
 Array = NDArray[np.float64]
 
-AS_WELL = -2.0
+AS_WELL = -4.0
 """Nats from which on a decoy explains as well as names."""
 
 _PRICE = 4.0  # nats that an effect of unknown size costs
