@@ -17,6 +17,7 @@ from bayes_asv.inference.stage import Setting, Stage, base, foretold, setting
 from bayes_asv.inference.wheel_noise import without_noise
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
+from tests.battery.cases import case
 from tests.rig import SensorSpec, baja, drive, parking_stops, vehicle_toml
 from tests.rig.units import INCH
 
@@ -96,3 +97,23 @@ def test_a_score_asks_about_predictions_and_not_about_deviations(vehicle: Vehicl
     nu = stage.mode.slopes.nu
     assert abs(rest @ nu) < 0.1 * np.sqrt(found.gram[0, 0])
     assert np.all(found.rows[0][~quiet.settled] == 0.0)
+
+
+def test_scores_where_nothing_is_wrong_stand_about_zero() -> None:
+    """8 drives without a fault, seed 7: springs and friction, mean score; 0.9 when they do not."""
+    scores = []
+    for number in range(8):
+        one = case(f"null/{('bump', 'stops')[number % 2]}", 7, number)
+        where = setting(one.vehicle, lay_out(one.recordings, one.vehicle)[0])
+        stage = base(where)
+        where = foretold(where, stage)
+        stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
+        wanted = [
+            c
+            for c in candidates(stage, one.vehicle)
+            if c.site.effect.name in ("spring_rate", "coulomb_friction")
+        ]
+        scores += signatures(clear(where, stage), wanted).score.tolist()
+    assert len(scores) >= 40
+    assert abs(np.mean(scores)) < 0.4
+    assert np.mean(np.square(scores)) < 1.5
