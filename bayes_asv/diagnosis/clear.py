@@ -4,9 +4,10 @@ The filter takes a wheel's noise for independent of its reading.  Where the road
 reading *is* the noise: a derivative along it then goes with the innovations, which the same noise
 drives (errors in variables; Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).
 Estimates hardly notice, but the small part of a signature that the car cannot imitate does.  So
-the wheels lose what the chassis show to be noise, and then whatever does not stand above the rest
-of it; the chassis readings change by what the car makes of that, so that the innovations stay what
-they were, and what a filter makes of earlier ones knows nothing of later ones.
+the wheels lose what the chassis show to be noise, and then whatever does not stand above a sensor's
+noise; the chassis readings change by what the car makes of that, so that the innovations stay what
+they were (exactly for a linear car, to first order with a law in it), and what a filter makes of
+earlier ones knows nothing of later ones.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class Quiet:
     settled : (N,) bool array
         Innovations that come when the filter has found the motion.
     slopes : Slopes
-        The innovations as they are, and their changes along the stage's coordinates on quiet
-        wheels; zero where nothing is settled.
+        The innovations as they are, and their changes along the stage's coordinates, those of the
+        predictions on quiet wheels; zero where nothing is settled.
     """
 
     stage: Stage

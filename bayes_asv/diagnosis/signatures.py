@@ -19,6 +19,7 @@ from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.stage import Setting, Stage, carried
+from bayes_asv.kernels.innovations import VALUE
 
 __all__ = ["SILENT", "Signatures", "signatures"]
 
@@ -89,9 +90,9 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     precision[:d, :d] = own.precision()
     imitated = known @ rows.T  # (D + G, K)
     gram = rows @ rows.T - imitated.T @ np.linalg.solve(precision, imitated)
-    # On quiet inputs the slope at the mode is not quite zero, and a mode is found to a few
-    # thousandths of a nat: for a signature that the model can all but imitate, what it would still
-    # gain itself is not nothing.
+    # The mode is not that of the settled part on quiet inputs, and it is found to a few thousandths
+    # of a nat: for a signature that the model can all but imitate, what a step of its own would
+    # still gain is not nothing.
     slope = np.concatenate([own.gradient(z), granted @ own.nu])
     pull = rows @ own.nu - imitated.T @ np.linalg.solve(precision, slope)
     return Signatures(tuple(wanted), rows, pull, gram, own.means)
@@ -122,4 +123,4 @@ def _feigned(where: Setting, stage: Stage, wanted: list[Candidate], rows: Array)
 
 def _count(stage: Stage, run: int) -> int:
     line = stage.space.timelines[run]
-    return int(np.count_nonzero(line.kind == 1))
+    return int(np.count_nonzero(line.kind == VALUE))

@@ -2,7 +2,7 @@
 
 Every effect that a model does not name may be there to the size of its tolerance, to first
 order: its signature times a normal number, which is integrated out.  How much of everything
-there is differs from car to car, from nothing in a clean one to twice what data sheets allow, so
+there is differs from car to car, from nothing in a clean one to what data sheets allow, so
 evidence is averaged over that: a car with a single fault is not told to have all of them, and a
 car with all of them is not told to have a single one.
 

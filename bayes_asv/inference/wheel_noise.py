@@ -8,7 +8,10 @@ r = e − G n.  The reading less the mean of n given r,
 has nothing more to do with r.  What is worked out from it is not moved by the noise that is
 still to be explained; with u itself, the two share n.  This is the statistic of the conditional
 score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), line by line of
-the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.
+the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.  G is the linear
+car's and σ as given, alike in shape for wheels and chassis; what a law adds, or a sensor that is
+faster than the others, is left out.  Where something is missing, part of what it does passes for
+noise.
 """
 
 from __future__ import annotations
@@ -75,7 +78,7 @@ def _noise(target: Target, z: Array, run: int, time: Array) -> Array:
     back = np.conj(np.swapaxes(response, 1, 2))
     variance = np.array([sample_noise(line, c) for c in range(4)]) ** 2
     wheel, chassis = variance[[0, 2]], variance[[1, 3]]
-    # both kinds of sensor pass the same filter: it is in either density, and cancels
+    # taken to pass the same filter, which is then in either density, and cancels
     density = np.diag(chassis) + (response * wheel) @ back
     noise = -wheel[:, None] * (back @ np.linalg.solve(density, spectrum))
     return np.asarray(np.fft.irfft(noise[..., 0].T, n)[:, : len(time)])
