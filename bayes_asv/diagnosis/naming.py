@@ -7,6 +7,7 @@ integrated out, compares them with one another and with nothing at all.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -115,13 +116,9 @@ def weigh(
         stage_with = added(where, stage, group)
         site = group[0].site
         others = _others(site, found)
-        options.append(
-            Option(
-                group[0].site,
-                stage_with,
-                allowed(stage_with, signatures(clear(where, stage_with), others)),
-            )
-        )
+        granted = allowed(stage_with, signatures(clear(where, stage_with), others))
+        if math.isfinite(granted.log_evidence):  # a fit that ran away is no explanation
+            options.append(Option(site, stage_with, granted))
     return sorted(options, key=lambda o: -o.allowed.log_evidence)
 
 

@@ -78,7 +78,9 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
             other, wider, _ = target.scored(there, run)
             # of the predictions alone: deviations that change as well would go with innovations
             parts.append((nu - other * np.exp(0.5 * (wider - logs)))[read])
-        return np.concatenate(parts) * quiet.settled
+        row = np.concatenate(parts) * quiet.settled
+        # a law whose simulation runs away has nothing to say
+        return row if np.all(np.isfinite(row)) else np.zeros_like(row)
 
     with shared_work(stage.target) as shared:
         assert shared.pool is not None
