@@ -158,6 +158,8 @@ def _joint(stage: Stage, rows: Array, at: Array) -> _Joint:
     cross = here.means @ rows.T
     whole = np.block([[here.precision(), cross], [cross.T, rows @ rows.T + np.eye(len(rows))]])
     slope = np.concatenate([here.gradient(stage.mode.z), rows @ here.nu - at])
+    if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(slope))):  # a fit that ran away
+        return _Joint(-math.inf, np.zeros(len(slope)), np.eye(d))
     step = np.linalg.solve(whole, slope)
     value = here.log_posterior + 0.5 * float(slope @ step) + 0.5 * d * math.log(2.0 * math.pi)
     value -= 0.5 * float(np.linalg.slogdet(whole)[1])
