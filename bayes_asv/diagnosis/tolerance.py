@@ -117,12 +117,14 @@ def allowed(stage: Stage, found: Signatures) -> Allowed:
     best = int(np.argmax(gains + _BELIEVED))
     amount = float(AMOUNTS[best])
     joint, there = at_mode[best], stage
-    if amount > 0.0 and gains[best] > gains[0] + _WORTH:
-        there, joint = _again(stage, amount * rows, joint)
-        # Expanded about a mode without tolerances, gains are guesses: far from it they promise
-        # more than there is.  All amounts are wrong by about the same share.
-        share = (joint.log_evidence - gains[0]) / (gains[best] - gains[0])
-        gains = gains[0] + share * (gains - gains[0])
+    if amount > 0.0 and gains[best] > gains[0] + _WORTH and np.all(np.isfinite(gains)):
+        mended, closer = _again(stage, amount * rows, joint)
+        if math.isfinite(closer.log_evidence):
+            there, joint = mended, closer
+            # Expanded about a mode without tolerances, gains are guesses: far from it they promise
+            # more than there is.  All amounts are wrong by about the same share.
+            share = (joint.log_evidence - gains[0]) / (gains[best] - gains[0])
+            gains = gains[0] + share * (gains - gains[0])
     return Allowed(
         float(logsumexp(gains + _BELIEVED)),
         amount,
