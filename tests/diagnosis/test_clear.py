@@ -61,7 +61,8 @@ def test_what_is_taken_from_a_wheel_is_its_noise(vehicle: Vehicle) -> None:
 
     The reading's own noise goes with that rest: their product is ten of its deviations from zero.
     """
-    raw, left = [], []
+    raw: list[list[float]] = []
+    left: list[list[float]] = []
     clean = _driven(SensorSpec.clean(), 0).values
     for seed in range(20, 32):
         _, stage = _setting(vehicle, seed)
