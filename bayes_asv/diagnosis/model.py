@@ -11,7 +11,7 @@ from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.tolerance import Allowed, allowed
 from bayes_asv.inference.candidates import candidates
-from bayes_asv.inference.stage import Setting, Stage, carried, fitted, foretold
+from bayes_asv.inference.stage import Setting, Stage, base, carried, fitted, foretold
 
 __all__ = ["Model", "again", "asked", "pruned", "without"]
 
@@ -64,8 +64,10 @@ def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Nam
 def without(
     model: Model, named: list[Named], failed: list[Named], seed: int
 ) -> tuple[Model, list[Named]]:
-    """Take effects out of a model."""
+    """Take effects out of a model; without any it is the linear car, fitted as at the beginning."""
     kept = [n for n in named if n not in failed]
+    if not kept:  # what effects had drawn the car to may be the slope of another hill
+        return asked(model.where, base(model.where), seed), kept
     sites = tuple(n.site for n in kept)
     target = model.where.target(sites)
     start = carried(model.stage.space, model.stage.mode.z, target.space, None, {})

@@ -13,7 +13,7 @@ from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.jitter import jitter
-from bayes_asv.diagnosis.model import asked
+from bayes_asv.diagnosis.model import asked, without
 from bayes_asv.diagnosis.pushes import push_p, with_pushes
 from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.inference.bestfit import lay_out
@@ -120,3 +120,14 @@ def test_on_both_axles_a_law_acts_twice_and_a_push_in_halves() -> None:
     assert table[:, 2].tolist() == [1.5, 1.5]
     assert friction.meets(Site(EFFECTS["coulomb_friction"], "rear"))
     assert not friction.meets(Site(EFFECTS["bound_rebound"], "rear"))
+
+
+def test_without_any_effect_a_model_is_the_linear_car_again() -> None:
+    """Wherever what was taken out had drawn it."""
+    where, stage = fitted("null/bump")
+    astray = np.full_like(stage.mode.z, 9.0)
+    model = asked(where, stage, 1)
+    away = replace(model, stage=replace(stage, mode=replace(stage.mode, z=astray)))
+    again, kept = without(away, [], [], 1)
+    assert not kept
+    np.testing.assert_allclose(again.stage.mode.z, stage.mode.z, atol=0.05)
