@@ -28,7 +28,7 @@ VEHICLE = read_vehicle(shipped("vehicles", "baja2008.toml"))
 @pytest.mark.skipif(REASON is not None, reason=str(REASON))
 def test_a_newcomer_gets_a_recording_by_what_is_printed(tmp_path: Path) -> None:
     with subprocess.Popen(
-        [sys.executable, "-m", "bayes_asv", "logger", "--emulated", "--speed", "8"],
+        [sys.executable, "-m", "bayes_asv", "logger", "--emulated", "--speed", "4"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
     ) as logger:  # fmt: skip
         assert logger.stdout is not None
