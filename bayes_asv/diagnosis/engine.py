@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 _ALARM = 0.05  # false tones a spectrum, where innovations remember anyway
 _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
 _LEFT = 0.5  # of the memory that may be left without the tones
+_SLOWEST = 10.0  # Hz: 600 turns a minute; below it a car has lines of its own on an even road
 
 
 @dataclass(frozen=True)
@@ -112,12 +113,13 @@ def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
 
 def _tones(where: Setting, stage: Stage) -> tuple[Notch, ...]:
     """Tones of all runs; one engine sounds in each of them."""
-    return _joined(
+    found = _joined(
         find_tones(
             line.paired(stage.target.scored(stage.mode.z, run)[0]), 1.0 / line.reading_step, _ALARM
         )
         for run, line in enumerate(where.lines)
     )
+    return tuple(tone for tone in found if tone.frequency > _SLOWEST)
 
 
 def _joined(runs: Iterable[tuple[Notch, ...]]) -> tuple[Notch, ...]:

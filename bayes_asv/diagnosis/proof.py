@@ -9,16 +9,48 @@ from bayes_asv.diagnosis.gap import Gap, before_and_after
 from bayes_asv.diagnosis.model import Model
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.inference.stage import Setting, Stage, carried, fitted
+from bayes_asv.model.effects import Site
 
 __all__ = ["failed", "proof"]
 
 
-def failed(named: list[Named]) -> list[Named]:
-    """Effects from the first on that made things worse on what was held out."""
-    for k, one in enumerate(named):
-        if "holdout" in one.gaps and one.gaps["holdout"].worse:
-            return named[k:]
-    return []
+def failed(
+    held: Setting | None, model: Model, named: list[Named], seed: int
+) -> list[Named]:
+    """Effects that made things worse on what was held out when they came, and would be better away.
+
+    When it comes, an effect can also be worse because of another that is still missing.  What
+    acts in one run alone has nothing to say on others.
+
+    Parameters
+    ----------
+    held : Setting or None
+        What was held out.
+    model : Model
+        With everything named.
+    named : list of Named
+        With their gaps.
+    seed : int
+        Of the bootstrap.
+    """
+    if held is None:
+        return []
+    out = []
+    for one in named:
+        if one.site.run is not None or not one.gaps["holdout"].worse:
+            continue
+        rest = tuple(n.site for n in named if n is not one)
+        less = _with(model, rest)
+        if before_and_after(held, less, model.stage, seed)[0].worse:
+            out.append(one)
+    return out
+
+
+def _with(model: Model, sites: tuple[Site, ...]) -> Stage:
+    """Fit some of a model's effects."""
+    target = model.where.target(sites)
+    start = carried(model.stage.space, model.stage.mode.z, target.space, None, {})
+    return fitted(model.where, sites, target, start)
 
 
 def proof(
@@ -34,10 +66,7 @@ def proof(
     told = [dict(n.gaps) for n in named]
     stages = [cut[2]]
     for k in range(1, len(named)):
-        sites = tuple(n.site for n in named[:k])
-        target = model.where.target(sites)
-        start = carried(model.stage.space, model.stage.mode.z, target.space, None, {})
-        stages.append(fitted(model.where, sites, target, start))
+        stages.append(_with(model, tuple(n.site for n in named[:k])))
     stages.append(model.stage)
     kinds = (("fit", model.where, first[0]), ("holdout", cut[1], first[1]))
     for name, where, whole in kinds:

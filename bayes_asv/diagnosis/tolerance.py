@@ -96,7 +96,7 @@ class _Granted(Target):
                 nu, logs, _ = self.scored(z[w], run)
                 there = logs != 0.0
                 part = nu[there] ** 2 + logs[there] + math.log(2.0 * math.pi)
-                value[w] -= 0.5 * float(part.sum())
+                value[w] += float(self.given_back(z[w : w + 1], run)[0] - 0.5 * part.sum())
         return np.where(np.isfinite(value), value, -np.inf)
 
 

@@ -95,8 +95,9 @@ def diagnose(
     if engine is None:
         # What is missing may have hidden an engine.
         model = grown.model
+        known = float(one_sided(model.found.score, model.found).max())
         quiet, stage, engine, held = without_engine(
-            model.where, model.stage, held, partial(again, model.stage)
+            model.where, model.stage, held, partial(again, model.stage), known
         )
         if engine is not None:
             where = quiet
@@ -112,7 +113,7 @@ def diagnose(
     held_where = setting(vehicle, held) if held else None
     settings = (first_where, first_held, plain), (where, held_where, linear)
     gaps, named = proof(*settings, model, named, engine, seed)
-    worse = failed(named)
+    worse = failed(held_where, model, named, seed)
     if worse:
         model, named = without(model, named, worse, seed)
         left = replace(left, failed=tuple(str(n.site) for n in worse))

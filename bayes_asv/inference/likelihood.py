@@ -96,13 +96,16 @@ class Target:
         colour = self.colours[run]
         if colour.order == 0:
             innovations.log_likelihood(cars, noises, *self._laid_out(run), out)
-            cut = self.space.timelines[run].cut
-            if cut is not None:
-                out += given_back(cut, noises)
+            out += self.given_back(z, run)
         else:
             closes = self.space.timelines[run].closes
             coloured.log_likelihood(cars, noises, *self._laid_out(run), closes, *colour, out)
         return np.where(np.isfinite(out), out, -np.inf)
+
+    def given_back(self, z: Array, run: int) -> Array:
+        """Nats (W,) that a band which was cut out of a run is no witness for, at (W, D)."""
+        cut = self.space.timelines[run].cut
+        return np.zeros(len(z)) if cut is None else given_back(cut, self.space.noises(z, run))
 
     def log_likelihood(self, z: Array) -> Array:
         """Log-likelihood (W,) of all runs at coordinates (W, D)."""
@@ -171,8 +174,7 @@ class Target:
                 driven, line.spread, line.kind, reading, line.extra, line.start, known.wheel,
                 line.instants, added, out[w : w + 1],
             )  # fmt: skip
-        if line.cut is not None:
-            out += given_back(line.cut, noises)
+        out += self.given_back(z, run)
         return np.where(np.isfinite(out), out, -np.inf)
 
     def _laid_out(self, run: int) -> tuple[NDArray[np.generic], ...]:

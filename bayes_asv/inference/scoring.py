@@ -43,6 +43,8 @@ class Slopes:
         Changes of the log variances.
     log_posterior : float
         Its value, not normalised.
+    given_back : (D,) array
+        Slope of what bands that were cut out give back.
     """
 
     nu: Array
@@ -50,10 +52,12 @@ class Slopes:
     means: Array
     scales: Array
     log_posterior: float
+    given_back: Array
 
     def gradient(self, z: Array) -> Array:
         """Slope (D,) of the log-posterior."""
-        return self.means @ self.nu + 0.5 * self.scales @ (self.nu**2 - 1.0) - z
+        of_data = self.means @ self.nu + 0.5 * self.scales @ (self.nu**2 - 1.0)
+        return of_data + self.given_back - z
 
     def precision(self) -> Array:
         """Return the expected curvature (D, D) of minus the log-posterior."""
@@ -121,6 +125,7 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
     """
     space = target.space
     parts = []
+    returned = np.zeros(len(z))
     for run in range(len(space.timelines)):
         nu, logs = _passes(target, z, run)
         there = logs != 0.0
@@ -140,11 +145,15 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
             means[k] = -((nu_k - nu)[there] / _STEP + 0.5 * nu[there] * ds)
             scales[k] = ds
         parts.append((nu[there], logs[there], means, scales))
+        if space.timelines[run].cut is not None:
+            moved = z + _STEP * np.eye(len(z))[own]
+            change = target.given_back(moved, run) - target.given_back(z[None], run)
+            returned[own] += change / _STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     value = float(target.log_posterior(z[None])[0])
     means = np.concatenate([p[2] for p in parts], axis=1)
     scales = np.concatenate([p[3] for p in parts], axis=1)
-    return Slopes(nu, logs, means, scales, value)
+    return Slopes(nu, logs, means, scales, value, returned)
 
 
 def climb(target: Target, start: Array) -> Climbed:
