@@ -24,7 +24,7 @@ from bayes_asv.inference.likelihood import Nudge, Target
 from bayes_asv.inference.scoring import climb
 from bayes_asv.inference.stage import Stage
 
-__all__ = ["AMOUNTS", "Allowed", "allowed", "with_tolerances"]
+__all__ = ["AMOUNTS", "Allowed", "Granted", "allowed", "granted", "with_tolerances"]
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class Allowed:
 
 
 @dataclass(frozen=True)
-class _Granted(Target):
+class Granted(Target):
     """A target whose predictions are moved by a fixed change.
 
     Parameters
@@ -170,30 +170,36 @@ def _joint(stage: Stage, rows: Array, at: Array) -> _Joint:
 
 def _again(stage: Stage, rows: Array, joint: _Joint) -> tuple[Stage, _Joint]:
     """Find the mode again with tolerances where the data want them."""
-    runs = range(len(stage.space.timelines))
-    logs = [stage.target.scored(stage.mode.z, run)[1] for run in runs]
     d = len(stage.mode.z)
     at, there = joint.step[d:], stage
     scaled = rows
     for _ in range(_ROUNDS):
-        moved, begin = [], 0
-        change = at @ rows
-        for run in runs:
-            laid = np.zeros_like(logs[run])
-            read = logs[run] != 0.0
-            n = int(np.count_nonzero(read))
-            laid[read] = change[begin : begin + n]
-            moved.append(laid)
-            begin += n
-        plain = {f: getattr(stage.target, f) for f in ("space", "colours", "patterns")}
-        target = _Granted(**plain, moved=tuple(moved), logs=tuple(logs), cost=0.5 * float(at @ at))
+        target = granted(stage, rows, at)
         start = there.mode.z + joint.step[:d] if there is stage else there.mode.z
         there = replace(stage, target=target, mode=climb(target, start))
-        first = np.concatenate([x[x != 0.0] for x in logs])
-        scaled = rows * np.exp(-0.5 * (there.mode.slopes.logs - first))
+        scaled = rows * np.exp(-0.5 * (there.mode.slopes.logs - stage.mode.slopes.logs))
         joint = _joint(there, scaled, at)
         at = at + joint.step[d:]
     return there, joint
+
+
+def granted(stage: Stage, rows: Array, at: Array) -> Granted:
+    """Return a stage's target with tolerances at ``at`` (K,), whose signatures are ``rows`` (K, N).
+
+    They cost what a standard normal prior takes for them.
+    """
+    moved, logs, begin = [], [], 0
+    change = at @ rows
+    for run in range(len(stage.space.timelines)):
+        before = stage.target.scored(stage.mode.z, run)[1]
+        read = before != 0.0
+        laid = np.zeros_like(before)
+        laid[read] = change[begin : begin + np.count_nonzero(read)]
+        begin += np.count_nonzero(read)
+        moved.append(laid)
+        logs.append(before)
+    plain = {f: getattr(stage.target, f) for f in ("space", "colours", "patterns")}
+    return Granted(**plain, moved=tuple(moved), logs=tuple(logs), cost=0.5 * float(at @ at))
 
 
 def with_tolerances(found: Signatures) -> tuple[Array, Array]:

@@ -1,0 +1,56 @@
+"""Names that fail on what was held out, and names that only came too early."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+from bayes_asv.diagnosis.gap import Gap
+from bayes_asv.diagnosis.model import Model, asked
+from bayes_asv.diagnosis.proof import failed
+from bayes_asv.diagnosis.results import Named
+from bayes_asv.inference.adding import read_site, with_effects
+from bayes_asv.inference.bestfit import lay_out
+from bayes_asv.inference.stage import Setting, setting
+from bayes_asv.model.effects import Site
+from tests.battery.cases import case
+
+_WORSE = Gap(1.0, 1.1, 0.5, True)
+
+
+@cache
+def _model() -> tuple[Model, Setting]:
+    """A car with bound over rebound, which has been named, and what was held out."""
+    one = case("bound_rebound-400", 5, 0)
+    site = read_site(f"bound_rebound@{one.truth.effects[0].where}")
+    lines, _, _ = lay_out(one.recordings, one.vehicle)
+    held, _, _ = lay_out(one.holdout, one.vehicle)
+    where, stage = with_effects(setting(one.vehicle, lines), (site,))
+    return asked(where, stage, 1), setting(one.vehicle, held)
+
+
+def _named(site: Site) -> Named:
+    return Named(site, 1.0, (), {"fit": _WORSE, "holdout": _WORSE})
+
+
+def test_a_name_that_is_missed_when_it_is_left_out_does_not_fail() -> None:
+    model, held = _model()
+    assert failed(held, model, [_named(model.stage.sites[0])], 1) == []
+
+
+def test_a_name_that_does_harm_fails() -> None:
+    model, held = _model()
+    site = model.stage.sites[0]
+    z = model.stage.mode.z.copy()
+    k = model.stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))
+    z[k] *= -3.0
+    wrong = replace(model.stage, mode=replace(model.stage.mode, z=z))
+    one = _named(site)
+    assert failed(held, replace(model, stage=wrong), [one], 1) == [one]
+
+
+def test_what_acted_in_one_run_alone_is_not_asked_of_others() -> None:
+    model, held = _model()
+    push = replace(read_site("external_force@front"), run=0)
+    assert failed(held, model, [_named(push)], 1) == []
+    assert failed(None, model, [_named(model.stage.sites[0])], 1) == []
