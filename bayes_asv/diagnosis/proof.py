@@ -14,9 +14,7 @@ from bayes_asv.model.effects import Site
 __all__ = ["failed", "proof"]
 
 
-def failed(
-    held: Setting | None, model: Model, named: list[Named], seed: int
-) -> list[Named]:
+def failed(held: Setting | None, model: Model, named: list[Named], seed: int) -> list[Named]:
     """Effects that made things worse on what was held out when they came, and would be better away.
 
     When it comes, an effect can also be worse because of another that is still missing.  What

@@ -7,12 +7,15 @@ that thing alone, they are no better and cost more.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.clear import clear
+from bayes_asv.diagnosis.clear import Quiet, clear
 from bayes_asv.diagnosis.decoys import decoy_rows
+from bayes_asv.diagnosis.imitation import imitation
+from bayes_asv.diagnosis.signatures import SILENT
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Climbed, slopes
 from bayes_asv.inference.stage import Setting, Stage, carried
@@ -44,18 +47,23 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     z = carried(stage.space, stage.mode.z, target.space, None, {})
     with shared_work(target) as shared:
         here = slopes(shared, z)
-    rows, words = decoy_rows(clear(where, Stage((), target, Climbed(z, here, True))))
-    # Least squares of the innovations on the car's coordinates, then on each decoy as well.
-    whole = here.means @ here.means.T + np.eye(len(z))
-    slope = here.means @ here.nu - z
-    cross = here.means @ rows.T
-    solved = np.linalg.solve(whole, np.column_stack([slope, cross]))
-    pull = rows @ here.nu - cross.T @ solved[:, 0]
-    own = np.sum(rows**2, axis=1)
-    seen = own - np.sum(cross * solved[:, 1:], axis=0)
-    gain = np.where(seen > 1e-8 * own, pull**2 / np.maximum(seen, 1e-30), 0.0)
+    quiet = clear(where, Stage((), target, Climbed(z, here, True)))
+    rows, words = decoy_rows(quiet)
+    # Least squares of the innovations on the car's coordinates, then on each decoy as well; how
+    # much noise there is was settled with everything named.
+    fixed = replace(quiet.slopes, scales=0.0 * here.scales, given_back=0.0 * z)
+    known = imitation(replace(quiet, slopes=fixed), rows[:0])
+    pull, gram = known.beyond(rows)
+    seen = np.diag(gram)
+    gain = np.where(seen > SILENT * np.sum(rows**2, axis=1), pull**2 / np.maximum(seen, 1e-30), 0.0)
     k = int(np.argmax(gain))
-    alone = float(here.nu @ here.nu + z @ z - slope @ solved[:, 0] - gain[k])
-    named = float(stage.mode.slopes.nu @ stage.mode.slopes.nu + stage.mode.z @ stage.mode.z)
+    own = float(known.slope @ np.linalg.solve(known.precision, known.slope))
+    alone = _misfit(here.nu, quiet, z) - own - float(gain[k])
+    named = _misfit(stage.mode.slopes.nu, quiet, stage.mode.z)
     cost = (names - 1) * _PRICE + names * math.log(sites) - math.log(len(words))
     return 0.5 * (named - alone) + cost, words[k]
+
+
+def _misfit(nu: Array, quiet: Quiet, z: Array) -> float:
+    """Twice what innovations and coordinates lose, where the filter has found the motion."""
+    return float(np.sum(nu[quiet.settled] ** 2) + z @ z)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.clear import Quiet
+from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
@@ -62,7 +63,7 @@ class Signatures:
 
 def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     """Work out the signatures of candidates at a stage's mode."""
-    stage, where, own = quiet.stage, quiet.where, quiet.slopes
+    stage, where = quiet.stage, quiet.where
     z = stage.mode.z
     now = [quiet.target.scored(z, run)[:2] for run in range(len(where.lines))]
 
@@ -86,18 +87,8 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
         assert shared.pool is not None
         rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
     granted = _feigned(where, stage, wanted, rows)
-    known = np.concatenate([own.means, granted])
-    precision = known @ known.T + np.eye(len(known))
-    d = len(own.means)
-    precision[:d, :d] = own.precision()
-    imitated = known @ rows.T  # (D + G, K)
-    gram = rows @ rows.T - imitated.T @ np.linalg.solve(precision, imitated)
-    # The mode is not that of the settled part on quiet inputs, and it is found to a few thousandths
-    # of a nat: for a signature that the model can all but imitate, what a step of its own would
-    # still gain is not nothing.
-    slope = np.concatenate([own.gradient(z), granted @ own.nu])
-    pull = rows @ own.nu - imitated.T @ np.linalg.solve(precision, slope)
-    return Signatures(tuple(wanted), rows, pull, gram, own.means)
+    pull, gram = imitation(quiet, granted).beyond(rows)
+    return Signatures(tuple(wanted), rows, pull, gram, quiet.slopes.means)
 
 
 def _feigned(where: Setting, stage: Stage, wanted: list[Candidate], rows: Array) -> Array:

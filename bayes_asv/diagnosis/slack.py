@@ -9,7 +9,7 @@ remember their past, or noise had to swell, what was named is not the whole stor
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,12 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.family import largest
+from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.jitter import jitter
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.diagnosis.rival import AS_WELL
-from bayes_asv.diagnosis.signatures import Signatures, signatures
+from bayes_asv.diagnosis.signatures import signatures
+from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.stage import Setting, Stage
@@ -114,32 +116,28 @@ def pulses(where: Setting, axle: str) -> list[Candidate]:
     return out
 
 
-def unexplained(
-    where: Setting, stage: Stage, tolerances: Signatures, amount: float, seed: int
-) -> Unexplained:
+def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
     """Ask the slack models and the decoys.
 
     Parameters
     ----------
-    where, stage : Setting, Stage
-        The final model.
-    tolerances : Signatures
-        Of what may be there to a tolerance, at that model.
-    amount : float
-        How much of everything there is, in tolerances.
+    where : Setting
+        The final model's.
+    allowed : Allowed
+        The final model with a little of everything else.
     seed : int
         Of the decoys' test.
     """
-    keep = np.array([c.tolerance for c in tolerances.candidates], bool)
-    allowed = amount * tolerances.rows[keep]
+    stage = allowed.stage
     quiet = clear(where, stage)
+    known = imitation(quiet, allowed.rows, allowed.at)
     scores = {}
     for axle in AXLES:
         found = signatures(quiet, pulses(where, axle))
-        scores[axle] = _wins(stage, tolerances.means, allowed, found.rows)
+        scores[axle] = _wins(*known.beyond(found.rows))
     best = max(scores, key=lambda name: scores[name])
     rows, words = decoy_rows(quiet)
-    pull, gram = _beyond(stage, tolerances.means, allowed, rows)
+    pull, gram = known.beyond(rows)
     two_sided = np.zeros(len(rows), bool)
     p, k, _ = largest(pull, gram, np.sum(rows**2, axis=1), two_sided, seed)
     p_jitter, jitters = jitter(where, stage)
@@ -155,23 +153,8 @@ def unexplained(
     )
 
 
-def _beyond(stage: Stage, means: Array, allowed: Array, rows: Array) -> tuple[Array, Array]:
-    """Pull (K,) and Gram matrix (K, K) of signatures, what the model can imitate left out."""
-    here = replace(stage.mode.slopes, means=means)
-    known = np.concatenate([means, allowed])
-    precision = known @ known.T + np.eye(len(known))
-    d = len(means)
-    precision[:d, :d] += 0.5 * here.scales @ here.scales.T
-    cross = known @ rows.T
-    # What tolerances take off the innovations before anything else is asked.
-    slope = np.concatenate([here.gradient(stage.mode.z), allowed @ here.nu])
-    pull = rows @ here.nu - cross.T @ np.linalg.solve(precision, slope)
-    return pull, rows @ rows.T - cross.T @ np.linalg.solve(precision, cross)
-
-
-def _wins(stage: Stage, means: Array, allowed: Array, rows: Array) -> float:
+def _wins(pull: Array, gram: Array) -> float:
     """Log Bayes factor of a slack model against none, averaged over its sizes."""
-    pull, gram = _beyond(stage, means, allowed, rows)
     eigen, vectors = np.linalg.eigh(gram)
     eigen = np.maximum(eigen, 0.0)
     turned = (vectors.T @ pull) ** 2

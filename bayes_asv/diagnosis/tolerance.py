@@ -57,6 +57,10 @@ class Allowed:
         Of the stage's coordinates.
     stage : Stage
         The model with its tolerances where the data want them.
+    rows : (K, N) array
+        Signatures of that much of everything there.
+    at : (K,) array
+        Where the tolerances are in that stage's innovations.
     """
 
     log_evidence: float
@@ -64,6 +68,8 @@ class Allowed:
     shift: Array
     covariance: Array
     stage: Stage
+    rows: Array
+    at: Array
 
 
 @dataclass(frozen=True)
@@ -85,11 +91,13 @@ class Granted(Target):
     cost: float = 0.0
 
     def scored(self, z: Array, run: int, nudge: Nudge | None = None) -> tuple[Array, Array, Array]:
+        """Score as the plain target does, the change taken off the innovations."""
         nu, logs, states = super().scored(z, run, nudge)
         change = np.exp(-0.5 * (logs - self.logs[run])) * self.moved[run]
         return np.where(logs != 0.0, nu - change, 0.0), logs, states
 
     def log_posterior(self, z: Array) -> Array:
+        """Log-posterior (W,) at coordinates (W, D), with what the change costs."""
         value = self.space.log_prior(z) - self.cost
         for w in np.flatnonzero(np.isfinite(value)):
             for run in range(len(self.space.timelines)):
@@ -117,10 +125,11 @@ def allowed(stage: Stage, found: Signatures) -> Allowed:
     best = int(np.argmax(gains + _BELIEVED))
     amount = float(AMOUNTS[best])
     joint, there = at_mode[best], stage
+    rows, at = amount * rows, np.zeros(len(rows))
     if amount > 0.0 and gains[best] > gains[0] + _WORTH and np.all(np.isfinite(gains)):
-        mended, closer = _again(stage, amount * rows, joint)
+        mended, closer, scaled, moved = _again(stage, rows, joint)
         if math.isfinite(closer.log_evidence):
-            there, joint = mended, closer
+            there, joint, rows, at = mended, closer, scaled, moved
             # Expanded about a mode without tolerances, gains are guesses: far from it they promise
             # more than there is.  All amounts are wrong by about the same share.
             share = (joint.log_evidence - gains[0]) / (gains[best] - gains[0])
@@ -131,6 +140,8 @@ def allowed(stage: Stage, found: Signatures) -> Allowed:
         there.mode.z + joint.step[: len(stage.mode.z)] - stage.mode.z,
         joint.covariance,
         there,
+        rows,
+        at,
     )
 
 
@@ -168,19 +179,18 @@ def _joint(stage: Stage, rows: Array, at: Array) -> _Joint:
     return _Joint(value, step, np.linalg.inv(whole)[:d, :d])
 
 
-def _again(stage: Stage, rows: Array, joint: _Joint) -> tuple[Stage, _Joint]:
-    """Find the mode again with tolerances where the data want them."""
+def _again(stage: Stage, rows: Array, joint: _Joint) -> tuple[Stage, _Joint, Array, Array]:
+    """Find the mode again with tolerances where the data want them; their rows and places there."""
     d = len(stage.mode.z)
-    at, there = joint.step[d:], stage
-    scaled = rows
+    at, there, scaled = np.zeros(len(rows)), stage, rows
     for _ in range(_ROUNDS):
+        at = at + joint.step[d:]
         target = granted(stage, rows, at)
         start = there.mode.z + joint.step[:d] if there is stage else there.mode.z
         there = replace(stage, target=target, mode=climb(target, start))
         scaled = rows * np.exp(-0.5 * (there.mode.slopes.logs - stage.mode.slopes.logs))
         joint = _joint(there, scaled, at)
-        at = at + joint.step[d:]
-    return there, joint
+    return there, joint, scaled, at
 
 
 def granted(stage: Stage, rows: Array, at: Array) -> Granted:
@@ -194,8 +204,9 @@ def granted(stage: Stage, rows: Array, at: Array) -> Granted:
         before = stage.target.scored(stage.mode.z, run)[1]
         read = before != 0.0
         laid = np.zeros_like(before)
-        laid[read] = change[begin : begin + np.count_nonzero(read)]
-        begin += np.count_nonzero(read)
+        end = begin + int(np.count_nonzero(read))
+        laid[read] = change[begin:end]
+        begin = end
         moved.append(laid)
         logs.append(before)
     plain = {f: getattr(stage.target, f) for f in ("space", "colours", "patterns")}

@@ -108,7 +108,7 @@ def diagnose(
     count = len(named)
     model, named = pruned(model, named, seed)
     tell(0.85, "asking what has no name")
-    left = unexplained(model.where, model.allowed.stage, model.found, model.allowed.amount, seed)
+    left = unexplained(model.where, model.allowed, seed)
     tell(0.9, "proving it on what was held out")
     held_where = setting(vehicle, held) if held else None
     settings = (first_where, first_held, plain), (where, held_where, linear)

@@ -9,9 +9,8 @@ has nothing more to do with r.  What is worked out from it is not moved by the n
 still to be explained; with u itself, the two share n.  This is the statistic of the conditional
 score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), line by line of
 the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.  G is the linear
-car's and σ as given, alike in shape for wheels and chassis; what a law adds, or a sensor that is
-faster than the others, is left out.  Where something is missing, part of what it does passes for
-noise.
+car's: what a law adds is left out.  Lines in which r is louder than all noise together hold
+something that is missing from the model; what they hold is shared out among noise and that.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
 
-from bayes_asv.inference.denoised import sample_noise
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.timeline import Timeline
@@ -34,6 +33,8 @@ __all__ = ["without_noise"]
 Array = NDArray[np.float64]
 
 _FINER = 2  # points of the even grid to a sample
+_LINES = 17  # of a spectrum whose power is averaged
+_CHANCE = 1.5  # times the noise's power, which so many lines hardly reach without anything in them
 
 
 def without_noise(target: Target, z: Array, run: int) -> Timeline:
@@ -58,7 +59,7 @@ def without_noise(target: Target, z: Array, run: int) -> Timeline:
     added = _noise(target, z, run, time)
     wheels = []
     for wheel, noise in zip(line.wheels, added, strict=True):
-        value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise)
+        value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
         wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
     return replace(line, wheels=(wheels[0], wheels[1]))
 
@@ -71,17 +72,29 @@ def _noise(target: Target, z: Array, run: int, time: Array) -> Array:
     even = np.stack([np.interp(time, line.instants[t], left[t, a]) for a, t in enumerate(there)])
     even -= even.mean(axis=1, keepdims=True)
     n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
+    frequency = np.fft.rfftfreq(n, time[1] - time[0])
     spectrum = np.fft.rfft(even, n).T[..., None]
-    response = _response(
-        target.space.measured(z[None], run)[0], np.fft.rfftfreq(n, np.diff(time)[0])
-    )
+    response = _response(target.space.measured(z[None], run)[0], frequency)
     back = np.conj(np.swapaxes(response, 1, 2))
-    variance = np.array([sample_noise(line, c) for c in range(4)]) ** 2
-    wheel, chassis = variance[[0, 2]], variance[[1, 3]]
-    # taken to pass the same filter, which is then in either density, and cancels
-    density = np.diag(chassis) + (response * wheel) @ back
-    noise = -wheel[:, None] * (back @ np.linalg.solve(density, spectrum))
+    power = _power(target.space.noises(z[None], run)[0], frequency, line.reading_step)
+    wheel, chassis = power[:, :2], power[:, 2:]
+    density = chassis[:, :, None] * np.eye(2) + (response * wheel[:, None]) @ back
+    whitened = np.linalg.solve(density, spectrum)
+    # A straight line between two samples has less power than a reading.
+    share = _FINER * np.cos(0.5 * np.pi * frequency * line.reading_step) ** 4 * len(time)
+    loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (2.0 * share + 1e-3 * n)
+    louder = np.maximum(1.0, uniform_filter1d(loud, _LINES) / _CHANCE)
+    noise = -wheel[..., None] * (back @ whitened) / louder[:, None, None]
     return np.asarray(np.fft.irfft(noise[..., 0].T, n)[:, : len(time)])
+
+
+def _power(noise: Array, frequency: Array, step: float) -> Array:
+    """Power (F, 4) of the noise of wheels and chassis, front and rear, as a sample's variance."""
+    passed = np.exp(-noise[8:] * step)
+    shape = (1.0 - passed**2) / np.maximum(
+        1.0 + passed**2 - 2.0 * passed * np.cos(2.0 * np.pi * frequency[:, None] * step), 1e-12
+    )
+    return np.asarray(noise[:4] + noise[4:8] * shape)
 
 
 def _response(car: Array, frequency: Array) -> Array:
