@@ -25,10 +25,12 @@ $c$ is the slope at rest.""",
     "coulomb_friction": r"""$F=-k\delta-c\,\dot\delta
 -\text{force}\cdot\dot\delta/\sqrt{\dot\delta^2+\text{slip}^2}$.""",
     "progressive_spring": r"""$F=-k\delta\,(1+\kappa\delta^2+q\,\kappa^2\delta^4)-c\,\dot\delta$.""",
-    "bump_stop": r"""$F=-k\delta-c\,\dot\delta+\text{rate}\cdot\tfrac12\big(e+\sqrt{e^2+w^2}\big)$, less
-what that leaves at rest, with $e=-\delta-\text{gap}$ the compression beyond the gap.""",
-    "droop_stop": r"""$F=-k\delta-c\,\dot\delta-\text{rate}\cdot\tfrac12\big(e+\sqrt{e^2+w^2}\big)$, less
-what that leaves at rest, with $e=\delta-\text{gap}$ the extension beyond the gap.""",
+    "bump_stop": r"""$F=-k\delta-c\,\dot\delta+\text{rate}\cdot w\,(d/w)^p$ with
+$d=\tfrac12\big(e+\sqrt{e^2+w^2}\big)$, less what that leaves at rest, and $e=-\delta-\text{gap}$ the
+compression beyond the gap.""",
+    "droop_stop": r"""$F=-k\delta-c\,\dot\delta-\text{rate}\cdot w\,(d/w)^p$ with
+$d=\tfrac12\big(e+\sqrt{e^2+w^2}\big)$, less what that leaves at rest, and $e=\delta-\text{gap}$ the
+extension beyond the gap.""",
     "damper_fade": r"""$F=-k\delta-c\,\dot\delta\,(1-\text{loss}\cdot s)$ with $s$ the share of the run that
 has gone by; $c$ is the rate at its start.""",
     "external_force": r"""A force on the chassis at an axle line, upward positive, that rises at start and
@@ -64,10 +66,12 @@ MEANINGS = {
     "bump_stop": {
         "rate": "spring rate of the stop", "gap": "compression from rest at which it is met",
         "onset": "travel $w$ over which it comes in",
+        "power": "$p$: 1 is a spring, rubber that is squeezed has more",
     },
     "droop_stop": {
         "rate": "spring rate of the stop", "gap": "extension from rest at which it is met",
         "onset": "travel $w$ over which it comes in",
+        "power": "$p$: 1 is a spring, rubber that is squeezed has more",
     },
     "damper_fade": {"loss": "share of the rate that is gone at the end of a run"},
     "external_force": {
@@ -254,6 +258,8 @@ def _prior(parameter: Parameter) -> str:
         return f"log-normal, {parameter.centre:g}{per}, a factor {math.exp(parameter.wide):.3g}"
     if parameter.form == "positive":
         return f"half-normal, {parameter.wide:g}{per}"
+    if parameter.form == "sinh":
+        return f"{parameter.centre:g} ± {parameter.wide:g}{per} times sinh of a standard normal number"
     return f"normal, {parameter.centre:g} ± {parameter.wide:g}{per}"
 
 

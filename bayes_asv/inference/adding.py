@@ -114,7 +114,7 @@ def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:
             begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
             continue
         for start in first.starts:
-            for sign in (1.0, -1.0) if first.form == "linear" and start > 0.0 else (1.0,):
+            for sign in (1.0, -1.0) if first.form in ("linear", "sinh") and start > 0.0 else (1.0,):
                 values = {**candidate.values, first.name: sign * start * first.size(scale)}
                 z = carried(stage.space, stage.mode.z, target.space, site, values)
                 begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))

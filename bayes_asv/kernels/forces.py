@@ -43,6 +43,15 @@ Array = NDArray[np.float64]
 
 
 @njit(**OPTIONS)
+def _rounded(beyond: float, width: float) -> tuple[float, float]:
+    """Return max(beyond, 0) rounded over a width, never quite zero, and its slope."""
+    root = math.sqrt(beyond * beyond + width * width)
+    # of numbers of like size the difference would lose its digits
+    value = 0.5 * (beyond + root) if beyond > 0.0 else 0.5 * width * width / (root - beyond)
+    return value, value / root
+
+
+@njit(**OPTIONS)
 def excess(
     table: Array,
     axle: int,
@@ -101,13 +110,14 @@ def excess(
             slope = (2.0 * p0 + 4.0 * p1 * p0 * x) * delta
             spring_d = spring_d * factor + spring * slope
             spring *= factor
-        elif code in (BUMP_STOP, DROOP_STOP):  # p0 = gap, m, p1 = rate, N/m, p2 = rounding, m
-            sign = -1.0 if code == BUMP_STOP else 1.0
-            beyond = sign * delta - p0
-            root = math.sqrt(beyond * beyond + p2 * p2)
-            at_rest = 0.5 * (math.sqrt(p0 * p0 + p2 * p2) - p0)
-            added -= sign * p1 * (0.5 * (beyond + root) - at_rest)
-            added_d -= p1 * 0.5 * (1.0 + beyond / root)
+        elif code in (BUMP_STOP, DROOP_STOP):
+            # p0 = gap, m, p1 = rate, N/m, p2 = rounding, m, p3 = power
+            sign, power = -1.0 if code == BUMP_STOP else 1.0, table[row, 5]
+            deep, slope = _rounded(sign * delta - p0, p2)
+            at_rest, _ = _rounded(-p0, p2)
+            force = p1 * p2 * (deep / p2) ** power
+            added -= sign * (force - p1 * p2 * (at_rest / p2) ** power)
+            added_d -= power * force / deep * slope
         elif code == FADE:  # p0 = share lost at the end
             damper_v *= 1.0 - p0 * share
             damper *= 1.0 - p0 * share

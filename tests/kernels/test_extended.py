@@ -19,7 +19,7 @@ CASES = {
     "digressive_damper@rear": {"knee": 0.2, "sharpness": 2.0},
     "coulomb_friction@front": {"force": 60.0, "slip": 0.02},
     "progressive_spring@rear": {"kappa": 200.0, "curl": 0.15},
-    "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003},
+    "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003, "power": 1.3},
     "damper_fade@rear": {"loss": 0.4},
 }
 

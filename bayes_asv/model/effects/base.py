@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 AXLES = ("front", "rear")
 BOTH = "both"
-Form = Literal["linear", "log", "positive"]
+Form = Literal["linear", "log", "positive", "sinh"]
 Acts = Literal["suspension", "car", "reading"]
 
 
@@ -49,9 +49,10 @@ class Parameter:
     ----------
     name, unit : str
         As in ``interfaces.md``; the unit is SI.
-    form : {'linear', 'log', 'positive'}
-        The value is ``centre + wide z``, ``centre exp(wide z)`` or ``wide |z|`` of a standard
-        normal z; the last is a half-normal prior.
+    form : {'linear', 'log', 'positive', 'sinh'}
+        The value is ``centre + wide z``, ``centre exp(wide z)``, ``wide |z|`` or
+        ``centre + wide sinh(z)`` of a standard normal z; the third is a half-normal prior, the
+        last one has long tails, for what may be many times its usual size.
     centre, wide : float
         See ``form``.
     starts : tuple of float
@@ -82,6 +83,8 @@ class Parameter:
             return np.asarray(size * self.centre * np.exp(self.wide * np.asarray(z)))
         if self.form == "positive":
             return np.asarray(size * self.wide * np.abs(z))
+        if self.form == "sinh":
+            return np.asarray(size * (self.centre + self.wide * np.sinh(np.asarray(z))))
         return np.asarray(size * (self.centre + self.wide * np.asarray(z)))
 
     def coordinate(self, value: float, scale: Scale) -> float:
@@ -91,6 +94,8 @@ class Parameter:
             return math.log(value / self.centre) / self.wide
         if self.form == "positive":
             return abs(value) / self.wide
+        if self.form == "sinh":
+            return math.asinh((value - self.centre) / self.wide)
         return (value - self.centre) / self.wide
 
 

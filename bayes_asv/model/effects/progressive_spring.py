@@ -27,7 +27,8 @@ EFFECT = Effect(
     acts="suspension",
     sites=(*AXLES, BOTH),
     parameters=(
-        Parameter("kappa", "1/m^2", "linear", 0.0, 150.0, (20.0, 150.0)),
+        # 0.4 at 5 cm of travel, but as much within 1 cm on a car that has no more
+        Parameter("kappa", "1/m^2", "sinh", 0.0, 150.0, (20.0, 150.0)),
         Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
     ),
     slight={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm

@@ -1,7 +1,9 @@
 """Travel stops: beyond a gap from rest a second spring acts, its onset rounded over a width.
 
-F = −rate · ½ (e + √(e² + w²)) against the motion, with e the travel beyond the gap, less what that
-leaves at rest.  A bump stop acts in compression, a droop stop in extension.
+F = −rate · w (d/w)ᵖ against the motion, with d = ½ (e + √(e² + w²)) and e the travel beyond the gap,
+less what that leaves at rest.  Steel has p = 1, rubber that is squeezed more than that; where a stop
+is just touched, the power says how it comes in.  A bump stop acts in compression, a droop stop in
+extension.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ __all__ = ["BUMP", "DROOP"]
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
-    return values["gap"], values["rate"], values["onset"]
+    return values["gap"], values["rate"], values["onset"], values["power"]
 
 
 def _force(sign: float) -> Callable[..., Array]:
@@ -25,10 +27,11 @@ def _force(sign: float) -> Callable[..., Array]:
         values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
     ) -> Array:
         gap, width = values["gap"], values["onset"]
-        beyond = sign * delta - gap
-        depth = 0.5 * (beyond + np.hypot(beyond, width))
-        at_rest = 0.5 * (np.hypot(gap, width) - gap)
-        return np.asarray(-sign * values["rate"] * (depth - at_rest))
+        deep, at_rest = (
+            width * (0.5 * (beyond + np.hypot(beyond, width)) / width) ** values["power"]
+            for beyond in (sign * delta - gap, np.asarray(-gap))
+        )
+        return np.asarray(-sign * values["rate"] * (deep - at_rest))
 
     return force
 
@@ -43,6 +46,7 @@ def _stop(name: str, title: str, code: int, sign: float, drive: str) -> Effect:
             Parameter("rate", "N/m", "log", 4.0, 1.2, (2.0, 10.0), per="spring"),
             Parameter("gap", "m", "log", 0.04, 0.8, ()),
             Parameter("onset", "m", "log", 0.003, 0.6, (0.003,), shape=True),
+            Parameter("power", "", "log", 1.0, 0.25, (1.0,), shape=True),
         ),
         code=code,
         packed=_packed,
