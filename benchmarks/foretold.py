@@ -21,9 +21,10 @@ import numpy as np
 
 from bayes_asv import __version__
 from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.mode import Mode, find_mode
-from bayes_asv.inference.parameters import CAR, Space, space
+from bayes_asv.inference.parameters import CAR, Space
 from bayes_asv.inference.width import ANSWERS, Shift, by_answer, find_width
 from bayes_asv.inference.width.faults import Fault, with_fault
 from bayes_asv.vehicle import Vehicle

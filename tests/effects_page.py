@@ -259,7 +259,9 @@ def _prior(parameter: Parameter) -> str:
     if parameter.form == "positive":
         return f"half-normal, {parameter.wide:g}{per}"
     if parameter.form == "sinh":
-        return f"{parameter.centre:g} ± {parameter.wide:g}{per} times sinh of a standard normal number"
+        return (
+            f"{parameter.centre:g} ± {parameter.wide:g}{per} times sinh of a standard normal number"
+        )
     return f"normal, {parameter.centre:g} ± {parameter.wide:g}{per}"
 
 

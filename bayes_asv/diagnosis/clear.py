@@ -97,9 +97,8 @@ def _quiet(where: Setting, stage: Stage, run: int) -> Timeline:
         quiet = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
         driven[:, axle] = moments(quiet, line.instants, ORDER)
     calm = replace(line, moments=driven)
-    begin, values = free_run(target, z, run)[2], target.space.effects(z)
+    begin = free_run(target, z, run)[2]
     before, after = (
-        simulated(target, z, run, target.patterns[run].corrected(one, values)[0], begin)[0]
-        for one in (line, calm)
+        simulated(target, z, run, target.as_declared(z, run, one), begin)[0] for one in (line, calm)
     )
     return replace(calm, reading=line.reading + after - before)

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.inference.colour import find_colour
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
-from bayes_asv.inference.parameters import space
 from bayes_asv.inference.parts import FEWEST_PARTS, PERIODS, share
 from bayes_asv.inference.preflight import swollen_noise
 from bayes_asv.inference.timeline import Timeline

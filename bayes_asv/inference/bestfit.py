@@ -15,10 +15,11 @@ from bayes_asv.inference.bandfit import fit_in_band
 from bayes_asv.inference.bandfit import notes as band_notes
 from bayes_asv.inference.coherence import mend
 from bayes_asv.inference.colour import find_colour
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.fit import freely, left_in_band, simulate_free
 from bayes_asv.inference.likelihood import WHITE, Colour, Target, shared_work
 from bayes_asv.inference.mode import Mode, find_mode
-from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.parameters import Space
 from bayes_asv.inference.preflight import (
     dead_channels,
     meant_for,

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.denoised import clear_wheel
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments
+from bayes_asv.inference.zeros import mean_reading
 from bayes_asv.kernels.innovations import MISSING, ORDER
 from bayes_asv.model.effects import AXLES, Scale, Site
 from bayes_asv.vehicle import Vehicle
@@ -58,6 +60,24 @@ def rows(values: Values, run: int) -> Array:
     return np.array(out, float).reshape(-1, 6)
 
 
+class AsDeclared(NamedTuple):
+    """What sensors that are as declared would have read.
+
+    Parameters
+    ----------
+    moments : (E, 2, ORDER) array
+        Of the wheel accelerations.
+    reading : (E, 2) array
+        Of the chassis, m/s².
+    wheel : (E, 2) array
+        Wheel accelerations at the instants, m/s².
+    """
+
+    moments: Array
+    reading: Array
+    wheel: Array
+
+
 @dataclass(frozen=True)
 class Patterns:
     """What sensors that are not as declared change in one recording.
@@ -74,6 +94,10 @@ class Patterns:
         Signal less its slow part.
     ramp : tuple of (E, ORDER) or (E,) arrays
         Time since the recording's beginning.
+    level : (E, ORDER) array
+        Moments of one.
+    rest : (2,) array
+        Mean readings of the wheels' sensors, m/s².
     """
 
     pole: float
@@ -81,10 +105,30 @@ class Patterns:
     moved: tuple[Array, ...]
     sharper: tuple[Array, ...]
     ramp: tuple[Array, ...]
+    level: Array
+    rest: Array
 
-    def corrected(self, line: Timeline, values: Values) -> tuple[Array, Array]:
-        """Return moments (E, 2, ORDER) and readings (E, 2) of sensors that are as declared."""
-        driven, reading = line.moments, line.reading
+    def corrected(self, line: Timeline, values: Values, zeros: Array) -> AsDeclared:
+        """Return what sensors that are as declared would have read.
+
+        Parameters
+        ----------
+        line : Timeline
+            The recording.
+        values : mapping
+            Effects and their values.
+        zeros : (2,) array
+            What the wheels' sensors read at rest beyond their mean reading, m/s².
+
+        Returns
+        -------
+        AsDeclared
+            Taken off the wheel and off the chassis above it, a level moves the suspension and
+            nothing else.
+        """
+        level = self.rest + zeros
+        driven = line.moments - level[:, None] * self.level[:, None]
+        reading = line.reading - level
         for site, value in values.items():
             if site.effect.acts != "reading" or site.effect.name == "sensor_gain":
                 continue
@@ -97,12 +141,10 @@ class Patterns:
             else:
                 change = -value["slope"] * self.ramp[c]
             if c % 2 == 0:
-                driven = driven.copy() if driven is line.moments else driven
                 driven[:, c // 2] += change
             else:
-                reading = reading.copy() if reading is line.reading else reading
                 reading[:, c // 2] += change
-        return driven, reading
+        return AsDeclared(driven, reading, self.wheel - level)
 
 
 def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
@@ -149,4 +191,8 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
         ramp.append(laid[3])
     pole = float(line.poles[0]) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
-    return Patterns(pole, wheel_at, tuple(moved), tuple(sharper), tuple(ramp))
+    time = line.wheels[0].knots
+    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, line.wheels[0].deviation)
+    level = moments(one, line.instants, ORDER)
+    rest = np.array([mean_reading(line, axle) for axle in range(2)])
+    return Patterns(pole, wheel_at, tuple(moved), tuple(sharper), tuple(ramp), level, rest)

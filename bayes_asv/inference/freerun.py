@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.effects import rows
+from bayes_asv.inference.effects import AsDeclared, rows
 from bayes_asv.inference.likelihood import Target
 from bayes_asv.kernels import extended
 from bayes_asv.kernels.innovations import VALUE
@@ -44,16 +44,17 @@ def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
         against its wheel channel, m/s².
     """
     line = target.space.timelines[run]
-    driven, reading = target.patterns[run].corrected(line, target.space.effects(z))
+    inputs = target.as_declared(z, run)
+    reading = inputs.reading
     use = line.kind == VALUE
     begin = np.zeros(6)
     # Next to the record the prior weighs as if noise were a thousandth of the motion's power.
     ridge = max(float(np.var(reading[use])) * 1e-3, 1e-12) / line.start
-    output, states = simulated(target, z, run, driven, begin)
+    output, states = simulated(target, z, run, inputs, begin)
     for _ in range(_ROUNDS if target.space.sites else 1):
         slope = np.stack(
             [
-                (simulated(target, z, run, driven, begin + step)[0] - output)[use] / step.max()
+                (simulated(target, z, run, inputs, begin + step)[0] - output)[use] / step.max()
                 for step in np.diag(_STEPS)
             ],
             axis=1,
@@ -61,7 +62,7 @@ def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
         left = (reading - output)[use]
         step = np.linalg.solve(slope.T @ slope + np.diag(ridge), slope.T @ left - ridge * begin)
         begin = begin + step
-        output, states = simulated(target, z, run, driven, begin)
+        output, states = simulated(target, z, run, inputs, begin)
         if np.all(np.abs(step) < _STEPS):
             break
     # The simulation is of sensors as declared; what the real ones added is put back.
@@ -69,7 +70,7 @@ def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
 
 
 def simulated(
-    target: Target, z: Array, run: int, driven: Array, begin: Array
+    target: Target, z: Array, run: int, inputs: AsDeclared, begin: Array
 ) -> tuple[Array, Array]:
     """Simulate one recording from wheels and a beginning that are given.
 
@@ -77,8 +78,8 @@ def simulated(
     ----------
     target, z, run
         As for :func:`free_run`.
-    driven : (E, 2, ORDER) array
-        Moments of the wheel accelerations that sensors as declared would have read.
+    inputs : AsDeclared
+        What sensors as declared would have read.
     begin : (6,) array
         As :func:`free_run` returns it.
 
@@ -91,6 +92,7 @@ def simulated(
     car, table = target.space.measured(z[None], run)[0], rows(target.space.effects(z), run)
     output, states = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 6))
     extended.free_run(
-        car, table, known.pole, line.step, driven, known.wheel, line.instants, begin, output, states
+        car, table, known.pole, line.step, inputs.moments, inputs.wheel, line.instants, begin,
+        output, states,
     )  # fmt: skip
     return output, states

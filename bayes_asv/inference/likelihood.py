@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.inference.cut import given_back
-from bayes_asv.inference.effects import Patterns, rows
+from bayes_asv.inference.effects import AsDeclared, Patterns, rows
 from bayes_asv.inference.parameters import Space
+from bayes_asv.inference.timeline import Timeline
 from bayes_asv.kernels import coloured, extended, innovations
 
 __all__ = ["WHITE", "Colour", "Nudge", "Target", "shared_work"]
@@ -149,16 +150,24 @@ class Target:
         kept, logs = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 2))
         states = np.zeros((len(line.step), 6))
         values = self.space.effects(z)
-        driven, reading = known.corrected(line, values)
+        driven, reading, wheel = self.as_declared(z, run)
         added = np.zeros_like(reading)
         if nudge is not None:
             driven, reading, added = driven + nudge.moments, reading + nudge.reading, nudge.force
         car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
         extended.residuals(
             car, noise, rows(values, run), known.pole, line.step, driven, line.spread, line.kind,
-            reading, line.extra, line.start, known.wheel, line.instants, added, kept, logs, states,
+            reading, line.extra, line.start, wheel, line.instants, added, kept, logs, states,
         )  # fmt: skip
         return kept, logs, states
+
+    def as_declared(self, z: Array, run: int, line: Timeline | None = None) -> AsDeclared:
+        """Return what sensors as declared would have read in a run, at coordinates (D,).
+
+        With ``line``, from its readings in place of the run's own.
+        """
+        line = self.space.timelines[run] if line is None else line
+        return self.patterns[run].corrected(line, self.space.effects(z), self.space.zeros(z, run))
 
     def _with_effects(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run whose car or sensors have effects."""
@@ -168,10 +177,10 @@ class Target:
         added = np.zeros_like(line.reading)
         for w in range(len(z)):
             values = self.space.effects(z[w])
-            driven, reading = known.corrected(line, values)
+            driven, reading, wheel = self.as_declared(z[w], run)
             extended.log_likelihood(
                 cars[w : w + 1], noises[w : w + 1], rows(values, run)[None], known.pole, line.step,
-                driven, line.spread, line.kind, reading, line.extra, line.start, known.wheel,
+                driven, line.spread, line.kind, reading, line.extra, line.start, wheel,
                 line.instants, added, out[w : w + 1],
             )  # fmt: skip
         out += self.given_back(z, run)

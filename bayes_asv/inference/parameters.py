@@ -18,39 +18,25 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.inference.effects import Values, car_scale
-from bayes_asv.inference.noise_level import noise_level
-from bayes_asv.inference.priors import (
-    DAMPING_FACTOR,
-    INERTIA_FACTOR,
-    NOISE_GIVEN_SD,
-    NOISE_UNKNOWN_SD,
-    WORST,
-    prior_log_sd,
-)
+from bayes_asv.inference.effects import Values
+from bayes_asv.inference.priors import NOISE_GIVEN_SD, WORST
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.model.effects import Scale, Site
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.model.effects import AXLES, Scale, Site
 
-__all__ = ["CAR", "Space", "space"]
+__all__ = ["CAR", "LOGS", "SEEN", "Space"]
 
 Array = NDArray[np.float64]
 
 CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")  # the kernel's order
 
-# Where a disagreement is looked for, noise must not swell until it has swallowed it: a level is
-# good to a fifth, and in no case more than half as much again.  One that is not given is taken
-# from the record itself, and trusted to a factor of two.
-_NEAR_SD, _NEAR_CAP = 0.2, 0.4
-_UNKNOWN_CAP = 0.7
-_NEAR_SHARE = (
-    3.0  # probits: noise comes before a sensor's filter or behind it, seldom half and half
-)
+# Where a disagreement is looked for, noise must not swell until it has swallowed it: in no case to
+# more than half as much again, or twice as much where none is given.
+_NEAR_CAP, _UNKNOWN_CAP = 0.4, 0.7
 _SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
 
-_LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
+LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
 # Rows: what the accelerations depend on, as exponents of the quantities above.
-_SEEN = np.array(
+SEEN = np.array(
     [
         [1, 0, 0, -1, 0, 0, 0],
         [0, 1, 0, -1, 0, 0, 0],
@@ -174,7 +160,7 @@ class Space:
             turned = turned + unseen @ self.unseen.T
         value = np.exp(self.log_mean + self.log_sd * turned)
         out = np.empty((len(z), 8))
-        for k, name in enumerate(_LOGS):
+        for k, name in enumerate(LOGS):
             out[:, CAR.index(name)] = value[:, k]
         out[:, CAR.index("wdf")] = self._other(z, "wdf") if "wdf" in self.names else self.wdf
         if self.sites:
@@ -253,11 +239,17 @@ class Space:
         filtered = self.likelihood == "innovations" and np.any(self.timelines[run].poles > 0.0)
         return _SHARE_HELD if filtered else 0.0
 
+    def zeros(self, z: Array, run: int) -> Array:
+        """Return what the wheels' sensors read at rest beyond their mean (2,), m/s², at (D,)."""
+        at = [f"zero {axle} {run}" for axle in AXLES]
+        known = [float(self._other(z[None], n)[0]) if n in self.names else 0.0 for n in at]
+        return np.array(known)
+
     def nuisance(self, z: Array) -> dict[str, Array]:
         """Noise deviations (m/s²) and filtered shares by name, each (W,)."""
         out = {}
         for name in self.names[self.car_dimension :]:
-            if name.startswith("effect "):
+            if name.startswith(("effect ", "zero ")):
                 continue
             filtered = name.startswith("filtered")
             out[name] = ndtr(self._other(z, name)) if filtered else np.exp(self._level(z, name))
@@ -287,114 +279,25 @@ class Space:
     def from_logs(self, shift: dict[str, float]) -> Array:
         """Coordinates (D,) of the prior's centre with some logarithms shifted."""
         z = np.zeros(self.dimension)
-        moved = np.zeros(len(_LOGS))
+        moved = np.zeros(len(LOGS))
         for name, by in shift.items():
-            k = _LOGS.index(name)
+            k = LOGS.index(name)
             moved[k] = by / self.log_sd[k] if self.log_sd[k] > 0.0 else 0.0
         z[: self.seen.shape[1]] = moved @ self.seen
         return z
 
     def log_deviation(self, covariance: Array, name: str) -> float:
         """Posterior deviation of the logarithm of a quantity, from the coordinates' covariance."""
-        k = _LOGS.index(name)
+        k = LOGS.index(name)
         r = self.seen.shape[1]
         seen = self.seen[k] @ covariance[:r, :r] @ self.seen[k]
         return float(self.log_sd[k] * math.sqrt(seen + float(np.sum(self.unseen[k] ** 2))))
 
     def log_prior_of(self, name: str) -> tuple[float, float]:
         """Mean and deviation of the logarithm of a quantity beforehand."""
-        k = _LOGS.index(name)
+        k = LOGS.index(name)
         return float(self.log_mean[k]), float(self.log_sd[k])
 
     def _other(self, z: Array, name: str) -> Array:
         d = self.names.index(name)
         return np.asarray(self.centre[d] + self.scale[d] * z[:, d])
-
-
-def space(
-    vehicle: Vehicle,
-    timelines: tuple[Timeline, ...],
-    likelihood: str = "innovations",
-    hold: frozenset[int] = frozenset(),
-    sites: tuple[Site, ...] = (),
-    near: bool = False,
-) -> Space:
-    """Set up the coordinates for a vehicle and its recordings.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Gives nominal values, known values and their deviations.
-    timelines : tuple of Timeline
-        The recordings, in order.
-    likelihood : str
-        ``innovations``, or ``output-error`` and ``coloured`` in which wheels have no noise.
-    hold : frozenset of int
-        Runs whose noise levels are held at the centre of their prior: under a colour they are
-        but the shape of a filter, and the colour has the scale.
-    sites : tuple of Site
-        Effects that the car and its sensors have.
-    near : bool
-        Keep noise levels near what is given.
-
-    Returns
-    -------
-    Space
-    """
-    log_mean = np.array([math.log(getattr(vehicle, name).value) for name in _LOGS])
-    factors = {name: INERTIA_FACTOR if name == "i" else DAMPING_FACTOR for name in _LOGS}
-    log_sd = np.array([prior_log_sd(getattr(vehicle, n), f) for n, f in factors.items()])
-    _, strength, turns = np.linalg.svd(_SEEN * log_sd)
-    rank = int(np.count_nonzero(strength > 1e-9 * strength[0]))
-    directions = turns.T
-    names = [f"car-{k}" for k in range(rank)]
-    centre = [0.0] * rank
-    scale = [1.0] * rank
-
-    def add(name: str, middle: float, deviation: float) -> None:
-        names.append(name)
-        centre.append(middle)
-        scale.append(deviation)
-
-    if vehicle.wdf.sd > 0.0:
-        add("wdf", vehicle.wdf.value, vehicle.wdf.sd)
-    for c, channel in enumerate(CHANNELS):  # one sensor, one scale, whatever the run
-        deviation = max((float(line.scale_sd[c]) for line in timelines), default=0.0)
-        if deviation > 0.0:
-            add(f"gain {channel}", 0.0, deviation)
-    for site in sites:
-        for parameter in site.effect.parameters:
-            add(site.coordinate_name(parameter), 0.0, 1.0)
-    held = []
-    for run, line in enumerate(timelines):
-        levels = np.zeros(4)
-        for c, channel in enumerate(CHANNELS):
-            if likelihood != "innovations" and channel.endswith("wheel"):
-                continue
-            noise = line.noise[c]
-            levels[c] = noise_level(line, c) if noise is None else noise
-            if run not in hold:
-                deviation = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
-                if near and noise is not None:
-                    deviation = _NEAR_SD
-                add(f"noise {channel} {run}", math.log(levels[c]), deviation)
-        held.append(levels)
-        filtered = likelihood == "innovations" and np.any(line.poles > 0.0)
-        if filtered and run not in hold:
-            add(f"filtered share {run}", 0.0, _NEAR_SHARE if near else 1.0)
-    return Space(
-        names=tuple(names),
-        centre=np.array(centre),
-        scale=np.array(scale),
-        log_mean=log_mean,
-        log_sd=log_sd,
-        seen=directions[:, :rank],
-        unseen=directions[:, rank:],
-        wdf=vehicle.wdf.value,
-        timelines=timelines,
-        likelihood=likelihood,
-        held=tuple(held),
-        sites=sites,
-        sizes=car_scale(vehicle) if sites else None,
-        near=near,
-    )

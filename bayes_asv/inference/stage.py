@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.effects import Patterns, patterns
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import WHITE, Target, shared_work
-from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.parameters import Space
 from bayes_asv.inference.scoring import Climbed, climb
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Site

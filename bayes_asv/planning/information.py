@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import space
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.vehicle import Given, Vehicle
 

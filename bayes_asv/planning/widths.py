@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.parameters import space
+from bayes_asv.inference.coordinates import space
 from bayes_asv.planning.information import SEEN
 from bayes_asv.vehicle import Vehicle
 

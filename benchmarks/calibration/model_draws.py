@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bayes_asv.inference.parameters import space
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.parameters import Space
 from bayes_asv.inference.timeline import build
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle

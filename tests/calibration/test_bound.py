@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.inference.parameters import CAR, space
+from bayes_asv.inference.coordinates import space
+from bayes_asv.inference.parameters import CAR
 from bayes_asv.inference.timeline import build
 from benchmarks.calibration import dense
 from benchmarks.calibration.bound import bounds, information, true_noise, true_wheels

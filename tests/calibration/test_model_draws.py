@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import Space, space
+from bayes_asv.inference.parameters import Space
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.model.discrete import simulate_linear
 from bayes_asv.model.halfcar import HalfCar, deflection_form

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import WHITE, Target
 from bayes_asv.inference.mode import derivatives, find_mode
-from bayes_asv.inference.parameters import space
 from bayes_asv.inference.timeline import build
 from tests.inference.cases import DECLARED, case, vehicle
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.inference.parameters import CAR, space
+from bayes_asv.inference.coordinates import space
+from bayes_asv.inference.parameters import CAR
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.kernels import innovations as kernel
 from bayes_asv.vehicle import Given

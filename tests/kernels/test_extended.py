@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bayes_asv.inference.bestfit import lay_out
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.effects import patterns, rows
 from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import space
 from bayes_asv.kernels import extended
 from bayes_asv.model.effects import EFFECTS, site
 from tests.inference.cases import DECLARED, case, vehicle

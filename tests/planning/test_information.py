@@ -9,9 +9,9 @@ import pytest
 from scipy.special import ndtri
 
 from bayes_asv.inference.bestfit import lay_out
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import WHITE, Target, shared_work
 from bayes_asv.inference.mode import derivatives
-from bayes_asv.inference.parameters import space
 from bayes_asv.planning.information import SEEN, information
 from bayes_asv.planning.widths import known, widths
 from tests.inference.cases import DECLARED, case, vehicle

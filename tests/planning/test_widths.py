@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bayes_asv.inference.parameters import space
+from bayes_asv.inference.coordinates import space
 from bayes_asv.planning.information import SEEN
 from bayes_asv.planning.limits import limit
 from bayes_asv.planning.pairs import pairs

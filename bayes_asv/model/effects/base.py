@@ -129,6 +129,8 @@ class Effect:
         The drive that shows it best, in words.
     halved : bool
         On both axles each gets half of the first parameter, in place of all of it.
+    travel : bool
+        The law depends on where the suspension is, so that it matters where that is at rest.
     """
 
     name: str
@@ -142,6 +144,7 @@ class Effect:
     force: Callable[..., Array] | None = None
     drive: str = ""
     halved: bool = False
+    travel: bool = False
 
     def slightly(self, scale: Scale) -> dict[str, float]:
         """Values at one tolerance, for one car."""

@@ -36,4 +36,5 @@ EFFECT = Effect(
     packed=_packed,
     force=_force,
     drive="a higher bump, so that more of the travel is used",
+    travel=True,
 )

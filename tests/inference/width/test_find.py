@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
+from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.likelihood import Colour, Target
 from bayes_asv.inference.mode import find_mode
-from bayes_asv.inference.parameters import CAR, space
+from bayes_asv.inference.parameters import CAR
 from bayes_asv.inference.width import ANSWERS, Width, find_width
 from bayes_asv.inference.width.budget import Budget
 from bayes_asv.inference.width.sensitivity import in_logs, information, jacobian, prior_sd
