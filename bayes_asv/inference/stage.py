@@ -22,6 +22,8 @@ __all__ = ["Setting", "Stage", "base", "carried", "fitted", "foretold", "setting
 
 Array = NDArray[np.float64]
 
+_START = 4.0  # times the mean square of the motion: variance of where a recording begins
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -51,7 +53,21 @@ class Setting:
 def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
     """Set recordings up, with patterns that stand on the readings themselves."""
     found = tuple(patterns(line, vehicle, line.reading) for line in lines)
-    return Setting(vehicle, lines, found)
+    where = Setting(vehicle, lines, found)
+    return replace(where, lines=tuple(_begun(where, run) for run in range(len(lines))))
+
+
+def _begun(where: Setting, run: int) -> Timeline:
+    """Return a recording that begins no further from rest than the car goes.
+
+    A linear car may begin anywhere.  A law that bends is drawn as a line at wherever the filter
+    believes the car to be, and beliefs of a decimetre would bend it out of shape for a second.
+    """
+    target = where.target(())
+    _, states, _ = free_run(target, np.zeros(target.space.dimension), run)
+    start = where.lines[run].start.copy()
+    start[:4] = np.minimum(start[:4], _START * np.mean(states[:, :4] ** 2, axis=0))
+    return replace(where.lines[run], start=start)
 
 
 def foretold(where: Setting, stage: Stage) -> Setting:
