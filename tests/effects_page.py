@@ -31,8 +31,8 @@ compression beyond the gap.""",
     "droop_stop": r"""$F=-k\delta-c\,\dot\delta-\text{rate}\cdot w\,(d/w)^p$ with
 $d=\tfrac12\big(e+\sqrt{e^2+w^2}\big)$, less what that leaves at rest, and $e=\delta-\text{gap}$ the
 extension beyond the gap.""",
-    "damper_fade": r"""$F=-k\delta-c\,\dot\delta\,(1-\text{loss}\cdot s)$ with $s$ the share of the run that
-has gone by; $c$ is the rate at its start.""",
+    "damper_fade": r"""$F=-k\delta-c\,\dot\delta\,\big(1-\text{loss}\,\frac{1-e^{-bs}}{1-e^{-b}}\big)$ with $s$ the
+share of the run that has gone by; $c$ is the rate at its start.""",
     "external_force": r"""A force on the chassis at an axle line, upward positive, that rises at start and
 falls after its duration as $3s^2-2s^3$; in one run only.""",
     "spring_rate": r"""$F=-\text{factor}\cdot k\,\delta-c\,\dot\delta$ with $k$ the given rate.""",
@@ -73,7 +73,10 @@ MEANINGS = {
         "onset": "travel $w$ over which it comes in",
         "power": "$p$: 1 is a spring, rubber that is squeezed has more",
     },
-    "damper_fade": {"loss": "share of the rate that is gone at the end of a run"},
+    "damper_fade": {
+        "loss": "share of the rate that is gone at the end of a run",
+        "bend": "$b$: 0 is straight in time, more levels off",
+    },
     "external_force": {
         "force": "height of the push, upward on the chassis", "start": "when it begins",
         "duration": "how long it lasts", "rise": "how long it takes to rise and to fall",

@@ -49,6 +49,9 @@ def test_priors_and_tolerances_on_the_page_are_those_of_the_draws(effect: Effect
         elif prior.startswith("half-normal"):
             assert np.all(drawn >= 0.0)
             assert np.sqrt(np.mean(drawn**2)) == pytest.approx(numbers[0], rel=0.02)
+        elif "sinh" in prior:
+            assert np.median(drawn) == pytest.approx(numbers[0], abs=0.03 * numbers[1])
+            assert np.std(np.arcsinh(drawn / numbers[1])) == pytest.approx(1.0, rel=0.02)
         else:
             assert np.mean(drawn) == pytest.approx(numbers[0], abs=0.03 * numbers[1])
             assert np.std(drawn) == pytest.approx(numbers[1], rel=0.02)

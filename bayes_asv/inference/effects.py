@@ -23,7 +23,7 @@ from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.denoised import clear_wheel
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments
-from bayes_asv.inference.zeros import mean_reading
+from bayes_asv.inference.zeros import moments_of_one
 from bayes_asv.kernels.innovations import MISSING, ORDER
 from bayes_asv.model.effects import AXLES, Scale, Site
 from bayes_asv.vehicle import Vehicle
@@ -96,8 +96,6 @@ class Patterns:
         Time since the recording's beginning.
     level : (E, ORDER) array
         Moments of one.
-    rest : (2,) array
-        Mean readings of the wheels' sensors, m/s².
     """
 
     pole: float
@@ -106,7 +104,6 @@ class Patterns:
     sharper: tuple[Array, ...]
     ramp: tuple[Array, ...]
     level: Array
-    rest: Array
 
     def corrected(self, line: Timeline, values: Values, zeros: Array) -> AsDeclared:
         """Return what sensors that are as declared would have read.
@@ -118,7 +115,7 @@ class Patterns:
         values : mapping
             Effects and their values.
         zeros : (2,) array
-            What the wheels' sensors read at rest beyond their mean reading, m/s².
+            What the wheels' sensors read at rest, m/s².
 
         Returns
         -------
@@ -126,9 +123,8 @@ class Patterns:
             Taken off the wheel and off the chassis above it, a level moves the suspension and
             nothing else.
         """
-        level = self.rest + zeros
-        driven = line.moments - level[:, None] * self.level[:, None]
-        reading = line.reading - level
+        driven = line.moments - zeros[:, None] * self.level[:, None]
+        reading = line.reading - zeros
         for site, value in values.items():
             if site.effect.acts != "reading" or site.effect.name == "sensor_gain":
                 continue
@@ -144,7 +140,7 @@ class Patterns:
                 driven[:, c // 2] += change
             else:
                 reading[:, c // 2] += change
-        return AsDeclared(driven, reading, self.wheel - level)
+        return AsDeclared(driven, reading, self.wheel - zeros)
 
 
 def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
@@ -191,8 +187,5 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
         ramp.append(laid[3])
     pole = float(line.poles[0]) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
-    time = line.wheels[0].knots
-    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, line.wheels[0].deviation)
-    level = moments(one, line.instants, ORDER)
-    rest = np.array([mean_reading(line, axle) for axle in range(2)])
-    return Patterns(pole, wheel_at, tuple(moved), tuple(sharper), tuple(ramp), level, rest)
+    level = moments_of_one(line)
+    return Patterns(pole, wheel_at, tuple(moved), tuple(sharper), tuple(ramp), level)

@@ -240,7 +240,7 @@ class Space:
         return _SHARE_HELD if filtered else 0.0
 
     def zeros(self, z: Array, run: int) -> Array:
-        """Return what the wheels' sensors read at rest beyond their mean (2,), m/s², at (D,)."""
+        """Return what the wheels' sensors read at rest (2,), m/s², at coordinates (D,)."""
         at = [f"zero {axle} {run}" for axle in AXLES]
         known = [float(self._other(z[None], n)[0]) if n in self.names else 0.0 for n in at]
         return np.array(known)

@@ -10,13 +10,20 @@ as hard.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from bayes_asv.inference.timeline import Timeline
+from bayes_asv.inference.wheels import WheelSignal, moments
+from bayes_asv.kernels.innovations import ORDER
 from bayes_asv.model.effects import AXLES, Site
 
-__all__ = ["ZERO_SD", "axles_with_travel", "mean_reading"]
+__all__ = ["ZERO_SD", "axles_with_travel", "levelled", "moments_of_one"]
+
+Array = NDArray[np.float64]
 
 ZERO_SD = 0.15
 """How well the mean reading tells a zero, m/s²: the wheel's speed at both ends over the time."""
@@ -28,8 +35,31 @@ def axles_with_travel(sites: Sequence[Site]) -> tuple[str, ...]:
     return tuple(axle for axle in AXLES if axle in found)
 
 
-def mean_reading(line: Timeline, axle: int) -> float:
-    """Mean reading of a wheel's sensor, m/s², beginning and end of the record counting little."""
-    wheel = line.wheels[axle]
+def moments_of_one(line: Timeline) -> Array:
+    """Moments (E, ORDER) of a wheel acceleration of 1 m/s²."""
+    time = line.wheels[0].knots
+    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, line.wheels[0].deviation)
+    return moments(one, line.instants, ORDER)
+
+
+def levelled(line: Timeline) -> Timeline:
+    """Return a recording whose wheels read zero on the whole; the chassis above them as much less.
+
+    Beginning and end count little: what a wheel's speed is there does not average out.
+    """
+    rest = np.array([_mean(wheel) for wheel in line.wheels])
+    front, rear = (
+        wheel._replace(spline=CubicSpline(wheel.knots, wheel.spline(wheel.knots) - level))
+        for wheel, level in zip(line.wheels, rest, strict=True)
+    )
+    return replace(
+        line,
+        moments=line.moments - rest[:, None] * moments_of_one(line)[:, None],
+        reading=line.reading - rest,
+        wheels=(front, rear),
+    )
+
+
+def _mean(wheel: WheelSignal) -> float:
     weight = np.hanning(len(wheel.knots) + 2)[1:-1]
     return float(np.average(wheel.spline(wheel.knots), weights=weight))

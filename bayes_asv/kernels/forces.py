@@ -118,9 +118,10 @@ def excess(
             force = p1 * p2 * (deep / p2) ** power
             added -= sign * (force - p1 * p2 * (at_rest / p2) ** power)
             added_d -= power * force / deep * slope
-        elif code == FADE:  # p0 = share lost at the end
-            damper_v *= 1.0 - p0 * share
-            damper *= 1.0 - p0 * share
+        elif code == FADE:  # p0 = share lost at the end, p1 = how it levels off
+            come = share if abs(p1) < 1e-6 else math.expm1(-p1 * share) / math.expm1(-p1)
+            damper_v *= 1.0 - p0 * come
+            damper *= 1.0 - p0 * come
         elif code == OUTSIDE:  # p0 = force, N, p1 = start, p2 = duration, p3 = rise, s
             rise = table[row, 5]
             up = min(max((time - p1) / rise + 0.5, 0.0), 1.0)

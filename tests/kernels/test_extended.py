@@ -20,7 +20,7 @@ CASES = {
     "coulomb_friction@front": {"force": 60.0, "slip": 0.02},
     "progressive_spring@rear": {"kappa": 200.0, "curl": 0.15},
     "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003, "power": 1.3},
-    "damper_fade@rear": {"loss": 0.4},
+    "damper_fade@rear": {"loss": 0.4, "bend": 1.2},
 }
 
 

@@ -59,7 +59,7 @@ def test_laws_compose_and_keep_to_their_axle() -> None:
     both = np.concatenate(
         [
             table("bound_rebound", {"ratio": 2.0, "rounding": 1e-6}),
-            table("damper_fade", {"loss": 0.4}),
+            table("damper_fade", {"loss": 0.4, "bend": 0.0}),
         ]
     )
     delta, rate, time = np.zeros(2), np.array([0.3, -0.3]), np.full(2, 1.25)
