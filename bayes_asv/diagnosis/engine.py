@@ -14,18 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import sosfilt, sosfreqz
 
+from bayes_asv.diagnosis.humming import humming
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.stage import Setting, Stage, base, setting
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.tones import Notch, find_tones, main_tones, notch_filter, notched
+from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched
 from bayes_asv.kernels.innovations import VALUE
 
 __all__ = ["Engine", "without_engine"]
 
 Array = NDArray[np.float64]
 
-_ALARM = 0.05  # false tones a spectrum, where innovations remember anyway
+_ALARM = 0.05  # false tones, where innovations remember anyway
+_PLAIN = 2e-3  # false tones, where they do not
 _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
 _LEFT = 0.5  # of the memory that may be left without the tones
 _SLOWEST = 10.0  # Hz: 600 turns a minute; below it a car has lines of its own on an even road
@@ -80,21 +82,20 @@ def without_engine(
         they came when there is no engine.
     """
     before, p = memory(stage)
-    if p > _REMEMBERS:
-        return where, stage, None, held
-    tones = _tones(where, stage)
+    alarm = _ALARM if p < _REMEMBERS else _PLAIN
+    tones = _tones(where, stage, alarm)
     if not tones or _held(where, stage, tones) < known:
         return where, stage, None, held
     lines = tuple(notched(line, where.vehicle, tones) for line in where.lines)
     quiet = setting(where.vehicle, lines)
     cut = fit(quiet)
-    if memory(cut)[0] > _LEFT * before:
+    if p < _REMEMBERS and memory(cut)[0] > _LEFT * before:
         return where, stage, None, held
     engine = Engine(tones[0].frequency, _amplitude(where, stage, tones[0]), main_tones(tones))
     silent = []
     for line in held:
         alone = setting(where.vehicle, (line,))
-        own = _tones(alone, base(alone))
+        own = _tones(alone, base(alone), alarm)
         silent.append(notched(line, where.vehicle, _joined((tones, own))))
     return quiet, cut, engine, tuple(silent)
 
@@ -111,15 +112,13 @@ def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
     return lost
 
 
-def _tones(where: Setting, stage: Stage) -> tuple[Notch, ...]:
+def _tones(where: Setting, stage: Stage, alarm: float) -> tuple[Notch, ...]:
     """Tones of all runs; one engine sounds in each of them."""
-    found = _joined(
-        find_tones(
-            line.paired(stage.target.scored(stage.mode.z, run)[0]), 1.0 / line.reading_step, _ALARM
-        )
-        for run, line in enumerate(where.lines)
-    )
-    return tuple(tone for tone in found if tone.frequency > _SLOWEST)
+    by_rate: dict[float, list[Array]] = {}
+    for run, line in enumerate(where.lines):
+        nu = line.paired(stage.target.scored(stage.mode.z, run)[0])
+        by_rate.setdefault(round(1.0 / line.reading_step, 3), []).append(nu)
+    return _joined(humming(runs, rate, _SLOWEST, alarm) for rate, runs in by_rate.items())
 
 
 def _joined(runs: Iterable[tuple[Notch, ...]]) -> tuple[Notch, ...]:

@@ -25,7 +25,7 @@ from bayes_asv.inference.wheels import WheelSignal, between_samples
 from bayes_asv.model.halfcar import HalfCar
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Notch", "find_tones", "main_tones", "notch_filter", "notched"]
+__all__ = ["Notch", "find_tones", "main_tones", "notch_filter", "notch_of", "notched"]
 
 Array = NDArray[np.float64]
 
@@ -107,9 +107,13 @@ def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ..
         frequency = _peak(left, rate, alarm)
         if frequency is None:
             break
-        width = min(max(_WANDER * frequency, _NARROWEST), _WIDEST)
-        notches.append(Notch(frequency, width))
+        notches.append(notch_of(frequency))
     return tuple(notches)
+
+
+def notch_of(frequency: float) -> Notch:
+    """Return a notch as wide as a tone at a frequency (Hz) may wander."""
+    return Notch(frequency, min(max(_WANDER * frequency, _NARROWEST), _WIDEST))
 
 
 def main_tones(notches: Sequence[tuple[float, float]]) -> tuple[float, ...]:
