@@ -166,7 +166,9 @@ class Space:
         if self.sites:
             out[:, CAR.index("k_f")] *= self._factor(z, "spring_rate", "front")
             out[:, CAR.index("k_r")] *= self._factor(z, "spring_rate", "rear")
-            out[:, CAR.index("wdf")] *= self._factor(z, "weight_distribution", "")
+            # on the given value: on what it is taken to be, the two would make a bent ridge
+            factor = self._factor(z, "weight_distribution", "")
+            out[:, CAR.index("wdf")] += self.wdf * (factor - 1.0)
         return out
 
     def quantities(self, z: Array, seed: int) -> dict[str, Array]:
