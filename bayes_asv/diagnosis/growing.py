@@ -89,7 +89,7 @@ def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
         if probability < _BARELY:
             break
         new = best.stage.sites[len(model.stage.sites) :]
-        named += [Named(site, float(probability), tuple(members[1:]), {}) for site in new]
+        named += [Named(site, min(float(probability), 1.0), tuple(members[1:]), {}) for site in new]
         model = asked(model.where, best.stage, seed)
         if nothing > 0.5:  # a little of everything explains it as well: no second name on top
             break

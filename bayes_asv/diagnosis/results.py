@@ -21,6 +21,8 @@ __all__ = ["Diagnosis", "Named"]
 
 Array = NDArray[np.float64]
 
+_STAND_IN = 0.5  # of 42 names beside something unexplained 18 were true, on development cars
+
 
 @dataclass(frozen=True)
 class Named:
@@ -99,3 +101,8 @@ class Diagnosis:
     after: dict[str, Array] | None = None
     effects: dict[str, dict[str, Array]] | None = None
     seconds: float = 0.0
+
+    @property
+    def trust(self) -> float:
+        """What names count where something is left that has none, which they may stand in for."""
+        return _STAND_IN if self.left is not None and self.left.present else 1.0

@@ -109,11 +109,13 @@ def short_answer(cases: Sequence[Judged]) -> str:
     for name, (before, after, _) in coverage(_strong(one_effect)).items():
         add(f"95 % intervals of {name} that hold, before naming", before)
         add(f"95 % intervals of {name} that hold, after naming", after)
-    pairs_of = probabilities(cases, flagged=False)
-    if pairs_of:
-        error, chance = calibration_error(pairs_of)
-        words = f"{error:.3f} (honest ones: below {chance:.3f} in 95 %)"
-        rows.append(["expected calibration error of the probabilities", words, str(len(pairs_of))])
+    for name, flagged in (("of all names", True), ("of names with nothing left beside", False)):
+        pairs_of = probabilities(cases, flagged)
+        if pairs_of:
+            error, chance = calibration_error(pairs_of)
+            words = f"{error:.3f} (honest ones: below {chance:.3f} in 95 %)"
+            title = f"expected calibration error of the probabilities {name}"
+            rows.append([title, words, str(len(pairs_of))])
     seconds = [one.seconds for one in cases]
     rows.append(["seconds a diagnosis, median and 95th percentile",
                  f"{np.median(seconds):.1f}, {np.quantile(seconds, 0.95):.1f}",
@@ -298,7 +300,7 @@ def summary_row(name: str, cases: Sequence[Judged]) -> list[str]:
     above = naming(_strong(_of(groups, "single")))
     outside = _strong(_of(groups, "outside"))
     gap = closed([*_of(groups, "single"), *_of(groups, "pair")])
-    pairs = probabilities(cases, flagged=False)
+    pairs = probabilities(cases, flagged=True)
     return [
         name,
         str(len(cases)),
