@@ -36,7 +36,7 @@ class Saved(NamedTuple):
 
 
 Command = Callable[..., Said]
-Check = Callable[..., None]
+Check = Callable[..., str]
 
 
 @pytest.fixture(scope="session")
@@ -108,7 +108,7 @@ def saved(run: Command, stops: Path, baja: Path, tmp_path_factory: pytest.TempPa
 def refuse() -> Check:
     """Hold a refusal to its promise: status 2, one line, no traceback, and the words given."""
 
-    def check(said: Said, *words: str) -> None:
+    def check(said: Said, *words: str) -> str:
         assert said.status == 2, said
         assert said.out == ""
         lines = said.err.splitlines()
@@ -117,5 +117,6 @@ def refuse() -> Check:
         assert "Traceback" not in said.err
         for word in words:
             assert word in lines[0], lines[0]
+        return lines[0]
 
     return check

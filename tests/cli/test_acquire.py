@@ -79,11 +79,11 @@ def test_bytes_without_a_run_write_nothing(invoke: Command, tmp_path: Path, raw:
 def test_wrong_usage_is_one_sentence(
     invoke: Command, refuse: Check, tmp_path: Path, options: tuple[str, ...], words: str
 ) -> None:
-    refuse(invoke("acquire", "-o", tmp_path / "r.csv", *options), words)
+    assert refuse(invoke("acquire", "-o", tmp_path / "r.csv", *options), words)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_kept_bytes_are_not_written_over(invoke: Command, refuse: Check, tmp_path: Path) -> None:
     (tmp_path / "r.csv.raw").write_bytes(b"older")
-    refuse(invoke("acquire", "--port", "/nowhere", "-o", tmp_path / "r.csv"), "--resume")
+    assert refuse(invoke("acquire", "--port", "/nowhere", "-o", tmp_path / "r.csv"), "--resume")
     assert (tmp_path / "r.csv.raw").read_bytes() == b"older"

@@ -33,9 +33,9 @@ def test_a_band_that_leaves_out_the_car_is_refused(
     invoke: Command, refuse: Check, stops: Path, baja: Path
 ) -> None:
     said = invoke("estimate", stops, "-v", baja, "--below", 2)
-    refuse(said, "--below 2", "moves at up to 3 Hz", "give at least 3.6")
-    refuse(invoke("estimate", stops, "-v", baja, "--below", -5), "--below")
-    refuse(invoke("estimate", stops, "-v", baja, "--below", "nan"), "--below")
+    assert refuse(said, "--below 2", "moves at up to 3 Hz", "give at least 3.6")
+    assert refuse(invoke("estimate", stops, "-v", baja, "--below", -5), "--below")
+    assert refuse(invoke("estimate", stops, "-v", baja, "--below", "nan"), "--below")
 
 
 def test_a_record_that_the_filter_eats_up_cannot_answer(

@@ -49,16 +49,18 @@ def test_the_whole_car_has_seven(invoke: Command) -> None:
 def test_what_is_missing_is_said_in_one_line(
     invoke: Command, refuse: Check, baja: Path, stops: Path, tmp_path: Path
 ) -> None:
-    refuse(invoke("modes", "-v", baja, "--car", "quarter"), "[unsprung]: is missing")
-    refuse(invoke("modes", "-v", baja, "--car", "roll"), "[roll]: is missing")
-    refuse(invoke("modes", stops, "-v", ROLL, "--car", "roll"), "need the half car")
-    refuse(invoke("simulate", "-v", baja, "--car", "roll", "-o", tmp_path / "x.csv"), "[roll]")
-    refuse(
+    assert refuse(invoke("modes", "-v", baja, "--car", "quarter"), "[unsprung]: is missing")
+    assert refuse(invoke("modes", "-v", baja, "--car", "roll"), "[roll]: is missing")
+    assert refuse(invoke("modes", stops, "-v", ROLL, "--car", "roll"), "need the half car")
+    assert refuse(
+        invoke("simulate", "-v", baja, "--car", "roll", "-o", tmp_path / "x.csv"), "[roll]"
+    )
+    assert refuse(
         invoke("simulate", "-v", ROLL, "--skew", "20 in", "-o", tmp_path / "x.csv"),
         "--skew needs --car roll",
     )
-    refuse(invoke("estimate", stops, "-v", ROLL, "--car", "roll"), "needs seven")
-    refuse(
+    assert refuse(invoke("estimate", stops, "-v", ROLL, "--car", "roll"), "needs seven")
+    assert refuse(
         invoke("estimate", stops, "-v", ROLL, "--car", "roll", "--below", "10"),
         "--below needs the half car",
     )
@@ -71,7 +73,7 @@ def test_what_is_missing_is_said_in_one_line(
     ):
         path = tmp_path / "at_fault.toml"
         path.write_text(text.replace(old, new), encoding="utf-8")
-        refuse(invoke("modes", "-v", path, "--car", "full7"), fault)
+        assert refuse(invoke("modes", "-v", path, "--car", "full7"), fault)
 
 
 def test_from_a_simulated_drive_to_the_worn_side(
@@ -95,5 +97,5 @@ def test_from_a_simulated_drive_to_the_worn_side(
     rear = document["left_over_right"]["rear"]
     assert rear["eti95"][0] < 1.25 < rear["eti95"][1]
     assert rear["p_left_softer"] < 0.01
-    refuse(invoke("estimate", drive, "-v", ROLL), "use bayes-asv estimate --car roll")
-    refuse(invoke("greybox", drive, "-v", ROLL), "use bayes-asv estimate --car roll")
+    assert refuse(invoke("estimate", drive, "-v", ROLL), "use bayes-asv estimate --car roll")
+    assert refuse(invoke("greybox", drive, "-v", ROLL), "use bayes-asv estimate --car roll")

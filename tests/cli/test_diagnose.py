@@ -126,7 +126,7 @@ def test_a_saved_diagnosis_of_other_recordings_is_refused(
     said = invoke(
         "report", stops, "-v", baja, "--from", diagnosed.file, "-o", tmp_path / "x.html"
     )  # fmt: skip
-    refuse(said, "d.json", "was made of other recordings")
+    assert refuse(said, "d.json", "was made of other recordings")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -157,7 +157,7 @@ def test_a_report_asks_what_it_is_not_given(
 
 def test_two_of_a_kind_are_refused(diagnosed: Diagnosed, invoke: Command, refuse: Check) -> None:
     said = invoke("report", *2 * ("--from", diagnosed.file), "-o", "x.html")
-    refuse(said, "one diagnosis", "--from once for each")
+    assert refuse(said, "one diagnosis", "--from once for each")
 
 
 def test_a_recording_that_cannot_answer(
@@ -225,4 +225,4 @@ def test_what_is_wrong_is_said_in_one_sentence(
     words: tuple[str, ...],
     expected: tuple[str, ...],
 ) -> None:
-    refuse(invoke(*(w.format(fit=valved[0], car=baja) for w in words)), *expected)
+    assert refuse(invoke(*(w.format(fit=valved[0], car=baja) for w in words)), *expected)

@@ -45,7 +45,7 @@ def test_what_cannot_answer_leaves_with_three_and_the_json(
 
 
 def test_wrong_usage_is_one_line(invoke: Command, refuse: Check, baja: Path, stops: Path) -> None:
-    refuse(invoke("greybox", stops, "-v", baja, "--remove", "wishes"), "--remove")
-    refuse(invoke("greybox", stops, "-v", baja, "--coordinates", "polar"), "--coordinates")
-    refuse(invoke("greybox", stops, "-v", baja, "--json", stops), "is read by this command")
-    refuse(invoke("greybox", "nothing.csv", "-v", baja), "nothing.csv")
+    assert refuse(invoke("greybox", stops, "-v", baja, "--remove", "wishes"), "--remove")
+    assert refuse(invoke("greybox", stops, "-v", baja, "--coordinates", "polar"), "--coordinates")
+    assert refuse(invoke("greybox", stops, "-v", baja, "--json", stops), "is read by this command")
+    assert refuse(invoke("greybox", "nothing.csv", "-v", baja), "nothing.csv")

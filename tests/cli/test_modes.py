@@ -42,9 +42,9 @@ def test_a_recording_brings_its_spectrum(invoke: Command, baja: Path, stops: Pat
 def test_wrong_usage_is_one_line(
     invoke: Command, refuse: Check, baja: Path, stops: Path, tmp_path: Path
 ) -> None:
-    refuse(invoke("modes", "-v", "nothing.toml"), "nothing.toml")
-    refuse(invoke("modes", "nothing.csv", "-v", baja), "nothing.csv")
-    refuse(invoke("modes", "-v", baja, "--json", baja), "is read by this command")
+    assert refuse(invoke("modes", "-v", "nothing.toml"), "nothing.toml")
+    assert refuse(invoke("modes", "nothing.csv", "-v", baja), "nothing.csv")
+    assert refuse(invoke("modes", "-v", baja, "--json", baja), "is read by this command")
     short = tmp_path / "short.csv"
     short.write_text("\n".join(stops.read_text(encoding="utf-8").splitlines()[:20]) + "\n")
-    refuse(invoke("modes", short, "-v", baja), "fewer than 32 readings")
+    assert refuse(invoke("modes", short, "-v", baja), "fewer than 32 readings")

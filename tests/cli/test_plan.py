@@ -68,11 +68,11 @@ def test_what_no_drive_can_give_leaves_with_three_and_the_json(invoke: Command, 
 def test_wrong_usage_is_one_line(
     invoke: Command, refuse: Check, baja: Path, words: tuple[object, ...], told: str
 ) -> None:
-    refuse(invoke("plan", "-v", baja, *words), told)
+    assert refuse(invoke("plan", "-v", baja, *words), told)
 
 
 def test_a_vehicle_file_is_read_first_and_never_written_over(
     invoke: Command, refuse: Check, baja: Path
 ) -> None:
-    refuse(invoke("plan", "-v", "nothing.toml"), "nothing.toml")
-    refuse(invoke("plan", "-v", baja, "--json", baja), "is read by this command")
+    assert refuse(invoke("plan", "-v", "nothing.toml"), "nothing.toml")
+    assert refuse(invoke("plan", "-v", baja, "--json", baja), "is read by this command")

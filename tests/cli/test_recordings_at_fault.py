@@ -106,7 +106,7 @@ def test_a_faulty_table(
     edit(lines)
     file = tmp_path / "run.csv"
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    refuse(invoke("estimate", file, "-v", baja), "run.csv", *expected)
+    assert refuse(invoke("estimate", file, "-v", baja), "run.csv", *expected)
 
 
 BYTES: dict[str, tuple[bytes, tuple[str, ...]]] = {
@@ -140,8 +140,10 @@ def test_a_file_that_is_no_table(
     data, expected = BYTES[kind]
     file = tmp_path / "run.csv"
     file.write_bytes(data)
-    refuse(invoke("estimate", file, "-v", baja), "run.csv", *expected)
-    refuse(invoke("report", file, "-v", baja, "-o", tmp_path / "x.html"), "run.csv", *expected)
+    assert refuse(invoke("estimate", file, "-v", baja), "run.csv", *expected)
+    assert refuse(
+        invoke("report", file, "-v", baja, "-o", tmp_path / "x.html"), "run.csv", *expected
+    )
     assert not (tmp_path / "x.html").exists()
 
 
@@ -149,20 +151,24 @@ def test_no_file_there(
     invoke: Command, refuse: Check, stops: Path, baja: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "monday.csv").write_bytes(stops.read_bytes())
-    refuse(invoke("estimate", tmp_path / "mondey.csv", "-v", baja), "no such file", "monday.csv?")
-    refuse(invoke("estimate", tmp_path / "no" / "run.csv", "-v", baja), "check the path")
-    refuse(invoke("estimate", tmp_path, "-v", baja), "is a folder", "name a file in it")
-    refuse(invoke("estimate", "/dev/null", "-v", baja), "is not an ordinary file")
-    refuse(invoke("estimate", stops, "-v", tmp_path), "is a folder")
-    refuse(invoke("estimate", stops, "-v", tmp_path / "car.toml"), "no such file")
+    assert refuse(
+        invoke("estimate", tmp_path / "mondey.csv", "-v", baja), "no such file", "monday.csv?"
+    )
+    assert refuse(invoke("estimate", tmp_path / "no" / "run.csv", "-v", baja), "check the path")
+    assert refuse(invoke("estimate", tmp_path, "-v", baja), "is a folder", "name a file in it")
+    assert refuse(invoke("estimate", "/dev/null", "-v", baja), "is not an ordinary file")
+    assert refuse(invoke("estimate", stops, "-v", tmp_path), "is a folder")
+    assert refuse(invoke("estimate", stops, "-v", tmp_path / "car.toml"), "no such file")
 
 
 def test_a_name_that_is_no_text_stays_on_its_line(
     invoke: Command, refuse: Check, baja: Path, tmp_path: Path
 ) -> None:
-    refuse(invoke("estimate", tmp_path / "a\nb\x1b[31m\u202e.csv", "-v", baja), "no such file")
-    refuse(invoke("estimate", tmp_path / "\udcff.csv", "-v", baja), "no such file")
-    refuse(invoke("estimate", tmp_path / ("x" * 5000), "-v", baja))
+    assert refuse(
+        invoke("estimate", tmp_path / "a\nb\x1b[31m\u202e.csv", "-v", baja), "no such file"
+    )
+    assert refuse(invoke("estimate", tmp_path / "\udcff.csv", "-v", baja), "no such file")
+    assert refuse(invoke("estimate", tmp_path / ("x" * 5000), "-v", baja))
 
 
 def test_counts_without_a_calibration(
@@ -172,7 +178,9 @@ def test_counts_without_a_calibration(
     text = baja.read_text(encoding="utf-8")
     car.write_text(text.replace("zero_counts", "# zero_counts"), encoding="utf-8")
     counts = stops.with_name("stops-800hz.csv")
-    refuse(invoke("estimate", counts, "-v", car), "[sensors.front_wheel]", "add zero_counts = 512")
+    assert refuse(
+        invoke("estimate", counts, "-v", car), "[sensors.front_wheel]", "add zero_counts = 512"
+    )
 
 
 @pytest.mark.parametrize("fault", ["short", "slow", "still", "clipped", "gap"])

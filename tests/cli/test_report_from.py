@@ -40,7 +40,7 @@ def test_garbage(invoke: Command, refuse: Check, tmp_path: Path, kind: str) -> N
     file = tmp_path / "saved.json"
     file.write_bytes(data)
     said = invoke("report", "--from", file, "-o", tmp_path / "x.html")
-    refuse(
+    assert refuse(
         said, "saved.json", "bayes-asv estimate --json" if data[:1] not in b"\0" else "", *expected
     )
     assert not (tmp_path / "x.html").exists()
@@ -105,7 +105,7 @@ def test_a_hostile_document(
     file = tmp_path / "saved.json"
     file.write_text(json.dumps(document), encoding="utf-8")
     said = invoke("report", "--from", file, "-o", tmp_path / "x.pdf")
-    refuse(said, "saved.json", expected, "bayes-asv estimate --json")
+    assert refuse(said, "saved.json", expected, "bayes-asv estimate --json")
     assert not (tmp_path / "x.pdf").exists()
 
 
@@ -116,7 +116,9 @@ def test_a_truncated_document(
     data = saved.json_file.read_bytes()
     file = tmp_path / "saved.json"
     file.write_bytes(data[: max(1, int(share * len(data)))])
-    refuse(invoke("report", "--from", file, "-o", tmp_path / "x.html"), "saved.json", "cut off")
+    assert refuse(
+        invoke("report", "--from", file, "-o", tmp_path / "x.html"), "saved.json", "cut off"
+    )
 
 
 def test_what_was_saved_is_read_back_as_it_was(saved: Saved) -> None:

@@ -85,4 +85,4 @@ def test_the_page_stands_alone_and_holds_every_figure(written: tuple[Said, Path]
 def test_a_folder_that_cannot_be_made(invoke: Command, refuse: Check, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("x")
-    refuse(invoke("reproduce", "-o", file / "below"), "cannot be made")
+    assert refuse(invoke("reproduce", "-o", file / "below"), "cannot be made")

@@ -149,7 +149,7 @@ def test_what_cannot_be_is_said_in_one_line(
     if words and words[-1] == "nan":  # the recording has stamps of its own
         assert said.status in (0, 2)
         return
-    refuse(said, *expected)
+    assert refuse(said, *expected)
 
 
 def test_a_parked_car_is_refused(invoke: Command, baja: Path, tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_wrong_usage(
     expected: tuple[str, ...],
 ) -> None:
     filled = [w.format(rec=stops, car=baja, tmp=tmp_path) for w in words]
-    refuse(invoke(*filled), *expected)
+    assert refuse(invoke(*filled), *expected)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -103,7 +103,7 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(
         "report": ("report", stops, "-v", baja, "-o", target),
         "simulate": ("simulate", "-v", baja, "-o", target),
     }.get(option, ("estimate", stops, "-v", baja, option, target))
-    refuse(invoke(*words), expected)
+    assert refuse(invoke(*words), expected)
 
 
 def test_an_output_never_replaces_an_input(
@@ -116,11 +116,11 @@ def test_an_output_never_replaces_an_input(
     link = tmp_path / "link.csv"
     link.symlink_to(own)
     before = own.read_bytes(), car.read_bytes()
-    refuse(invoke("estimate", own, "-v", car, "--json", own), "is read by this command")
-    refuse(invoke("estimate", own, "-v", car, "--netcdf", link), "is read by this command")
-    refuse(invoke("simulate", "-v", car, "-o", car), "is read by this command")
+    assert refuse(invoke("estimate", own, "-v", car, "--json", own), "is read by this command")
+    assert refuse(invoke("estimate", own, "-v", car, "--netcdf", link), "is read by this command")
+    assert refuse(invoke("simulate", "-v", car, "-o", car), "is read by this command")
     both = tmp_path / "both"
-    refuse(
+    assert refuse(
         invoke("estimate", own, "-v", car, "--json", both, "--netcdf", both),
         "is written twice by this command",
     )

@@ -86,8 +86,8 @@ def test_a_faulty_vehicle(
     assert old in text
     car = tmp_path / "car.toml"
     car.write_text(text.replace(old, new, 1), encoding="utf-8")
-    refuse(invoke("estimate", stops, "-v", car), "car.toml", *expected)
-    refuse(invoke("simulate", "-v", car, "-o", tmp_path / "x.csv"), "car.toml", *expected)
+    assert refuse(invoke("estimate", stops, "-v", car), "car.toml", *expected)
+    assert refuse(invoke("simulate", "-v", car, "-o", tmp_path / "x.csv"), "car.toml", *expected)
     assert not (tmp_path / "x.csv").exists()
 
 
@@ -109,4 +109,4 @@ def test_a_file_that_is_no_vehicle(
 ) -> None:
     car = tmp_path / "car.toml"
     car.write_bytes(data)
-    refuse(invoke("estimate", stops, "-v", car), "car.toml", expected)
+    assert refuse(invoke("estimate", stops, "-v", car), "car.toml", expected)

@@ -61,12 +61,12 @@ def test_what_cannot_be_is_said_in_one_line(
     invoke: Command, refuse: Check, baja: Path, words: tuple[str, ...], expected: str
 ) -> None:
     given = [ROUGH if word == "REC" else word for word in words]
-    refuse(invoke("watch", *given, "-v", baja), expected)
+    assert refuse(invoke("watch", *given, "-v", baja), expected)
 
 
 def test_a_port_that_is_not_there(
     invoke: Command, refuse: Check, baja: Path, tmp_path: Path
 ) -> None:
     said = invoke("watch", "--port", tmp_path / "none", "--keep", tmp_path / "k.txt", "-v", baja)
-    refuse(said)
+    assert refuse(said)
     assert not (tmp_path / "k.txt").exists()
