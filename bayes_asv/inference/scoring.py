@@ -151,7 +151,7 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
             change = target.given_back(moved, run) - target.given_back(z[None], run)
             returned[own] += change / _STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    value = float(target.log_posterior(z[None])[0])
+    value = _value(target, z)
     means = np.concatenate([p[2] for p in parts], axis=1)
     scales = np.concatenate([p[3] for p in parts], axis=1)
     return Slopes(nu, logs, means, scales, value, returned)
@@ -195,15 +195,6 @@ def _ascend(
     """
     z = start.copy()
     here = slopes(target, z, last=last)
-
-    def moved(step: Array) -> Array:
-        out = z.copy()
-        out[:last] += step
-        return out
-
-    def better(step: Array, share: float) -> bool:
-        return float(target.log_posterior(moved(share * step)[None])[0]) > here.log_posterior
-
     before: Array = np.zeros(last)
     damping = 0.0
     for _ in range(rounds):
@@ -219,17 +210,27 @@ def _ascend(
             if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
                 return z, (here, damping < 2.0)
             step = np.asarray(step * min(1.0, 3.0 / float(np.max(np.abs(step)))), np.float64)
-            share = next((x for x in _SHARES if better(step, x)), None)
-            if share is not None:
+            tried = (_moved(z, share * step) for share in _SHARES)
+            ahead = next((x for x in tried if _value(target, x) > here.log_posterior), None)
+            if ahead is not None:
                 break
             damping = max(4.0 * damping, 0.03)
             if damping > 1e6:
                 return z, (here, False)
-        step = share * step
-        z = moved(step)
+        step, z = ahead[:last] - z[:last], ahead
         # A step back shows that the last one went too far: the curvature is steeper than expected.
         turned = float(step @ before) < -0.3 * float(np.linalg.norm(step) * np.linalg.norm(before))
         damping = max(damping, 1.0) if turned else 0.0 if damping < 0.05 else 0.3 * damping
         before = step
         here = slopes(target, z, last=last)
     return z, (here, False)
+
+
+def _moved(z: Array, step: Array) -> Array:
+    out = z.copy()
+    out[: len(step)] += step
+    return out
+
+
+def _value(target: Target, z: Array) -> float:
+    return float(target.log_posterior(z[None])[0])
