@@ -16,18 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
-from bayes_asv.channels import CHANNELS
-from bayes_asv.inference.denoised import clear_wheel
-from bayes_asv.inference.freerun import free_run, simulated
 from bayes_asv.inference.likelihood import Target, shared_work
+from bayes_asv.inference.quiet import calm
 from bayes_asv.inference.scoring import Slopes, slopes
 from bayes_asv.inference.stage import Setting, Stage, foretold
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.wheel_noise import without_noise
-from bayes_asv.inference.wheels import WheelSignal, moments
-from bayes_asv.kernels.innovations import ORDER
 
 __all__ = ["Quiet", "clear"]
 
@@ -89,16 +83,5 @@ def _settled(stage: Stage) -> NDArray[np.bool_]:
 
 
 def _quiet(where: Setting, stage: Stage, run: int) -> Timeline:
-    target, z = stage.target, stage.mode.z
-    line = without_noise(target, z, run)
-    driven = line.moments.copy()
-    for axle, wheel in enumerate(line.wheels):
-        knots, signal = clear_wheel(line, axle, where.vehicle.sensor(CHANNELS[2 * axle]).bandwidth)
-        quiet = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
-        driven[:, axle] = moments(quiet, line.instants, ORDER)
-    calm = replace(line, moments=driven)
-    begin = free_run(target, z, run)[2]
-    before, after = (
-        simulated(target, z, run, target.as_declared(z, run, one), begin)[0] for one in (line, calm)
-    )
-    return replace(calm, reading=line.reading + after - before)
+    still, before, after = calm(stage.target, stage.mode.z, run, where.vehicle)
+    return replace(still, reading=still.reading + after - before)

@@ -129,7 +129,15 @@ def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:
         if one.mode.converged and float(np.mean(one.mode.slopes.nu**2)) < 1.2:
             break  # at the noise: no start can end lower
     assert best is not None
-    return _over_the_next_hill(where, best)
+    return (
+        _over_the_next_hill(where, best) if site.effect.acts != "reading" else _again(where, best)
+    )
+
+
+def _again(where: Setting, stage: Stage) -> Stage:
+    """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
+    better = foretold(where, stage)
+    return fitted(better, stage.sites, better.target(stage.sites), stage.mode.z)
 
 
 def _over_the_next_hill(where: Setting, stage: Stage) -> Stage:

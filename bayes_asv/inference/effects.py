@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.denoised import clear_wheel
@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 Values = Mapping[Site, Mapping[str, float]]
 
 _NO_FILTER = 0.4  # of the sampling rate: the pole that stands for a filter nobody declared
+_TERMS = 4  # of a Taylor series: a lag of a sample moves 60 Hz by 0.9 rad, and is good to 0.5 %
+_DEGREE = 7  # of the spline whose fourth derivative is asked for
 
 
 def car_scale(vehicle: Vehicle) -> Scale:
@@ -88,8 +90,9 @@ class Patterns:
         Of the filter that all readings passed, rad/s.
     wheel : (E, 2) array
         Wheel accelerations at the instants, m/s².
-    moved : tuple of (2, E, ORDER) or (2, E) arrays
-        One a channel: moments, or readings, of the first and half the second derivative.
+    moved : tuple of (4, E, ORDER) or (4, E) arrays
+        One a channel: moments of the k-th derivative of its reading over k!, or that derivative of
+        what a chassis would have read.
     sharper : tuple of (E, ORDER) or (E,) arrays
         Signal less its slow part.
     ramp : tuple of (E, ORDER) or (E,) arrays
@@ -130,8 +133,7 @@ class Patterns:
                 continue
             c = CHANNELS.index(site.where)
             if "lag" in value:
-                first, second = self.moved[c]
-                change = -value["lag"] * first + value["lag"] ** 2 * second
+                change = _later(self.moved[c], value["lag"], of_reading=c % 2 == 0)
             elif "bandwidth" in value:
                 change = (1.0 / value["bandwidth"] - 1.0) * self.sharper[c]
             else:
@@ -143,7 +145,17 @@ class Patterns:
         return AsDeclared(driven, reading, self.wheel - zeros)
 
 
-def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
+def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
+    """Return what a channel that samples later by ``lag`` has to be changed by.
+
+    Of a reading r, r(t − lag) − r(t); of what it would have been, −(s(t + lag) − s(t)).
+    """
+    by = -lag if of_reading else lag
+    change = sum(by ** (k + 1) * one for k, one in enumerate(derivatives))
+    return np.asarray(change if of_reading else -change)
+
+
+def patterns(line: Timeline, vehicle: Vehicle, foretold: Array, declared: Array) -> Patterns:
     """Work out the patterns of a recording once.
 
     Parameters
@@ -152,8 +164,9 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
         The recording.
     vehicle : Vehicle
         Gives declared bandwidths.
-    foretold : (E, 2) array
-        Simulated chassis readings, m/s².
+    foretold, declared : (E, 2) arrays
+        Simulated chassis readings, of the sensors as they are taken to be and of sensors that
+        are as declared, m/s².
     """
     begin = line.instants[0]
     moved, sharper, ramp = [], [], []
@@ -163,12 +176,14 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
         if c % 2 == 0:
             wheel = line.wheels[axle]
             time, signal = clear_wheel(line, axle, corner)
+            smooth = make_interp_spline(time, signal, k=_DEGREE)
         else:
             there = line.kind[:, axle] != MISSING
             time, signal = line.instants[there], foretold[there, axle]
-        spline = CubicSpline(time, signal)
+            smooth = make_interp_spline(time, declared[there, axle], k=_DEGREE)
         slow = equalised(time, signal, math.inf, corner) if corner is not None else signal
-        found = [spline(time, 1), 0.5 * spline(time, 2), signal - slow, time - begin]
+        found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
+        found += [signal - slow, time - begin]
         if c % 2 == 0:
             laid = [
                 moments(
@@ -182,9 +197,9 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array) -> Patterns:
                 full = np.zeros(len(line.instants))
                 full[there] = x
                 laid.append(full)
-        moved.append(np.stack(laid[:2]))
-        sharper.append(laid[2])
-        ramp.append(laid[3])
+        moved.append(np.stack(laid[:_TERMS]))
+        sharper.append(laid[_TERMS])
+        ramp.append(laid[_TERMS + 1])
     pole = float(line.poles[0]) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
     level = moments_of_one(line)

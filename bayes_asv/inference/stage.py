@@ -13,13 +13,14 @@ from bayes_asv.inference.effects import Patterns, patterns
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import WHITE, Target, shared_work
 from bayes_asv.inference.parameters import Space
+from bayes_asv.inference.quiet import calm
 from bayes_asv.inference.scoring import Climbed, climb
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.zeros import levelled
 from bayes_asv.model.effects import Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Setting", "Stage", "base", "carried", "fitted", "foretold", "setting"]
+__all__ = ["Setting", "Stage", "base", "carried", "fitted", "foretold", "foretold_at", "setting"]
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ class Setting:
 def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
     """Set recordings up, with patterns that stand on the readings themselves."""
     lines = tuple(levelled(line) for line in lines)
-    found = tuple(patterns(line, vehicle, line.reading) for line in lines)
+    found = tuple(patterns(line, vehicle, line.reading, line.reading) for line in lines)
     where = Setting(vehicle, lines, found)
     return replace(where, lines=tuple(_begun(where, run) for run in range(len(lines))))
 
@@ -73,11 +74,17 @@ def _begun(where: Setting, run: int) -> Timeline:
 
 
 def foretold(where: Setting, stage: Stage) -> Setting:
-    """Return the setting with patterns that stand on what a stage foretells."""
+    """Return the setting with patterns that stand on what a stage foretells from quiet wheels."""
+    return foretold_at(where, stage.target, stage.mode.z)
+
+
+def foretold_at(where: Setting, target: Target, z: Array) -> Setting:
+    """Return the setting with patterns that stand on what a model foretells at coordinates (D,)."""
     found = []
     for run, line in enumerate(where.lines):
-        output, _, _ = free_run(stage.target, stage.mode.z, run)
-        found.append(patterns(line, where.vehicle, output))
+        declared = calm(target, z, run, where.vehicle).after
+        added = target.space.timelines[run].reading - target.as_declared(z, run).reading
+        found.append(patterns(line, where.vehicle, declared + added, declared))
     return replace(where, patterns=tuple(found))
 
 
