@@ -53,7 +53,8 @@ class Weighted:
 
     def below(self, value: Array, truth: float) -> float:
         """Posterior probability that a function of the draws (S,) lies below a truth."""
-        return float(self.weight @ (value < truth) + 0.5 * self.weight @ (value == truth))
+        share = self.weight @ (value < truth) + 0.5 * self.weight @ (value == truth)
+        return min(1.0, float(share))  # weights sum to one but for rounding
 
     def quantile(self, value: Array, share: Array) -> Array:
         """Quantiles of a function of the draws (S,)."""

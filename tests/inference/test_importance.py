@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
 from bayes_asv.inference.bestfit import best_fit, lay_out
-from bayes_asv.inference.importance import importance
+from bayes_asv.inference.importance import Weighted, importance
 from bayes_asv.inference.mode import Mode
 from bayes_asv.inference.proposal import Proposal
 from bayes_asv.inference.sampler import run_ensembles
@@ -77,3 +77,14 @@ def test_weighted_draws_agree_with_the_ensembles() -> None:
     for name in ("c_f", "c_r", "i", "k_g"):
         apart = weighted.quantile(one[name], shares) - np.quantile(other[name], shares)
         assert np.all(np.abs(apart) < chance * np.std(other[name])), name
+
+
+def test_a_probability_stays_one_where_its_weights_do_not_sum_exactly() -> None:
+    weight = np.full(8, 0.125)
+    weight[0] += 1e-15
+    draws = Weighted(np.zeros((8, 1)), weight, 0.0)
+    value = np.arange(8.0)
+    assert weight.sum() > 1.0
+    assert draws.below(value, 8.0) == 1.0
+    assert draws.below(value, 3.5) == pytest.approx(0.5)
+    assert draws.below(value, 3.0) == pytest.approx(0.4375)
