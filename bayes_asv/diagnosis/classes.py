@@ -36,7 +36,7 @@ def distance(where: Setting, one: Stage, other: Stage) -> float:
     for stage in (one, other):
         target = quiet.target(stage.sites, hold=True)
         start = carried(stage.space, stage.mode.z, target.space, None, {})
-        reached.append(fitted(quiet, stage.sites, target, start).mode)
+        reached.append(fitted(target, start).mode)
     # The first is at home in these data; its own misfit is that of the start alone.
     return max(2.0 * (reached[0].log_posterior - reached[1].log_posterior), 0.0)
 

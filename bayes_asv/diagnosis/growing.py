@@ -65,10 +65,10 @@ def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
     while len(named) < _MOST and model.p < (LEVEL if not named else 0.2 * LEVEL):
         share_done = 0.1 + 0.2 * len(named)
         tell(share_done, "asking what is missing")
-        options = weigh(model.where, model.stage, model.found, partial(_trying, tell, share_done))
+        options = weigh(model.quiet, model.stage, model.found, partial(_trying, tell, share_done))
         if not options:
             break
-        options[0] = best = divided(model.where, options[0], model.found, _GAIN)
+        options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
         sites = len({str(c.site) for c in model.found.candidates})
         nothing, share = probabilities(model.allowed.log_evidence, options, sites)
         none = nothing if not named else none
@@ -84,7 +84,7 @@ def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
         if gain < (_GAIN if named else 0.0):
             break
         tell(share_done + 0.15, "asking what cannot be told apart")
-        members = same_class(model.where, options)
+        members = same_class(model.quiet, options)
         probability = sum(share[options.index(m)] for m in members)
         if probability < _BARELY:
             break

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.clear import Quiet
+from bayes_asv.inference.scoring import Slopes
 
 __all__ = ["Imitation", "imitation"]
 
@@ -47,19 +47,20 @@ class Imitation:
         return pull, rows @ rows.T - cross.T @ solved[:, 1:]
 
 
-def imitation(quiet: Quiet, granted: Array, at: Array | None = None) -> Imitation:
+def imitation(own: Slopes, z: Array, granted: Array, at: Array | None = None) -> Imitation:
     """Say what a stage can imitate.
 
     Parameters
     ----------
-    quiet : Quiet
-        A stage on quiet wheels.
+    own : Slopes
+        The stage's innovations, and what its coordinates change on quiet wheels.
+    z : (D,) array
+        Its mode.
     granted : (G, N) array
         Signatures of standard normal coordinates that the stage does not have.
     at : (G,) array, optional
         Where they are in the stage's innovations; at zero when left out.
     """
-    own, z = quiet.slopes, quiet.stage.mode.z
     rows = np.concatenate([own.means, granted])
     precision = rows @ rows.T + np.eye(len(rows))
     d = len(own.means)

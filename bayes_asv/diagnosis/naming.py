@@ -24,7 +24,7 @@ from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.stage import Setting, Stage, carried, fitted
 from bayes_asv.model.effects import AXLES, BOTH, Site
 
-__all__ = ["NONE", "Option", "divided", "leading", "probabilities", "weigh"]
+__all__ = ["NONE", "Lead", "Option", "divided", "leading", "probabilities", "weigh"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,8 @@ NONE = 0.3
 """Probability beforehand that nothing is missing."""
 
 _ASKED = 4  # sites that each way of ranking sends on
+_FAR = 60.0  # nats behind the best from which a fit need not be finished
+_NEAR = 5.0  # nats behind the best from which a rough weight is enough
 _CHOSEN = 15.0  # squared score that the best of all pushes has where there is none
 
 
@@ -54,14 +56,31 @@ class Option:
     allowed: Allowed
 
 
-def leading(found: Signatures) -> list[list[Candidate]]:
+@dataclass(frozen=True)
+class Lead:
+    """Candidates of one site that are worth a fit.
+
+    Parameters
+    ----------
+    candidates : list of Candidate
+        Sets of values to begin from.
+    promised : float
+        Nats that the best of them would gain to first order.
+    """
+
+    candidates: list[Candidate]
+    promised: float
+
+
+def leading(found: Signatures) -> list[Lead]:
     """Candidates worth a fit, by site, the most promising site first.
 
     One ranking takes the model as clean, the other grants every other effect its tolerance.
     """
     pull, own = with_tolerances(found)
     granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
-    chosen: dict[str, list[Candidate]] = {}
+    chosen: dict[str, Lead] = {}
+    gain = 0.5 * one_sided(found.score, found)
     pushed = np.array([c.site.effect.name == "external_force" for c in found.candidates])
     for score in (found.score, granted):
         value = one_sided(score, found) - _CHOSEN * pushed
@@ -73,9 +92,11 @@ def leading(found: Signatures) -> list[list[Candidate]]:
                 continue
             if key not in taken:
                 taken.append(key)
-            own_list = chosen.setdefault(key, [])
+            lead = chosen.get(key, Lead([], 0.0))
+            own_list = lead.candidates
             if len(own_list) < 4 and candidate not in own_list:
-                own_list += [candidate, *_as_large_as_asked(candidate, found, k)]
+                own_list = [*own_list, candidate, *_as_large_as_asked(candidate, found, k)]
+            chosen[key] = Lead(own_list, max(lead.promised, float(gain[k])))
     return list(chosen.values())
 
 
@@ -83,10 +104,11 @@ def _as_large_as_asked(candidate: Candidate, found: Signatures, k: int) -> list[
     """Return it as large as the data ask for to first order, where size is a factor."""
     first = candidate.site.effect.parameters[0]
     own = float(found.gram[k, k])
-    if first.form == "log" or own < 1.0:
+    amount = first.form != "log" or first.per
+    if not amount or own < 1.0:
         return []
     size = float(candidate.values[first.name]) * float(found.pull[k]) / own
-    if first.form == "positive" and size <= 0.0:
+    if first.form in ("positive", "log") and size <= 0.0:
         return []
     return [replace(candidate, values={**candidate.values, first.name: size}, begin=True)]
 
@@ -102,7 +124,7 @@ def weigh(
     Parameters
     ----------
     where : Setting
-        Recordings.
+        Recordings with quiet wheels.
     stage : Stage
         The model so far.
     found : Signatures
@@ -110,15 +132,33 @@ def weigh(
     tell : callable
         Told which effect is being tried.
     """
-    options = []
-    for group in leading(found):
-        tell(str(group[0].site))
-        stage_with = added(where, stage, group)
-        site = group[0].site
-        others = _others(site, found)
-        granted = allowed(stage_with, signatures(clear(where, stage_with), others))
+    options, little = [], []
+    floor = -math.inf
+    for lead in leading(found):
+        site = lead.candidates[0].site
+        tell(str(site))
+        stage_with = added(where, stage, lead.candidates, lead.promised, floor)
+        floor = max(floor, stage_with.mode.log_posterior - _FAR)
+        others = signatures(clear(where, stage_with), _others(site, found))
+        granted = allowed(stage_with, others, rough=True)
         if math.isfinite(granted.log_evidence):  # a fit that ran away is no explanation
             options.append(Option(site, stage_with, granted))
+            little.append(others)
+    return _closely(options, little)
+
+
+def _closely(options: list[Option], little: list[Signatures]) -> list[Option]:
+    """Weigh all options closely that may be the best or near it; sorted, the best first."""
+    rough = set(range(len(options)))
+    while rough:
+        best = max(option.allowed.log_evidence for option in options)
+        k = max(rough, key=lambda k: options[k].allowed.log_evidence)
+        if options[k].allowed.log_evidence < best - _NEAR:
+            break
+        rough.remove(k)
+        closely = allowed(options[k].stage, little[k])
+        if math.isfinite(closely.log_evidence):
+            options[k] = replace(options[k], allowed=closely)
     return sorted(options, key=lambda o: -o.allowed.log_evidence)
 
 
@@ -135,7 +175,7 @@ def divided(where: Setting, option: Option, found: Signatures, gain: float) -> O
         for p in site.effect.parameters:
             z = old.mode.z[old.space.names.index(option.site.coordinate_name(p))]
             start[target.space.names.index(site.coordinate_name(p))] = z
-    stage = fitted(where, sites, target, start)
+    stage = fitted(target, start)
     granted = allowed(stage, signatures(clear(where, stage), _others(option.site, found)))
     if granted.log_evidence < option.allowed.log_evidence + gain:
         return option

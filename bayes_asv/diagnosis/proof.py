@@ -6,22 +6,24 @@ from dataclasses import replace
 
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.gap import Gap, before_and_after
-from bayes_asv.diagnosis.model import Model
+from bayes_asv.diagnosis.model import Model, fewer
 from bayes_asv.diagnosis.results import Named
-from bayes_asv.inference.stage import Setting, Stage, carried, fitted
-from bayes_asv.model.effects import Site
+from bayes_asv.inference.stage import Setting, Stage
 
 __all__ = ["failed", "proof"]
 
 _NOISE = 1.03  # times the floor: a gap that a floor estimated from so many readings may have
 
 
-def failed(held: Setting | None, model: Model, named: list[Named], seed: int) -> list[Named]:
+def failed(
+    held: Setting | None, model: Model, named: list[Named], whole: Gap | None, seed: int
+) -> list[Named]:
     """Effects that made things worse on what was held out when they came, and would be better away.
 
     When it comes, an effect can also be worse because of another that is still missing.  What
     acts in one run alone has nothing to say on others, and where all that is left is noise,
-    nothing went wrong.
+    nothing went wrong.  Where all of them together made it worse and none is to blame alone, all
+    have failed: they stand in for something that has no name.
 
     Parameters
     ----------
@@ -31,28 +33,32 @@ def failed(held: Setting | None, model: Model, named: list[Named], seed: int) ->
         With everything named.
     named : list of Named
         With their gaps.
+    whole : Gap or None
+        Of all of them, on what was held out.
     seed : int
         Of the bootstrap.
     """
     if held is None:
         return []
     out = []
-    for one in named:
-        gap = one.gaps["holdout"]
-        if one.site.run is not None or not gap.worse or gap.after < _NOISE * gap.floor:
+    everywhere = [one for one in named if one.site.run is None]
+    for one in everywhere:
+        if not _worse(one.gaps["holdout"]):
             continue
         rest = tuple(n.site for n in named if n is not one)
-        less = _with(model, rest)
+        less = fewer(model, rest)
         if before_and_after(held, less, model.stage, seed)[0].worse:
             out.append(one)
-    return out
+    return out or (everywhere if whole is not None and _worse(whole) else [])
 
 
-def _with(model: Model, sites: tuple[Site, ...]) -> Stage:
-    """Fit some of a model's effects."""
-    target = model.where.target(sites)
-    start = carried(model.stage.space, model.stage.mode.z, target.space, None, {})
-    return fitted(model.where, sites, target, start)
+def _worse(gap: Gap) -> bool:
+    """Whether a gap grew beyond what noise leaves, where noise leaves no more than was there.
+
+    A model that makes more of the sensors' noise than the whole gap was has no excuse in it.
+    """
+    excused = gap.after < _NOISE * gap.floor and gap.floor < _NOISE * gap.before
+    return gap.worse and not excused
 
 
 def proof(
@@ -68,7 +74,7 @@ def proof(
     told = [dict(n.gaps) for n in named]
     stages = [cut[2]]
     for k in range(1, len(named)):
-        stages.append(_with(model, tuple(n.site for n in named[:k])))
+        stages.append(fewer(model, tuple(n.site for n in named[:k])))
     stages.append(model.stage)
     kinds = (("fit", model.where, first[0]), ("holdout", cut[1], first[1]))
     for name, where, whole in kinds:

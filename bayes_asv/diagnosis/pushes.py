@@ -21,7 +21,7 @@ __all__ = ["push_p", "with_pushes"]
 
 Array = NDArray[np.float64]
 
-_DRAWS = 4000
+_DRAWS = 2000
 _SHORTEST = 2  # edges between beginning and end
 _SHARES = {"front": (1.0, 0.0), "rear": (0.0, 1.0), "both": (0.5, 0.5)}
 
@@ -76,7 +76,7 @@ def push_p(found: Signatures, seed: int) -> float:
     found : Signatures
         With edges.
     seed : int
-        Of 4000 draws.
+        Of 2000 draws.
     """
     places = list(_places(found))
     if not places:
@@ -105,8 +105,12 @@ def with_pushes(found: Signatures) -> Signatures:
         wanted.append(_push(found, place, begin, end))
         mixed.append(row)
     mix = np.array(mixed)
-    return Signatures(
-        tuple(wanted), mix @ found.rows, mix @ found.pull, mix @ found.gram @ mix.T, found.means
+    return replace(
+        found,
+        candidates=tuple(wanted),
+        rows=mix @ found.rows,
+        pull=mix @ found.pull,
+        gram=mix @ found.gram @ mix.T,
     )
 
 

@@ -39,7 +39,7 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     Parameters
     ----------
     where, stage : Setting, Stage
-        Recordings, and the model with everything named at its mode.
+        Recordings with quiet wheels, and the model with everything named at its mode.
     names, sites : int
         How many were named, and out of how many.
     """
@@ -52,7 +52,7 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     # Least squares of the innovations on the car's coordinates, then on each decoy as well; how
     # much noise there is was settled with everything named.
     fixed = replace(quiet.slopes, scales=0.0 * here.scales, given_back=0.0 * z)
-    known = imitation(replace(quiet, slopes=fixed), rows[:0])
+    known = imitation(fixed, z, rows[:0])
     pull, gram = known.beyond(rows)
     seen = np.diag(gram)
     gain = np.where(seen > SILENT * np.sum(rows**2, axis=1), pull**2 / np.maximum(seen, 1e-30), 0.0)

@@ -19,6 +19,7 @@ from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
+from bayes_asv.inference.scoring import Slopes
 from bayes_asv.inference.stage import Setting, Stage, carried
 from bayes_asv.kernels.innovations import VALUE
 
@@ -44,15 +45,19 @@ class Signatures:
         Signature times innovations: the slope of the log-likelihood.
     gram : (K, K) array
         Signatures times signatures, what the model can imitate left out.
-    means : (D, N) array
-        Changes of the predictions along the model's own coordinates, on the same quiet inputs.
+    slopes : Slopes
+        The innovations, and their changes along the model's own coordinates on the same quiet
+        inputs.
+    feigned : (G, N) array
+        Signatures of what coarse converters may feign, standard normal, which is left out too.
     """
 
     candidates: tuple[Candidate, ...]
     rows: Array
     pull: Array
     gram: Array
-    means: Array
+    slopes: Slopes
+    feigned: Array
 
     @property
     def score(self) -> Array:
@@ -86,9 +91,9 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     with shared_work(stage.target) as shared:
         assert shared.pool is not None
         rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
-    granted = _feigned(where, stage, wanted, rows)
-    pull, gram = imitation(quiet, granted).beyond(rows)
-    return Signatures(tuple(wanted), rows, pull, gram, quiet.slopes.means)
+    feigned = _feigned(where, stage, wanted, rows)
+    pull, gram = imitation(quiet.slopes, z, feigned).beyond(rows)
+    return Signatures(tuple(wanted), rows, pull, gram, quiet.slopes, feigned)
 
 
 def _feigned(where: Setting, stage: Stage, wanted: list[Candidate], rows: Array) -> Array:

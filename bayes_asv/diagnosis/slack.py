@@ -85,11 +85,15 @@ class Unexplained:
     jitters: str = ""
 
     @property
-    def present(self) -> bool:
-        """Whether something is left that has no name."""
+    def found(self) -> bool:
+        """Whether something is left beside what was named."""
         noticed = min(self.p_memory, self.p_decoy, self.p_jitter) < _NOTICED
-        wrong = bool(self.swollen) or bool(self.failed) or self.rival > AS_WELL
-        return self.score > ENOUGH or noticed or wrong
+        return self.score > ENOUGH or noticed or bool(self.swollen) or bool(self.failed)
+
+    @property
+    def present(self) -> bool:
+        """Whether something has no name: beside what was named, or as likely in its place."""
+        return self.found or self.rival > AS_WELL
 
 
 def pulses(where: Setting, axle: str) -> list[Candidate]:
@@ -122,7 +126,7 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
     Parameters
     ----------
     where : Setting
-        The final model's.
+        The final model's, with quiet wheels.
     allowed : Allowed
         The final model with a little of everything else.
     seed : int
@@ -130,7 +134,7 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
     """
     stage = allowed.stage
     quiet = clear(where, stage)
-    known = imitation(quiet, allowed.rows, allowed.at)
+    known = imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at)
     scores = {}
     for axle in AXLES:
         found = signatures(quiet, pulses(where, axle))

@@ -19,9 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from bayes_asv.diagnosis.bounded import Bounded, bounded
+from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.signatures import Signatures
 from bayes_asv.inference.likelihood import Nudge, Target
-from bayes_asv.inference.scoring import climb
+from bayes_asv.inference.scoring import Slopes, climb
 from bayes_asv.inference.stage import Stage
 
 __all__ = ["AMOUNTS", "Allowed", "Granted", "allowed", "granted", "with_tolerances"]
@@ -36,7 +38,8 @@ single fault that is small itself pass for a little of everything, and twice as 
 plain: a zero that drifts by 6.6 tolerances, a score of 13, was none.
 """
 
-_BELIEVED = np.log([0.4, 0.3, 0.3])
+_BELIEVED = np.log([0.7, 0.15, 0.15])
+_MOST = 3.0  # tolerances beyond which nothing is a little: what stands further out has a name
 _ROUNDS = 2
 _WORTH = 3.0  # nats that a little of everything has to bring for the mode to be found again
 
@@ -108,7 +111,7 @@ class Granted(Target):
         return np.where(np.isfinite(value), value, -np.inf)
 
 
-def allowed(stage: Stage, found: Signatures) -> Allowed:
+def allowed(stage: Stage, found: Signatures, *, rough: bool = False) -> Allowed:
     """Integrate out what is there to a tolerance.
 
     Parameters
@@ -117,80 +120,100 @@ def allowed(stage: Stage, found: Signatures) -> Allowed:
         A model at its mode.
     found : Signatures
         Of candidates at that mode; those that are not tolerances are left out.
+    rough : bool
+        Only as far as a look from the stage's own mode goes, which promises more than there is.
     """
+    alone = stage.mode.log_evidence
+    if not (math.isfinite(alone) and np.all(np.isfinite(found.gram))):  # a fit that ran away
+        nothing = np.zeros((0, len(stage.mode.slopes.nu)))
+        none = np.zeros(len(stage.mode.z))
+        return Allowed(-math.inf, 0.0, none, np.eye(len(none)), stage, nothing, nothing[:, 0])
     keep = np.array([c.tolerance for c in found.candidates], bool)
     rows = found.rows[keep]
-    at_mode = [_joint(stage, amount * rows, np.zeros(len(rows))) for amount in AMOUNTS]
-    gains = np.array([joint.log_evidence for joint in at_mode])
+    high = np.full(len(rows), _MOST)
+    low = np.where([c.signed for c in found.candidates if c.tolerance], 0.0, -_MOST)
+    pull, gram = found.pull[keep], found.gram[np.ix_(keep, keep)]
+    there = [bounded(a * pull, a * a * gram, low, high) for a in AMOUNTS]
+    gains = np.array([one.gain for one in there])
     best = int(np.argmax(gains + _BELIEVED))
-    amount = float(AMOUNTS[best])
-    joint, there = at_mode[best], stage
-    rows, at = amount * rows, np.zeros(len(rows))
-    if amount > 0.0 and gains[best] > gains[0] + _WORTH and np.all(np.isfinite(gains)):
-        mended, closer, scaled, moved = _again(stage, rows, joint)
+    amount, rows = float(AMOUNTS[best]), float(AMOUNTS[best]) * rows
+    place = _Place(stage, found.slopes, rows, np.zeros(len(rows)), there[best])
+    if not rough and amount > 0.0 and gains[best] > gains[0] + _WORTH:
+        closer = place
+        for _ in range(_ROUNDS):
+            closer = _closer(stage, found, rows, low, high, closer)
         if math.isfinite(closer.log_evidence):
-            there, joint, rows, at = mended, closer, scaled, moved
+            place = closer
             # Expanded about a mode without tolerances, gains are guesses: far from it they promise
             # more than there is.  All amounts are wrong by about the same share.
-            share = (joint.log_evidence - gains[0]) / (gains[best] - gains[0])
-            gains = gains[0] + share * (gains - gains[0])
+            gains = gains * (place.log_evidence - alone) / gains[best]
+    gap = place.of_mode()
     return Allowed(
-        float(logsumexp(gains + _BELIEVED)),
+        alone + float(logsumexp(gains + _BELIEVED)),
         amount,
-        there.mode.z + joint.step[: len(stage.mode.z)] - stage.mode.z,
-        joint.covariance,
-        there,
-        rows,
-        at,
+        place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at),
+        place.stage.mode.covariance + gap @ place.found.covariance @ gap.T,
+        place.stage,
+        place.rows,
+        place.at,
     )
 
 
 @dataclass(frozen=True)
-class _Joint:
-    """Model and tolerances together, to second order about a place.
+class _Place:
+    """A stage with tolerances at some place, and what the data make of them from there.
 
     Parameters
     ----------
-    log_evidence : float
-        Laplace's.
-    step : (D + K,) array
-        To the joint mode.
-    covariance : (D, D) array
-        Of the model's coordinates.
+    stage : Stage
+        At its mode with tolerances there.
+    slopes : Slopes
+        Its innovations, and its changes on quiet wheels.
+    rows : (K, N) array
+        Signatures of the tolerances.
+    at : (K,) array
+        Where they are in the innovations.
+    found : Bounded
+        Where they belong.
     """
 
-    log_evidence: float
-    step: Array
-    covariance: Array
+    stage: Stage
+    slopes: Slopes
+    rows: Array
+    at: Array
+    found: Bounded
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace's, tolerances integrated out."""
+        # the target counts what the tolerances cost where they are, and so does the integral
+        return self.stage.mode.log_evidence + 0.5 * float(self.at @ self.at) + self.found.gain
+
+    def of_mode(self) -> Array:
+        """How tolerances move the mode (D, K)."""
+        cross = self.slopes.means @ self.rows.T
+        return np.asarray(-np.linalg.solve(self.slopes.precision(), cross), np.float64)
 
 
-def _joint(stage: Stage, rows: Array, at: Array) -> _Joint:
-    """Expand about a stage's mode and tolerance coordinates ``at`` (K,)."""
-    here = stage.mode.slopes
-    d = len(stage.mode.z)
-    cross = here.means @ rows.T
-    whole = np.block([[here.precision(), cross], [cross.T, rows @ rows.T + np.eye(len(rows))]])
-    slope = np.concatenate([here.gradient(stage.mode.z), rows @ here.nu - at])
-    if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(slope))):  # a fit that ran away
-        return _Joint(-math.inf, np.zeros(len(slope)), np.eye(d))
-    step = np.linalg.solve(whole, slope)
-    value = here.log_posterior + 0.5 * float(slope @ step) + 0.5 * d * math.log(2.0 * math.pi)
-    value -= 0.5 * float(np.linalg.slogdet(whole)[1])
-    return _Joint(value, step, np.linalg.inv(whole)[:d, :d])
-
-
-def _again(stage: Stage, rows: Array, joint: _Joint) -> tuple[Stage, _Joint, Array, Array]:
-    """Find the mode again with tolerances where the data want them; their rows and places there."""
-    d = len(stage.mode.z)
-    at, there, scaled = np.zeros(len(rows)), stage, rows
-    for _ in range(_ROUNDS):
-        at = at + joint.step[d:]
-        target = granted(stage, rows, at)
-        start = there.mode.z + joint.step[:d] if there is stage else there.mode.z
-        there = replace(stage, target=target, mode=climb(target, start))
-        scaled = rows * np.exp(-0.5 * (there.mode.slopes.logs - stage.mode.slopes.logs))
-        joint = _joint(there, scaled, at)
-    return there, joint, scaled, at
+def _closer(
+    stage: Stage, found: Signatures, rows: Array, low: Array, high: Array, place: _Place
+) -> _Place:
+    """Find the mode again with tolerances where the data want them, and ask the data again."""
+    at = place.found.at
+    start = place.stage.mode.z + place.of_mode() @ (at - place.at)
+    there = replace(stage, target=granted(stage, rows, at))
+    there = replace(there, mode=climb(there.target, start))
+    # Along a coordinate predictions change as they did without tolerances; deviations are others.
+    here = there.mode.slopes
+    louder = np.exp(-0.5 * (here.logs - stage.mode.slopes.logs))
+    slopes = replace(here, means=found.slopes.means * louder, scales=found.slopes.scales)
+    scaled = rows * louder
+    known = imitation(slopes, there.mode.z, found.feigned * louder)
+    pull, gram = known.beyond(scaled)
+    # the slope at t = 0 of a likelihood that is known about ``at``
+    again = bounded(pull + gram @ at, gram, low, high)
+    from_there = float((pull + 0.5 * gram @ at) @ at)
+    return _Place(there, slopes, scaled, at, again._replace(gain=again.gain - from_there))
 
 
 def granted(stage: Stage, rows: Array, at: Array) -> Granted:

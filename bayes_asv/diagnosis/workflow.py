@@ -96,11 +96,11 @@ def diagnose(
         # What is missing may have hidden an engine.
         model = grown.model
         known = float(one_sided(model.found.score, model.found).max())
-        quiet, stage, engine, held = without_engine(
-            model.where, model.stage, held, partial(again, model.stage), known
+        silent, stage, engine, held = without_engine(
+            model.where, model.as_read, held, partial(again, model.stage), known
         )
         if engine is not None:
-            where = quiet
+            where = silent
             linear = base(where)
             model = asked(where, stage, seed)
             grown = grow(replace(grown, model=model), seed, tell)
@@ -108,19 +108,19 @@ def diagnose(
     count = len(named)
     model, named = pruned(model, named, seed)
     tell(0.85, "asking what has no name")
-    left = unexplained(model.where, model.allowed, seed)
+    left = unexplained(model.quiet, model.allowed, seed)
     tell(0.9, "proving it on what was held out")
     held_where = setting(vehicle, held) if held else None
     settings = (first_where, first_held, plain), (where, held_where, linear)
     gaps, named = proof(*settings, model, named, engine, seed)
-    worse = failed(held_where, model, named, seed)
+    worse = failed(held_where, model, named, gaps.get("holdout"), seed)
     if worse:
         model, named = without(model, named, worse, seed)
         left = replace(left, failed=tuple(str(n.site) for n in worse))
         gaps, named = proof(*settings, model, named, engine, seed)
     if named and not left.present:
         sites = len({str(c.site) for c in first.found.candidates})
-        better, words = rival(model.where, model.stage, len(named), sites)
+        better, words = rival(model.quiet, model.stage, len(named), sites)
         left = replace(left, rival=better, like=words if better > AS_WELL else left.like)
     if len(named) < count:
         told = told_by(model.stage, model.allowed)
@@ -145,7 +145,7 @@ def diagnose(
         fit=lines,
         holdout=held,
         base=linear,
-        final=model.stage,
+        final=model.as_read,
         before=draws([(1.0, plain, plain.mode.z, plain.mode.covariance)], seed),
         after=draws(told, seed),
         effects=effect_draws(model.stage, model.allowed.covariance, seed),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,6 +20,8 @@ __all__ = ["added", "read_site", "with_effects"]
 Array = NDArray[np.float64]
 
 _TRIED = 2  # starts from which a site is fitted
+_AT_MOST = 4  # the same, where less is gained than its score promises
+_KEPT = 0.7  # share of a promise that is enough
 _LOOKED = (-2.5, -1.5, -0.7, 0.7, 1.5, 2.5)  # deviations along a shape
 _HIGHER = 1.0  # nats
 _LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is asked for
@@ -58,7 +61,7 @@ def with_effects(where: Setting, sites: Sequence[Site]) -> tuple[Setting, Stage]
         With patterns that stand on the fitted model, and its mode.
     """
     target = where.target(())
-    stage = fitted(where, (), target, np.zeros(target.space.dimension))
+    stage = fitted(target, np.zeros(target.space.dimension))
     where = foretold(where, stage)
     for one in sites:
         stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
@@ -92,7 +95,13 @@ def _groups(stage: Stage, where: Setting, site: Site) -> list[list[Candidate]]:
     ]
 
 
-def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:
+def added(
+    where: Setting,
+    stage: Stage,
+    group: Sequence[Candidate],
+    promised: float = 0.0,
+    floor: float = -math.inf,
+) -> Stage:
     """Fit a model with one more effect, from the best of its starts.
 
     Parameters
@@ -103,6 +112,11 @@ def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:
         The model so far, at its mode.
     group : sequence of Candidate
         Of one site: sets of values to begin from.
+    promised : float
+        Nats that a little of it would gain to first order.  A fit that gains much less has climbed
+        another hill: a stop that is soft and early where a hard one is just reached.
+    floor : float
+        Log-posterior that others reach; what stays far below is not followed to its mode.
     """
     site = group[0].site
     sites = (*stage.sites, site)
@@ -111,36 +125,36 @@ def added(where: Setting, stage: Stage, group: Sequence[Candidate]) -> Stage:
     first = site.effect.parameters[0]
     begun: list[tuple[float, int, Array]] = []
     for candidate in group:
-        if candidate.begin:
-            z = carried(stage.space, stage.mode.z, target.space, site, candidate.values)
+        tried = [candidate.values]  # a little of it: next to where the model stands already
+        if not candidate.begin:
+            two_sided = first.form in ("linear", "sinh")
+            sizes = [s * first.size(scale) for s in first.starts]
+            sizes += [-s for s in sizes if two_sided and s > 0.0]
+            tried += [{**candidate.values, first.name: size} for size in sizes]
+        for values in tried:
+            z = carried(stage.space, stage.mode.z, target.space, site, values)
             begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
-            continue
-        for start in first.starts:
-            for sign in (1.0, -1.0) if first.form in ("linear", "sinh") and start > 0.0 else (1.0,):
-                values = {**candidate.values, first.name: sign * start * first.size(scale)}
-                z = carried(stage.space, stage.mode.z, target.space, site, values)
-                begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
     begun.sort(key=lambda b: (-b[0], b[1]))
     best: Stage | None = None
-    for _, _, z in begun[:_TRIED]:
-        one = fitted(where, sites, target, z)
+    for fits, (_, _, z) in enumerate(begun[:_AT_MOST], 1):
+        one = fitted(target, z, floor)
         if best is None or one.mode.log_posterior > best.mode.log_posterior:
             best = one
-        if one.mode.converged and float(np.mean(one.mode.slopes.nu**2)) < 1.2:
-            break  # at the noise: no start can end lower
+        kept = best.mode.log_posterior > stage.mode.log_posterior + _KEPT * promised - _HIGHER
+        at_noise = best.mode.converged and float(np.mean(best.mode.slopes.nu**2)) < 1.2
+        if kept and (at_noise or fits >= _TRIED):  # at the noise no start can end lower
+            break
     assert best is not None
-    return (
-        _over_the_next_hill(where, best) if site.effect.acts != "reading" else _again(where, best)
-    )
+    return _over_the_next_hill(best) if site.effect.acts != "reading" else _again(where, best)
 
 
 def _again(where: Setting, stage: Stage) -> Stage:
     """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
     better = foretold(where, stage)
-    return fitted(better, stage.sites, better.target(stage.sites), stage.mode.z)
+    return fitted(better.target(stage.sites), stage.mode.z)
 
 
-def _over_the_next_hill(where: Setting, stage: Stage) -> Stage:
+def _over_the_next_hill(stage: Stage) -> Stage:
     """Look along every shape for a higher place, and climb from there.
 
     How sharply a law bends has more than one hill: a corner that is rounded less than the motion
@@ -159,5 +173,5 @@ def _over_the_next_hill(where: Setting, stage: Stage) -> Stage:
     values = stage.target.log_posterior(places)
     if not len(places) or float(values.max()) < stage.mode.log_posterior + _HIGHER:
         return stage
-    other = fitted(where, stage.sites, stage.target, places[int(np.argmax(values))])
+    other = fitted(stage.target, places[int(np.argmax(values))])
     return max((stage, other), key=lambda s: s.mode.log_posterior)

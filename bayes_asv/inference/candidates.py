@@ -7,6 +7,7 @@ or the edge of a push at some time of one run: a push is the difference of two o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.inference.effects import car_scale
+from bayes_asv.inference.freerun import free_run
+from bayes_asv.inference.preflight import nominal_modes
 from bayes_asv.inference.stage import Stage
 from bayes_asv.model.effects import AXLES, BOTH, EFFECTS, Effect, Site
 from bayes_asv.vehicle import Vehicle
@@ -22,11 +25,10 @@ __all__ = ["Candidate", "candidates"]
 
 Array = NDArray[np.float64]
 
-_DEEP = (0.5, 0.65, 0.8, 0.92)  # shares of the travel used at which a stop is looked for
+_DEEP = tuple(np.linspace(0.5, 0.95, 10).tolist())  # shares of the travel used where a stop may be
 _SOFT = 1.0  # rate of a stop that is looked for, in spring rates
-_GRID = 0.03  # s between edges that are looked for
-_EDGES = 250  # edges that all runs together have at most, an axle
-_RISE = 0.03  # s, of a push that is looked for
+_GRID = (0.01, 0.03)  # s between edges that are looked for, of a car that answers fast or slowly
+_EDGES = 500  # edges that all runs together have at most, an axle
 _PUSH = 0.02  # of the axle's load, of a push that is looked for
 _FOR_EVER = 1e4  # s
 
@@ -63,7 +65,7 @@ def _travels(stage: Stage) -> Array:
     """Largest compression and extension (2, 2) of front and rear over all runs, m, positive."""
     far = np.zeros((2, 2))
     for run in range(len(stage.space.timelines)):
-        _, _, states = stage.target.scored(stage.mode.z, run)
+        _, states, _ = free_run(stage.target, stage.mode.z, run)
         for axle in range(2):
             far[axle, 0] = max(far[axle, 0], -float(states[:, 2 * axle].min()))
             far[axle, 1] = max(far[axle, 1], float(states[:, 2 * axle].max()))
@@ -107,24 +109,27 @@ def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
                     if share * travel > 0.003
                 ]
             elif where in AXLES:
-                out += _edges(effect, where, stage, scale.load)
+                out += _edges(effect, where, stage, vehicle)
     return out
 
 
-def _edges(effect: Effect, where: str, stage: Stage, load: float) -> list[Candidate]:
+def _edges(effect: Effect, where: str, stage: Stage, vehicle: Vehicle) -> list[Candidate]:
     """List forces that begin at some instant of a run and never end.
 
-    The grid is as fine as the answer to an edge is short: a push that is 30 ms off looks like no
-    push.  Long recordings are asked less closely, for the number of questions has a price.
+    The grid is as fine as the answer to an edge is short: off by as long as that, a push looks like
+    no push.  It is short where the pitch inertia is small.  Long recordings are asked less closely,
+    for the number of questions has a price.
     """
+    load = car_scale(vehicle).load
+    answer = 1.0 / (2.0 * math.pi * nominal_modes(vehicle)[-1].natural)
     lengths = [float(line.instants[-1] - line.instants[0]) for line in stage.space.timelines]
-    grid = max(_GRID, sum(lengths) / _EDGES)
+    grid = max(min(max(answer, _GRID[0]), _GRID[1]), sum(lengths) / _EDGES)
     out = []
     for run, length in enumerate(lengths):
         site = Site(effect, where, run)
         for begin in np.arange(0.0, length, grid):
             values = {"force": _PUSH * load, "start": float(begin), "duration": _FOR_EVER}
-            out.append(Candidate(site, {**values, "rise": _RISE}, False, False, edge=True))
+            out.append(Candidate(site, {**values, "rise": grid}, False, False, edge=True))
     return out
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from bayes_asv.inference.likelihood import Target
 from bayes_asv.kernels import extended
 from bayes_asv.kernels.innovations import VALUE
 
-__all__ = ["free_run", "simulated"]
+__all__ = ["beginning", "free_run", "simulated"]
 
 Array = NDArray[np.float64]
 
@@ -43,6 +45,45 @@ def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
         The first four of these (m, m/s) where the recording begins, and the bias of each chassis
         against its wheel channel, m/s².
     """
+    found = _regressed(target, z, run)
+    line = target.space.timelines[run]
+    # The simulation is of sensors as declared; what the real ones added is put back.
+    return found.output + (line.reading - found.inputs.reading), found.states, found.begin
+
+
+def beginning(target: Target, z: Array, run: int) -> tuple[Array, Array]:
+    """Where a recording begins, and the deviation of that, (6,) each; as :func:`free_run` has it.
+
+    What is left of the recording is taken for white noise.
+    """
+    found = _regressed(target, z, run)
+    return found.begin, np.sqrt(np.diag(np.linalg.inv(found.normal)) * np.mean(found.left**2))
+
+
+class _Regressed(NamedTuple):
+    """A simulation whose beginning was regressed on the chassis readings.
+
+    Parameters
+    ----------
+    inputs : AsDeclared
+        What sensors as declared would have read.
+    output, states, begin : arrays
+        As :func:`simulated` and :func:`free_run` return them.
+    normal : (6, 6) array
+        Matrix of the regression's normal equations, priors in it.
+    left : (N,) array
+        What it left.
+    """
+
+    inputs: AsDeclared
+    output: Array
+    states: Array
+    begin: Array
+    normal: Array
+    left: Array
+
+
+def _regressed(target: Target, z: Array, run: int) -> _Regressed:
     line = target.space.timelines[run]
     inputs = target.as_declared(z, run)
     reading = inputs.reading
@@ -60,13 +101,13 @@ def free_run(target: Target, z: Array, run: int) -> tuple[Array, Array, Array]:
             axis=1,
         )
         left = (reading - output)[use]
-        step = np.linalg.solve(slope.T @ slope + np.diag(ridge), slope.T @ left - ridge * begin)
+        normal = slope.T @ slope + np.diag(ridge)
+        step = np.linalg.solve(normal, slope.T @ left - ridge * begin)
         begin = begin + step
         output, states = simulated(target, z, run, inputs, begin)
         if np.all(np.abs(step) < _STEPS):
             break
-    # The simulation is of sensors as declared; what the real ones added is put back.
-    return output + (line.reading - reading), states, begin
+    return _Regressed(inputs, output, states, begin, normal, (reading - output)[use])
 
 
 def simulated(

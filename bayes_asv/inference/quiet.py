@@ -24,7 +24,7 @@ from bayes_asv.inference.wheels import WheelSignal, moments
 from bayes_asv.kernels.innovations import ORDER
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Calm", "calm"]
+__all__ = ["Calm", "above", "calm"]
 
 Array = NDArray[np.float64]
 
@@ -73,3 +73,9 @@ def calm(target: Target, z: Array, run: int, vehicle: Vehicle) -> Calm:
         for one in (line, still)
     )
     return Calm(still, before, after)
+
+
+def above(target: Target, z: Array, run: int) -> Array:
+    """Simulate what chassis sensors as declared would have read (E, 2) of a run, m/s²."""
+    begin = free_run(target, z, run)[2]
+    return simulated(target, z, run, target.as_declared(z, run), begin)[0]

@@ -24,6 +24,7 @@ _STEP = 1e-4  # of a prior deviation
 _FIRST, _ROUNDS = 8, 20  # with noise held, and with everything free
 _ENOUGH = 5e-3  # nats that the next step would gain
 _SHARES = (1.0, 0.4, 0.15)  # of a step: a bent ridge is followed further than damping would go
+_FURTHER = 10.0  # times what the next step would gain, beyond which no climb goes
 _WRONG = 1.3  # mean square of innovations beyond which a model is wrong
 
 
@@ -157,7 +158,7 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
     return Slopes(nu, logs, means, scales, value, returned)
 
 
-def climb(target: Target, start: Array) -> Climbed:
+def climb(target: Target, start: Array, floor: float = -math.inf) -> Climbed:
     """Climb from a start to the mode.
 
     Parameters
@@ -166,6 +167,9 @@ def climb(target: Target, start: Array) -> Climbed:
         With patterns.
     start : (D,) array
         Coordinates.
+    floor : float
+        A log-posterior; the climb ends early where it is out of reach, some nats short of a mode
+        that is far below.
 
     Returns
     -------
@@ -175,7 +179,7 @@ def climb(target: Target, start: Array) -> Climbed:
     lasting = target.space.lasting_dimension
     # noise held: it cannot swell on the way
     z, _ = _ascend(target, start, lasting, _FIRST, 1.0, tempered=True)
-    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH)
+    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH, floor=floor)
     return Climbed(z, here, settled)
 
 
@@ -187,6 +191,7 @@ def _ascend(
     enough: float,
     *,
     tempered: bool = False,
+    floor: float = -math.inf,
 ) -> tuple[Array, tuple[Slopes, bool]]:
     """Climb in the coordinates before ``last`` until a step gains less than ``enough`` nats.
 
@@ -209,6 +214,8 @@ def _ascend(
             # Where the model is wrong its noise has no sharp optimum, and needs none.
             if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
                 return z, (here, damping < 2.0)
+            if here.log_posterior + _FURTHER * gain < floor:
+                return z, (here, False)
             step = np.asarray(step * min(1.0, 3.0 / float(np.max(np.abs(step)))), np.float64)
             tried = (_moved(z, share * step) for share in _SHARES)
             ahead = next((x for x in tried if _value(target, x) > here.log_posterior), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 
 from bayes_asv.inference.coordinates import space
 from bayes_asv.inference.effects import Patterns, patterns
-from bayes_asv.inference.freerun import free_run
+from bayes_asv.inference.freerun import beginning
 from bayes_asv.inference.likelihood import WHITE, Target, shared_work
 from bayes_asv.inference.parameters import Space
-from bayes_asv.inference.quiet import calm
+from bayes_asv.inference.quiet import above, calm
 from bayes_asv.inference.scoring import Climbed, climb
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.zeros import levelled
@@ -24,7 +25,7 @@ __all__ = ["Setting", "Stage", "base", "carried", "fitted", "foretold", "foretol
 
 Array = NDArray[np.float64]
 
-_START = 4.0  # times the mean square of the motion: variance of where a recording begins
+_START = 4.0  # times the mean square of where a simulation begins: variance of where a filter does
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,14 @@ class Setting:
         Recordings.
     patterns : tuple of Patterns
         What sensors that are not as declared would change in each.
+    quiet : bool
+        The wheels have lost most of their noise already.
     """
 
     vehicle: Vehicle
     lines: tuple[Timeline, ...]
     patterns: tuple[Patterns, ...]
+    quiet: bool = False
 
     def target(self, sites: tuple[Site, ...], hold: bool = False) -> Target:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
@@ -61,15 +65,16 @@ def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
 
 
 def _begun(where: Setting, run: int) -> Timeline:
-    """Return a recording that begins no further from rest than the car goes.
+    """Return a recording that begins no further from rest than the whole of it shows.
 
     A linear car may begin anywhere.  A law that bends is drawn as a line at wherever the filter
-    believes the car to be, and beliefs of a decimetre would bend it out of shape for a second.
+    believes the car to be, and beliefs of a decimetre would bend it out of shape for a second; a
+    filter that takes a zero of a sensor for travel meets stops that are far away.
     """
     target = where.target(())
-    _, states, _ = free_run(target, np.zeros(target.space.dimension), run)
+    begin, sd = beginning(target, np.zeros(target.space.dimension), run)
     start = where.lines[run].start.copy()
-    start[:4] = np.minimum(start[:4], _START * np.mean(states[:, :4] ** 2, axis=0))
+    start[:4] = np.minimum(start[:4], _START * (begin**2 + sd**2)[:4])
     return replace(where.lines[run], start=start)
 
 
@@ -82,7 +87,9 @@ def foretold_at(where: Setting, target: Target, z: Array) -> Setting:
     """Return the setting with patterns that stand on what a model foretells at coordinates (D,)."""
     found = []
     for run, line in enumerate(where.lines):
-        declared = calm(target, z, run, where.vehicle).after
+        declared = (
+            above(target, z, run) if where.quiet else calm(target, z, run, where.vehicle).after
+        )
         added = target.space.timelines[run].reading - target.as_declared(z, run).reading
         found.append(patterns(line, where.vehicle, declared + added, declared))
     return replace(where, patterns=tuple(found))
@@ -137,14 +144,14 @@ def carried(
     return out
 
 
-def fitted(where: Setting, sites: tuple[Site, ...], target: Target, start: Array) -> Stage:
-    """Climb to the mode of a model."""
+def fitted(target: Target, start: Array, floor: float = -math.inf) -> Stage:
+    """Climb to the mode of a model; some of the way where a floor (nats) is out of reach."""
     with shared_work(target) as shared:
-        mode = climb(shared, start)
-    return Stage(sites, replace(target, pool=None), mode)
+        mode = climb(shared, start, floor)
+    return Stage(target.space.sites, replace(target, pool=None), mode)
 
 
 def base(where: Setting) -> Stage:
     """Fit the linear half car to a setting's recordings."""
     target = where.target(())
-    return fitted(where, (), target, np.zeros(target.space.dimension))
+    return fitted(target, np.zeros(target.space.dimension))

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.inference.preflight import PLAIN, clipping_limit
-from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.model.modes import modes
+from bayes_asv.inference.preflight import PLAIN, clipping_limit, least_rate, nominal_modes
 from bayes_asv.online.noise import Sensing
 from bayes_asv.vehicle import Vehicle
 
@@ -21,7 +19,6 @@ Array = NDArray[np.float64]
 # As before a fit, see docs/method.md.
 _FEWEST = 100  # rows
 _PERIODS = 1.0  # of the slowest mode
-_SAMPLES_A_PERIOD = 12.0  # of the fastest mode
 _MISSING = 0.2
 _SHAKEN = 5.0  # wheel rms in units of its noise
 _STILL = 0.05  # m/s²
@@ -71,7 +68,7 @@ class Fitness:
 
     def reasons(self, vehicle: Vehicle, sensing: Sensing, source: str) -> list[str]:
         """Say why these rows cannot answer; empty when they may."""
-        found = modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
+        found = nominal_modes(vehicle)
         slowest, fastest = found[0].natural, found[-1].natural
         seconds = max(self.last - self.first, 0.0)
         needed = max(_PERIODS / slowest, 0.3)
@@ -81,10 +78,10 @@ class Fitness:
                 f"{source} is too short: {seconds:.2f} s in {self.rows} rows, and this car needs "
                 f"at least {needed:.2f} s and {_FEWEST} rows; record longer"
             )
-        if self.rate < _SAMPLES_A_PERIOD * fastest:
+        if self.rate < least_rate(found):
             out.append(
                 f"{source} was taken at {self.rate:.0f} Hz, too slow for this car, which moves at "
-                f"up to {fastest:.1f} Hz; record at {_SAMPLES_A_PERIOD * fastest:.0f} Hz or more"
+                f"up to {fastest:.1f} Hz; record at {least_rate(found):.0f} Hz or more"
             )
         n = np.maximum(self.present, 1)
         rms = np.sqrt(np.maximum(self.squares / n - (self.total / n) ** 2, 0.0))

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.clear import clear
+from bayes_asv.diagnosis.clear import clear, on_quiet_wheels, quieted
 from bayes_asv.diagnosis.signatures import signatures
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.candidates import candidates
@@ -48,11 +48,11 @@ def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Vehicle:
 
 def test_quiet_wheels_leave_the_innovations_as_they_were(vehicle: Vehicle) -> None:
     where, stage = _setting(vehicle, 3)
-    quiet = clear(where, stage)
+    quiet = quieted(where, stage)
     before, _, _ = stage.target.scored(stage.mode.z, 0)
-    after, _, _ = quiet.target.scored(stage.mode.z, 0)
+    after, _, _ = quiet.target(()).scored(stage.mode.z, 0)
     np.testing.assert_allclose(after, before, atol=1e-9)
-    change = quiet.where.lines[0].moments[:, :, 0] - where.lines[0].moments[:, :, 0]
+    change = quiet.lines[0].moments[:, :, 0] - where.lines[0].moments[:, :, 0]
     assert np.std(change) > 0.0
 
 
@@ -89,13 +89,13 @@ def test_a_score_asks_about_predictions_and_not_about_deviations(vehicle: Vehicl
     """A stiffer spring as an effect has the slope of the car's own spring rate."""
     where, stage = _setting(vehicle, 3)
     wanted = [c for c in candidates(stage, vehicle) if str(c.site) == "spring_rate@front"]
-    quiet = clear(where, stage)
+    quiet = clear(*on_quiet_wheels(where, stage))
     found = signatures(quiet, wanted)
     slope = quiet.slopes.means.T
     rest = found.rows[0] - slope @ np.linalg.lstsq(slope, found.rows[0])[0]
     # The effect is a sum of the car's own slopes.  With the change of the deviations in its row,
     # which goes with the innovations' squares, 0.37 deviations of its score would be left.
-    nu = stage.mode.slopes.nu
+    nu = quiet.slopes.nu
     assert abs(rest @ nu) < 0.1 * np.sqrt(found.gram[0, 0])
     assert np.all(found.rows[0][~quiet.settled] == 0.0)
 
@@ -114,7 +114,7 @@ def test_scores_where_nothing_is_wrong_stand_about_zero() -> None:
             for c in candidates(stage, one.vehicle)
             if c.site.effect.name in ("spring_rate", "coulomb_friction")
         ]
-        scores += signatures(clear(where, stage), wanted).score.tolist()
+        scores += signatures(clear(*on_quiet_wheels(where, stage)), wanted).score.tolist()
     assert len(scores) >= 40
     assert abs(np.mean(scores)) < 0.4
     assert np.mean(np.square(scores)) < 1.5

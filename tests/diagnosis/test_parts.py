@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from bayes_asv.diagnosis.clear import clear
+from bayes_asv.diagnosis.clear import clear, on_quiet_wheels
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.jitter import jitter
@@ -19,6 +19,7 @@ from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.candidates import Candidate, candidates
 from bayes_asv.inference.effects import rows
+from bayes_asv.inference.scoring import Slopes
 from bayes_asv.inference.stage import Setting, Stage, base, foretold, setting
 from bayes_asv.model.effects import EFFECTS, Site
 from tests.battery.cases import case
@@ -48,9 +49,10 @@ def _edges(count: int, rng: np.random.Generator) -> Signatures:
             values = {"force": 1.0, "start": 0.03 * k, "duration": 1e4, "rise": 0.03}
             wanted.append(Candidate(Site(effect, axle, 0), values, False, False, edge=True))
     found = np.array(signature)
-    return Signatures(
-        tuple(wanted), found, np.zeros(len(found)), found @ found.T, np.zeros((0, found.shape[1]))
-    )
+    n = found.shape[1]
+    none = np.zeros((0, n))
+    here = Slopes(np.zeros(n), np.zeros(n), none, none, 0.0, none[:, 0])
+    return Signatures(tuple(wanted), found, np.zeros(len(found)), found @ found.T, here, none)
 
 
 def test_the_best_push_is_the_best_of_all_pairs() -> None:
@@ -85,8 +87,9 @@ def test_a_push_that_is_not_there_has_any_p_value() -> None:
 def test_the_difference_of_two_edges_is_a_push() -> None:
     where, stage = fitted("null/bump~baja")
     edges = [c for c in candidates(stage, where.vehicle) if c.edge]
-    found = with_pushes(signatures(clear(where, stage), edges))
-    direct = signatures(clear(where, stage), list(found.candidates))
+    quiet = clear(*on_quiet_wheels(where, stage))
+    found = with_pushes(signatures(quiet, edges))
+    direct = signatures(quiet, list(found.candidates))
     error = np.abs(found.rows - direct.rows).max(axis=1)
     assert np.all(error < 1e-3 * np.abs(direct.rows).max(axis=1))
     np.testing.assert_allclose(found.score, direct.score, atol=0.01)

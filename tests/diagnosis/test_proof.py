@@ -35,7 +35,7 @@ def _named(site: Site) -> Named:
 
 def test_a_name_that_is_missed_when_it_is_left_out_does_not_fail() -> None:
     model, held = _model()
-    assert failed(held, model, [_named(model.stage.sites[0])], 1) == []
+    assert failed(held, model, [_named(model.stage.sites[0])], None, 1) == []
 
 
 def test_a_name_that_does_harm_fails() -> None:
@@ -46,11 +46,29 @@ def test_a_name_that_does_harm_fails() -> None:
     z[k] *= -3.0
     wrong = replace(model.stage, mode=replace(model.stage.mode, z=z))
     one = _named(site)
-    assert failed(held, replace(model, stage=wrong), [one], 1) == [one]
+    assert failed(held, replace(model, stage=wrong), [one], None, 1) == [one]
 
 
 def test_what_acted_in_one_run_alone_is_not_asked_of_others() -> None:
     model, held = _model()
     push = replace(read_site("external_force@front"), run=0)
-    assert failed(held, model, [_named(push)], 1) == []
-    assert failed(None, model, [_named(model.stage.sites[0])], 1) == []
+    assert failed(held, model, [_named(push)], None, 1) == []
+    assert failed(None, model, [_named(model.stage.sites[0])], None, 1) == []
+
+
+def test_names_that_only_together_do_harm_all_fail() -> None:
+    """Each of them is better there than not, and all together are worse than nothing."""
+    model, held = _model()
+    site = model.stage.sites[0]
+    better = Named(site, 1.0, (), {"holdout": Gap(1.0, 0.9, 0.5, False)})
+    push = replace(_named(replace(read_site("external_force@front"), run=0)))
+    assert failed(held, model, [better, push], _WORSE, 1) == [better]
+    assert failed(held, model, [better, push], Gap(0.5, 0.505, 0.5, True), 1) == []
+
+
+def test_noise_is_no_excuse_where_the_model_makes_more_of_it_than_the_gap_was() -> None:
+    """A model that ran away on a road car: before 1.18, after 1.34, its own floor 1.33 m/s^2."""
+    model, held = _model()
+    away = Gap(1.18, 1.34, 1.33, True)
+    one = Named(model.stage.sites[0], 1.0, (), {"holdout": Gap(1.18, 1.1, 1.0, False)})
+    assert failed(held, model, [one], away, 1) == [one]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.model import asked
-from bayes_asv.inference.adding import read_site, with_effects
+from bayes_asv.inference.adding import added, read_site, with_effects
 from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.stage import setting
+from bayes_asv.inference.stage import base, setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.zeros import levelled
 from tests.battery.cases import Case, case
@@ -95,3 +95,28 @@ def test_a_recording_begins_no_further_from_rest_than_the_car_goes() -> None:
     assert np.max(np.abs(found.score[friction])) < 3.0
     (values,) = stage.space.effects(stage.mode.z).values()
     assert values["knee"] == pytest.approx(true.parameters["knee"], rel=0.15)
+
+
+def test_a_filter_begins_where_the_whole_recording_shows() -> None:
+    """A bump stop on a car that begins at rest, its sensors' zeros off by up to 0.6 m/s^2.
+
+    With a beginning anywhere within the motion the filter took that for travel of 49 mm where there
+    were 40, and met the stop before the drive began: from the true gap a fit lost 660 nats.
+    """
+    one = case("pair-40", 32, 4, "test")
+    true = one.truth.effects[0]
+    assert true.name == "bump_stop"
+    lines, _, _ = lay_out(one.recordings, one.vehicle)
+    where = setting(one.vehicle, lines)
+    for line in where.lines:
+        assert np.all(np.sqrt(line.start[[0, 2]]) < 0.01)
+    model = asked(where, base(where), 1)
+    stops = [c for c in model.found.candidates if str(c.site) == f"bump_stop@{true.where}"]
+    gaps = [c.values["gap"] for c in stops]
+    assert max(gaps) < 1.05 * true.parameters["gap"]
+    fits = [added(model.quiet, model.stage, [stops[k]]) for k in (2, 9)]
+    best = [fit.mode.log_posterior - model.stage.mode.log_posterior for fit in fits]
+    assert best[0] == pytest.approx(best[1], abs=0.5)
+    assert min(best) > 80.0
+    (values,) = fits[0].space.effects(fits[0].mode.z).values()
+    assert values["gap"] == pytest.approx(true.parameters["gap"], rel=0.08)

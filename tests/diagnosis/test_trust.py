@@ -1,0 +1,48 @@
+"""What a name counts for beside something that has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bayes_asv.diagnosis.results import Diagnosis
+from bayes_asv.diagnosis.slack import Unexplained
+from tests.battery.cases import case
+
+CLEAN = Unexplained(score=-3.0, axle="front", p_memory=0.4, swollen=())
+
+
+def _trust(left: Unexplained | None) -> float:
+    vehicle = case("null/bump~baja", 5, 0).vehicle
+    return Diagnosis("named", (), (), (), vehicle, 0, left=left).trust
+
+
+def test_a_name_with_nothing_beside_it_counts_in_full() -> None:
+    assert not CLEAN.present
+    assert _trust(CLEAN) == _trust(None) == 1.0
+
+
+def test_a_rival_takes_less_than_what_was_found() -> None:
+    rivalled = replace(CLEAN, rival=-1.0)
+    assert rivalled.present
+    assert not rivalled.found
+    assert _trust(rivalled) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    "left",
+    [
+        replace(CLEAN, score=6.0),
+        replace(CLEAN, p_memory=1e-4),
+        replace(CLEAN, p_decoy=1e-4),
+        replace(CLEAN, p_jitter=1e-4),
+        replace(CLEAN, swollen=("front_wheel",)),
+        replace(CLEAN, failed=("spring_rate@rear",)),
+        replace(CLEAN, p_decoy=1e-4, rival=-1.0),
+    ],
+)
+def test_a_name_beside_what_was_found_may_stand_in_for_it(left: Unexplained) -> None:
+    assert left.found
+    assert left.present
+    assert _trust(left) < 0.1
