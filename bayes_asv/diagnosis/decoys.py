@@ -9,8 +9,10 @@ Each is worked out along the motion that the model found.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +45,41 @@ _FINER = 4  # steps of a system to one of its signal
 _SMALL = 0.01  # of the damper's rms force, and of a channel's rms
 
 
+class _Change(NamedTuple):
+    """What a decoy changes in one run, of any size.
+
+    Parameters
+    ----------
+    words : str
+        What it is.
+    nudge : Nudge
+        The change.
+    power, reference : float
+        Its mean square, and that of what it is to be a small share of.
+    """
+
+    words: str
+    nudge: Nudge
+    power: float
+    reference: float
+
+
+class _Motion(NamedTuple):
+    """How a car moves in one run.
+
+    Parameters
+    ----------
+    calm : (E, 2) array
+        What the chassis sensors would read without noise, m/s².
+    delta, rate : (E, 2) arrays
+        Deflections (m) and their rates (m/s) as the car has them, ahead of the sensors' filter.
+    """
+
+    calm: Array
+    delta: Array
+    rate: Array
+
+
 def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
     """Signatures (K, N) of what has no name, with a few words on each.
 
@@ -53,17 +90,23 @@ def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
     """
     where, target, z = quiet.where, quiet.target, quiet.stage.mode.z
     runs = range(len(where.lines))
-    # From the readings themselves, or from states that follow them, a change would share their
-    # noise: it follows from a simulation.
-    calm = [free_run(target, z, run)[:2] for run in runs]
+    motions = [_motion(where, target, z, run) for run in runs]
+    travel = np.sqrt(np.mean([m.delta.var(axis=0) for m in motions], axis=0))
+    speed = np.sqrt(np.mean([m.rate.var(axis=0) for m in motions], axis=0))
+    car = target.space.cars(z[None])[0]
+    changes = [list(_changes(where, run, motions[run], car, travel, speed)) for run in runs]
     passes = [target.scored(z, run) for run in runs]
-    nudges = [list(_nudges(where, target, z, run, *calm[run])) for run in runs]
-    words = tuple(name for name, _ in nudges[0])
+    words = tuple(change.words for change in changes[0])
 
     def one(k: int) -> Array:
+        # The same thing is in all runs, as strong in each as the motion there makes it.
+        power = sum(of_run[k].power for of_run in changes)
+        size = _SMALL * math.sqrt(sum(of_run[k].reference for of_run in changes))
+        factor = size / math.sqrt(max(power, 1e-24))
         parts = []
         for run in runs:
-            nu, _, _ = target.scored(z, run, nudges[run][k][1])
+            nudge = Nudge(*(factor * part for part in changes[run][k].nudge))
+            nu, _, _ = target.scored(z, run, nudge)
             parts.append((passes[run][0] - nu)[passes[run][1] != 0.0])
         return np.concatenate(parts) * quiet.settled
 
@@ -73,43 +116,54 @@ def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
     return rows, words
 
 
-def _nudges(
-    where: Setting, target: Target, z: Array, run: int, calm: Array, states: Array
-) -> Iterator[tuple[str, Nudge]]:
-    """Every decoy of one run."""
+def _motion(where: Setting, target: Target, z: Array, run: int) -> _Motion:
+    # From the readings themselves, or from states that follow them, a change would share their
+    # noise: it follows from a simulation.
     line = where.lines[run]
-    car = target.space.cars(z[None])[0]
+    calm, states, _ = free_run(target, z, run)
+    time = line.instants - line.instants[0]
+    pole = target.patterns[run].pole
+    delta, rate = states[:, [0, 2]], states[:, [1, 3]]
+    faster = np.empty_like(rate)
+    for axle in range(2):
+        noise = line.noise[2 * axle] or noise_level(line, 2 * axle)
+        faster[:, axle] = denoised(time, CubicSpline(time, rate[:, axle])(time, 1), noise, None)
+    return _Motion(calm, delta + rate / pole, rate + faster / pole)
+
+
+def _changes(
+    where: Setting, run: int, motion: _Motion, car: Array, travel: Array, speed: Array
+) -> Iterator[_Change]:
+    """Every decoy of one run; ``travel`` and ``speed`` (2,) are rms values over all runs."""
+    line = where.lines[run]
     nothing = Nudge(
         np.zeros_like(line.moments), np.zeros_like(line.reading), np.zeros_like(line.reading)
     )
     time = line.instants - line.instants[0]
-    pole = target.patterns[run].pole
     for axle, name in enumerate(("front", "rear")):
-        delta, rate = states[:, 2 * axle], states[:, 2 * axle + 1]
-        # The car itself moves ahead of what its sensors' filter passes.
-        noise = line.noise[2 * axle] or noise_level(line, 2 * axle)
-        faster = denoised(time, CubicSpline(time, rate)(time, 1), noise, None)
-        delta, rate = delta + rate / pole, rate + faster / pole
-        level = _SMALL * car[axle] * float(rate.std())
-        for words, force in _laws(float(delta.std()), float(rate.std())):
-            value = force(time, delta, rate)
-            size = float(np.std(value))
-            if not size > 0.0:
-                continue
-            added = np.zeros_like(line.reading)
-            added[:, axle] = level * value / size
-            yield f"{words} at the {name}", nothing._replace(force=added)
+        delta, rate = motion.delta[:, axle], motion.rate[:, axle]
+        of_damper = float(car[axle] ** 2 * rate.var())
+        for words, law in _laws(float(travel[axle]), float(speed[axle])):
+            force = np.zeros_like(line.reading)
+            force[:, axle] = law(time, delta, rate)
+            power = float(force[:, axle].var())
+            yield _Change(f"{words} at the {name}", nothing._replace(force=force), power, of_damper)
     for frequency in _SEATS:
         for place, share in (("front", (1.0, 0.0)), ("rear", (0.0, 1.0))):
-            moved = _oscillator(time, calm @ np.array(share), frequency, 0.2)
-            added = np.outer(moved, share)
-            added *= _SMALL * car[0] * float(states[:, 1].std()) / max(float(np.std(moved)), 1e-12)
-            yield f"a mass on a spring near the {place}", nothing._replace(force=added)
+            moved = _oscillator(time, motion.calm @ np.array(share), frequency, 0.2)
+            force = np.outer(moved, share)
+            of_damper = float(car[0] ** 2 * motion.rate[:, 0].var())
+            yield _Change(
+                f"a mass on a spring near the {place}",
+                nothing._replace(force=force),
+                float(moved.var()),
+                of_damper,
+            )
     for c, channel in enumerate(CHANNELS):
-        for words, change in _sensor(line, calm, c):
+        for words, change in _sensor(line, motion.calm, c):
             corner = where.vehicle.sensor(channel).bandwidth
-            nudge = _put(nothing, line, calm, c, change, corner)
-            yield f"{words} ({channel.replace('_', ' ')})", nudge
+            nudge, power, reference = _put(nothing, line, motion.calm, c, change, corner)
+            yield _Change(f"{words} ({channel.replace('_', ' ')})", nudge, power, reference)
 
 
 def _laws(travel: float, speed: float) -> Iterator[tuple[str, Force]]:
@@ -215,21 +269,19 @@ def _put(
     c: int,
     change: Callable[[Array, Array], Array],
     corner: float | None,
-) -> Nudge:
-    """Change a channel by a little of something that follows from its own samples."""
+) -> tuple[Nudge, float, float]:
+    """Change a channel by something that follows from its own samples: the change, and powers."""
     axle = c // 2
     if c % 2 == 0:
         knots, own = clear_wheel(line, axle, corner)
         value = change(knots, own)
-        value *= _SMALL * float(np.std(own)) / max(float(np.std(value)), 1e-12)
         signal = WheelSignal(CubicSpline(knots, value), knots, line.wheels[axle].deviation)
         driven = np.zeros_like(line.moments)
         driven[:, axle] = moments(signal, line.instants, ORDER)
-        return nothing._replace(moments=driven)
+        return nothing._replace(moments=driven), float(value.var()), float(own.var())
     there = line.kind[:, axle] != MISSING
     signal = calm[there, axle]
     value = change(line.instants[there], signal)
-    value *= _SMALL * float(np.std(signal)) / max(float(np.std(value)), 1e-12)
     reading = np.zeros_like(line.reading)
     reading[there, axle] = value
-    return nothing._replace(reading=reading)
+    return nothing._replace(reading=reading), float(value.var()), float(signal.var())

@@ -51,8 +51,17 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     rows, words = decoy_rows(quiet)
     # Least squares of the innovations on the car's coordinates, then on each decoy as well; how
     # much noise there is was settled with everything named.
-    fixed = replace(quiet.slopes, scales=0.0 * here.scales, given_back=0.0 * z)
-    known = imitation(fixed, z, rows[:0])
+    car = target.space.lasting_dimension
+    known = imitation(
+        replace(
+            quiet.slopes,
+            means=quiet.slopes.means[:car],
+            scales=0.0 * here.scales[:car],
+            given_back=np.zeros(car),
+        ),
+        z[:car],
+        rows[:0],
+    )
     pull, gram = known.beyond(rows)
     seen = np.diag(gram)
     gain = np.where(seen > SILENT * np.sum(rows**2, axis=1), pull**2 / np.maximum(seen, 1e-30), 0.0)
