@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
+from scipy.stats import chi2
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import clear
@@ -40,7 +41,7 @@ ENOUGH = 5.0
 _PULSE = 0.04  # s between two pulses of a force of any course
 _PUSH = 0.01  # of the axle's load
 _SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
-_NOTICED = 1e-3  # p-value below which innovations remember, or a decoy is taken seriously
+_NOTICED = 1e-3  # p-value below which a test, or all of them together, are taken seriously
 _SWOLLEN = 1.38  # times the given level
 
 
@@ -87,7 +88,10 @@ class Unexplained:
     @property
     def found(self) -> bool:
         """Whether something is left beside what was named."""
-        noticed = min(self.p_memory, self.p_decoy, self.p_jitter) < _NOTICED
+        tests = np.array([self.p_memory, self.p_decoy, self.p_jitter])
+        # Three faint signs of the same thing are one clear sign (Fisher's combination).
+        faint = chi2.sf(-2.0 * np.sum(np.log(np.maximum(tests, 1e-300))), 2 * len(tests))
+        noticed = min(float(tests.min()), float(faint)) < _NOTICED
         return self.score > ENOUGH or noticed or bool(self.swollen) or bool(self.failed)
 
     @property

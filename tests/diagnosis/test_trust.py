@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.results import Diagnosis
@@ -37,6 +38,7 @@ def test_a_rival_takes_less_than_what_was_found() -> None:
         replace(CLEAN, p_memory=1e-4),
         replace(CLEAN, p_decoy=1e-4),
         replace(CLEAN, p_jitter=1e-4),
+        replace(CLEAN, p_memory=0.002, p_decoy=0.002, p_jitter=0.3),
         replace(CLEAN, swollen=("front_wheel",)),
         replace(CLEAN, failed=("spring_rate@rear",)),
         replace(CLEAN, p_decoy=1e-4, rival=-1.0),
@@ -46,3 +48,15 @@ def test_a_name_beside_what_was_found_may_stand_in_for_it(left: Unexplained) -> 
     assert left.found
     assert left.present
     assert _trust(left) < 0.1
+
+
+@pytest.mark.parametrize("left", [replace(CLEAN, p_memory=0.002), replace(CLEAN, p_decoy=0.002)])
+def test_a_single_faint_sign_is_none(left: Unexplained) -> None:
+    assert not left.present
+
+
+def test_faint_signs_are_seldom_found_where_nothing_is() -> None:
+    """4000 draws of three p-values, seed 1: one in a thousand each, and all of them together."""
+    p = np.random.default_rng(1).random((4000, 3))
+    found = sum(replace(CLEAN, p_memory=a, p_decoy=b, p_jitter=c).found for a, b, c in p)
+    assert found <= 30
