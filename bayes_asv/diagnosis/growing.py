@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 
@@ -49,7 +49,9 @@ def begun(model: Model) -> Grown:
     return Grown(model, (), told_by(model.stage, model.allowed), 1.0)
 
 
-def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
+def grow(
+    grown: Grown, seed: int, tell: Callable[[float, str], None], failed: Collection[str] = ()
+) -> Grown:
     """Name what is missing and add it, as long as something is.
 
     Parameters
@@ -60,12 +62,15 @@ def grow(grown: Grown, seed: int, tell: Callable[[float, str], None]) -> Grown:
         Of the tests.
     tell : callable
         Told the share that is done, and what is going on.
+    failed : collection of str
+        Sites that made things worse on what was held out; they are not named again.
     """
     model, named, told, none = grown.model, list(grown.named), grown.told, grown.none
     while len(named) < _MOST and model.p < (LEVEL if not named else 0.2 * LEVEL):
         share_done = 0.1 + 0.2 * len(named)
         tell(share_done, "asking what is missing")
-        options = weigh(model.quiet, model.stage, model.found, partial(_trying, tell, share_done))
+        trying = partial(_trying, tell, share_done)
+        options = weigh(model.quiet, model.stage, model.found, trying, failed)
         if not options:
             break
         options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)

@@ -8,7 +8,7 @@ integrated out, compares them with one another and with nothing at all.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,10 +72,11 @@ class Lead:
     promised: float
 
 
-def leading(found: Signatures) -> list[Lead]:
+def leading(found: Signatures, failed: Collection[str] = ()) -> list[Lead]:
     """Candidates worth a fit, by site, the most promising site first.
 
-    One ranking takes the model as clean, the other grants every other effect its tolerance.
+    One ranking takes the model as clean, the other grants every other effect its tolerance.  Sites
+    that have failed already are left out.
     """
     pull, own = with_tolerances(found)
     granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
@@ -89,6 +90,8 @@ def leading(found: Signatures) -> list[Lead]:
             candidate = found.candidates[k]
             key = f"{candidate.site} {candidate.site.run}"
             if value[k] < 1.0 or (key not in taken and len(taken) == _ASKED):
+                continue
+            if str(candidate.site) in failed:
                 continue
             if key not in taken:
                 taken.append(key)
@@ -118,6 +121,7 @@ def weigh(
     stage: Stage,
     found: Signatures,
     tell: Callable[[str], None] = lambda words: None,
+    failed: Collection[str] = (),
 ) -> list[Option]:
     """Fit every leading candidate in full and weigh it, the most probable first.
 
@@ -131,10 +135,12 @@ def weigh(
         Of all candidates there.
     tell : callable
         Told which effect is being tried.
+    failed : collection of str
+        Sites that are not tried.
     """
     options, little = [], []
     floor = -math.inf
-    for lead in leading(found):
+    for lead in leading(found, failed):
         site = lead.candidates[0].site
         tell(str(site))
         stage_with = added(where, stage, lead.candidates, lead.promised, floor)

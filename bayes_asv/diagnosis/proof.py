@@ -2,17 +2,82 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
+from bayes_asv.diagnosis.answer import told_by
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.gap import Gap, before_and_after
-from bayes_asv.diagnosis.model import Model, fewer
+from bayes_asv.diagnosis.growing import Grown, grow
+from bayes_asv.diagnosis.model import Model, fewer, pruned, without
 from bayes_asv.diagnosis.results import Named
+from bayes_asv.diagnosis.slack import unexplained
 from bayes_asv.inference.stage import Setting, Stage
 
-__all__ = ["failed", "proof"]
+__all__ = ["Proved", "failed", "proof", "proved"]
+
+_TRIES = 2  # growths after which no other name is sought for one that failed
 
 _NOISE = 1.03  # times the floor: a gap that a floor estimated from so many readings may have
+
+
+@dataclass(frozen=True)
+class Proved:
+    """What stood the proof.
+
+    Parameters
+    ----------
+    grown : Grown
+        What was named and did not fail, with its gaps.
+    gaps : dict of str to Gap
+        Of all of it.
+    failed : tuple of str
+        Sites that were named and made things worse on what was held out.
+    """
+
+    grown: Grown
+    gaps: dict[str, Gap]
+    failed: tuple[str, ...] = ()
+
+
+def proved(
+    grown: Grown,
+    first: tuple[Setting, Setting | None, Stage],
+    cut: tuple[Setting, Setting | None, Stage],
+    engine: Engine | None,
+    seed: int,
+    tell: Callable[[float, str], None],
+) -> Proved:
+    """Take out what is needless or fails, and grow again without it.
+
+    Parameters
+    ----------
+    grown : Grown
+        What was named.
+    first, cut, engine, seed
+        As :func:`proof` takes them.
+    tell : callable
+        Told the share that is done, and what is going on.
+    """
+    out: tuple[str, ...] = ()
+    for attempt in range(_TRIES):
+        if attempt:
+            grown = grow(grown, seed, tell, out)
+        count, before = len(grown.named), len(out)
+        model, named = pruned(grown.model, list(grown.named), seed)
+        tell(0.85, "proving it on what was held out")
+        gaps, named = proof(first, cut, model, named, engine, seed)
+        nameless = False
+        while worse := failed(cut[1], model, named, gaps.get("holdout"), seed):
+            out += tuple(str(n.site) for n in worse)
+            nameless = nameless or unexplained(model.quiet, model.allowed, seed).found
+            model, named = without(model, named, worse, seed)
+            gaps, named = proof(first, cut, model, named, engine, seed)
+        told = grown.told if len(named) == count else told_by(model.stage, model.allowed)
+        grown = replace(grown, model=model, named=tuple(named), told=told)
+        if nameless or len(out) == before:  # another name would stand in for the same thing
+            break
+    return Proved(grown, gaps, out)
 
 
 def failed(
@@ -23,7 +88,8 @@ def failed(
     When it comes, an effect can also be worse because of another that is still missing.  What
     acts in one run alone has nothing to say on others, and where all that is left is noise,
     nothing went wrong.  Where all of them together made it worse and none is to blame alone, all
-    have failed: they stand in for something that has no name.
+    have failed: they stand in for something that has no name, and so may a push in one run, which
+    draws the car's own values after it.
 
     Parameters
     ----------
@@ -41,15 +107,14 @@ def failed(
     if held is None:
         return []
     out = []
-    everywhere = [one for one in named if one.site.run is None]
-    for one in everywhere:
-        if not _worse(one.gaps["holdout"]):
+    for one in named:
+        if one.site.run is not None or not _worse(one.gaps["holdout"]):
             continue
         rest = tuple(n.site for n in named if n is not one)
         less = fewer(model, rest)
         if before_and_after(held, less, model.stage, seed)[0].worse:
             out.append(one)
-    return out or (everywhere if whole is not None and _worse(whole) else [])
+    return out or (named if whole is not None and _worse(whole) else [])
 
 
 def _worse(gap: Gap) -> bool:
@@ -75,12 +140,13 @@ def proof(
     stages = [cut[2]]
     for k in range(1, len(named)):
         stages.append(fewer(model, tuple(n.site for n in named[:k])))
-    stages.append(model.stage)
+    if named:
+        stages.append(model.stage)
     kinds = (("fit", model.where, first[0]), ("holdout", cut[1], first[1]))
     for name, where, whole in kinds:
         if where is None or whole is None:
             continue
-        gap, _, _ = before_and_after(where, cut[2], model.stage, seed)
+        gap, _, _ = before_and_after(where, stages[0], stages[-1], seed)
         if engine is not None:
             raw, _, _ = before_and_after(whole, first[2], first[2], seed)
             gap = replace(gap, before=raw.before, worse=gap.after > raw.before)

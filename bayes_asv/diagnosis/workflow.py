@@ -5,8 +5,9 @@
 3. Is there a disagreement?  One test over all candidates.
 4. Names with probabilities; the best is added, everything is fitted again, and so on until nothing
    is gained; what turned out needless is taken out again.
-5. Slack models ask whether something without a name is left.
-6. The gap on recordings that the fit has not seen, with everything frozen.
+5. The gap on recordings that the fit has not seen, with everything frozen; a name that makes it
+   worse goes, and another is sought in its place.
+6. Slack models ask, of all recordings together, whether something without a name is left.
 """
 
 from __future__ import annotations
@@ -19,15 +20,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.answer import draws, effect_draws, told_by
+from bayes_asv.diagnosis.answer import draws, effect_draws
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.growing import LEVEL, begun, grow
-from bayes_asv.diagnosis.model import again, asked, pruned, without
-from bayes_asv.diagnosis.proof import failed, proof
+from bayes_asv.diagnosis.model import again, asked
+from bayes_asv.diagnosis.proof import proved
 from bayes_asv.diagnosis.results import Diagnosis, Named
 from bayes_asv.diagnosis.rival import AS_WELL, rival
 from bayes_asv.diagnosis.slack import unexplained
+from bayes_asv.diagnosis.together import together
+from bayes_asv.diagnosis.twins import with_twins
 from bayes_asv.diagnosis.where import disagreement
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.stage import base, setting
@@ -104,26 +107,19 @@ def diagnose(
             linear = base(where)
             model = asked(where, stage, seed)
             grown = grow(replace(grown, model=model), seed, tell)
-    model, named, told = grown.model, list(grown.named), grown.told
-    count = len(named)
-    model, named = pruned(model, named, seed)
-    tell(0.85, "asking what has no name")
-    left = unexplained(model.quiet, model.allowed, seed)
-    tell(0.9, "proving it on what was held out")
     held_where = setting(vehicle, held) if held else None
     settings = (first_where, first_held, plain), (where, held_where, linear)
-    gaps, named = proof(*settings, model, named, engine, seed)
-    worse = failed(held_where, model, named, gaps.get("holdout"), seed)
-    if worse:
-        model, named = without(model, named, worse, seed)
-        left = replace(left, failed=tuple(str(n.site) for n in worse))
-        gaps, named = proof(*settings, model, named, engine, seed)
+    proven = proved(grown, *settings, engine, seed, tell)
+    grown, model, named = proven.grown, proven.grown.model, proven.grown.named
+    tell(0.9, "asking what has no name")
+    whole = together(model, held_where)
+    left = replace(unexplained(whole.quiet, whole.allowed, seed), failed=proven.failed)
     if named and not left.present:
         sites = len({str(c.site) for c in first.found.candidates})
-        better, words = rival(model.quiet, model.stage, len(named), sites)
+        better, words = rival(whole.quiet, whole.stage, len(named), sites)
         left = replace(left, rival=better, like=words if better > AS_WELL else left.like)
-    if len(named) < count:
-        told = told_by(model.stage, model.allowed)
+    tell(0.95, "asking what else it may have been")
+    named = with_twins(model, named)
     disagrees = first.p < LEVEL or left.present or engine is not None
     verdict = "agreement"
     if disagrees:
@@ -136,18 +132,18 @@ def diagnose(
         vehicle=vehicle,
         seed=seed,
         p=first.p,
-        named=tuple(named),
+        named=named,
         engine=engine,
         none=grown.none,
         left=left,
         seen=seen,
-        gaps=gaps,
+        gaps=proven.gaps,
         fit=lines,
         holdout=held,
         base=linear,
         final=model.as_read,
         before=draws([(1.0, plain, plain.mode.z, plain.mode.covariance)], seed),
-        after=draws(told, seed),
+        after=draws(grown.told, seed),
         effects=effect_draws(model.stage, model.allowed.covariance, seed),
         seconds=time.perf_counter() - clock,
     )

@@ -65,3 +65,26 @@ def test_what_has_no_name_is_said_to_have_none() -> None:
     assert found.verdict in ("named", "unexplained")
     assert found.left is not None
     assert found.left.present
+
+
+def test_what_only_the_held_out_run_shows_is_said_to_be_there() -> None:
+    """A fault that came between the drives: nothing in those that were fitted, plain afterwards."""
+    sound = case("null/bump~baja", 3, 0)
+    _, agreed = asked("null/bump~baja")
+    assert agreed.left is not None
+    assert not agreed.left.present
+    worn = case("bound_rebound@rear-4000/bump~baja", 3, 0)
+    found = diagnose(sound.recordings, worn.recordings[:1], sound.vehicle, 1)
+    assert found.named == ()
+    assert found.left is not None
+    assert found.left.present
+    assert found.verdict == "unexplained"
+
+
+def test_a_damper_in_a_soft_mount_is_not_a_lag_of_a_sensor_alone() -> None:
+    """They differ by a twentieth of their energy; the mount is one coefficient in all runs."""
+    one = case("maxwell_mount-400", 41, 1)
+    found = diagnose(one.recordings, one.holdout, one.vehicle, 1)
+    assert found.left is not None
+    assert found.left.present
+    assert "soft mount" in found.left.like
