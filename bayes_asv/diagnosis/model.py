@@ -14,7 +14,7 @@ from bayes_asv.inference.candidates import candidates
 from bayes_asv.inference.stage import Setting, Stage, base, carried, fitted, foretold
 from bayes_asv.model.effects import Site
 
-__all__ = ["Model", "again", "asked", "fewer", "pruned", "without"]
+__all__ = ["Model", "again", "asked", "evidence", "fewer", "pruned", "without"]
 
 _NEEDLESS = 2.0  # nats below which a named effect is taken out again
 
@@ -93,7 +93,17 @@ def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Nam
 
 def _evidence_without(model: Model, one: Named) -> float:
     """Log evidence of the model less one effect, on the very recordings of the model."""
-    stage = fewer(model, tuple(s for s in model.stage.sites if s != one.site))
+    return _weighed(model, fewer(model, tuple(s for s in model.stage.sites if s != one.site)))
+
+
+def evidence(model: Model, stage: Stage) -> float:
+    """Log evidence of another stage, a little of everything in it, on a model's quiet wheels."""
+    target = model.quiet.target(stage.sites)
+    start = carried(stage.space, stage.mode.z, target.space, None, {})
+    return _weighed(model, fitted(target, start))
+
+
+def _weighed(model: Model, stage: Stage) -> float:
     little = [c for c in candidates(stage, model.where.vehicle) if c.tolerance]
     return allowed(stage, signatures(clear(model.quiet, stage), little)).log_evidence
 

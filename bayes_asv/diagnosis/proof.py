@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from bayes_asv.diagnosis.answer import told_by
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.gap import Gap, before_and_after
-from bayes_asv.diagnosis.growing import Grown, grow
+from bayes_asv.diagnosis.growing import Grown, grow, reconsidered
 from bayes_asv.diagnosis.model import Model, fewer, pruned, without
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.slack import unexplained
@@ -63,6 +63,7 @@ def proved(
     for attempt in range(_TRIES):
         if attempt:
             grown = grow(grown, seed, tell, out)
+        grown = reconsidered(grown, seed, tell, out)
         count, before = len(grown.named), len(out)
         model, named = pruned(grown.model, list(grown.named), seed)
         tell(0.85, "proving it on what was held out")

@@ -6,9 +6,11 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
+from bayes_asv.diagnosis import growing
 from bayes_asv.diagnosis.gap import Gap, Left, grew
-from bayes_asv.diagnosis.growing import begun, grow
+from bayes_asv.diagnosis.growing import Grown, begun, grow, reconsidered
 from bayes_asv.diagnosis.model import Model, asked
 from bayes_asv.diagnosis.naming import leading
 from bayes_asv.diagnosis.proof import failed
@@ -102,3 +104,42 @@ def test_a_gap_that_did_not_grow_seldom_seems_to() -> None:
         one, two = (Left((rng.normal(size=(1000, 2)),), (time,), (1.0,)) for _ in range(2))
         grown += grew(one, two, k)
     assert 4 <= grown <= 26
+
+
+def _silent(share: float, words: str) -> None:
+    pass
+
+
+def _after_a_push() -> Grown:
+    """A push, and after it a drift."""
+    model, _ = _model()
+    push = _named(replace(read_site("external_force@front"), run=1))
+    return Grown(model, (push, _named(read_site("sensor_drift@front_wheel"))), [], 0.0)
+
+
+def test_pushes_that_came_last_are_not_asked_again() -> None:
+    grown = _after_a_push()
+    last = replace(grown, named=grown.named[::-1])
+    assert reconsidered(last, 1, _silent) is last
+    alone = replace(grown, named=grown.named[:1])
+    assert reconsidered(alone, 1, _silent) is alone
+
+
+@pytest.mark.parametrize(("behind", "wins"), [(1.0, True), (-1.0, False)])
+def test_a_push_gives_way_to_what_it_stood_in_for(
+    monkeypatch: pytest.MonkeyPatch, behind: float, wins: bool
+) -> None:
+    grown = _after_a_push()
+    stop = _named(read_site("droop_stop@front"))
+
+    def grow(begin: Grown, *_: object) -> Grown:
+        return replace(begin, named=(*begin.named, stop))
+
+    monkeypatch.setattr(growing, "grow", grow)
+    monkeypatch.setattr(growing, "without", lambda model, named, failed, seed: (model, [named[1]]))
+    monkeypatch.setattr(growing, "told_by", lambda stage, allowed: [])
+    monkeypatch.setattr(
+        growing, "evidence", lambda model, stage: model.allowed.log_evidence - behind
+    )
+    found = reconsidered(grown, 1, _silent).named
+    assert found == ((grown.named[1], stop) if wins else grown.named)
