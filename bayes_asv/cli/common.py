@@ -125,6 +125,7 @@ def progress_bar() -> Iterator[Callable[[float, str], None] | None]:
         task = bar.add_task("reading", total=1.0)
 
         def tell(share: float, words: str) -> None:
-            bar.update(task, completed=share, description=words)
+            # what is asked again does not undo what was done
+            bar.update(task, completed=max(share, bar.tasks[0].completed), description=words)
 
         yield tell

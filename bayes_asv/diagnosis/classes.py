@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from bayes_asv.diagnosis.naming import Option
 from bayes_asv.inference.freerun import free_run
-from bayes_asv.inference.stage import Setting, Stage, carried, fitted
+from bayes_asv.inference.stage import Setting, Stage, fitted
 
 __all__ = ["APART", "distance", "same_class"]
 
@@ -35,8 +35,7 @@ def distance(where: Setting, one: Stage, other: Stage) -> float:
     reached = []
     for stage in (one, other):
         target = quiet.target(stage.sites, hold=True)
-        start = carried(stage.space, stage.mode.z, target.space, None, {})
-        reached.append(fitted(target, start).mode)
+        reached.append(fitted(target, stage.carried_to(target.space)).mode)
     # The first is at home in these data; its own misfit is that of the start alone.
     return max(2.0 * (reached[0].log_posterior - reached[1].log_posterior), 0.0)
 

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import sosfilt, sosfreqz
+from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
 
 from bayes_asv.diagnosis.humming import humming
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.stage import Setting, Stage, base, setting
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched
+from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched, passing
 from bayes_asv.kernels.innovations import VALUE
 
 __all__ = ["Engine", "without_engine"]
@@ -133,8 +133,6 @@ def _joined(runs: Iterable[tuple[Notch, ...]]) -> tuple[Notch, ...]:
 
 def _amplitude(where: Setting, stage: Stage, tone: Notch) -> float:
     """Amplitude of the force at the chassis in the band of a tone, N."""
-    from scipy.signal import butter, sosfiltfilt
-
     power, n = 0.0, 0
     mass = float(stage.space.cars(stage.mode.z[None])[0][3])
     wdf = float(stage.space.cars(stage.mode.z[None])[0][5])
@@ -143,10 +141,7 @@ def _amplitude(where: Setting, stage: Stage, tone: Notch) -> float:
         left = np.nan_to_num(
             line.paired(np.where(line.kind == VALUE, line.reading - output, np.nan))
         )
-        rate = 1.0 / line.reading_step
-        edges = [tone.frequency - tone.half_width, tone.frequency + tone.half_width]
-        band = butter(2, np.clip(edges, 0.5, 0.49 * rate), "bandpass", fs=rate, output="sos")
-        inside = sosfiltfilt(band, left, axis=0)
+        inside = sosfiltfilt(passing(tone, 1.0 / line.reading_step), left, axis=0)
         # Heave of the centre of mass: what a net force does, wherever it acts.
         heave = wdf * inside[:, 0] + (1.0 - wdf) * inside[:, 1]
         power += float(np.sum(heave**2))

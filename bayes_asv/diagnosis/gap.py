@@ -15,7 +15,7 @@ from scipy.stats import norm, t
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.scoring import slopes
-from bayes_asv.inference.stage import Setting, Stage, carried, foretold_at
+from bayes_asv.inference.stage import Setting, Stage, foretold_at
 from bayes_asv.kernels.innovations import VALUE
 from bayes_asv.kernels.noise_path import NORMALS, noise_path
 from bayes_asv.model.effects import Site
@@ -93,7 +93,7 @@ def _frozen(where: Setting, stage: Stage) -> tuple[Target, Array]:
     """Carry a stage's car and effects to recordings; what acted in one run only stays behind."""
     sites: tuple[Site, ...] = tuple(s for s in stage.sites if s.run is None)
     target = where.target(sites)
-    z = carried(stage.space, stage.mode.z, target.space, None, {})
+    z = stage.carried_to(target.space)
     if any(s.effect.acts == "reading" for s in sites):  # what a sensor does follows from its signal
         target = foretold_at(where, target, z).target(sites)
     return target, _own_noise(target, z)

@@ -8,10 +8,10 @@ from functools import partial
 
 from bayes_asv.diagnosis.answer import Told, told_by
 from bayes_asv.diagnosis.classes import same_class
-from bayes_asv.diagnosis.model import Model, asked, evidence, without
+from bayes_asv.diagnosis.model import Model, asked, weighed, without
 from bayes_asv.diagnosis.naming import divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
-from bayes_asv.model.effects import Site
+from bayes_asv.inference.stage import refitted
 
 __all__ = ["LEVEL", "Grown", "begun", "grow", "reconsidered"]
 
@@ -75,8 +75,7 @@ def grow(
         if not options:
             break
         options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
-        sites = len({str(c.site) for c in model.found.candidates})
-        nothing, share = probabilities(model.allowed.log_evidence, options, sites)
+        nothing, share = probabilities(model.allowed.log_evidence, options, model.found.sites)
         none = nothing if not named else none
         told = [
             *told_by(model.stage, model.allowed, nothing),
@@ -122,15 +121,12 @@ def reconsidered(
     model, kept = without(grown.model, list(grown.named), pushes, seed)
     begin = Grown(model, tuple(kept), told_by(model.stage, model.allowed), grown.none)
     other = grow(begin, seed, tell, failed)
-    if {_key(n.site) for n in other.named} == {_key(n.site) for n in grown.named}:
+    if {n.site.key for n in other.named} == {n.site.key for n in grown.named}:
         return grown
     # evidence is comparable on the same quiet recordings alone
-    old = evidence(other.model, grown.model.stage)
-    return other if other.model.allowed.log_evidence > old else grown
-
-
-def _key(site: Site) -> tuple[str, int | None]:
-    return str(site), site.run
+    quiet, old = other.model.quiet, grown.model.stage
+    behind = weighed(quiet, refitted(quiet, old, old.sites)).log_evidence
+    return other if other.model.allowed.log_evidence > behind else grown
 
 
 def _trying(tell: Callable[[float, str], None], share: float, words: str) -> None:

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import butter, sosfilt, sosfiltfilt, sosfreqz, welch
+from scipy.signal import sosfilt, sosfiltfilt, sosfreqz, welch
 from scipy.stats import f, gamma
 
-from bayes_asv.inference.tones import Notch, notch_filter, notch_of
+from bayes_asv.inference.tones import Notch, notch_filter, notch_of, passing
 
 __all__ = ["humming"]
 
@@ -65,8 +65,7 @@ def humming(runs: Sequence[Array], rate: float, slowest: float, alarm: float) ->
 
 def _lasts(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
     """Whether a tone is more than one loud moment of each run."""
-    edges = np.array([tone.frequency - tone.half_width, tone.frequency + tone.half_width])
-    band = butter(2, np.clip(edges, 0.5, 0.49 * rate), "bandpass", fs=rate, output="sos")
+    band = passing(tone, rate)
     passed = float(np.mean(np.abs(sosfreqz(band, 2048)[1]) ** 4))  # forwards and backwards
     length = max(1, round(_MOMENT * rate))
     whole, loudest = 0.0, 0.0

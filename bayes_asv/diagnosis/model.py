@@ -11,10 +11,10 @@ from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.tolerance import Allowed, allowed
 from bayes_asv.inference.candidates import candidates
-from bayes_asv.inference.stage import Setting, Stage, base, carried, fitted, foretold
+from bayes_asv.inference.stage import Setting, Stage, base, foretold, refitted
 from bayes_asv.model.effects import Site
 
-__all__ = ["Model", "again", "asked", "evidence", "fewer", "pruned", "without"]
+__all__ = ["Model", "again", "asked", "fewer", "pruned", "together", "weighed", "without"]
 
 _NEEDLESS = 2.0  # nats below which a named effect is taken out again
 
@@ -53,31 +53,53 @@ class Model:
 
 
 def again(stage: Stage, where: Setting) -> Stage:
-    """Fit the model of a stage to other recordings of the same drives."""
-    target = where.target(stage.sites)
-    start = carried(stage.space, stage.mode.z, target.space, None, {})
-    where = foretold(where, fitted(target, start))
-    target = where.target(stage.sites)
-    return fitted(target, start)
+    """Fit the model of a stage to other recordings of its car."""
+    where = foretold(where, refitted(where, stage, stage.sites))
+    return refitted(where, stage, stage.sites)
 
 
 def asked(where: Setting, stage: Stage, seed: int) -> Model:
     """Ask a stage about everything that may be missing."""
-    where, read = _as_read(where, stage)
-    quiet, stage = on_quiet_wheels(where, read)
+    where, quiet, stage = _quiet(where, stage)
     asked_for = signatures(clear(quiet, stage), candidates(stage, where.vehicle))
     found = with_pushes(asked_for)
     p = family_p(asked_for, seed)
     return Model(where, quiet, stage, found, allowed(stage, found), p)
 
 
-def _as_read(where: Setting, stage: Stage) -> tuple[Setting, Stage]:
-    """Carry a stage to recordings as they are, with patterns that stand on what it foretells."""
+def together(model: Model, held: Setting | None) -> tuple[Setting, Stage, Allowed]:
+    """Fit a model to its own recordings and to those that were held out.
+
+    Parameters
+    ----------
+    model : Model
+        With everything named.
+    held : Setting or None
+        What was held out; without it nothing changes.
+
+    Returns
+    -------
+    Setting, Stage, Allowed
+        All recordings with quiet wheels, the model there, and a little of everything with it.
+    """
+    own = model.where
+    if held is None:
+        return model.quiet, model.stage, model.allowed
+    where = replace(own, lines=(*own.lines, *held.lines), patterns=(*own.patterns, *held.patterns))
+    _, quiet, stage = _quiet(where, again(model.stage, where))
+    return quiet, stage, weighed(quiet, stage)
+
+
+def _quiet(where: Setting, stage: Stage) -> tuple[Setting, Setting, Stage]:
+    """Give recordings as they are and with quiet wheels, and a stage at its mode on those.
+
+    Patterns stand on what it foretells.
+    """
     rounds = 2 if any(site.effect.acts == "reading" for site in stage.sites) else 1
     for _ in range(rounds):
         stage = replace(stage, target=where.target(stage.sites))
         where = foretold(where, stage)
-    return where, replace(stage, target=where.target(stage.sites))
+    return where, *on_quiet_wheels(where, replace(stage, target=where.target(stage.sites)))
 
 
 def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Named]]:
@@ -93,26 +115,19 @@ def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Nam
 
 def _evidence_without(model: Model, one: Named) -> float:
     """Log evidence of the model less one effect, on the very recordings of the model."""
-    return _weighed(model, fewer(model, tuple(s for s in model.stage.sites if s != one.site)))
+    less = fewer(model, tuple(s for s in model.stage.sites if s != one.site))
+    return weighed(model.quiet, less).log_evidence
 
 
-def evidence(model: Model, stage: Stage) -> float:
-    """Log evidence of another stage, a little of everything in it, on a model's quiet wheels."""
-    target = model.quiet.target(stage.sites)
-    start = carried(stage.space, stage.mode.z, target.space, None, {})
-    return _weighed(model, fitted(target, start))
-
-
-def _weighed(model: Model, stage: Stage) -> float:
-    little = [c for c in candidates(stage, model.where.vehicle) if c.tolerance]
-    return allowed(stage, signatures(clear(model.quiet, stage), little)).log_evidence
+def weighed(quiet: Setting, stage: Stage) -> Allowed:
+    """Weigh a stage with a little of everything that it does not name, on quiet wheels."""
+    little = [c for c in candidates(stage, quiet.vehicle) if c.tolerance]
+    return allowed(stage, signatures(clear(quiet, stage), little))
 
 
 def fewer(model: Model, sites: tuple[Site, ...]) -> Stage:
     """Fit some of a model's effects to its recordings with quiet wheels."""
-    target = model.quiet.target(sites)
-    start = carried(model.stage.space, model.stage.mode.z, target.space, None, {})
-    return fitted(target, start)
+    return refitted(model.quiet, model.stage, sites)
 
 
 def without(

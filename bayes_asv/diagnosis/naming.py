@@ -21,7 +21,7 @@ from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.tolerance import Allowed, allowed, with_tolerances
 from bayes_asv.inference.adding import added
 from bayes_asv.inference.candidates import Candidate
-from bayes_asv.inference.stage import Setting, Stage, carried, fitted
+from bayes_asv.inference.stage import Setting, Stage, fitted
 from bayes_asv.model.effects import AXLES, BOTH, Site
 
 __all__ = ["NONE", "Lead", "Option", "divided", "leading", "probabilities", "weigh"]
@@ -32,6 +32,7 @@ NONE = 0.3
 """Probability beforehand that nothing is missing."""
 
 _ASKED = 4  # sites that each way of ranking sends on
+_STARTS = 4  # sets of values of a site from which no further one is taken
 _FAR = 60.0  # nats behind the best from which a fit need not be finished
 _NEAR = 5.0  # nats behind the best from which a rough weight is enough
 _CHOSEN = 15.0  # squared score that the best of all pushes has where there is none
@@ -80,15 +81,15 @@ def leading(found: Signatures, failed: Collection[str] = ()) -> list[Lead]:
     """
     pull, own = with_tolerances(found)
     granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
-    chosen: dict[str, Lead] = {}
+    chosen: dict[tuple[str, int | None], Lead] = {}
     gain = 0.5 * one_sided(found.score, found)
     pushed = np.array([c.site.effect.name == "external_force" for c in found.candidates])
     for score in (found.score, granted):
         value = one_sided(score, found) - _CHOSEN * pushed
-        taken: list[str] = []
+        taken: list[tuple[str, int | None]] = []
         for k in np.argsort(-value):
             candidate = found.candidates[k]
-            key = f"{candidate.site} {candidate.site.run}"
+            key = candidate.site.key
             if value[k] < 1.0 or (key not in taken and len(taken) == _ASKED):
                 continue
             if str(candidate.site) in failed:
@@ -96,10 +97,10 @@ def leading(found: Signatures, failed: Collection[str] = ()) -> list[Lead]:
             if key not in taken:
                 taken.append(key)
             lead = chosen.get(key, Lead([], 0.0))
-            own_list = lead.candidates
-            if len(own_list) < 4 and candidate not in own_list:
-                own_list = [*own_list, candidate, *_as_large_as_asked(candidate, found, k)]
-            chosen[key] = Lead(own_list, max(lead.promised, float(gain[k])))
+            starts = lead.candidates
+            if len(starts) < _STARTS and candidate not in starts:
+                starts = [*starts, candidate, *_as_large_as_asked(candidate, found, k)]
+            chosen[key] = Lead(starts, max(lead.promised, float(gain[k])))
     return list(chosen.values())
 
 
@@ -176,7 +177,7 @@ def divided(where: Setting, option: Option, found: Signatures, gain: float) -> O
     own = tuple(replace(option.site, where=axle) for axle in AXLES)
     sites = (*(s for s in old.sites if s != option.site), *own)
     target = where.target(sites)
-    start = carried(old.space, old.mode.z, target.space, None, {})
+    start = old.carried_to(target.space)
     for site in own:
         for p in site.effect.parameters:
             z = old.mode.z[old.space.names.index(option.site.coordinate_name(p))]

@@ -2,83 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from bayes_asv.diagnosis.answer import told_by
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.gap import Gap, before_and_after
-from bayes_asv.diagnosis.growing import Grown, grow, reconsidered
-from bayes_asv.diagnosis.model import Model, fewer, pruned, without
+from bayes_asv.diagnosis.model import Model, fewer
 from bayes_asv.diagnosis.results import Named
-from bayes_asv.diagnosis.slack import unexplained
 from bayes_asv.inference.stage import Setting, Stage
 
-__all__ = ["Proved", "failed", "proof", "proved"]
-
-_TRIES = 2  # growths after which no other name is sought for one that failed
+__all__ = ["failed", "proof"]
 
 _NOISE = 1.03  # times the floor: a gap that a floor estimated from so many readings may have
-
-
-@dataclass(frozen=True)
-class Proved:
-    """What stood the proof.
-
-    Parameters
-    ----------
-    grown : Grown
-        What was named and did not fail, with its gaps.
-    gaps : dict of str to Gap
-        Of all of it.
-    failed : tuple of str
-        Sites that were named and made things worse on what was held out.
-    """
-
-    grown: Grown
-    gaps: dict[str, Gap]
-    failed: tuple[str, ...] = ()
-
-
-def proved(
-    grown: Grown,
-    first: tuple[Setting, Setting | None, Stage],
-    cut: tuple[Setting, Setting | None, Stage],
-    engine: Engine | None,
-    seed: int,
-    tell: Callable[[float, str], None],
-) -> Proved:
-    """Take out what is needless or fails, and grow again without it.
-
-    Parameters
-    ----------
-    grown : Grown
-        What was named.
-    first, cut, engine, seed
-        As :func:`proof` takes them.
-    tell : callable
-        Told the share that is done, and what is going on.
-    """
-    out: tuple[str, ...] = ()
-    for attempt in range(_TRIES):
-        if attempt:
-            grown = grow(grown, seed, tell, out)
-        grown = reconsidered(grown, seed, tell, out)
-        count, before = len(grown.named), len(out)
-        model, named = pruned(grown.model, list(grown.named), seed)
-        tell(0.85, "proving it on what was held out")
-        gaps, named = proof(first, cut, model, named, engine, seed)
-        nameless = False
-        while worse := failed(cut[1], model, named, gaps.get("holdout"), seed):
-            out += tuple(str(n.site) for n in worse)
-            nameless = nameless or unexplained(model.quiet, model.allowed, seed).found
-            model, named = without(model, named, worse, seed)
-            gaps, named = proof(first, cut, model, named, engine, seed)
-        told = grown.told if len(named) == count else told_by(model.stage, model.allowed)
-        grown = replace(grown, model=model, named=tuple(named), told=told)
-        if nameless or len(out) == before:  # another name would stand in for the same thing
-            break
-    return Proved(grown, gaps, out)
 
 
 def failed(

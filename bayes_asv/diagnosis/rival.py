@@ -18,7 +18,7 @@ from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.signatures import SILENT
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Climbed, slopes
-from bayes_asv.inference.stage import Setting, Stage, carried
+from bayes_asv.inference.stage import Setting, Stage
 
 __all__ = ["AS_WELL", "rival"]
 
@@ -44,24 +44,17 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
         How many were named, and out of how many.
     """
     target = where.target(())
-    z = carried(stage.space, stage.mode.z, target.space, None, {})
+    z = stage.carried_to(target.space)
     with shared_work(target) as shared:
         here = slopes(shared, z)
     quiet = clear(where, Stage((), target, Climbed(z, here, True)))
     rows, words = decoy_rows(quiet)
     # Least squares of the innovations on the car's coordinates, then on each decoy as well; how
     # much noise there is was settled with everything named.
-    car = target.space.lasting_dimension
-    known = imitation(
-        replace(
-            quiet.slopes,
-            means=quiet.slopes.means[:car],
-            scales=0.0 * here.scales[:car],
-            given_back=np.zeros(car),
-        ),
-        z[:car],
-        rows[:0],
-    )
+    car = slice(target.space.lasting_dimension)
+    along = quiet.slopes.only(car)
+    along = replace(along, scales=0.0 * along.scales, given_back=0.0 * z[car])
+    known = imitation(along, z[car], rows[:0])
     pull, gram = known.beyond(rows)
     seen = np.diag(gram)
     gain = np.where(seen > SILENT * np.sum(rows**2, axis=1), pull**2 / np.maximum(seen, 1e-30), 0.0)

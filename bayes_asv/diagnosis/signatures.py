@@ -60,6 +60,11 @@ class Signatures:
     feigned: Array
 
     @property
+    def sites(self) -> int:
+        """How many places of effects there are, the same one in several runs counted once."""
+        return len({str(c.site) for c in self.candidates})
+
+    @property
     def score(self) -> Array:
         """Scores (K,), each standard normal when nothing is missing; 0 where data are silent."""
         own = np.diag(self.gram)

@@ -24,12 +24,11 @@ from bayes_asv.diagnosis.answer import draws, effect_draws
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.growing import LEVEL, begun, grow
-from bayes_asv.diagnosis.model import again, asked
-from bayes_asv.diagnosis.proof import proved
+from bayes_asv.diagnosis.model import again, asked, together
+from bayes_asv.diagnosis.proved import proved
 from bayes_asv.diagnosis.results import Diagnosis, Named
 from bayes_asv.diagnosis.rival import AS_WELL, rival
 from bayes_asv.diagnosis.slack import unexplained
-from bayes_asv.diagnosis.together import together
 from bayes_asv.diagnosis.twins import with_twins
 from bayes_asv.diagnosis.where import disagreement
 from bayes_asv.inference.bestfit import lay_out
@@ -112,11 +111,10 @@ def diagnose(
     proven = proved(grown, *settings, engine, seed, tell)
     grown, model, named = proven.grown, proven.grown.model, proven.grown.named
     tell(0.9, "asking what has no name")
-    whole = together(model, held_where)
-    left = replace(unexplained(whole.quiet, whole.allowed, seed), failed=proven.failed)
+    quiet, stage, granted = together(model, held_where)
+    left = replace(unexplained(quiet, granted, seed), failed=proven.failed)
     if named and not left.present:
-        sites = len({str(c.site) for c in first.found.candidates})
-        better, words = rival(whole.quiet, whole.stage, len(named), sites)
+        better, words = rival(quiet, stage, len(named), first.found.sites)
         left = replace(left, rival=better, like=words if better > AS_WELL else left.like)
     tell(0.95, "asking what else it may have been")
     named = with_twins(model, named)

@@ -27,7 +27,7 @@ from bayes_asv.inference.preflight import (
     preflight,
     swollen_noise,
 )
-from bayes_asv.inference.stage import carried, setting
+from bayes_asv.inference.stage import setting
 from bayes_asv.inference.timeline import Timeline, build
 from bayes_asv.inference.tones import find_tones, main_tones, notched
 from bayes_asv.model.effects import Site
@@ -191,7 +191,7 @@ def _with_sites(
     where, stage = with_effects(setting(vehicle, lines), sites)
     whole = space(vehicle, lines, sites=stage.sites)
     target = Target(whole, (WHITE,) * len(lines), patterns=where.patterns)
-    start = carried(stage.space, stage.mode.z, whole, None, {})
+    start = stage.carried_to(whole)
     start[whole.lasting_dimension :] = 0.0
     with shared_work(target) as shared:
         return find_mode(shared, start), target

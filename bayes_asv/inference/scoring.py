@@ -9,7 +9,7 @@ A coordinate costs one pass, not one a pair, and a poor start cannot turn the cu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,15 @@ class Slopes:
     scales: Array
     log_posterior: float
     given_back: Array
+
+    def only(self, kept: NDArray[np.bool_] | slice) -> Slopes:
+        """Return the slopes along some of the coordinates."""
+        return replace(
+            self,
+            means=self.means[kept],
+            scales=self.scales[kept],
+            given_back=self.given_back[kept],
+        )
 
     def gradient(self, z: Array) -> Array:
         """Slope (D,) of the log-posterior."""

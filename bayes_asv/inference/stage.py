@@ -21,7 +21,10 @@ from bayes_asv.inference.zeros import levelled
 from bayes_asv.model.effects import Site
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Setting", "Stage", "base", "carried", "fitted", "foretold", "foretold_at", "setting"]
+__all__ = [
+    "Setting", "Stage", "base", "carried", "fitted", "foretold", "foretold_at", "refitted",
+    "setting",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -118,6 +121,10 @@ class Stage:
         """Coordinates and priors."""
         return self.target.space
 
+    def carried_to(self, new: Space) -> Array:
+        """Coordinates of the mode in a larger or smaller model, everything in common kept."""
+        return carried(self.space, self.mode.z, new, None, {})
+
 
 def carried(
     old: Space, z: Array, new: Space, site: Site | None, values: Mapping[str, float]
@@ -149,6 +156,12 @@ def fitted(target: Target, start: Array, floor: float = -math.inf) -> Stage:
     with shared_work(target) as shared:
         mode = climb(shared, start, floor)
     return Stage(target.space.sites, replace(target, pool=None), mode)
+
+
+def refitted(where: Setting, stage: Stage, sites: tuple[Site, ...]) -> Stage:
+    """Fit a model with some effects to recordings, from where a stage has its mode."""
+    target = where.target(sites)
+    return fitted(target, stage.carried_to(target.space))
 
 
 def base(where: Setting) -> Stage:

@@ -25,7 +25,7 @@ from bayes_asv.inference.wheels import WheelSignal, between_samples
 from bayes_asv.model.halfcar import HalfCar
 from bayes_asv.vehicle import Vehicle
 
-__all__ = ["Notch", "find_tones", "main_tones", "notch_filter", "notch_of", "notched"]
+__all__ = ["Notch", "find_tones", "main_tones", "notch_filter", "notch_of", "notched", "passing"]
 
 Array = NDArray[np.float64]
 
@@ -76,6 +76,15 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
         poles = np.array([1.0, -2.0 * radius * math.cos(angle), radius**2])
         out[k] = [*(zeros * poles.sum() / zeros.sum()), *poles]
     return out
+
+
+def passing(notch: Notch, rate: float) -> Array:
+    """Second-order sections (T, 6) that pass the band of a notch, at ``rate`` samples a second."""
+    from scipy.signal import butter
+
+    edges = np.array([notch.frequency - notch.half_width, notch.frequency + notch.half_width])
+    band = butter(2, np.clip(edges, 0.5, 0.49 * rate), "bandpass", fs=rate, output="sos")
+    return np.asarray(band, np.float64)
 
 
 def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ...]:

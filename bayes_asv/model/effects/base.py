@@ -175,6 +175,11 @@ class Site:
         return f"{self.effect.name}@{self.where}" if self.where else self.effect.name
 
     @property
+    def key(self) -> tuple[str, int | None]:
+        """What tells it from every other site."""
+        return str(self), self.run
+
+    @property
     def axles(self) -> tuple[str, ...]:
         """Axles at which it acts; none for a sensor or the car."""
         return AXLES if self.where == BOTH else tuple(a for a in AXLES if a == self.where)

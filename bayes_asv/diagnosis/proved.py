@@ -1,0 +1,85 @@
+"""What stands the proof, and another name for what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from bayes_asv.diagnosis.answer import told_by
+from bayes_asv.diagnosis.engine import Engine
+from bayes_asv.diagnosis.gap import Gap
+from bayes_asv.diagnosis.growing import Grown, grow, reconsidered
+from bayes_asv.diagnosis.model import pruned, without
+from bayes_asv.diagnosis.proof import failed, proof
+from bayes_asv.diagnosis.slack import unexplained
+from bayes_asv.inference.stage import Setting, Stage
+
+__all__ = ["Proved", "proved"]
+
+
+@dataclass(frozen=True)
+class Proved:
+    """What stood the proof.
+
+    Parameters
+    ----------
+    grown : Grown
+        What was named and did not fail, with its gaps.
+    gaps : dict of str to Gap
+        Of all of it.
+    failed : tuple of str
+        Sites that were named and made things worse on what was held out.
+    nameless : bool
+        Something without a name was found beside them.
+    """
+
+    grown: Grown
+    gaps: dict[str, Gap]
+    failed: tuple[str, ...] = ()
+    nameless: bool = False
+
+
+def proved(
+    grown: Grown,
+    first: tuple[Setting, Setting | None, Stage],
+    cut: tuple[Setting, Setting | None, Stage],
+    engine: Engine | None,
+    seed: int,
+    tell: Callable[[float, str], None],
+) -> Proved:
+    """Take out what is needless or fails; where something failed, seek another name once.
+
+    What failed stood in for something.  Where slack or decoys have found that beside it, it has no
+    name, and another would only stand in for it again.
+
+    Parameters
+    ----------
+    grown : Grown
+        What was named.
+    first, cut, engine, seed
+        As :func:`bayes_asv.diagnosis.proof.proof` takes them.
+    tell : callable
+        Told the share that is done, and what is going on.
+    """
+
+    def tried(grown: Grown, out: tuple[str, ...] = ()) -> Proved:
+        grown = reconsidered(grown, seed, tell, out)
+        model, named = pruned(grown.model, list(grown.named), seed)
+        tell(0.85, "proving it on what was held out")
+        gaps, named = proof(first, cut, model, named, engine, seed)
+        nameless = False
+        while worse := failed(cut[1], model, named, gaps.get("holdout"), seed):
+            out += tuple(str(n.site) for n in worse)
+            nameless = nameless or unexplained(model.quiet, model.allowed, seed).found
+            model, named = without(model, named, worse, seed)
+            gaps, named = proof(first, cut, model, named, engine, seed)
+        same = len(named) == len(grown.named)
+        told = grown.told if same else told_by(model.stage, model.allowed)
+        return Proved(
+            replace(grown, model=model, named=tuple(named), told=told), gaps, out, nameless
+        )
+
+    found = tried(grown)
+    if not found.failed or found.nameless:
+        return found
+    return tried(grow(found.grown, seed, tell, found.failed), found.failed)
