@@ -9,7 +9,7 @@ from functools import partial
 from bayes_asv.diagnosis.answer import Told, told_by
 from bayes_asv.diagnosis.classes import same_class
 from bayes_asv.diagnosis.model import Model, asked, weighed, without
-from bayes_asv.diagnosis.naming import divided, probabilities, weigh
+from bayes_asv.diagnosis.naming import as_it_is, divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.inference.stage import refitted
 
@@ -74,18 +74,19 @@ def grow(
         options = weigh(model.quiet, model.stage, model.found, trying, failed)
         if not options:
             break
+        as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
         options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
-        nothing, share = probabilities(model.allowed.log_evidence, options, model.found.sites)
+        nothing, share = probabilities(as_is, options, model.found.sites)
         none = nothing if not named else none
         told = [
-            *told_by(model.stage, model.allowed, nothing),
+            *told_by(stage, granted, nothing),
             *(
                 one
                 for option, part in zip(options, share, strict=True)
                 for one in told_by(option.stage, option.allowed, part)
             ),
         ]
-        gain = best.allowed.log_evidence - model.allowed.log_evidence
+        gain = best.allowed.log_evidence - as_is
         if gain < (_GAIN if named else 0.0):
             break
         tell(share_done + 0.15, "asking what cannot be told apart")

@@ -18,13 +18,14 @@ from scipy.special import logsumexp
 from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.signatures import Signatures, signatures
+from bayes_asv.diagnosis.slight import as_slight
 from bayes_asv.diagnosis.tolerance import Allowed, allowed, with_tolerances
 from bayes_asv.inference.adding import added
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.stage import Setting, Stage, fitted
 from bayes_asv.model.effects import AXLES, BOTH, Site
 
-__all__ = ["NONE", "Lead", "Option", "divided", "leading", "probabilities", "weigh"]
+__all__ = ["NONE", "Lead", "Option", "as_it_is", "divided", "leading", "probabilities", "weigh"]
 
 Array = NDArray[np.float64]
 
@@ -152,6 +153,32 @@ def weigh(
             options.append(Option(site, stage_with, granted))
             little.append(others)
     return _closely(options, little)
+
+
+def as_it_is(
+    model: tuple[Stage, Allowed], options: list[Option], found: Signatures
+) -> tuple[float, Stage, Allowed]:
+    """Log evidence of a model without any of its options, and the fit that tells it best.
+
+    Parameters
+    ----------
+    model : Stage, Allowed
+        With a little of everything to first order.
+    options : list of Option
+        From :func:`weigh`.
+    found : Signatures
+        Of all candidates there.
+    """
+    best = options[0].allowed.log_evidence
+    return max(
+        (model[1].log_evidence, *model),
+        *(
+            (as_slight(o.site, o.stage, o.allowed, found.candidates), o.stage, o.allowed)
+            for o in options
+            if o.allowed.log_evidence > best - _NEAR  # others were weighed roughly
+        ),
+        key=lambda told: told[0],
+    )
 
 
 def _closely(options: list[Option], little: list[Signatures]) -> list[Option]:

@@ -26,7 +26,7 @@ from bayes_asv.inference.likelihood import Nudge, Target
 from bayes_asv.inference.scoring import Slopes, climb
 from bayes_asv.inference.stage import Stage
 
-__all__ = ["AMOUNTS", "Allowed", "Granted", "allowed", "granted", "with_tolerances"]
+__all__ = ["AMOUNTS", "MOST", "Allowed", "Granted", "allowed", "granted", "with_tolerances"]
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,10 @@ single fault that is small itself pass for a little of everything, and twice as 
 plain: a zero that drifts by 6.6 tolerances, a score of 13, was none.
 """
 
+MOST = 3.0
+"""Tolerances beyond which nothing is a little: what stands further out has a name."""
+
 _BELIEVED = np.log([0.7, 0.15, 0.15])
-_MOST = 3.0  # tolerances beyond which nothing is a little: what stands further out has a name
 _ROUNDS = 2
 _WORTH = 3.0  # nats that a little of everything has to bring for the mode to be found again
 
@@ -50,8 +52,8 @@ class Allowed:
 
     Parameters
     ----------
-    log_evidence : float
-        Of the model, averaged over the amounts.
+    by_amount : (3,) array
+        Log evidence of the model with each amount, what is believed of the amount in it.
     amount : float
         The most probable one.
     shift : (D,) array
@@ -66,13 +68,18 @@ class Allowed:
         Where the tolerances are in that stage's innovations.
     """
 
-    log_evidence: float
+    by_amount: Array
     amount: float
     shift: Array
     covariance: Array
     stage: Stage
     rows: Array
     at: Array
+
+    @property
+    def log_evidence(self) -> float:
+        """Of the model, averaged over the amounts."""
+        return float(logsumexp(self.by_amount))
 
 
 @dataclass(frozen=True)
@@ -127,11 +134,12 @@ def allowed(stage: Stage, found: Signatures, *, rough: bool = False) -> Allowed:
     if not (math.isfinite(alone) and np.all(np.isfinite(found.gram))):  # a fit that ran away
         nothing = np.zeros((0, len(stage.mode.slopes.nu)))
         none = np.zeros(len(stage.mode.z))
-        return Allowed(-math.inf, 0.0, none, np.eye(len(none)), stage, nothing, nothing[:, 0])
+        never = np.full(len(AMOUNTS), -math.inf)
+        return Allowed(never, 0.0, none, np.eye(len(none)), stage, nothing, nothing[:, 0])
     keep = np.array([c.tolerance for c in found.candidates], bool)
     rows = found.rows[keep]
-    high = np.full(len(rows), _MOST)
-    low = np.where([c.signed for c in found.candidates if c.tolerance], 0.0, -_MOST)
+    high = np.full(len(rows), MOST)
+    low = np.where([c.signed for c in found.candidates if c.tolerance], 0.0, -MOST)
     pull, gram = found.pull[keep], found.gram[np.ix_(keep, keep)]
     there = [bounded(a * pull, a * a * gram, low, high) for a in AMOUNTS]
     gains = np.array([one.gain for one in there])
@@ -149,7 +157,7 @@ def allowed(stage: Stage, found: Signatures, *, rough: bool = False) -> Allowed:
             gains = gains * (place.log_evidence - alone) / gains[best]
     gap = place.of_mode()
     return Allowed(
-        alone + float(logsumexp(gains + _BELIEVED)),
+        alone + gains + _BELIEVED,
         amount,
         place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at),
         place.stage.mode.covariance + gap @ place.found.covariance @ gap.T,

@@ -138,7 +138,7 @@ def test_a_push_gives_way_to_what_it_stood_in_for(
     monkeypatch.setattr(growing, "grow", grow)
     monkeypatch.setattr(growing, "without", lambda model, named, failed, seed: (model, [named[1]]))
     monkeypatch.setattr(growing, "told_by", lambda stage, allowed: [])
-    level = replace(grown.model.allowed, log_evidence=grown.model.allowed.log_evidence - behind)
+    level = replace(grown.model.allowed, by_amount=grown.model.allowed.by_amount - behind)
     monkeypatch.setattr(growing, "weighed", lambda quiet, stage: level)
     monkeypatch.setattr(growing, "refitted", lambda quiet, stage, sites: stage)
     found = reconsidered(grown, 1, _silent).named

@@ -118,6 +118,9 @@ class Effect:
     slight : mapping or None
         Values of the parameters (times their ``per``) that are one deviation of what every car
         may have; None when nobody has a little of it.
+    power : float
+        Of the first parameter with which the law grows, where that is neither an amount nor a
+        factor: −2 for the speed at which a damper begins to bend.
     code : int
         Branch of :func:`bayes_asv.kernels.forces.excess`; −1 for other effects.
     packed : callable or None
@@ -139,6 +142,7 @@ class Effect:
     sites: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     slight: Mapping[str, float] | None = None
+    power: float = 1.0
     code: int = -1
     packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     force: Callable[..., Array] | None = None
@@ -150,6 +154,20 @@ class Effect:
         """Values at one tolerance, for one car."""
         assert self.slight is not None
         return {p.name: self.slight[p.name] * p.size(scale) for p in self.parameters}
+
+    def tolerances(self, value: Array, little: float) -> Array:
+        """Say how many times a little of it is there at values of the first parameter.
+
+        Parameters
+        ----------
+        value : array
+            SI units.
+        little : float
+            The value that is one tolerance.
+        """
+        if self.parameters[0].form == "log" and self.power == 1.0:
+            return np.asarray(np.log(value) / math.log(little))
+        return np.asarray((value / little) ** self.power)
 
 
 @dataclass(frozen=True)

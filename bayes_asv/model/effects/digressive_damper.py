@@ -38,6 +38,7 @@ EFFECT = Effect(
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),
     ),
     slight={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
+    power=-2.0,
     code=DIGRESSIVE,
     packed=_packed,
     force=_force,
