@@ -61,15 +61,19 @@ class Candidate:
     edge: bool = False
 
 
-def _travels(stage: Stage) -> Array:
-    """Largest compression and extension (2, 2) of front and rear over all runs, m, positive."""
-    far = np.zeros((2, 2))
+def _used(stage: Stage) -> Array:
+    """Largest compression, extension (m) and speed (m/s) of front and rear over all runs, (2, 3).
+
+    All positive.
+    """
+    used = np.zeros((2, 3))
     for run in range(len(stage.space.timelines)):
         _, states, _ = free_run(stage.target, stage.mode.z, run)
         for axle in range(2):
-            far[axle, 0] = max(far[axle, 0], -float(states[:, 2 * axle].min()))
-            far[axle, 1] = max(far[axle, 1], float(states[:, 2 * axle].max()))
-    return far
+            travel, speed = states[:, 2 * axle], states[:, 2 * axle + 1]
+            reached = -travel.min(), travel.max(), np.abs(speed).max()
+            used[axle] = np.maximum(used[axle], reached)
+    return used
 
 
 def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
@@ -83,7 +87,7 @@ def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
         What it says is uncertain is in the model already.
     """
     scale = car_scale(vehicle)
-    far = _travels(stage)
+    used = _used(stage)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
         for where in effect.sites:
@@ -95,9 +99,13 @@ def candidates(stage: Stage, vehicle: Vehicle) -> list[Candidate]:
                 signed = effect.name in ("coulomb_friction", "digressive_damper")
                 # on both axles a tolerance is that of one and of the other
                 tolerance = where != BOTH
-                out.append(Candidate(site, effect.slightly(scale), tolerance, signed))
+                values = effect.slightly(scale)
+                if effect.straight is not None:
+                    own = used[[AXLES.index(axle) for axle in site.axles]].max(axis=0)
+                    values = effect.straight(values, max(own[0], own[1]), own[2])
+                out.append(Candidate(site, values, tolerance, signed))
             elif effect.name.endswith("stop"):
-                travel = far[0 if where == "front" else 1, 0 if effect.name == "bump_stop" else 1]
+                travel = used[AXLES.index(where), 0 if effect.name == "bump_stop" else 1]
                 out += [
                     Candidate(
                         site,

@@ -118,6 +118,9 @@ class Effect:
     slight : mapping or None
         Values of the parameters (times their ``per``) that are one deviation of what every car
         may have; None when nobody has a little of it.
+    straight : callable or None
+        From the values that are a little of it, the travel (m) and the speed (m/s) that were used:
+        the values of a law that is as straight over those, where they are less than usual.
     power : float
         Of the first parameter with which the law grows, where that is neither an amount nor a
         factor: −2 for the speed at which a damper begins to bend.
@@ -142,6 +145,7 @@ class Effect:
     sites: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     slight: Mapping[str, float] | None = None
+    straight: Callable[[Mapping[str, float], float, float], dict[str, float]] | None = None
     power: float = 1.0
     code: int = -1
     packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None

@@ -28,6 +28,11 @@ def _force(
     return np.asarray(-c * rate * (factor - 1.0))
 
 
+def _straight(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
+    """2 % less at the largest speed."""
+    return {**values, "knee": min(values["knee"], 5.0 * speed)}
+
+
 EFFECT = Effect(
     name="digressive_damper",
     title="a damper whose force flattens out at speed",
@@ -38,6 +43,7 @@ EFFECT = Effect(
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),
     ),
     slight={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
+    straight=_straight,
     power=-2.0,
     code=DIGRESSIVE,
     packed=_packed,

@@ -21,6 +21,11 @@ def _force(
     return -k * delta * (x + values["curl"] * x**2)
 
 
+def _straight(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
+    """1.5 % more at the largest travel."""
+    return {**values, "kappa": max(values["kappa"], 0.015 / travel**2)}
+
+
 EFFECT = Effect(
     name="progressive_spring",
     title="a spring that stiffens with travel",
@@ -32,6 +37,7 @@ EFFECT = Effect(
         Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
     ),
     slight={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm
+    straight=_straight,
     code=PROGRESSIVE,
     packed=_packed,
     force=_force,
