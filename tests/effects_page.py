@@ -275,6 +275,8 @@ def _tolerance(effect: Effect, parameter: Parameter) -> str:
         return f"at {effect.slight[parameter.name]:g}"
     value = effect.slight[parameter.name]
     text = f"{value:g}{_PER[parameter.per]}"
+    if effect.straight is not None:
+        text += ", or as straight over what was used"
     return f"± {value - 1.0:.2g}".rstrip("0") if parameter.form == "log" and value < 2.0 else text
 
 

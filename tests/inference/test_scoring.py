@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bayes_asv.inference.adding import added
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.candidates import candidates
+from bayes_asv.inference.scoring import taught
 from bayes_asv.inference.stage import base, setting
 from tests.battery.cases import case
 
@@ -22,3 +28,21 @@ def test_a_weight_that_is_wrong_is_reached_along_a_bent_ridge() -> None:
     stage = added(where, plain, group)
     assert stage.mode.converged
     assert stage.mode.log_posterior > plain.mode.log_posterior + 15.0
+
+
+@given(seed=st.integers(0, 1000), steeper=st.floats(0.2, 30.0))
+def test_a_change_of_slope_is_believed_along_its_step(seed: int, steeper: float) -> None:
+    """And the curvature stays one: no step that follows can go downhill."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(5, 5))
+    expected = root @ root.T + np.eye(5)
+    true = expected + steeper * np.outer(root[0], root[0])
+    step = rng.normal(size=5)
+    found = taught(expected, step, true @ step)
+    assert found @ step == pytest.approx(true @ step)
+    assert np.linalg.eigvalsh(found)[0] > 0.0
+
+
+def test_a_slope_that_did_not_fall_teaches_nothing() -> None:
+    step = np.array([1.0, 0.0])
+    assert np.array_equal(taught(np.eye(2), step, -0.5 * step), np.eye(2))
