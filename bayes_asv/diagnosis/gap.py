@@ -89,9 +89,9 @@ def closed(before: float, after: float, floor: float) -> float | None:
     return 1.0 - (after**2 - floor**2) / there if there > 0.0 else None
 
 
-def _frozen(where: Setting, stage: Stage) -> tuple[Target, Array]:
-    """Carry a stage's car and effects to recordings; what acted in one run only stays behind."""
-    sites: tuple[Site, ...] = tuple(s for s in stage.sites if s.run is None)
+def _frozen(where: Setting, stage: Stage, own: bool) -> tuple[Target, Array]:
+    """Carry a stage's car and effects to recordings; what acted in one run only stays there."""
+    sites: tuple[Site, ...] = tuple(s for s in stage.sites if own or s.run is None)
     target = where.target(sites)
     z = stage.carried_to(target.space)
     if any(s.effect.acts == "reading" for s in sites):  # what a sensor does follows from its signal
@@ -157,9 +157,26 @@ def grew(before: Left, after: Left, seed: int) -> bool:
 
 
 def before_and_after(
-    where: Setting, base: Stage, final: Stage, seed: int
+    where: Setting, base: Stage, final: Stage, seed: int, *, own: bool = False
 ) -> tuple[Gap, Left, Left]:
-    """Gap of recordings that neither model may have seen, before and after."""
-    one = _left_over(where, *_frozen(where, base), seed)
-    two = _left_over(where, *_frozen(where, final), seed)
+    """Gap of recordings before and after, cars and effects frozen.
+
+    Parameters
+    ----------
+    where : Setting
+        Recordings, which neither model may have seen.
+    base, final : Stage
+        Without and with what was added.
+    seed : int
+        Of the bootstrap.
+    own : bool
+        The recordings are those that the models were fitted to: a push that acts in one acts there.
+
+    Returns
+    -------
+    Gap, Left, Left
+        With what is left before and after.
+    """
+    one = _left_over(where, *_frozen(where, base, own), seed)
+    two = _left_over(where, *_frozen(where, final, own), seed)
     return _gap(one, two, seed), one, two

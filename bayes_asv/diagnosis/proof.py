@@ -81,11 +81,12 @@ def proof(
     for name, where, whole in kinds:
         if where is None or whole is None:
             continue
-        gap, _, _ = before_and_after(where, stages[0], stages[-1], seed)
+        own = name == "fit"
+        gap, _, _ = before_and_after(where, stages[0], stages[-1], seed, own=own)
         if engine is not None:
             raw, _, _ = before_and_after(whole, first[2], first[2], seed)
             gap = replace(gap, before=raw.before, worse=gap.after > raw.before)
         gaps[name] = gap
         for j in range(len(named)):
-            told[j][name], _, _ = before_and_after(where, stages[j], stages[j + 1], seed)
+            told[j][name], _, _ = before_and_after(where, stages[j], stages[j + 1], seed, own=own)
     return gaps, [replace(n, gaps=g) for n, g in zip(named, told, strict=True)]

@@ -105,7 +105,6 @@ def pulses(where: Setting, axle: str) -> list[Candidate]:
     load = car_scale(where.vehicle).load
     out = []
     for run, line in enumerate(where.lines):
-        length = float(line.instants[-1] - line.instants[0])
         site = Site(EFFECTS["external_force"], axle, run)
         out += [
             Candidate(
@@ -119,7 +118,7 @@ def pulses(where: Setting, axle: str) -> list[Candidate]:
                 False,
                 False,
             )
-            for start in np.arange(0.0, length, _PULSE)
+            for start in np.arange(line.elapsed[0], line.elapsed[-1], _PULSE)
         ]
     return out
 

@@ -130,12 +130,12 @@ def _edges(effect: Effect, where: str, stage: Stage, vehicle: Vehicle) -> list[C
     """
     load = car_scale(vehicle).load
     answer = 1.0 / (2.0 * math.pi * nominal_modes(vehicle)[-1].natural)
-    lengths = [float(line.instants[-1] - line.instants[0]) for line in stage.space.timelines]
-    grid = max(min(max(answer, _GRID[0]), _GRID[1]), sum(lengths) / _EDGES)
+    spans = [line.elapsed[[0, -1]] for line in stage.space.timelines]
+    grid = max(min(max(answer, _GRID[0]), _GRID[1]), float(np.sum(np.diff(spans))) / _EDGES)
     out = []
-    for run, length in enumerate(lengths):
+    for run, span in enumerate(spans):
         site = Site(effect, where, run)
-        for begin in np.arange(0.0, length, grid):
+        for begin in np.arange(span[0], span[1], grid):
             values = {"force": _PUSH * load, "start": float(begin), "duration": _FOR_EVER}
             out.append(Candidate(site, {**values, "rise": grid}, False, False, edge=True))
     return out

@@ -168,7 +168,7 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array, declared: Array)
         Simulated chassis readings, of the sensors as they are taken to be and of sensors that
         are as declared, m/s².
     """
-    begin = line.instants[0]
+    begin = line.instants[0] - line.elapsed[0]
     moved, sharper, ramp = [], [], []
     for c, channel in enumerate(CHANNELS):
         axle = c // 2

@@ -133,7 +133,7 @@ def simulated(
     car, table = target.space.measured(z[None], run)[0], rows(target.space.effects(z), run)
     output, states = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 6))
     extended.free_run(
-        car, table, known.pole, line.step, inputs.moments, inputs.wheel, line.instants, begin,
+        car, table, known.pole, line.step, inputs.moments, inputs.wheel, line.elapsed, begin,
         output, states,
     )  # fmt: skip
     return output, states

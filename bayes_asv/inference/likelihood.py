@@ -157,7 +157,7 @@ class Target:
         car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
         extended.residuals(
             car, noise, rows(values, run), known.pole, line.step, driven, line.spread, line.kind,
-            reading, line.extra, line.start, wheel, line.instants, added, kept, logs, states,
+            reading, line.extra, line.start, wheel, line.elapsed, added, kept, logs, states,
         )  # fmt: skip
         return kept, logs, states
 
@@ -181,7 +181,7 @@ class Target:
             extended.log_likelihood(
                 cars[w : w + 1], noises[w : w + 1], rows(values, run)[None], known.pole, line.step,
                 driven, line.spread, line.kind, reading, line.extra, line.start, wheel,
-                line.instants, added, out[w : w + 1],
+                line.elapsed, added, out[w : w + 1],
             )  # fmt: skip
         out += self.given_back(z, run)
         return np.where(np.isfinite(out), out, -np.inf)

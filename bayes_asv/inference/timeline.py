@@ -90,6 +90,8 @@ class Timeline:
         Bands that were cut out of all channels, Hz.
     cut : Cut or None
         What that did to the noise.
+    began : float or None
+        When the recording began, s, where a filter took its beginning away.
     """
 
     step: Array
@@ -115,6 +117,12 @@ class Timeline:
     quiet: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
     cut: Cut | None = None
+    began: float | None = None
+
+    @property
+    def elapsed(self) -> Array:
+        """Times of the steps' ends since the recording began (E,), s."""
+        return self.instants - (self.instants[0] if self.began is None else self.began)
 
     def paired(self, values: Array) -> Array:
         """Arrange values at instants (E, 2) by pairs of readings (R, 2), nan where missing."""

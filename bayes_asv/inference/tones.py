@@ -149,7 +149,8 @@ def notched(line: Timeline, vehicle: Vehicle, notches: Sequence[Notch]) -> Timel
     Returns
     -------
     Timeline
-        What is left once the filters have forgotten where the record began.  A clipped chassis
+        What is left once the filters have forgotten where the record began; what went by since
+        then is counted from there all the same.  A clipped chassis
         reading is missing: a bound does not pass a filter.
     """
     from scipy.signal import sosfreqz
@@ -186,6 +187,7 @@ def notched(line: Timeline, vehicle: Vehicle, notches: Sequence[Notch]) -> Timel
         acceleration=acc,
         cut=cut_by(np.abs(response) ** 2, len(plan.pairs), step, car),
         notches=tuple(notches),
+        began=line.instants[0] if line.began is None else line.began,
     )
 
 

@@ -60,7 +60,7 @@ def _run(
     extra: Array,
     start: Array,
     wheel: Array,
-    instants: Array,
+    elapsed: Array,
     added: Array,
     free: bool,
     begin: Array,
@@ -126,7 +126,7 @@ def _run(
     u = np.zeros(2)
     total = 0.0
     h_known = -1.0
-    length = instants[-1] - instants[0]
+    length = elapsed[-1]
 
     for k in range(step.shape[0]):
         h = step[k]
@@ -145,7 +145,7 @@ def _run(
                     base[a, 5] = through[a, 1]
             w[0], w[1] = mean[WHEELS], mean[WHEELS + 1]
             u[0], u[1] = wheel[k - 1, 0] / gain[0], wheel[k - 1, 1] / gain[2]
-            time = instants[k - 1] - instants[0]
+            time = elapsed[k - 1]
             forces(table, car, plain, M, pole, mean, w, u, time, time / length, now, g0)
             now[0] += added[k - 1, 0]
             now[1] += added[k - 1, 1]
@@ -163,7 +163,7 @@ def _run(
                 for b in range(8):
                     J[a, b] = base[a, b] + W0[a, 0] * g0[0, b] + W0[a, 1] * g0[1, b]
             u[0], u[1] = wheel[k, 0] / gain[0], wheel[k, 1] / gain[2]
-            time = instants[k] - instants[0]
+            time = elapsed[k]
             forces(table, car, plain, M, pole, ahead, w, u, time, time / length, then, g1)
             then[0] += added[k, 0]
             then[1] += added[k, 1]
@@ -241,7 +241,7 @@ def log_likelihood(
     extra: Array,
     start: Array,
     wheel: Array,
-    instants: Array,
+    elapsed: Array,
     added: Array,
     out: Array,
 ) -> None:
@@ -257,8 +257,8 @@ def log_likelihood(
         Pole of the filter that all readings passed, rad/s.
     wheel : (N, 2) array
         Wheel accelerations at the instants, m/s².
-    instants : (N,) array
-        Ends of the steps, s.
+    elapsed : (N,) array
+        Ends of the steps since the recording's beginning, s.
     added : (N, 2) array
         Forces on the chassis at the axles, of whatever origin, N.
     """
@@ -269,7 +269,7 @@ def log_likelihood(
     for n in range(cars.shape[0]):
         out[n] += _run(
             cars[n], noises[n], tables[n], pole, step, moments, spread, kind, reading, extra,
-            start, wheel, instants, added, False, begin, kept, logs, states,
+            start, wheel, elapsed, added, False, begin, kept, logs, states,
         )  # fmt: skip
 
 
@@ -287,7 +287,7 @@ def residuals(
     extra: Array,
     start: Array,
     wheel: Array,
-    instants: Array,
+    elapsed: Array,
     added: Array,
     kept: Array,
     logs: Array,
@@ -299,7 +299,7 @@ def residuals(
     """
     value: float = _run(
         car, noise, table, pole, step, moments, spread, kind, reading, extra, start, wheel,
-        instants, added, False, np.zeros(STATES), kept, logs, states,
+        elapsed, added, False, np.zeros(STATES), kept, logs, states,
     )  # fmt: skip
     return value
 
@@ -312,7 +312,7 @@ def free_run(
     step: Array,
     moments: Array,
     wheel: Array,
-    instants: Array,
+    elapsed: Array,
     begin: Array,
     kept: Array,
     states: Array,
@@ -330,5 +330,5 @@ def free_run(
     kinds = np.zeros((len(step), 2), np.int8)
     _run(
         car, np.zeros(12), table, pole, step, moments, nothing, kinds, none, none, np.zeros(6),
-        wheel, instants, none, True, first, kept, np.zeros((len(step), 2)), states,
+        wheel, elapsed, none, True, first, kept, np.zeros((len(step), 2)), states,
     )  # fmt: skip

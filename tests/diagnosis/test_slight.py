@@ -89,7 +89,7 @@ def test_a_knee_twice_as_high_is_a_quarter_as_much() -> None:
 
 def test_a_little_of_everything_is_not_dry_friction() -> None:
     """Friction of 1.2 tolerances in such a car won by 22 nats, being fitted in full."""
-    one = case("clutter", 43, 1)
+    one = case("clutter", 43, 1, "test")
     lines, _, _ = lay_out(one.recordings, one.vehicle)
     where = setting(one.vehicle, lines)
     model = asked(where, base(where), 0)

@@ -88,3 +88,20 @@ def test_a_damper_in_a_soft_mount_is_not_a_lag_of_a_sensor_alone() -> None:
     assert found.left is not None
     assert found.left.present
     assert "soft mount" in found.left.like
+
+
+def test_a_push_acts_when_it_did_once_an_engine_is_cut_out() -> None:
+    """The filter takes a quarter of a second off the beginning; the push came 0.9 s after it."""
+    one = case("pair-400", 44, 1)
+    engine, push = one.truth.effects
+    assert (engine.name, push.name) == ("engine_vibration", "external_force")
+    found = diagnose(one.recordings, one.holdout, one.vehicle, 1)
+    assert found.engine is not None
+    assert found.engine.frequency == pytest.approx(engine.parameters["frequency"], rel=0.03)
+    assert [n.site.effect.name for n in found.named] == ["external_force"]
+    start = found.effects[str(found.named[0].site)]["start"]
+    assert float(np.mean(start)) == pytest.approx(push.parameters["start"], abs=0.03)
+    assert found.gaps is not None
+    assert (found.gaps["fit"].closed or 0.0) > 0.85  # the push acts in the run that had it
+    assert found.left is not None
+    assert not found.left.present

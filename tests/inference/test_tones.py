@@ -120,3 +120,14 @@ def test_an_engine_does_not_move_the_answer() -> None:
     # Without the notches the worst of these errs by more than thirty deviations.
     assert np.max(np.abs(z)) < 5.0
     assert np.sqrt(np.mean(np.square(z))) < 1.7
+
+
+def test_time_goes_by_from_the_beginning_of_the_record_not_of_what_a_filter_left(
+    plain: Timeline,
+) -> None:
+    line = notched(plain, vehicle(EXACT), [Notch(40.0, 3.0)])
+    assert plain.elapsed[0] == 0.0
+    assert line.elapsed[0] == pytest.approx(line.instants[0] - plain.instants[0])
+    assert line.elapsed[-1] == pytest.approx(plain.elapsed[-1])
+    twice = notched(line, vehicle(EXACT), [Notch(25.0, 3.0)])
+    assert twice.elapsed[-1] == pytest.approx(plain.elapsed[-1])

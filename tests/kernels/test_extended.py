@@ -91,7 +91,7 @@ def test_a_free_run_is_what_a_general_solver_gives(target: Target, name: str) ->
     )  # fmt: skip
     output, states = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 6))
     extended.free_run(
-        car, table, pole, line.step, line.moments, known.wheel, line.instants, np.zeros(6),
+        car, table, pole, line.step, line.moments, known.wheel, line.elapsed, np.zeros(6),
         output, states,
     )  # fmt: skip
     wanted = solved.y[4:6].T
