@@ -164,7 +164,7 @@ def before_and_after(
     Parameters
     ----------
     where : Setting
-        Recordings, which neither model may have seen.
+        Recordings; neither model need have seen them.
     base, final : Stage
         Without and with what was added.
     seed : int

@@ -74,8 +74,8 @@ def grow(
         options = weigh(model.quiet, model.stage, model.found, trying, failed)
         if not options:
             break
-        as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
         options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
+        as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
         nothing, share = probabilities(as_is, options, model.found.sites)
         none = nothing if not named else none
         told = [

@@ -9,6 +9,7 @@ from bayes_asv.diagnosis.family import family_p
 from bayes_asv.diagnosis.pushes import with_pushes
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.signatures import Signatures, signatures
+from bayes_asv.diagnosis.slight import as_slight
 from bayes_asv.diagnosis.tolerance import Allowed, allowed
 from bayes_asv.inference.candidates import candidates
 from bayes_asv.inference.stage import Setting, Stage, base, foretold, refitted
@@ -116,7 +117,9 @@ def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Nam
 def _evidence_without(model: Model, one: Named) -> float:
     """Log evidence of the model less one effect, on the very recordings of the model."""
     less = fewer(model, tuple(s for s in model.stage.sites if s != one.site))
-    return weighed(model.quiet, less).log_evidence
+    little = candidates(less, model.quiet.vehicle)
+    slight = as_slight((one.site,), model.stage, model.allowed, little)
+    return max(weighed(model.quiet, less).log_evidence, slight)
 
 
 def weighed(quiet: Setting, stage: Stage) -> Allowed:

@@ -158,7 +158,10 @@ def weigh(
 def as_it_is(
     model: tuple[Stage, Allowed], options: list[Option], found: Signatures
 ) -> tuple[float, Stage, Allowed]:
-    """Log evidence of a model without any of its options, and the fit that tells it best.
+    """Log evidence of a model without any of its options, and the fit that tells it.
+
+    Every way to tell it leaves something out, first of all what tolerances do beyond first order,
+    so that the highest is the nearest.
 
     Parameters
     ----------
@@ -169,16 +172,14 @@ def as_it_is(
     found : Signatures
         Of all candidates there.
     """
-    best = options[0].allowed.log_evidence
-    return max(
-        (model[1].log_evidence, *model),
-        *(
-            (as_slight(o.site, o.stage, o.allowed, found.candidates), o.stage, o.allowed)
-            for o in options
-            if o.allowed.log_evidence > best - _NEAR  # others were weighed roughly
-        ),
-        key=lambda told: told[0],
-    )
+    old, best = model[0].sites, options[0].allowed.log_evidence
+    told = [(model[1].log_evidence, *model)]
+    for one in options:
+        if one.allowed.log_evidence > best - _NEAR:  # others were weighed roughly
+            new = [s for s in one.stage.sites if s not in old]
+            slight = as_slight(new, one.stage, one.allowed, found.candidates)
+            told.append((slight, one.stage, one.allowed))
+    return max(told, key=lambda t: t[0])
 
 
 def _closely(options: list[Option], little: list[Signatures]) -> list[Option]:

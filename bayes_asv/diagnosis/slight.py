@@ -1,22 +1,23 @@
 """What is fitted in full and turns out slight: a tolerance after all.
 
-To first order the tolerances explain a car with a little of everything, all but some tens of nats:
+To first order the tolerances explain a car with a little of everything, up to some tens of nats:
 dry friction of one newton changes where dry friction acts.  Whichever effect is fitted in full wins
 those, and would be named.  But where it turns out no larger than a tolerance the same fit says how
-well a little of everything explains the data with that one effect in full, for its tolerance is
-only another belief about the same parameter.
+well a little of everything explains the data with that one effect in full: its tolerance is only
+another belief about how much of it there is, how sharply it bends believed as before.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, ndtr
+from scipy.special import ndtr
 
-from bayes_asv.diagnosis.tolerance import AMOUNTS, MOST, Allowed
+from bayes_asv.diagnosis.tolerance import AMOUNTS, MOST, Allowed, unfolded
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.stage import Stage
 from bayes_asv.model.effects import BOTH, Site
@@ -25,64 +26,128 @@ __all__ = ["as_slight"]
 
 Array = NDArray[np.float64]
 
-_GRID = np.linspace(-6.0, 6.0, 241)  # deviations
+_STEP = 1e-4  # deviations
 
 
-def as_slight(site: Site, stage: Stage, allowed: Allowed, little: Sequence[Candidate]) -> float:
-    """Log evidence of a stage in which a named effect is a tolerance like all others.
-
-    The posterior of its first parameter is taken for normal, and weighed with the ratio of the two
-    beliefs (Savage & Dickey's, for a width in place of a point; Verdinelli & Wasserman 1995).  On
-    both axles alike an effect is the tolerance of one and of the other; how far these may differ
-    is taken to be as well known as what they have in common, if the axles know it equally well.
+class _Belief(NamedTuple):
+    """A tolerance as a belief about one coordinate: normal, and cut off.
 
     Parameters
     ----------
-    site : Site
-        The effect.
+    middle, width : float
+        Of the normal.
+    low, high : float
+        Where it is cut off.
+    log_density : float
+        Logarithm of what cutting off adds to its density, and of what both axles cost.
+    """
+
+    middle: float
+    width: float
+    low: float
+    high: float
+    log_density: float
+
+
+def as_slight(
+    sites: Sequence[Site], stage: Stage, allowed: Allowed, known: Sequence[Candidate]
+) -> float:
+    """Log evidence of a stage in which named effects are tolerances like all others.
+
+    The posterior of their first parameters is taken for normal, and weighed with the ratio of the
+    two beliefs (Savage & Dickey's, for a width in place of a point; Verdinelli & Wasserman 1995).
+    On both axles alike an effect is the tolerance of one and of the other: how far these differ is
+    integrated out, as if each axle knew its own equally well.
+
+    Parameters
+    ----------
+    sites : sequence of Site
+        The effects.
     stage : Stage
-        A model with it, at its mode.
+        A model with them, at its mode.
     allowed : Allowed
         The same with a little of everything else.
-    little : sequence of Candidate
-        With the values that are a little of it, at each place.
+    known : sequence of Candidate
+        Among them what is a little of each effect, at each place.
 
     Returns
     -------
     float
-        Minus infinity for what nobody has a little of.
+        Minus infinity for what nobody has a little of, and for a car that shows none of
+        everything else.
     """
-    own = [c for c in little if c.tolerance and site.meets(c.site)]
-    if not own or not math.isfinite(allowed.log_evidence):
+    if allowed.amount == 0.0 or not math.isfinite(allowed.log_evidence):
         return -math.inf
-    assert stage.space.sizes is not None
-    first = site.effect.parameters[0]
-    k = stage.space.names.index(site.coordinate_name(first))
-    sd = math.sqrt(float(allowed.covariance[k, k]))
-    z = stage.mode.z[k] + allowed.shift[k] + sd * _GRID
-    value = first.value(z, stage.space.sizes)
-    ratio = 0.5 * z**2 + 0.5 * math.log(2.0 * math.pi)  # of the wide belief, as a mode knows it
-    there = -0.5 * _GRID**2 - float(logsumexp(-0.5 * _GRID**2))
-    out = allowed.by_amount.copy()
-    for a, amount in enumerate(AMOUNTS):
-        if amount == 0.0:
-            out[a] = -math.inf
-            continue
-        belief = sum(_belief(c, value, z, float(amount)) for c in own)
-        apart = math.log(2.0 * sd) + 0.5 * math.log(2.0 * math.pi) if site.where == BOTH else 0.0
-        out[a] += float(logsumexp(there + belief + ratio)) + apart
-    return float(logsumexp(out))
-
-
-def _belief(one: Candidate, value: Array, z: Array, amount: float) -> Array:
-    """Log density (per unit of z) of a tolerance's values, ``amount`` tolerances wide."""
-    effect = one.site.effect
-    times = effect.tolerances(value, one.values[effect.parameters[0].name])
-    least = 0.0 if one.signed else -MOST
-    share = ndtr(MOST) - ndtr(least)
-    density = -0.5 * (times / amount) ** 2 - math.log(amount * share * math.sqrt(2.0 * math.pi))
-    inside = (times >= least * amount) & (times <= MOST * amount)
-    with np.errstate(divide="ignore"):
-        return np.asarray(
-            np.where(inside, density + np.log(np.abs(np.gradient(times, z))), -np.inf)
+    z = stage.mode.z + allowed.shift
+    at = [stage.space.names.index(s.coordinate_name(s.effect.parameters[0])) for s in sites]
+    covariance = allowed.covariance[np.ix_(at, at)]
+    beliefs = []
+    for site, k in zip(sites, at, strict=True):
+        own = [c for c in known if c.tolerance and site.meets(c.site)]
+        if not own:
+            return -math.inf
+        beliefs.append(
+            _belief(own, site, stage, z, k, math.sqrt(allowed.covariance[k, k]), allowed)
         )
+    value = float(allowed.by_amount[int(np.argmax(allowed.amount == AMOUNTS))])
+    value -= unfolded(stage, z, allowed.covariance)
+    return value + _ratio(z[at], covariance, beliefs)
+
+
+def _ratio(mean: Array, covariance: Array, beliefs: list[_Belief]) -> float:
+    """Logarithm of the mean of belief over standard normal, under a normal posterior."""
+    middle = np.array([b.middle for b in beliefs])
+    tight = np.array([b.width for b in beliefs]) ** -2
+    inverse = np.linalg.inv(covariance)
+    precision = inverse + np.diag(tight) - np.eye(len(mean))
+    pull = inverse @ mean + tight * middle
+    there = np.linalg.solve(precision, pull)
+    sds = np.sqrt(np.diag(np.linalg.inv(precision)))
+    misfit = float(mean @ inverse @ mean + tight @ middle**2 - pull @ there)
+    volume = float(np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(precision)[1])
+    out = -0.5 * (misfit + volume) + 0.5 * float(np.log(tight).sum())
+    for b, m, sd in zip(beliefs, there, sds, strict=True):
+        inside = float(ndtr((b.high - m) / sd) - ndtr((b.low - m) / sd))
+        out += b.log_density + (math.log(inside) if inside > 0.0 else -math.inf)
+    return out
+
+
+def _belief(
+    own: list[Candidate], site: Site, stage: Stage, z: Array, k: int, sd: float, allowed: Allowed
+) -> _Belief:
+    """Return the tolerances of an effect's axles as one belief about its coordinate ``k``.
+
+    Next to where the data have it, tolerances go with the coordinate along a line.
+    """
+    moved = z.copy()
+    moved[k] += _STEP
+    here, next_to = stage.space.effects(z)[site], stage.space.effects(moved)[site]
+    parts = []
+    for one in own:
+        times = site.effect.tolerances(here, one.values)
+        slope = (site.effect.tolerances(next_to, one.values) - times) / _STEP
+        least = 0.0 if one.signed else -MOST
+        ends = z[k] + (allowed.amount * np.array([0.0, least, MOST]) - times) / slope
+        share = float(ndtr(MOST) - ndtr(least))
+        width = allowed.amount / abs(slope)
+        low, high = sorted(ends[1:].tolist())
+        parts.append(_Belief(float(ends[0]), width, low, high, -math.log(share)))
+    if site.where != BOTH:
+        return parts[0]
+    front, rear = parts
+    tight = front.width**-2, rear.width**-2
+    apart = front.width**2 + rear.width**2
+    # the data's own knowledge of what the axles have in common, and of how they differ
+    alone = 1.0 / max(sd**-2 - 1.0, 1e-12)
+    spread = 4.0 * alone
+    beside = front.middle - rear.middle
+    return _Belief(
+        (tight[0] * front.middle + tight[1] * rear.middle) / sum(tight),
+        sum(tight) ** -0.5,
+        max(front.low, rear.low),
+        min(front.high, rear.high),
+        front.log_density
+        + rear.log_density
+        + 0.5 * math.log(spread / (spread + apart))
+        - 0.5 * beside**2 / (spread + apart),
+    )

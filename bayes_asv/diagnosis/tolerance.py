@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtr
 
 from bayes_asv.diagnosis.bounded import Bounded, bounded
 from bayes_asv.diagnosis.imitation import imitation
@@ -26,7 +26,16 @@ from bayes_asv.inference.likelihood import Nudge, Target
 from bayes_asv.inference.scoring import Slopes, climb
 from bayes_asv.inference.stage import Stage
 
-__all__ = ["AMOUNTS", "MOST", "Allowed", "Granted", "allowed", "granted", "with_tolerances"]
+__all__ = [
+    "AMOUNTS",
+    "MOST",
+    "Allowed",
+    "Granted",
+    "allowed",
+    "granted",
+    "unfolded",
+    "with_tolerances",
+]
 
 Array = NDArray[np.float64]
 
@@ -154,17 +163,42 @@ def allowed(stage: Stage, found: Signatures, *, rough: bool = False) -> Allowed:
             place = closer
             # Expanded about a mode without tolerances, gains are guesses: far from it they promise
             # more than there is.  All amounts are wrong by about the same share.
-            gains = gains * (place.log_evidence - alone) / gains[best]
+            share = (place.log_evidence - alone) / gains[best]
+            gains = np.where(gains > 0.0, share * gains, gains)
     gap = place.of_mode()
+    shift = place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at)
+    covariance = place.stage.mode.covariance + gap @ place.found.covariance @ gap.T
     return Allowed(
-        alone + gains + _BELIEVED,
+        alone + unfolded(stage, stage.mode.z + shift, covariance) + gains + _BELIEVED,
         amount,
-        place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at),
-        place.stage.mode.covariance + gap @ place.found.covariance @ gap.T,
+        shift,
+        covariance,
         place.stage,
         place.rows,
         place.at,
     )
+
+
+def unfolded(stage: Stage, z: Array, covariance: Array) -> float:
+    """Nats that evidence about one mode misses where a coordinate counts by its size alone.
+
+    A half-normal belief is twice a normal one, on one side of zero: log 2 far from it, and
+    nothing at zero, where a mode reaches over to the other side.
+
+    Parameters
+    ----------
+    stage : Stage
+        A model.
+    z, covariance : (D,) and (D, D) arrays
+        Its posterior.
+    """
+    out = 0.0
+    for site in stage.sites:
+        for p in site.effect.parameters:
+            if p.form == "positive":
+                k = stage.space.names.index(site.coordinate_name(p))
+                out += float(np.log(2.0 * ndtr(abs(z[k]) / np.sqrt(covariance[k, k]))))
+    return out
 
 
 @dataclass(frozen=True)

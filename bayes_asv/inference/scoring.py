@@ -27,6 +27,7 @@ _SHARES = (1.0, 0.4, 0.15)  # of a step: a bent ridge is followed further than d
 _FURTHER = 10.0  # times what the next step would gain, beyond which no climb goes
 _LEARNT = 4  # steps whose changes of slope are believed
 _SEEN = 0.1  # of the expected curvature, below which a change of slope teaches nothing
+_HARDLY = 1.0  # nats expected of a step, beyond which no learnt curvature may end a climb
 _WRONG = 1.3  # mean square of innovations beyond which a model is wrong
 
 
@@ -219,13 +220,16 @@ def _ascend(
         precision = here.precision()[:last, :last]
         hot = max(float(np.mean(here.nu**2)), 1.0) if tempered else 1.0
         slope = (gradient + z[:last]) / hot - z[:last]
-        precision = (precision - np.eye(last)) / hot + np.eye(last)
+        expected = precision = (precision - np.eye(last)) / hot + np.eye(last)
         for taken, change in learnt if doubted else ():
             precision = taught(precision, taken, change)
         while True:
             ridge = precision + damping * np.diag(np.diag(precision))
             step: Array = np.asarray(np.linalg.solve(ridge, slope), np.float64)
             gain = 0.5 * float(gradient @ step)
+            if gain < enough and precision is not expected and _gain(expected, gradient) > _HARDLY:
+                precision, learnt = expected, []  # what was learnt elsewhere holds no longer
+                continue
             # Where the model is wrong its noise has no sharp optimum, and needs none.
             if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
                 return z, (here, damping < 2.0)
@@ -252,12 +256,15 @@ def _ascend(
     return z, (here, False)
 
 
+def _gain(precision: Array, gradient: Array) -> float:
+    return 0.5 * float(gradient @ np.linalg.solve(precision, gradient))
+
+
 def taught(precision: Array, step: Array, change: Array) -> Array:
     """Correct an expected curvature by how a slope changed along a step.
 
     Broyden, Fletcher, Goldfarb & Shanno's update.  A climb that had to turn back believes it: half
-    steps to and fro took a fifth more rounds where a model is wrong, and 44 of 118 did not settle
-    in twenty, 26 with it.
+    steps to and fro took a fifth more rounds where a model is wrong.
 
     Parameters
     ----------

@@ -121,9 +121,9 @@ class Effect:
     straight : callable or None
         From the values that are a little of it, the travel (m) and the speed (m/s) that were used:
         the values of a law that is as straight over those, where they are less than usual.
-    power : float
-        Of the first parameter with which the law grows, where that is neither an amount nor a
-        factor: −2 for the speed at which a damper begins to bend.
+    times : callable or None
+        From values and the values that are a little of it: how many times that they are, where
+        that is not a matter of the first parameter alone.
     code : int
         Branch of :func:`bayes_asv.kernels.forces.excess`; −1 for other effects.
     packed : callable or None
@@ -146,7 +146,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     slight: Mapping[str, float] | None = None
     straight: Callable[[Mapping[str, float], float, float], dict[str, float]] | None = None
-    power: float = 1.0
+    times: Callable[[Mapping[str, float], Mapping[str, float]], float] | None = None
     code: int = -1
     packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     force: Callable[..., Array] | None = None
@@ -159,19 +159,19 @@ class Effect:
         assert self.slight is not None
         return {p.name: self.slight[p.name] * p.size(scale) for p in self.parameters}
 
-    def tolerances(self, value: Array, little: float) -> Array:
-        """Say how many times a little of it is there at values of the first parameter.
+    def tolerances(self, values: Mapping[str, float], little: Mapping[str, float]) -> float:
+        """Say how many times a little of it some values are.
 
         Parameters
         ----------
-        value : array
-            SI units.
-        little : float
-            The value that is one tolerance.
+        values, little : mapping
+            Values of its parameters, SI units, and those that are one tolerance.
         """
-        if self.parameters[0].form == "log" and self.power == 1.0:
-            return np.asarray(np.log(value) / math.log(little))
-        return np.asarray((value / little) ** self.power)
+        if self.times is not None:
+            return self.times(values, little)
+        first = self.parameters[0]
+        value, one = values[first.name], little[first.name]
+        return math.log(value) / math.log(one) if first.form == "log" else value / one
 
 
 @dataclass(frozen=True)

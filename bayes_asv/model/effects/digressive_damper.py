@@ -15,6 +15,9 @@ from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
+_STRAIGHT = 5.0  # times a speed, of a knee that takes 2 % there
+_SLOWEST = 0.1  # m/s, of a drive whose dampers have been seen at all
+
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
     return 1.0 / values["knee"], values["sharpness"]
@@ -30,7 +33,18 @@ def _force(
 
 def _straight(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
     """2 % less at the largest speed."""
-    return {**values, "knee": min(values["knee"], 5.0 * speed)}
+    return {**values, "knee": min(values["knee"], _STRAIGHT * max(speed, _SLOWEST))}
+
+
+def _times(values: Mapping[str, float], little: Mapping[str, float]) -> float:
+    """By what is lost at that speed, however sharply the curve bends."""
+    speed = little["knee"] / _STRAIGHT
+
+    def lost(law: Mapping[str, float]) -> float:
+        p = law["sharpness"]
+        return float(-np.expm1(-np.log1p((speed / law["knee"]) ** p) / p))
+
+    return lost(values) / lost(little)
 
 
 EFFECT = Effect(
@@ -44,7 +58,7 @@ EFFECT = Effect(
     ),
     slight={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
     straight=_straight,
-    power=-2.0,
+    times=_times,
     code=DIGRESSIVE,
     packed=_packed,
     force=_force,

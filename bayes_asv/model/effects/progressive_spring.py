@@ -9,6 +9,8 @@ from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
+_LEAST = 0.005  # m, of a drive whose springs have been seen at all
+
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
     return values["kappa"], values["curl"]
@@ -23,7 +25,7 @@ def _force(
 
 def _straight(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
     """1.5 % more at the largest travel."""
-    return {**values, "kappa": max(values["kappa"], 0.015 / travel**2)}
+    return {**values, "kappa": max(values["kappa"], 0.015 / max(travel, _LEAST) ** 2)}
 
 
 EFFECT = Effect(
