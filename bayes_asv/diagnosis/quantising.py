@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.channels import CHANNELS
+from bayes_asv.inference.still import offset
 from bayes_asv.inference.timeline import Timeline
 
 __all__ = ["wandering"]
@@ -34,5 +35,4 @@ def wandering(line: Timeline, channel: str) -> float:
     n = max(int(_WINDOW / float(np.median(np.diff(time)))), 2)
     pieces = signal[: len(signal) // n * n].reshape(-1, n)
     still = float(np.mean(pieces.std(axis=1) < step)) if len(pieces) else 1.0
-    offset = step / np.pi * np.exp(-2.0 * (np.pi * noise / step) ** 2)
-    return float(2.0 * offset * still / length)
+    return 2.0 * offset(step, noise) * still / length
