@@ -125,7 +125,7 @@ def _left_over(where: Setting, target: Target, z: Array, seed: int) -> Left:
         out = np.zeros((len(line.step), _RECORDS, 2))
         car = target.space.cars(z[None])[0]
         noise = target.space.noises(z[None], run)[0]
-        noise_path(car, noise, line.step, line.spread, line.extra, normals, out)
+        noise_path(car, noise, line.step, line.noise_spread, line.extra, normals, out)
         floor.append(float(np.sqrt(np.mean(out.transpose(0, 2, 1)[there] ** 2))))
     return Left(tuple(residual), tuple(times), tuple(floor))
 

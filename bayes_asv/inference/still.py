@@ -45,7 +45,7 @@ def offset(step: float, noise: float) -> float:
 
 def still_channels_doubted(line: Timeline) -> Timeline:
     """Return a recording that is believed as little as its converters deserve where it is still."""
-    kind, spread = line.kind.copy(), line.spread.copy()
+    kind, doubt = line.kind.copy(), np.zeros((len(line.step), 2))
     for c in range(4):
         error = _error(line, c)
         if error is None:
@@ -57,8 +57,9 @@ def still_channels_doubted(line: Timeline) -> Timeline:
             kind[at[_too_many(here, error)], axle] = MISSING
         else:
             here = np.interp(line.instants, error.time, error.still.astype(float))
-            spread[:, 2 + axle] += error.low * here * spread[:, axle]
-    return replace(line, kind=kind, spread=spread)
+            doubt[:, axle] = error.low * here * line.spread[:, axle]
+    spread = line.spread + np.hstack([np.zeros_like(doubt), doubt])
+    return replace(line, kind=kind, spread=spread, doubt=doubt)
 
 
 class _Error(NamedTuple):

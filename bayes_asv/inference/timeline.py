@@ -90,6 +90,8 @@ class Timeline:
         Bands that were cut out of all channels, Hz.
     cut : Cut or None
         What that did to the noise.
+    doubt : (E, 2) array or None
+        Part of ``spread`` that is no noise, but doubt of wheels that stand still.
     began : float or None
         When the recording began, s, where a filter took its beginning away.
     """
@@ -117,12 +119,20 @@ class Timeline:
     quiet: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
     cut: Cut | None = None
+    doubt: Array | None = None
     began: float | None = None
 
     @property
     def elapsed(self) -> Array:
         """Times of the steps' ends since the recording began (E,), s."""
         return self.instants - (self.instants[0] if self.began is None else self.began)
+
+    @property
+    def noise_spread(self) -> Array:
+        """How noise alone drives the states over each step (E, 4)."""
+        if self.doubt is None:
+            return self.spread
+        return self.spread - np.hstack([np.zeros_like(self.doubt), self.doubt])
 
     def paired(self, values: Array) -> Array:
         """Arrange values at instants (E, 2) by pairs of readings (R, 2), nan where missing."""

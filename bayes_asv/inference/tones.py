@@ -187,6 +187,7 @@ def notched(line: Timeline, vehicle: Vehicle, notches: Sequence[Notch]) -> Timel
         acceleration=acc,
         cut=cut_by(np.abs(response) ** 2, len(plan.pairs), step, car),
         notches=tuple(notches),
+        doubt=None,
         began=line.instants[0] if line.began is None else line.began,
     )
 
