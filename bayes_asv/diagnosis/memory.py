@@ -6,6 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from bayes_asv.inference.stage import Stage
+from bayes_asv.inference.still import standing
 
 __all__ = ["LAGS", "memory"]
 
@@ -22,7 +23,10 @@ def memory(stage: Stage) -> tuple[float, float]:
     """
     statistic, freedom = 0.0, 0
     for run, line in enumerate(stage.space.timelines):
-        nu = line.paired(stage.target.scored(stage.mode.z, run)[0])
+        nu = stage.target.scored(stage.mode.z, run)[0]
+        # what toggles between two counts remembers, and nothing is missing for that
+        nu[standing(line, 1) | standing(line, 3)] = np.nan
+        nu = line.paired(nu)
         nu = nu[np.all(np.isfinite(nu), axis=1)]
         n = len(nu)
         inverse = np.linalg.inv(nu.T @ nu / n)
