@@ -50,6 +50,7 @@ class Cell:
 
 NULL: Final = Group("null", "Nothing wrong")
 LIFTING: Final = Group("lifting", "Nothing wrong, tyres that leave the ground")
+COARSE: Final = Group("coarse", "Nothing wrong, ten bits and half the usual noise")
 MISSTATED: Final = Group("misstated", "Nothing wrong, noise 20 % off its data sheet")
 CLUTTER: Final = Group("clutter", "A little of everything")
 SINGLE: Final = Group("single", "One effect of the list")
@@ -58,7 +59,8 @@ MISSTATED_SINGLE: Final = Group("misstated-single", "One effect, noise 20 % off 
 PAIR: Final = Group("pair", "Two effects of the list")
 OUTSIDE_LIST: Final = Group("outside", "Something that is not in the list")
 GROUPS: Final = (
-    NULL, LIFTING, MISSTATED, CLUTTER, SINGLE, IN_CLUTTER, MISSTATED_SINGLE, PAIR, OUTSIDE_LIST,
+    NULL, LIFTING, COARSE, MISSTATED, CLUTTER, SINGLE, IN_CLUTTER, MISSTATED_SINGLE, PAIR,
+    OUTSIDE_LIST,
 )  # fmt: skip
 
 
@@ -66,6 +68,7 @@ def _cells() -> tuple[Cell, ...]:
     out = [
         Cell(NULL, "null", 200),
         Cell(LIFTING, "lifting", 40),
+        Cell(COARSE, "coarse", 40),
         Cell(MISSTATED, "noisier+null", 40),
         Cell(MISSTATED, "quieter+null", 40),
         Cell(CLUTTER, "clutter", 100),

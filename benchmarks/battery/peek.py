@@ -94,7 +94,7 @@ def case_line(one: Judged) -> str:
 
 
 def _fine(one: Judged) -> bool:
-    if one.truth.kind in ("null", "lifting"):
+    if one.truth.kind in ("null", "lifting", "coarse"):
         return one.verdict == "agreement"
     if one.truth.kind in ("clutter", "outside"):
         return not one.confidently_wrong and one.verdict != "error"

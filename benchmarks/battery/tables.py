@@ -78,7 +78,7 @@ def short_answer(cases: Sequence[Judged]) -> str:
         if one.of:
             rows.append([what, percent(one) + " %", str(one.of)])
 
-    for group in GROUPS[:3]:
+    for group in GROUPS[:4]:
         add(f"false alarms: {_lower(group.title)}", false_alarm(groups[group]))
     clutter = _of(groups, "clutter")
     add("a little of everything: something is named or unexplained", false_alarm(clutter))

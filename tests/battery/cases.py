@@ -41,6 +41,7 @@ from tests.rig import DECLARED_SDS, Adc, RigCar, SensorSpec, draw, draw_biases, 
 __all__ = ["Case", "TrueEffect", "Truth", "case", "declared", "make_case"]
 
 _NOISE = (0.5, 1.0, 2.0)
+_DATA_SHEET = 0.534  # times the usual noise, of the 2008 car's sensors
 _TRULY = {"noisier": 1.2, "quieter": 0.8}  # true noise over what is declared
 _GIVEN = {"spring_rate": ("k_f", "k_r"), "weight_distribution": ("wdf",)}
 _CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")
@@ -213,7 +214,8 @@ def _scene(
     car = draw(nominal, rng)
     for name in wrong:  # a factor is meant on the given value
         car = replace(car, **{key: getattr(nominal, key) for key in _GIVEN.get(name, ())})
-    world = World(car, _sensors(noise))
+    noise = noise if what.kind != "coarse" else _DATA_SHEET
+    world = World(car, _sensors(noise, coarse=what.kind == "coarse"))
     drives = plan(terrain, held_out, rng)
     lowered = fitting_drives(world, drives, families[family].travel, rng)
     if what.kind == "lifting":
@@ -327,14 +329,14 @@ def _meant(
     return out
 
 
-def _sensors(noise: float) -> SensorSpec:
-    """Sensors as declared.  Less noise comes with a converter of 12 bits.
+def _sensors(noise: float, *, coarse: bool = False) -> SensorSpec:
+    """Sensors as declared.  Less noise comes with a converter of 12 bits, unless it is coarse.
 
-    Steps of 10 bits would drown half the usual noise, and a parked car would read the same
-    count for ever: an error that is no noise at all.
+    Steps of 10 bits drown half the usual noise, and a parked car may read the same count for
+    ever: an error that is no noise at all.
     """
     spec = _louder(SensorSpec(), noise)
-    if noise >= 1.0 or spec.adc is None:
+    if coarse or noise >= 1.0 or spec.adc is None:
         return spec
     ten = spec.adc
     a, b, c, d = (_FINER * zero for zero in ten.zero)

@@ -20,7 +20,7 @@ __all__ = ["MODIFIERS", "STRENGTHS", "Name", "parse"]
 STRENGTHS: Final = (10.0, 40.0, 400.0, 4000.0)
 MODIFIERS: Final = ("clutter", "noisier", "quieter")
 _DEFAULT_STRENGTH: Final = 400.0
-_SINGLE: Final = ("null", "lifting", "clutter")
+_SINGLE: Final = ("null", "lifting", "coarse", "clutter")
 _FORM = re.compile(
     r"(?:(?P<modifier>\w+)\+)?(?P<kind>\w+)(?:@(?P<where>\w+))?(?:-(?P<strength>[\d.]+))?"
     r"(?:/(?P<terrain>\w+))?(?:~(?P<family>.+))?"
@@ -34,7 +34,8 @@ class Name:
     Parameters
     ----------
     kind : str
-        ``null``, ``lifting`` (a null whose tyres leave the ground), ``clutter``, ``single`` (any
+        ``null``, ``lifting`` (a null whose tyres leave the ground), ``coarse`` (a null with ten
+        bits and the little noise of the 2008 car's data sheets), ``clutter``, ``single`` (any
         effect), ``outside`` (anything without a name), ``pair``, an effect or an outside thing.
     where : str
         Place; empty to draw one.
