@@ -127,7 +127,8 @@ def diagnose_steps(document: Document) -> list[str]:
     ]
     if sites:
         steps.append(
-            "Look at the part itself; until it is mended, estimate with it in the model: "
+            "Look at the part itself. If it is meant to be so, or until it is mended, estimate "
+            "with it in the model: "
             f"bayes-asv estimate … {' '.join(sites)}."
         )
     if document["unexplained"]["present"]:
@@ -138,7 +139,14 @@ def diagnose_steps(document: Document) -> list[str]:
         steps.append(
             "Nothing needs to be added. A weaker effect shows in a harder or longer drive only."
         )
-    return steps or ["Look at the part itself, mend it, and drive again."]
+    if steps:
+        return steps
+    if document["effects"]:
+        return ["Look at the part itself, mend it, and drive again."]
+    return [
+        "Drive the same again: chance does not come back, and a fault shows more plainly in a "
+        "longer or harder drive."
+    ]
 
 
 def _where_to_look(document: Document) -> str:

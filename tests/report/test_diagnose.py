@@ -112,6 +112,15 @@ def test_steps_name_the_command_or_where_to_look(named: Document) -> None:
     assert any("--holdout" in s for s in diagnose_steps(told("unexplained")))
 
 
+def test_where_nothing_has_a_name_no_part_is_to_be_mended() -> None:
+    chance = told("unexplained")
+    chance["unexplained"] = {**chance["unexplained"], "present": False}
+    chance["gap"] = {"fit": None, "holdout": None}
+    (step,) = diagnose_steps(chance)
+    assert step.startswith("Drive the same again")
+    assert "part" not in step
+
+
 def test_tables_hold_the_numbers_of_the_document(named: Document) -> None:
     effects, gaps, moved = effect_table(named), gap_table(named), moved_table(named)
     assert effects is not None
