@@ -18,6 +18,7 @@ from bayes_asv.errors import InputError
 from bayes_asv.files import closest, read_bytes, write_whole
 from bayes_asv.units import display_units, si_factor
 from bayes_asv.vehicle_parts import Given, Nominal, Roll, Sensor, Travel, Unsprung
+from bayes_asv.vehicle_sense import make_sense
 
 if TYPE_CHECKING:
     from bayes_asv.files import PathLike
@@ -176,7 +177,7 @@ def read_vehicle(path: PathLike) -> Vehicle:
     data = read_bytes(path, _LARGEST_FILE)
     tables = parse_vehicle(data, source)
     known, nominal, travel = tables.known, tables.nominal, tables.travel
-    return Vehicle(
+    found = Vehicle(
         name=tables.name or os.path.splitext(os.path.basename(source))[0],
         units=tables.units,
         m=_given(known.sprung_mass),
@@ -209,6 +210,8 @@ def read_vehicle(path: PathLike) -> Vehicle:
         source=source,
         sha256=hashlib.sha256(data).hexdigest(),
     )
+    make_sense(found)
+    return found
 
 
 def write_vehicle(vehicle: Vehicle, path: PathLike) -> None:

@@ -165,6 +165,8 @@ def test_byte_order_mark_and_windows_lines(tmp_path: Path) -> None:
         ("[sensors.front_wheel]", "[sensors.frontwheel]", r"did you mean front_wheel"),
         ("zero_counts  = 569.5", 'zero_counts = "a"', r"zero_counts: .*not a number"),
         ("value = 0, ", "value = 3600, ", r"\[sensors.front_wheel\] delay: .*not believable"),
+        ('1.294, unit = "lbf*s^2/in"', '1.294, unit = "kg"', r"bounce at 26 Hz.*check the units"),
+        ('68, unit = "in"', '68, unit = "ft"', r"0\.0029 times .*check the units of wheelbase"),
         ('units = "US"', 'units = "us"', r'units: .*"US" or units = "SI"'),
         ('units = "US"', "", r"units: is missing"),
         ("[nominal]", "[known2]", r"known2: unknown key"),
@@ -228,17 +230,21 @@ def vehicles(draw: st.DrawFn) -> Vehicle:
         value = draw(sizes)
         return Nominal(value, draw(st.none() | st.floats(1e-3, 9.0).map(lambda x: x * value)))
 
+    # numbers that go together: a bounce of 0.7 to 12 Hz, and an inertia near that on the axles
+    m, l, wdf = given_value(), draw(st.floats(0.1, 100.0)), draw(st.floats(0.01, 0.99))
+    rates = [0.5 * m.value * (2.0 * math.pi * draw(st.floats(1.0, 12.0))) ** 2 for _ in range(2)]
+    inertia = m.value * l**2 * wdf * (1.0 - wdf) * draw(st.floats(0.02, 50.0))
     return Vehicle(
         name=draw(st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=30)),
         units=draw(st.sampled_from(["US", "SI"])),
-        m=given_value(),
-        l=Given(draw(st.floats(0.1, 100.0))),
-        wdf=Given(draw(st.floats(0.01, 0.99)), draw(st.floats(0.0, 0.009))),
-        k_f=given_value(),
-        k_r=given_value(),
+        m=m,
+        l=Given(l),
+        wdf=Given(wdf, draw(st.floats(0.0, 0.009))),
+        k_f=Given(rates[0], rates[0] * draw(shares)),
+        k_r=Given(rates[1], rates[1] * draw(shares)),
         c_f=nominal(),
         c_r=nominal(),
-        i=nominal(),
+        i=Nominal(inertia, draw(st.none() | st.floats(1e-3, 9.0).map(lambda x: x * inertia))),
         travel=Travel(*(draw(st.none() | st.floats(1e-3, 10.0)) for _ in range(4))),
         sensors=(draw(sensors()), draw(sensors()), draw(sensors()), draw(sensors())),
     )
