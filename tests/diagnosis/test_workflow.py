@@ -99,6 +99,7 @@ def test_a_push_acts_when_it_did_once_an_engine_is_cut_out() -> None:
     assert found.engine is not None
     assert found.engine.frequency == pytest.approx(engine.parameters["frequency"], rel=0.03)
     assert [n.site.effect.name for n in found.named] == ["external_force"]
+    assert found.effects is not None
     start = found.effects[str(found.named[0].site)]["start"]
     assert float(np.mean(start)) == pytest.approx(push.parameters["start"], abs=0.03)
     assert found.gaps is not None

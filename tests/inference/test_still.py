@@ -19,7 +19,7 @@ from tests.inference.cases import DECLARED, INCH, case, vehicle
 from tests.rig import SensorSpec
 
 # what the data sheets of the 2008 car's sensors say; its converter has ten bits
-_REAL = replace(SensorSpec(), noise=tuple(x * INCH for x in (0.855, 0.513, 0.855, 0.513)))
+_REAL = replace(SensorSpec(), noise=(0.855 * INCH, 0.513 * INCH, 0.855 * INCH, 0.513 * INCH))
 
 
 def _line(terrain: str, seed: int, sensors: SensorSpec) -> Timeline:
@@ -65,7 +65,7 @@ def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
 
 
 def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:
-    loud = replace(SensorSpec(), noise=tuple(x * INCH for x in (4.0, 2.0, 4.0, 2.0)))
+    loud = replace(SensorSpec(), noise=(4.0 * INCH, 2.0 * INCH, 4.0 * INCH, 2.0 * INCH))
     line = _line("stops", 1000, loud)
     same = still_wheels_doubted(line)
     assert np.array_equal(same.spread, line.spread)
