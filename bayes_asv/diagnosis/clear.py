@@ -23,6 +23,7 @@ from bayes_asv.inference.quiet import calm
 from bayes_asv.inference.scoring import Slopes
 from bayes_asv.inference.stage import Setting, Stage, fitted, foretold
 from bayes_asv.inference.timeline import Timeline
+from bayes_asv.kernels.innovations import MISSING
 
 __all__ = ["Quiet", "clear", "on_quiet_wheels", "quieted"]
 
@@ -97,7 +98,8 @@ def _settled(stage: Stage) -> NDArray[np.bool_]:
     parts = []
     for run, line in enumerate(stage.space.timelines):
         _, logs, _ = stage.target.scored(stage.mode.z, run)
-        late = line.instants > line.instants[0] + _SETTLING
+        heard = np.any(line.kind != MISSING, axis=1)
+        late = line.instants > line.instants[heard][0] + _SETTLING
         parts.append(np.broadcast_to(late[:, None], logs.shape)[logs != 0.0])
     return np.concatenate(parts)
 

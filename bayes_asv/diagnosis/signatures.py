@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import Quiet
 from bayes_asv.diagnosis.imitation import imitation
-from bayes_asv.diagnosis.quantising import wandering
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Slopes
 from bayes_asv.inference.stage import Setting, Stage, carried
+from bayes_asv.inference.still import wandering
 from bayes_asv.kernels.innovations import VALUE
 
 __all__ = ["SILENT", "Signatures", "signatures"]
@@ -107,14 +108,14 @@ def _feigned(where: Setting, stage: Stage, wanted: list[Candidate], rows: Array)
     Of an axle the chassis channel stands for both: a wheel's drift is its chassis' drift.
     """
     out = []
-    for axle in ("front", "rear"):
-        channel = f"{axle}_chassis"
+    for wheel, chassis in ((0, 1), (2, 3)):
+        channel = CHANNELS[chassis]
         at = [k for k, c in enumerate(wanted) if str(c.site) == f"sensor_drift@{channel}"]
         if not at:
             continue
         begin = 0
         for run, line in enumerate(where.lines):
-            slope = float(np.hypot(wandering(line, channel), wandering(line, f"{axle}_wheel")))
+            slope = float(np.hypot(wandering(line, chassis), wandering(line, wheel)))
             end = begin + _count(stage, run)
             if slope > 0.0:
                 row = np.zeros(rows.shape[1])

@@ -23,8 +23,8 @@ from bayes_asv.diagnosis.family import largest
 from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.jitter import jitter
 from bayes_asv.diagnosis.memory import memory
-from bayes_asv.diagnosis.rival import AS_WELL
 from bayes_asv.diagnosis.signatures import signatures
+from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, NOTICED
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.effects import car_scale
@@ -35,13 +35,9 @@ __all__ = ["Unexplained", "pulses", "unexplained"]
 
 Array = NDArray[np.float64]
 
-ENOUGH = 5.0
-"""Nats by which a slack model has to win."""
-
 _PULSE = 0.04  # s between two pulses of a force of any course
 _PUSH = 0.01  # of the axle's load
 _SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
-_NOTICED = 1e-3  # p-value below which a test, or all of them together, are taken seriously
 _SWOLLEN = 1.38  # times the given level
 
 
@@ -91,7 +87,7 @@ class Unexplained:
         tests = np.array([self.p_memory, self.p_decoy, self.p_jitter])
         # Three faint signs of the same thing are one clear sign (Fisher's combination).
         faint = chi2.sf(-2.0 * np.sum(np.log(np.maximum(tests, 1e-300))), 2 * len(tests))
-        noticed = min(float(tests.min()), float(faint)) < _NOTICED
+        noticed = min(float(tests.min()), float(faint)) < NOTICED
         return self.score > ENOUGH or noticed or bool(self.swollen) or bool(self.failed)
 
     @property

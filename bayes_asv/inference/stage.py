@@ -16,7 +16,7 @@ from bayes_asv.inference.likelihood import WHITE, Target, shared_work
 from bayes_asv.inference.parameters import Space
 from bayes_asv.inference.quiet import above, calm
 from bayes_asv.inference.scoring import Climbed, climb
-from bayes_asv.inference.still import still_wheels_doubted
+from bayes_asv.inference.still import still_wheels_doubted, without_waiting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.zeros import levelled
 from bayes_asv.model.effects import Site
@@ -62,7 +62,7 @@ class Setting:
 
 def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
     """Set recordings up, with patterns that stand on the readings themselves."""
-    lines = tuple(levelled(still_wheels_doubted(line)) for line in lines)
+    lines = tuple(without_waiting(levelled(still_wheels_doubted(line))) for line in lines)
     found = tuple(patterns(line, vehicle, line.reading, line.reading) for line in lines)
     where = Setting(vehicle, lines, found)
     return replace(where, lines=tuple(_begun(where, run) for run in range(len(lines))))

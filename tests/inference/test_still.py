@@ -13,17 +13,25 @@ from bayes_asv.diagnosis.memory import memory
 from bayes_asv.diagnosis.model import asked
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.stage import base, setting
-from bayes_asv.inference.still import offset, still_wheels_doubted
+from bayes_asv.inference.still import (
+    crawling,
+    offset,
+    standing,
+    still_wheels_doubted,
+    without_waiting,
+)
 from bayes_asv.inference.timeline import Timeline
+from bayes_asv.kernels.innovations import MISSING
 from tests.inference.cases import DECLARED, INCH, case, vehicle
 from tests.rig import SensorSpec
 
+_LOUD = (4.0 * INCH, 2.0 * INCH, 4.0 * INCH, 2.0 * INCH)
 # what the data sheets of the 2008 car's sensors say; its converter has ten bits
 _REAL = replace(SensorSpec(), noise=(0.855 * INCH, 0.513 * INCH, 0.855 * INCH, 0.513 * INCH))
 
 
-def _line(terrain: str, seed: int, sensors: SensorSpec) -> Timeline:
-    _, _, recording = case(terrain, seed, DECLARED, seconds=2.5, sensors=sensors)
+def _line(terrain: str, seed: int, sensors: SensorSpec, seconds: float = 2.5) -> Timeline:
+    _, _, recording = case(terrain, seed, DECLARED, seconds=seconds, sensors=sensors)
     lines, reasons, _ = lay_out([recording], vehicle(DECLARED, sensors))
     assert not reasons
     return lines[0]
@@ -52,6 +60,14 @@ def test_a_car_that_waits_on_a_coarse_converter_has_nothing_missing() -> None:
     assert min(memories) > 1e-3
 
 
+def test_the_longer_a_car_waits_the_less_it_says() -> None:
+    """Of twenty such drives five had p below 0.05 while their waits were listened to."""
+    for seed in (1004, 1009):  # 0.0021 and 0.0001
+        line = _line("stops", seed, _REAL, seconds=6.0)
+        where = setting(vehicle(DECLARED, _REAL), (line,))
+        assert asked(where, base(where), 0).p > 0.05
+
+
 def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
     line = _line("stops", 1000, _REAL)
     doubted = still_wheels_doubted(line)
@@ -62,10 +78,54 @@ def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
     assert np.all(doubted.doubt[moving, 0] == 0.0)
     assert np.mean(doubted.doubt[: len(front) // 20, 0] > 0.0) > 0.9
     assert doubted.noise_spread == pytest.approx(line.spread)
+    assert still_wheels_doubted(doubted).spread == pytest.approx(doubted.spread)
+
+
+def test_a_car_is_not_listened_to_while_it_waits() -> None:
+    line = _line("bump", 1000, _REAL, seconds=6.0)
+    heard = np.any(without_waiting(line).kind != MISSING, axis=1)
+    still = np.all([standing(line, c) for c in range(4)], axis=0)
+    assert 0.2 < np.mean(heard) < 0.7
+    assert np.all(still[~heard])
+    first, last = line.instants[heard][[0, -1]]
+    inside = (line.instants >= first) & (line.instants <= last)
+    assert np.array_equal(without_waiting(line).kind[inside], line.kind[inside])
+    assert 0.2 < last - line.instants[~still][-1] < 0.26
+    fine = _line("stops", 1000, SensorSpec(noise=_LOUD))
+    assert without_waiting(fine) is fine
+
+
+@pytest.mark.parametrize(
+    ("slope", "remembers"), [(0.05, True), (0.2, True), (0.5, True), (3.0, False)]
+)
+def test_errors_of_a_converter_remember_while_little_moves(slope: float, remembers: bool) -> None:
+    """Saw teeth: the errors of readings one after the other go together, unlike those of a quick
+    motion, whose speed is never the same."""
+    rng = np.random.default_rng(0)
+    n = 40_000
+    speed = slope * (1.0 + 0.4 * np.sin(0.01 * np.arange(n)))
+    motion = np.cumsum(speed)
+    error = np.round(motion + 0.19 * rng.standard_normal(n)) - motion
+    error -= error.mean()
+    largest = max(
+        abs(float(error[lag:] @ error[:-lag])) / float(error @ error) for lag in range(1, 4)
+    )
+    assert (largest > 0.05) == remembers
+
+
+def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = _line("bump", 1001, _REAL)
+    slow = crawling(line, 1)
+    assert np.all(slow[standing(line, 1)])
+    assert 0.1 < np.mean(slow & ~standing(line, 1)) < 0.9
+    stage = base(setting(vehicle(DECLARED, _REAL), (line,)))
+    monkeypatch.setattr(
+        "bayes_asv.diagnosis.memory.crawling", lambda line, c: np.ones(len(line.instants), bool)
+    )
+    assert memory(stage) == (0.0, 1.0)
 
 
 def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:
-    loud = replace(SensorSpec(), noise=(4.0 * INCH, 2.0 * INCH, 4.0 * INCH, 2.0 * INCH))
-    line = _line("stops", 1000, loud)
+    line = _line("stops", 1000, SensorSpec(noise=_LOUD))
     same = still_wheels_doubted(line)
     assert np.array_equal(same.spread, line.spread)
