@@ -11,12 +11,10 @@ from bayes_asv.diagnosis.classes import same_class
 from bayes_asv.diagnosis.model import Model, asked, weighed, without
 from bayes_asv.diagnosis.naming import as_it_is, divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
+from bayes_asv.diagnosis.thresholds import LEVEL
 from bayes_asv.inference.stage import refitted
 
-__all__ = ["LEVEL", "Grown", "begun", "grow", "reconsidered"]
-
-LEVEL = 0.05
-"""Family-wise level of the test for a disagreement."""
+__all__ = ["Grown", "begun", "grow", "reconsidered"]
 
 _MOST = 4  # effects that are named
 _GAIN = 5.0  # nats that a second effect has to bring

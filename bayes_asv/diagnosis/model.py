@@ -11,7 +11,7 @@ from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.signatures import Signatures, signatures
 from bayes_asv.diagnosis.slight import as_slight
 from bayes_asv.diagnosis.tolerance import Allowed, allowed
-from bayes_asv.inference.candidates import candidates
+from bayes_asv.inference.candidates import Candidate, candidates
 from bayes_asv.inference.stage import Setting, Stage, base, foretold, refitted
 from bayes_asv.model.effects import Site
 
@@ -117,15 +117,23 @@ def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Nam
 def _evidence_without(model: Model, one: Named) -> float:
     """Log evidence of the model less one effect, on the very recordings of the model."""
     less = fewer(model, tuple(s for s in model.stage.sites if s != one.site))
-    little = candidates(less, model.quiet.vehicle)
+    little = _little(model.quiet, less)
     slight = as_slight((one.site,), model.stage, model.allowed, little)
-    return max(weighed(model.quiet, less).log_evidence, slight)
+    return max(_weighed(model.quiet, less, little).log_evidence, slight)
 
 
 def weighed(quiet: Setting, stage: Stage) -> Allowed:
     """Weigh a stage with a little of everything that it does not name, on quiet wheels."""
-    little = [c for c in candidates(stage, quiet.vehicle) if c.tolerance]
+    return _weighed(quiet, stage, _little(quiet, stage))
+
+
+def _weighed(quiet: Setting, stage: Stage, little: list[Candidate]) -> Allowed:
     return allowed(stage, signatures(clear(quiet, stage), little))
+
+
+def _little(quiet: Setting, stage: Stage) -> list[Candidate]:
+    """List a little of everything that a stage does not name."""
+    return [c for c in candidates(stage, quiet.vehicle) if c.tolerance]
 
 
 def fewer(model: Model, sites: tuple[Site, ...]) -> Stage:

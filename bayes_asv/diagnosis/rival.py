@@ -20,12 +20,9 @@ from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Climbed, slopes
 from bayes_asv.inference.stage import Setting, Stage
 
-__all__ = ["AS_WELL", "rival"]
+__all__ = ["rival"]
 
 Array = NDArray[np.float64]
-
-AS_WELL = -4.0
-"""Nats from which on a decoy explains as well as names."""
 
 _PRICE = 4.0  # nats that an effect of unknown size costs
 

@@ -87,7 +87,7 @@ def as_slight(
         if not own:
             return -math.inf
         beliefs.append(
-            _belief(own, site, stage, z, k, math.sqrt(allowed.covariance[k, k]), allowed)
+            _belief(own, site, stage, z, k, math.sqrt(allowed.covariance[k, k]), allowed.amount)
         )
     value = float(allowed.by_amount[int(np.argmax(allowed.amount == AMOUNTS))])
     value -= unfolded(stage, z, allowed.covariance)
@@ -113,7 +113,7 @@ def _ratio(mean: Array, covariance: Array, beliefs: list[_Belief]) -> float:
 
 
 def _belief(
-    own: list[Candidate], site: Site, stage: Stage, z: Array, k: int, sd: float, allowed: Allowed
+    own: list[Candidate], site: Site, stage: Stage, z: Array, k: int, sd: float, amount: float
 ) -> _Belief:
     """Return the tolerances of an effect's axles as one belief about its coordinate ``k``.
 
@@ -127,9 +127,9 @@ def _belief(
         times = site.effect.tolerances(here, one.values)
         slope = (site.effect.tolerances(next_to, one.values) - times) / _STEP
         least = 0.0 if one.signed else -MOST
-        ends = z[k] + (allowed.amount * np.array([0.0, least, MOST]) - times) / slope
+        ends = z[k] + (amount * np.array([0.0, least, MOST]) - times) / slope
         share = float(ndtr(MOST) - ndtr(least))
-        width = allowed.amount / abs(slope)
+        width = amount / abs(slope)
         low, high = sorted(ends[1:].tolist())
         parts.append(_Belief(float(ends[0]), width, low, high, -math.log(share)))
     if site.where != BOTH:

@@ -23,12 +23,13 @@ from numpy.typing import NDArray
 from bayes_asv.diagnosis.answer import draws, effect_draws
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
-from bayes_asv.diagnosis.growing import LEVEL, begun, grow
+from bayes_asv.diagnosis.growing import begun, grow
 from bayes_asv.diagnosis.model import again, asked, together
 from bayes_asv.diagnosis.proved import proved
 from bayes_asv.diagnosis.results import Diagnosis, Named
-from bayes_asv.diagnosis.rival import AS_WELL, rival
+from bayes_asv.diagnosis.rival import rival
 from bayes_asv.diagnosis.slack import unexplained
+from bayes_asv.diagnosis.thresholds import AS_WELL, LEVEL
 from bayes_asv.diagnosis.twins import with_twins
 from bayes_asv.diagnosis.where import disagreement
 from bayes_asv.inference.bestfit import lay_out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, LEVEL, NOTICED
 from bayes_asv.quantities import QUANTITIES
 from bayes_asv.report.readable import number, percent, plain, probability, readable_unit
 
@@ -26,10 +27,6 @@ Document = dict[str, Any]
 
 _SURE, _LIKELY = 0.95, 0.7
 _SUSPENSION: Final = ("front", "rear")
-_LEVEL: Final = 0.05  # of the test for a disagreement, as in bayes_asv.diagnosis.workflow
-_SLACK: Final = 5.0  # nats, as in bayes_asv.diagnosis.slack
-_NOTICED: Final = 1e-3  # the same, of p-values
-_AS_WELL: Final = -2.0  # as in bayes_asv.diagnosis.rival
 _FEW: Final = 3  # effects that a headline holds
 
 
@@ -50,11 +47,17 @@ def diagnosis_lines(document: Document) -> list[str]:
             "The linear half car and the measurement agree: nothing is missing that these "
             f"drives would show (p = {_p(document['p_value'])})."
         )
+    elif verdict == "unexplained" and not document["unexplained"]["present"]:
+        lines.append(
+            f"Simulation and measurement disagree (p = {_p(document['p_value'])}), by no more than "
+            "a little of everything would make: springs, dampers and sensors that are off by what "
+            "is usual. No effect stands out."
+        )
     elif verdict == "unexplained":
         lines.append(
             "Simulation and measurement disagree, and nothing in the list explains it "
             f"(p = {_p(document['p_value'])})."
-            if document["p_value"] < _LEVEL
+            if document["p_value"] < LEVEL
             else f"Nothing in the list is missing (p = {_p(document['p_value'])}), and yet "
             "something is left that it does not explain."
         )
@@ -76,19 +79,29 @@ def diagnose_headline(document: Document) -> str:
         return "These recordings cannot answer."
     if verdict == "agreement":
         return "Nothing is missing that these drives would show."
+    if verdict == "unexplained" and not document["unexplained"]["present"]:
+        return "Simulation and measurement disagree, by no more than a little of everything."
     if verdict == "unexplained":
         return "Something is left that nothing in the list explains."
+    text = ""
     told = document["effects"][:_FEW]
-    text = f"Missing: {', '.join(f'{name_of(e)}{place(e)}' for e in told)}"
+    for sure in dict.fromkeys(_sure(e["probability"]) for e in told):
+        names = ", ".join(
+            f"{name_of(e)}{place(e)}" for e in told if _sure(e["probability"]) == sure
+        )
+        words = "Missing" if sure == "certainly" else f"{sure.capitalize()} missing"
+        text += f"{words}: {names}. "
     if len(document["effects"]) > _FEW:
-        text += " and more"
-    text += ". "
+        text = f"{text[:-2]} and more. "
     key = "holdout" if document["gap"].get("holdout") else "fit"
     part = document["gap"].get(key)
     if part and part.get("closed") is not None and not part.get("worse"):
         where = "what was held out" if key == "holdout" else "the runs fitted"
-        closed = closed_words(part["closed"]).replace("> ", "more than ")
-        text += f"With it the gap on {where} closes by {closed}. "
+        text += (
+            f"With it the gap on {where} falls from {part['before']:.3g} to {part['after']:.3g} "
+            f"{readable_unit(document['gap']['unit'])}; sensor noise alone leaves "
+            f"{part['floor']:.3g}. "
+        )
     elif part and part.get("worse"):
         text += "But the gap grew on what was held out. "
     if document["unexplained"]["present"]:
@@ -145,7 +158,9 @@ def diagnose_steps(document: Document) -> list[str]:
         return ["Look at the part itself, mend it, and drive again."]
     return [
         "Drive the same again: chance does not come back, and a fault shows more plainly in a "
-        "longer or harder drive."
+        "longer or harder drive.",
+        "Calibrate the sensors on one plate, and weigh what was guessed: the less may be a little "
+        "off, the smaller a fault can be named.",
     ]
 
 
@@ -188,9 +203,8 @@ def place(effect: Document) -> str:
 def effect_sentence(effect: Document) -> str:
     """Say what an effect is, how sure that is, how large it is and what it may be instead."""
     p = effect["probability"]
-    sure = "certainly" if p > _SURE else "probably" if p > _LIKELY else "perhaps"
     sizes = [_size(plain(name), value) for name, value in effect["parameters"].items()]
-    text = f"{sure.capitalize()} {name_of(effect)}{place(effect)} ({probability(p)})"
+    text = f"{_sure(p).capitalize()} {name_of(effect)}{place(effect)} ({probability(p)})"
     if sizes:
         text += ": " + ", ".join(sizes)
     if effect.get("run"):
@@ -202,6 +216,11 @@ def effect_sentence(effect: Document) -> str:
         if effect.get("drive"):
             text += f". This would: {plain(effect['drive'])}"
     return text + "."
+
+
+def _sure(p: float) -> str:
+    """How sure a probability is, in a word."""
+    return "certainly" if p > _SURE else "probably" if p > _LIKELY else "perhaps"
 
 
 def effects_lines(effects: list[Document]) -> list[str]:
@@ -247,25 +266,25 @@ def _left(unexplained: Document) -> list[str]:
         return []
     signs = []
     score = unexplained.get("score")
-    if score is not None and score > _SLACK:
+    if score is not None and score > ENOUGH:
         signs.append(
             f"a force of free course at the {plain(unexplained.get('axle') or 'car')} would "
             f"explain the recordings better by {score:.0f} nats"
         )
-    if unexplained.get("like") and (unexplained.get("p_decoy") or 0.0) < _NOTICED:
+    if unexplained.get("like") and (unexplained.get("p_decoy") or 0.0) < NOTICED:
         signs.append(f"it looks most like {plain(unexplained['like'])}")
     rival = unexplained.get("rival")
-    if rival is not None and rival > _AS_WELL:
+    if rival is not None and rival > AS_WELL:
         signs.append(
             f"{plain(unexplained.get('like') or 'something else')} alone would explain the "
             f"recordings {'as well' if rival < 1.0 else f'better by {rival:.0f} nats'}"
         )
-    if (unexplained.get("p_jitter", 1.0) or 0.0) < _NOTICED and unexplained.get("jitters"):
+    if (unexplained.get("p_jitter", 1.0) or 0.0) < NOTICED and unexplained.get("jitters"):
         channel = plain(unexplained["jitters"]).replace("_", " ")
         signs.append(
             f"noise is largest where the {channel} signal is steep, as with time stamps that jitter"
         )
-    if (unexplained.get("p_memory") or 0.0) < _NOTICED:
+    if (unexplained.get("p_memory") or 0.0) < NOTICED:
         signs.append("the innovations remember their past")
     if unexplained.get("swollen"):
         names = ", ".join(plain(n).replace("_", " ") for n in unexplained["swollen"])
@@ -273,7 +292,9 @@ def _left(unexplained: Document) -> list[str]:
     if unexplained.get("failed"):
         names = ", ".join(plain(n) for n in unexplained["failed"])
         signs.append(f"{names} fitted, but made it worse on what was held out")
-    return [f"What shows it: {'; '.join(signs)}."] if signs else []
+    if not signs:
+        signs.append("several faint signs of it, which together are a plain one")
+    return [f"What shows it: {'; '.join(signs)}."]
 
 
 def _rates(document: Document) -> list[str]:

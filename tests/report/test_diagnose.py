@@ -56,6 +56,21 @@ def told(verdict: str = "named") -> Document:
     return document
 
 
+def test_whatever_shows_that_something_is_left_is_told() -> None:
+    document = told("unexplained")
+    signs = {"score": 12.0, "p_decoy": 1e-4, "rival": -3.0, "p_jitter": 1e-4, "p_memory": 1e-4}
+    silent = {"score": 0.0, "p_decoy": 0.5, "rival": None, "p_jitter": 0.5, "p_memory": 0.5}
+    document["unexplained"].update(silent, like="a seat", jitters="rear_wheel", swollen=[])
+
+    def shown() -> str:
+        return next(line for line in diagnosis_lines(document) if line.startswith("What shows it"))
+
+    assert "several faint signs" in shown()
+    for name, value in signs.items():
+        document["unexplained"].update({**silent, name: value})
+        assert "several faint signs" not in shown(), name
+
+
 VERDICTS = ("named", "agreement", "unexplained", "refused")
 
 
@@ -67,12 +82,15 @@ def named() -> Document:
 def test_the_headline_says_what_and_how_much_of_the_gap(named: Document) -> None:
     assert diagnose_headline(named) == (
         "Missing: bound and rebound rates that differ at the front. "
-        "With it the gap on what was held out closes by more than 99.9 %."
+        "With it the gap on what was held out falls from 17.7 to 1.04 in/s²; sensor noise alone "
+        "leaves 0.999."
     )
     named["gap"]["holdout"].update(after=20.0, closed=-0.3, worse=True)
     assert diagnose_headline(named).endswith("But the gap grew on what was held out.")
     named["gap"]["holdout"] = None
-    assert "the gap on the runs fitted closes by" in diagnose_headline(named)
+    assert "the gap on the runs fitted falls from" in diagnose_headline(named)
+    named["effects"][0]["probability"] = 0.02
+    assert diagnose_headline(named).startswith("Perhaps missing: bound and rebound rates")
     named["unexplained"]["present"] = True
     assert "Something else is left without a name." in diagnose_headline(named)
 
@@ -115,10 +133,13 @@ def test_steps_name_the_command_or_where_to_look(named: Document) -> None:
 def test_where_nothing_has_a_name_no_part_is_to_be_mended() -> None:
     chance = told("unexplained")
     chance["unexplained"] = {**chance["unexplained"], "present": False}
-    chance["gap"] = {"fit": None, "holdout": None}
-    (step,) = diagnose_steps(chance)
-    assert step.startswith("Drive the same again")
-    assert "part" not in step
+    chance["gap"].update(fit=None, holdout=None)
+    again, nearer = diagnose_steps(chance)
+    assert again.startswith("Drive the same again")
+    assert nearer.startswith("Calibrate")
+    assert "part" not in again + nearer
+    assert "no more than a little of everything" in diagnose_headline(chance)
+    assert "No effect stands out." in diagnosis_lines(chance)[0]
 
 
 def test_tables_hold_the_numbers_of_the_document(named: Document) -> None:
