@@ -9,9 +9,10 @@ from pathlib import Path
 
 from bayes_asv.cli.common import progress_bar
 from bayes_asv.errors import InputError
+from benchmarks.battery.ablations import ABLATIONS
 from benchmarks.battery.cells import CELLS, Cell
 from benchmarks.battery.diagnoser import DEFAULT
-from benchmarks.battery.page import ABLATIONS, write_page
+from benchmarks.battery.page import LEFT_OUT, write_page
 from benchmarks.battery.run import diagnose_all, drop
 from benchmarks.battery.seal import answers, forget, seal
 from benchmarks.calibration.bench import ROOT, about
@@ -37,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="folder of the results")
     judged = "what is judged (default: the diagnosis, called in process)"
     parser.add_argument("--diagnoser", default=DEFAULT, metavar="MODULE:FUNCTION", help=judged)
-    left_out = "leave a part out; passed on to the diagnoser as a keyword"
+    left_out = f"leave a part of the diagnosis out: {', '.join(ABLATIONS)}"
     parser.add_argument("--ablation", metavar="NAME", help=left_out)
     parser.add_argument("--fresh", action="store_true", help="do cases again that are there")
     parser.add_argument("--reseal", action="store_true", help="make the answers again as well")
@@ -47,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
     given = parser.parse_args(arguments)
     folder = given.out or RESULTS / given.fleet
-    place = folder / ABLATIONS / given.ablation if given.ablation else folder
+    place = folder / LEFT_OUT / given.ablation if given.ablation else folder
     try:
         cells = chosen(given.cells)
         if given.list:

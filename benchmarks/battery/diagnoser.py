@@ -17,6 +17,7 @@ from bayes_asv.errors import InputError
 from bayes_asv.formats import write_recording
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle, write_vehicle
+from benchmarks.battery.ablations import known, without
 
 __all__ = ["DEFAULT", "Diagnoser", "by_command", "in_process", "resolve"]
 
@@ -50,7 +51,7 @@ def resolve(text: str, ablation: str | None = None) -> Diagnoser:
     Raises
     ------
     InputError
-        When there is no such function, or it cannot leave anything out.
+        When there is no such function, it cannot leave anything out, or there is no such part.
     """
     module, _, name = text.partition(":")
     try:
@@ -61,6 +62,8 @@ def resolve(text: str, ablation: str | None = None) -> Diagnoser:
         raise InputError(
             "--ablation", f"'{text}' leaves nothing out", "name a diagnoser that takes 'ablation'"
         )
+    if ablation is not None and found is in_process:
+        known(ablation)
     whole: Diagnoser = found if ablation is None else partial(found, ablation=ablation)
     return whole
 
@@ -70,12 +73,22 @@ def in_process(
     holdout: Sequence[Recording],
     vehicle: Vehicle,
     seed: int,
+    ablation: str | None = None,
 ) -> dict[str, Any]:
-    """Diagnose as the command does, without files and without starting a process."""
+    """Diagnose as the command does, without files and without starting a process.
+
+    Parameters
+    ----------
+    recordings, holdout, vehicle, seed
+        As the diagnosis takes them.
+    ablation : str, optional
+        What it is to do without, of :data:`benchmarks.battery.ablations.ABLATIONS`.
+    """
     from bayes_asv.diagnosis.workflow import diagnose
     from bayes_asv.report.diagnose_document import diagnose_document
 
-    return diagnose_document(diagnose(recordings, holdout, vehicle, seed))
+    with without(ablation):
+        return diagnose_document(diagnose(recordings, holdout, vehicle, seed))
 
 
 def by_command(

@@ -8,6 +8,7 @@ from pathlib import Path
 from bayes_asv.errors import InputError
 from bayes_asv.files import write_whole
 from benchmarks.battery import pictures
+from benchmarks.battery.ablations import ABLATIONS
 from benchmarks.battery.cells import CELLS
 from benchmarks.battery.judge import Judged, judge
 from benchmarks.battery.page_words import HOW, INTRODUCTION, LIMITS, SOURCES
@@ -28,9 +29,9 @@ from benchmarks.battery.tables import (
 )
 from benchmarks.calibration.tables import table
 
-__all__ = ["ABLATIONS", "judged", "write_page"]
+__all__ = ["LEFT_OUT", "judged", "write_page"]
 
-ABLATIONS = "ablations"
+LEFT_OUT = "ablations"
 """Folder beside the results with one of its own for every ablation."""
 
 
@@ -140,7 +141,7 @@ def _sizes(cases: Sequence[Judged]) -> str:
 
 def _ablations(folder: Path, sealed: Mapping[Key, Answer], whole: Sequence[Judged]) -> str:
     """Compare what was left out with the whole, on the cases that both did."""
-    places = sorted(path for path in (folder / ABLATIONS).glob("*") if path.is_dir())
+    places = sorted(path for path in (folder / LEFT_OUT).glob("*") if path.is_dir())
     rows = []
     for place in places:
         results = load(place)
@@ -150,13 +151,17 @@ def _ablations(folder: Path, sealed: Mapping[Key, Answer], whole: Sequence[Judge
         own = judged(results, sealed)
         keys = {(one.truth.name, one.truth.number) for one in own}
         same = [one for one in whole if (one.truth.name, one.truth.number) in keys]
-        rows += [summary_row("whole", same), summary_row(place.name.replace("_", " "), own)]
+        rows += [summary_row("whole", same), summary_row(_left_out(place.name), own)]
     if not rows:
         return ""
     return (
         "## With something left out\n\nEach line below the whole diagnosis on the same cases; "
         "shares in per cent.\n\n" + table(SUMMARY_HEAD, rows)
     )
+
+
+def _left_out(name: str) -> str:
+    return ABLATIONS[name].title if name in ABLATIONS else name.replace("_", " ")
 
 
 def _whose(cases: Sequence[Judged]) -> str:

@@ -28,7 +28,7 @@ LOOSE, PACKED = "runs.jsonl", "runs.jsonl.gz"
 # What of a document is kept: the rest is curves and lists by run.
 _KEPT = (
     "schema", "verdict", "reasons", "effects", "unexplained", "disagreement", "gap",
-    "parameters_before", "parameters_after", "preflight",
+    "parameters_before", "parameters_after", "preflight", "p_value", "p_none",
 )  # fmt: skip
 
 
