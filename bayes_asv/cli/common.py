@@ -21,6 +21,7 @@ __all__ = [
     "EXIT_STATUS",
     "check_outputs",
     "json_option",
+    "part_of",
     "progress_bar",
     "rate_option",
     "read_inputs",
@@ -29,6 +30,8 @@ __all__ = [
     "vehicle_option",
     "write_json",
 ]
+
+Progress = Callable[[float, str], None]
 
 EXIT_STATUS = {"ok": 0, "refused": 3, "not_converged": 4}
 
@@ -106,8 +109,27 @@ def write_json(document: dict[str, Any], file: str | None) -> None:
     write_whole(file, text.encode("utf-8", "replace"))  # a file's name need not be Unicode
 
 
+def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    """Let a part of a longer work tell how far it is.
+
+    Parameters
+    ----------
+    progress : callable or None
+        Of the whole.
+    begin, end : float
+        Shares of the whole where the part begins and ends.
+    """
+    if progress is None:
+        return None
+
+    def tell(share: float, words: str) -> None:
+        progress(begin + (end - begin) * share, words)
+
+    return tell
+
+
 @contextmanager
-def progress_bar() -> Iterator[Callable[[float, str], None] | None]:
+def progress_bar() -> Iterator[Progress | None]:
     """Show a bar on standard error while something long runs, only on a terminal."""
     if not sys.stderr.isatty():
         yield None

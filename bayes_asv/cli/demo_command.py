@@ -55,13 +55,19 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
         from bayes_asv.report.document import estimate_document
         from bayes_asv.report.track_document import track_document
 
-        document = estimate_document(estimate(runs, car, seed=seed, progress=progress))
+        tell = common.part_of(progress, 0.0, 0.9)
+        document = estimate_document(estimate(runs, car, seed=seed, progress=tell))
+        if progress is not None:
+            progress(0.9, "following it online")
         document["online"] = track_document(track(runs[0], car), seed=seed)
     click.echo("\n".join([*verdict_lines(document), _truth(document)]), err=quiet)
     common.write_json(document, json_file)
     found = _diagnosed(vehicle, seed, quiet)
-    for output in outputs:
-        write_report(document if Path(output).stem == "demo" else found, output)
+    with common.progress_bar() as progress:
+        for k, output in enumerate(outputs):
+            if progress is not None:
+                progress(k / len(outputs), f"writing {output}")
+            write_report(document if Path(output).stem == "demo" else found, output)
     click.echo(
         f"\nThe reports: {target / 'demo.html'} and {target / 'missing.html'} (and "
         f"{target / 'demo.pdf'}, {target / 'missing.pdf'})",

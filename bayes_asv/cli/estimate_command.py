@@ -87,7 +87,9 @@ def command(
         if model == "auto":
             from bayes_asv.diagnosis.workflow import named_in
 
-            sites += tuple(s for s in named_in(runs, car, seed, progress) if s not in sites)
+            tell = common.part_of(progress, 0.0, 0.6)
+            sites += tuple(s for s in named_in(runs, car, seed, tell) if s not in sites)
+            progress = common.part_of(progress, 0.6, 1.0)
         result = estimate(
             runs, car, likelihood=likelihood, below=below, seed=seed, progress=progress, sites=sites
         )

@@ -20,6 +20,9 @@ _KINDS = {
 }
 
 
+_COMPUTED = 0.8  # of the time, where there is something to compute
+
+
 @click.command("report")
 @click.argument("recordings", nargs=-1, metavar="[REC...]")
 @click.option("--vehicle", "-v", metavar="V.toml", help="What is known of the car.")
@@ -64,17 +67,21 @@ def command(
         raise click.UsageError("recordings need --vehicle")
     common.check_outputs((*recordings, vehicle, *saved), output, json_file)
     told = _saved(saved)
-    if recordings:
-        told = _completed(told, saved, recordings, vehicle, rate, seed, not no_diagnosis)
-    if "estimate" not in told and len(told) > 1:
-        raise click.UsageError("a diagnosis and a track need the estimate beside them")
-    document = told.get("estimate") or next(iter(told.values()))
-    if "estimate" in told:
-        beside = {"diagnosis": told.get("diagnosis"), "online": told.get("track")}
-        document = {**document, **{key: one for key, one in beside.items() if one is not None}}
-    write_report(document, output)
+    with common.progress_bar() as progress:
+        if recordings:
+            work = (told, saved, recordings, vehicle, rate, seed, not no_diagnosis)
+            told = _completed(*work, common.part_of(progress, 0.0, _COMPUTED))
+        if "estimate" not in told and len(told) > 1:
+            raise click.UsageError("a diagnosis and a track need the estimate beside them")
+        document = told.get("estimate") or next(iter(told.values()))
+        if "estimate" in told:
+            beside = {"diagnosis": told.get("diagnosis"), "online": told.get("track")}
+            document = {**document, **{key: one for key, one in beside.items() if one is not None}}
+        if progress is not None:
+            progress(_COMPUTED, f"writing {output}")
+        write_report(document, output)
     common.write_json(document, json_file)
-    click.echo(f"{_headline(document)}\n{output}", err=json_file == "-")
+    click.echo("\n".join([*_said(document), output]), err=json_file == "-")
     return common.EXIT_STATUS.get(document["verdict"], 0)
 
 
@@ -100,6 +107,7 @@ def _completed(
     rate: float | None,
     seed: int,
     diagnosis: bool,
+    progress: common.Progress | None,
 ) -> dict[str, dict[str, Any]]:
     """Compute of the recordings what was not saved."""
     if vehicle is None:  # both are there; the recordings are named to be held against them
@@ -110,24 +118,26 @@ def _completed(
     runs, car = common.read_inputs(recordings, vehicle, rate)
     _same(told, saved, runs)
     told = dict(told)
-    with common.progress_bar() as progress:
-        if "estimate" not in told:
-            from bayes_asv.inference.estimate import estimate
-            from bayes_asv.report.document import estimate_document
+    if "estimate" not in told:
+        from bayes_asv.inference.estimate import estimate
+        from bayes_asv.report.document import estimate_document
 
-            told["estimate"] = estimate_document(estimate(runs, car, seed=seed, progress=progress))
-        wanted = diagnosis and told["estimate"]["verdict"] != "refused"
-        if wanted and not (told.get("diagnosis") or told["estimate"].get("diagnosis")):
-            from bayes_asv.diagnosis.workflow import diagnose
-            from bayes_asv.report.diagnose_document import diagnose_document
+        tell = common.part_of(progress, 0.0, 0.3)
+        told["estimate"] = estimate_document(estimate(runs, car, seed=seed, progress=tell))
+    wanted = diagnosis and told["estimate"]["verdict"] != "refused"
+    if wanted and not (told.get("diagnosis") or told["estimate"].get("diagnosis")):
+        from bayes_asv.diagnosis.workflow import diagnose
+        from bayes_asv.report.diagnose_document import diagnose_document
 
-            found = diagnose(runs, (), car, seed, progress)
-            told["diagnosis"] = diagnose_document(found, runs)
-        if "track" not in told and told["estimate"]["verdict"] != "refused":
-            from bayes_asv.online.track import track
-            from bayes_asv.report.track_document import track_document
+        found = diagnose(runs, (), car, seed, common.part_of(progress, 0.3, 0.95))
+        told["diagnosis"] = diagnose_document(found, runs)
+    if "track" not in told and told["estimate"]["verdict"] != "refused":
+        from bayes_asv.online.track import track
+        from bayes_asv.report.track_document import track_document
 
-            told["track"] = track_document(track(runs[0], car), seed=seed)
+        if progress is not None:
+            progress(0.95, "following it online")
+        told["track"] = track_document(track(runs[0], car), seed=seed)
     return told
 
 
@@ -146,15 +156,18 @@ def _same(told: dict[str, dict[str, Any]], saved: tuple[str, ...], runs: list[Re
             )
 
 
-def _headline(document: dict[str, Any]) -> str:
-    """First line of what is printed."""
-    from bayes_asv.report.diagnose_words import diagnose_headline
-    from bayes_asv.report.track_words import track_headline
-    from bayes_asv.report.words import headline
+def _said(document: dict[str, Any]) -> list[str]:
+    """Lines that are printed: what was found in short, or why nothing was."""
+    from bayes_asv.report.diagnose_words import diagnose_headline, diagnosis_lines
+    from bayes_asv.report.track_words import track_headline, track_lines
+    from bayes_asv.report.words import headline, verdict_lines
 
-    if _KINDS[document["schema"]] == "track":
-        return track_headline(document)
-    if _KINDS[document["schema"]] == "diagnosis":
-        return diagnose_headline(document)
-    found = document.get("diagnosis")
-    return headline(document) + (f"\n{diagnose_headline(found)}" if found else "")
+    kind = _KINDS[document["schema"]]
+    if document["verdict"] == "refused":
+        whole = {"track": track_lines, "diagnosis": diagnosis_lines, "estimate": verdict_lines}
+        return whole[kind](document)
+    short = {"track": track_headline, "diagnosis": diagnose_headline, "estimate": headline}
+    lines = [short[kind](document)]
+    if kind == "estimate" and document.get("diagnosis"):
+        lines.append(diagnose_headline(document["diagnosis"]))
+    return lines

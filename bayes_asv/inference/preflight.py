@@ -37,6 +37,7 @@ DOUBTFUL = 0.3
 """Share left over (rms) beyond which the intervals are too good to be true."""
 _FARTHEST = 0.4  # m of suspension travel that no small car has
 _SWOLLEN = 3.0  # times the given noise beyond which something else hides in it
+_RATTLED = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
 _SHAKEN = 5.0  # wheel rms in units of its noise, below which nothing was driven over
 
 
@@ -152,6 +153,11 @@ def preflight(vehicle: Vehicle, line: Timeline) -> tuple[list[str], list[str]]:
             reasons.append(
                 f"the {axle} wheel hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
                 "over a bump, a parking stop or a rough road"
+            )
+        elif shaken > _RATTLED:
+            reasons.append(
+                f"the {axle} wheel moves at {shaken:.0f} m/s² rms in {line.source}, which no car "
+                "takes; check the unit of the column and the scale of the sensor"
             )
     for wheel, name in zip(line.wheels, ("front", "rear"), strict=True):
         largest = float(np.diff(wheel.knots).max())

@@ -92,9 +92,8 @@ def figures(document: Document) -> list[Figure]:
                 Figure(
                     "width",
                     "What the uncertainty of each answer is made of",
-                    "Look at the longest piece of a bar: what it stands for is worth knowing "
-                    "better, and the shorter ones are not. On the right stands the answer's "
-                    "deviation.",
+                    "Look at the longest piece of a bar: knowing better what it stands for narrows "
+                    "the answer most. On the right stands the answer's deviation.",
                     (bars,),
                 )
             )
@@ -136,7 +135,7 @@ def _of_run(plots: Any, run: Document, n: int, count: int, document: Document) -
             f"travel-{n}",
             f"Suspension travel, reconstructed{of}",
             "Look at how near the curve comes to a limit: a stop that was touched bends the "
-            "answer. The shading is the 95 % interval.",
+            "answer. Shading, where it is wide enough to be seen, is the 95 % interval.",
             plots.travels(run, document.get("vehicle", {}).get("travel") or {}, n),
         ),
     ]
@@ -149,7 +148,8 @@ def _left_over(plots: Any, run: Document, n: int, count: int) -> list[Figure]:
             f"spectrum-{n}",
             f"Spectrum of the chassis acceleration and of what is left{of}",
             "Look for peaks in the lower curve: a peak is a motion that the half car does not "
-            "know, such as an engine or a loose mount; a flat lower curve is sensor noise.",
+            "know, such as an engine or a loose mount; a curve without any "
+            "is sensor noise, and rises to the left by what wheel sensors add.",
             plots.spectra(run, n),
         ),
         Figure(

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from bayes_asv.quantities import QUANTITIES
 from bayes_asv.report.readable import number, percent, plain, readable_unit
+from bayes_asv.units import from_si, to_si
 
 __all__ = [
     "budgets",
@@ -116,9 +117,10 @@ def _measure(measure: Document, runs: int) -> str:
         count = _NUMBERS[n] if n < len(_NUMBERS) else str(n)
         kind = "like this one" if runs == 1 else "like these"
         return f"record {count} more run{'' if n == 1 else 's'} {kind}"
-    unit = readable_unit(measure["unit"])
-    needed = measure["needed_sd"]
-    size = f"±{_two(needed)} {unit}; " if unit else ""
+    unit, needed = measure["unit"], measure["needed_sd"]
+    if unit == "lbf*s^2/in":  # which no scale reads
+        needed, unit = float(from_si(to_si(needed, unit, "mass"), "lbm", "mass")), "lbm"
+    size = f"±{_two(needed)} {readable_unit(unit)}; " if unit else ""
     kind, _, channel = measure["what"].partition(" ")
     what = (
         f"calibrate the {channel.replace('_', ' ')} sensor to"

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from bayes_asv import __version__
+from bayes_asv.cli.common import part_of
 from tests.cli.conftest import ROOT, Command, Saved
 
 UNITS = {"c_f": "lbf*s/in", "c_r": "lbf*s/in", "i": "lbf*s^2*in", "k_g": "in"}
@@ -158,6 +159,16 @@ def test_not_converged_is_status_4(
     document = json.loads((tmp_path / "x.json").read_text(encoding="utf-8"))
     assert document["verdict"] == "not_converged"
     assert invoke("report", "--from", tmp_path / "x.json", "-o", tmp_path / "x.html").status == 4
+
+
+def test_a_part_of_a_work_counts_as_a_part() -> None:
+    told: list[tuple[float, str]] = []
+    tell = part_of(lambda share, words: told.append((share, words)), 0.3, 0.8)
+    assert tell is not None
+    for share in (0.0, 0.5, 1.0):
+        tell(share, "naming")
+    assert told == [(0.3, "naming"), (pytest.approx(0.55), "naming"), (0.8, "naming")]
+    assert part_of(None, 0.3, 0.8) is None
 
 
 def test_progress_shows_on_a_terminal_only(stops: Path, baja: Path) -> None:

@@ -217,4 +217,5 @@ def test_data_that_cannot_answer_are_refused_with_reasons(
     assert "Next: " in said.out
     told = invoke("report", "--from", tmp_path / "x.json", "-o", tmp_path / "x.html")
     assert told.status == 3
+    assert "Why: " in told.out
     assert "refused" in (tmp_path / "x.html").read_text(encoding="utf-8")

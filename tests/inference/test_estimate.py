@@ -160,11 +160,12 @@ def test_sensors_of_different_bandwidth_are_made_equal() -> None:
         (lambda t, v: (t[:120], v[:, :120]), "too short"),
         (lambda t, v: (t[::16], v[:, ::16]), "too slow"),
         (lambda t, v: (t, v * 0.002), "hardly moved"),
+        (lambda t, v: (t, v / INCH), "check the unit of the column"),
         (lambda t, v: (t, np.clip(v, -250.0, 250.0)), "end of its range"),
         (lambda t, v: (t, v[[1, 0, 3, 2]]), "explains only"),
         (lambda t, v: (np.where(t > 1.0, t + 0.3, t), v), "gap"),
     ],
-    ids=["short", "slow", "parked", "saturated", "swapped", "gap"],
+    ids=["short", "slow", "parked", "inches", "saturated", "swapped", "gap"],
 )
 def test_what_cannot_answer_is_refused_in_words(change: Change, words: str) -> None:
     _, _, recording = case("stops", 1, EXACT)

@@ -79,7 +79,7 @@ def test_without_a_budget_nothing_is_guessed(documents: dict[str, Document]) -> 
 def test_the_next_step_is_the_measure_that_halves(document: Document) -> None:
     (step,) = width_steps(document)
     assert re.fullmatch(
-        r"Weigh the car to ±0\.4\d % \(±0\.00\d\d lbf·s²/in; now ±1 %\): that halves the "
+        r"Weigh the car to ±0\.4\d % \(±2\.\d lbm; now ±1 %\): that halves the "
         r"uncertainty of the front damping rate, the rear damping rate and the pitch inertia\.",
         step,
     )
@@ -107,7 +107,7 @@ def test_a_wide_answer_gets_the_computed_advice_alone(document: Document) -> Non
     ("measures", "names", "runs", "text"),
     [
         ([MASS], ["c_f"], 1,
-         "Weigh the car to ±0.47 % (±0.0061 lbf·s²/in; now ±1 %): that halves the uncertainty of "
+         "Weigh the car to ±0.47 % (±2.3 lbm; now ±1 %): that halves the uncertainty of "
          "the front damping rate."),
         ([{"what": "runs", "further": 4}], ["k_g"], 1,
          "Record four more runs like this one: that halves the uncertainty of the radius of "
@@ -115,7 +115,7 @@ def test_a_wide_answer_gets_the_computed_advice_alone(document: Document) -> Non
         ([{"what": "runs", "further": 1}], ["k_g"], 3,
          "Record one more run like these: that halves the uncertainty of the radius of gyration."),
         ([MASS, SPRING, {"what": "runs", "further": 12}], ["c_f", "i"], 2,
-         "Weigh the car to ±0.47 % (±0.0061 lbf·s²/in; now ±1 %), measure the front spring rate "
+         "Weigh the car to ±0.47 % (±2.3 lbm; now ±1 %), measure the front spring rate "
          "to ±1.5 % (±1.5 lbf/in; now ±1 %) and record 12 more runs like these: that halves the "
          "uncertainty of the front damping rate and the pitch inertia."),
     ],
