@@ -12,6 +12,7 @@ from bayes_asv.formats import read_recording
 from bayes_asv.vehicle import read_vehicle
 from benchmarks.online import RESULTS
 from benchmarks.online_page import page
+from benchmarks.roomster import tables as real_car
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -61,3 +62,11 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_the_page_of_the_online_filter_is_made_of_its_results() -> None:
     kept = json.loads(RESULTS.read_text(encoding="utf-8"))
     assert (ROOT / "docs" / "online.md").read_text(encoding="utf-8") == page(kept)
+
+
+def test_the_page_of_the_real_car_holds_the_tables_of_its_results() -> None:
+    kept = json.loads((RESULTS.parent / "roomster.json").read_text(encoding="utf-8"))
+    text = real_car.PAGE.read_text(encoding="utf-8")
+    for name, table in real_car.tables(kept).items():
+        assert table.count("\n") > 2
+        assert f"<!-- {name} -->\n{table}<!-- end {name} -->" in text, name
