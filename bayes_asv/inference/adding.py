@@ -24,6 +24,9 @@ _AT_MOST = 4  # the same, where less is gained than its score promises
 _KEPT = 0.7  # share of a promise that is enough
 _LOOKED = (-2.5, -1.5, -0.7, 0.7, 1.5, 2.5)  # deviations along a shape
 _HIGHER = 1.0  # nats
+_ENDS = (-2.0, 2.0)  # the same of what is believed of a shape beforehand
+_FAR = 1.5  # the same, from where a climb may find another hill
+_KNOWN = 10.0  # nats that the far end of a shape costs where the data know it
 _LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is asked for
 
 
@@ -158,7 +161,9 @@ def _over_the_next_hill(stage: Stage) -> Stage:
     """Look along every shape for a higher place, and climb from there.
 
     How sharply a law bends has more than one hill: a corner that is rounded less than the motion
-    shows, and one that is rounded more.
+    shows, and one that is rounded more.  Where the data hardly know a shape the other hill may be
+    higher only once everything else has moved along: then the far ends of what was believed
+    beforehand are climbed from.
     """
     space, z = stage.space, stage.mode.z
     shapes = [
@@ -167,11 +172,22 @@ def _over_the_next_hill(stage: Stage) -> Stage:
         for p in site.effect.parameters
         if p.shape
     ]
-    places = z + np.array([by * np.eye(len(z))[k] for k in shapes for by in _LOOKED]).reshape(
-        -1, len(z)
-    )
-    values = stage.target.log_posterior(places)
-    if not len(places) or float(values.max()) < stage.mode.log_posterior + _HIGHER:
+    if not shapes:
         return stage
-    other = fitted(stage.target, places[int(np.argmax(values))])
-    return max((stage, other), key=lambda s: s.mode.log_posterior)
+    here = stage.mode.log_posterior
+    looked = np.array([_with(z, k, z[k] + by) for k in shapes for by in _LOOKED])
+    values = stage.target.log_posterior(looked)
+    if float(values.max()) > here + _HIGHER:
+        starts = looked[[int(np.argmax(values))]]
+    else:
+        ends = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
+        ends = np.array(ends).reshape(-1, len(z))
+        starts = ends[stage.target.log_posterior(ends) > here - _KNOWN]
+    others = [fitted(stage.target, start, here + _HIGHER) for start in starts]
+    return max((stage, *others), key=lambda s: s.mode.log_posterior)
+
+
+def _with(z: Array, k: int, value: float) -> Array:
+    out = z.copy()
+    out[k] = value
+    return out

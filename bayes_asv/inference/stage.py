@@ -62,10 +62,11 @@ class Setting:
 
 def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
     """Set recordings up, with patterns that stand on the readings themselves."""
-    lines = tuple(without_waiting(levelled(still_wheels_doubted(line))) for line in lines)
+    lines = tuple(levelled(still_wheels_doubted(line)) for line in lines)
     found = tuple(patterns(line, vehicle, line.reading, line.reading) for line in lines)
     where = Setting(vehicle, lines, found)
-    return replace(where, lines=tuple(_begun(where, run) for run in range(len(lines))))
+    begun = [_begun(where, run) for run in range(len(lines))]  # a wait tells where a car begins
+    return replace(where, lines=tuple(without_waiting(line) for line in begun))
 
 
 def _begun(where: Setting, run: int) -> Timeline:
