@@ -180,8 +180,8 @@ def _over_the_next_hill(stage: Stage) -> Stage:
     if float(values.max()) > here + _HIGHER:
         starts = looked[[int(np.argmax(values))]]
     else:
-        ends = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
-        ends = np.array(ends).reshape(-1, len(z))
+        far = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
+        ends = np.array(far).reshape(-1, len(z))
         starts = ends[stage.target.log_posterior(ends) > here - _KNOWN]
     others = [fitted(stage.target, start, here + _HIGHER) for start in starts]
     return max((stage, *others), key=lambda s: s.mode.log_posterior)
