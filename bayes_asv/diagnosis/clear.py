@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.diagnosis.steady import along
 from bayes_asv.inference.likelihood import Target
 from bayes_asv.inference.quiet import calm
 from bayes_asv.inference.scoring import Slopes
@@ -50,8 +51,8 @@ class Quiet:
     settled : (N,) bool array
         Innovations that come when the filter has found the motion.
     slopes : Slopes
-        The innovations, and their changes along the stage's coordinates; those are zero where
-        nothing is settled.
+        The innovations, and their changes along the stage's coordinates, of the car by the filter
+        as it stands; those are zero where nothing is settled.
     """
 
     stage: Stage
@@ -89,8 +90,11 @@ def clear(where: Setting, stage: Stage) -> Quiet:
         At its mode there.
     """
     where = replace(where, patterns=stage.target.patterns)
-    late, here = _settled(stage), stage.mode.slopes
-    known = replace(here, means=here.means * late, scales=here.scales * late)
+    late, here, first = _settled(stage), stage.mode.slopes, stage.space.lasting_dimension
+    means, scales = here.means.copy(), here.scales.copy()
+    means[:first] = along(stage.target, stage.mode.z, first)[:first]
+    scales[:first] = 0.0
+    known = replace(here, means=means * late, scales=scales * late)
     return Quiet(stage, where, where.target(stage.sites), late, known)
 
 

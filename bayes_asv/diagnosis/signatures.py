@@ -1,8 +1,9 @@
 """What every candidate would do to the innovations, and how strongly the data ask for it.
 
 The signature of a candidate is how its values change the predictions, in deviations, as seen
-through the filter.  The part that the model can imitate by what it estimates anyway is taken
-out in the posterior metric, so that a given value that is tightly known imitates little.
+through the filter as it stands (:mod:`.steady`).  The part that the model can imitate by what it
+estimates anyway is taken out in the posterior metric, so that a given value that is tightly known
+imitates little.
 Innovations are martingale differences and signatures depend on their past alone: under the model a
 normalised score is standard normal to first order.
 """
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import Quiet
 from bayes_asv.diagnosis.imitation import imitation
+from bayes_asv.diagnosis.steady import steady
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Slopes
@@ -30,6 +32,9 @@ Array = NDArray[np.float64]
 
 SILENT = 1e-6
 """Share of a signature that the model cannot imitate, below which it is silent."""
+
+_ADDED = ("sensor_lag", "sensor_bandwidth", "sensor_drift")
+"""What is added to readings, as pushes are to forces: the filter stays as it is without more."""
 
 
 @dataclass(frozen=True)
@@ -76,20 +81,19 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     """Work out the signatures of candidates at a stage's mode."""
     stage, where = quiet.stage, quiet.where
     z = stage.mode.z
-    now = [quiet.target.scored(z, run)[:2] for run in range(len(where.lines))]
+    stands = [steady(quiet.target, z, run) for run in range(len(where.lines))]
 
     def one(candidate: Candidate) -> Array:
         target = where.target((*stage.sites, candidate.site))
         there = carried(stage.space, z, target.space, candidate.site, candidate.values)
         parts = []
-        for run, (nu, logs) in enumerate(now):
-            read = logs != 0.0
+        for run, here in enumerate(stands):
             if candidate.site.run not in (None, run):
-                parts.append(np.zeros(np.count_nonzero(read)))
-                continue
-            other, wider, _ = target.scored(there, run)
-            # of the predictions alone: deviations that change as well would go with innovations
-            parts.append((nu - other * np.exp(0.5 * (wider - logs)))[read])
+                parts.append(np.zeros(np.count_nonzero(here.there)))
+            elif candidate.edge or candidate.site.effect.name in _ADDED:
+                parts.append((here.nu - target.scored(there, run)[0])[here.there])
+            else:
+                parts.append(here.row(target, there))
         row = np.concatenate(parts) * quiet.settled
         # a law whose simulation runs away has nothing to say
         return row if np.all(np.isfinite(row)) else np.zeros_like(row)
