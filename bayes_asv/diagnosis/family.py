@@ -37,8 +37,8 @@ def family_p(found: Signatures, seed: int) -> float:
 
     A push may begin and end at any time, which makes it thousands of questions; so that they do not
     make all others dear, they have a fifth of the error to themselves (Bonferroni with weights).
-    No noise model is right to the last per cent, and a twentieth of a score's variance makes half as
-    many false alarms again: three per cent, as measured, are allowed for.
+    No noise model is right to the last per cent, and a twentieth of a score's variance makes half
+    as many false alarms again: three per cent, as measured, are allowed for.
 
     Parameters
     ----------
