@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.steady import along
-from bayes_asv.inference.likelihood import Target
+from bayes_asv.diagnosis.steady import Steady, along, steady
 from bayes_asv.inference.quiet import calm
 from bayes_asv.inference.scoring import Slopes
 from bayes_asv.inference.stage import Setting, Stage, fitted, foretold
@@ -46,8 +45,8 @@ class Quiet:
         The stage, at its mode there.
     where : Setting
         The recordings with quiet wheels, and the stage's patterns.
-    target : Target
-        The stage's posterior, nothing granted to it.
+    stands : tuple of Steady
+        Its filter as it stands on each run, nothing granted to it.
     settled : (N,) bool array
         Innovations that come when the filter has found the motion.
     slopes : Slopes
@@ -57,7 +56,7 @@ class Quiet:
 
     stage: Stage
     where: Setting
-    target: Target
+    stands: tuple[Steady, ...]
     settled: NDArray[np.bool_]
     slopes: Slopes
 
@@ -90,22 +89,20 @@ def clear(where: Setting, stage: Stage) -> Quiet:
         At its mode there.
     """
     where = replace(where, patterns=stage.target.patterns)
-    late, here, first = _settled(stage), stage.mode.slopes, stage.space.lasting_dimension
+    target, z, first = where.target(stage.sites), stage.mode.z, stage.space.lasting_dimension
+    stands = tuple(steady(target, z, run) for run in range(len(where.lines)))
+    late, here = np.concatenate([_settled(one) for one in stands]), stage.mode.slopes
     means, scales = here.means.copy(), here.scales.copy()
-    means[:first] = along(stage.target, stage.mode.z, first)[:first]
-    scales[:first] = 0.0
+    means[:first], scales[:first] = along(stands, first), 0.0
     known = replace(here, means=means * late, scales=scales * late)
-    return Quiet(stage, where, where.target(stage.sites), late, known)
+    return Quiet(stage, where, stands, late, known)
 
 
-def _settled(stage: Stage) -> NDArray[np.bool_]:
-    parts = []
-    for run, line in enumerate(stage.space.timelines):
-        _, logs, _ = stage.target.scored(stage.mode.z, run)
-        heard = np.any(line.kind != MISSING, axis=1)
-        late = line.instants > line.instants[heard][0] + _SETTLING
-        parts.append(np.broadcast_to(late[:, None], logs.shape)[logs != 0.0])
-    return np.concatenate(parts)
+def _settled(one: Steady) -> NDArray[np.bool_]:
+    line = one.target.space.timelines[one.run]
+    heard = np.any(line.kind != MISSING, axis=1)
+    late = line.instants > line.instants[heard][0] + _SETTLING
+    return np.broadcast_to(late[:, None], one.there.shape)[one.there]
 
 
 def _quiet(where: Setting, stage: Stage, run: int) -> Timeline:

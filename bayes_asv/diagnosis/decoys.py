@@ -88,14 +88,13 @@ def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
     quiet : Quiet
         A model at its mode.
     """
-    where, target, z = quiet.where, quiet.target, quiet.stage.mode.z
+    where, target, z = quiet.where, quiet.stands[0].target, quiet.stage.mode.z
     runs = range(len(where.lines))
     motions = [_motion(where, target, z, run) for run in runs]
     travel = np.sqrt(np.mean([m.delta.var(axis=0) for m in motions], axis=0))
     speed = np.sqrt(np.mean([m.rate.var(axis=0) for m in motions], axis=0))
     car = target.space.cars(z[None])[0]
     changes = [list(_changes(where, run, motions[run], car, travel, speed)) for run in runs]
-    passes = [target.scored(z, run) for run in runs]
     words = tuple(change.words for change in changes[0])
 
     def one(k: int) -> Array:
@@ -103,11 +102,10 @@ def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
         power = sum(of_run[k].power for of_run in changes)
         size = _SMALL * math.sqrt(sum(of_run[k].reference for of_run in changes))
         factor = size / math.sqrt(max(power, 1e-24))
-        parts = []
-        for run in runs:
-            nudge = Nudge(*(factor * part for part in changes[run][k].nudge))
-            nu, _, _ = target.scored(z, run, nudge)
-            parts.append((passes[run][0] - nu)[passes[run][1] != 0.0])
+        parts = [
+            here.nudged(Nudge(*(factor * part for part in of_run[k].nudge)))
+            for here, of_run in zip(quiet.stands, changes, strict=True)
+        ]
         return np.concatenate(parts) * quiet.settled
 
     with shared_work(target) as shared:

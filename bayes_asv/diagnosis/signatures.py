@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import Quiet
 from bayes_asv.diagnosis.imitation import imitation
-from bayes_asv.diagnosis.steady import steady
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Slopes
@@ -32,9 +31,6 @@ Array = NDArray[np.float64]
 
 SILENT = 1e-6
 """Share of a signature that the model cannot imitate, below which it is silent."""
-
-_ADDED = ("sensor_lag", "sensor_bandwidth", "sensor_drift")
-"""What is added to readings, as pushes are to forces: the filter stays as it is without more."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +77,15 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     """Work out the signatures of candidates at a stage's mode."""
     stage, where = quiet.stage, quiet.where
     z = stage.mode.z
-    stands = [steady(quiet.target, z, run) for run in range(len(where.lines))]
 
     def one(candidate: Candidate) -> Array:
         target = where.target((*stage.sites, candidate.site))
         there = carried(stage.space, z, target.space, candidate.site, candidate.values)
         parts = []
-        for run, here in enumerate(stands):
+        for run, here in enumerate(quiet.stands):
             if candidate.site.run not in (None, run):
                 parts.append(np.zeros(np.count_nonzero(here.there)))
-            elif candidate.edge or candidate.site.effect.name in _ADDED:
+            elif candidate.edge:  # a force that is added leaves the filter as it is: one pass
                 parts.append((here.nu - target.scored(there, run)[0])[here.there])
             else:
                 parts.append(here.row(target, there))

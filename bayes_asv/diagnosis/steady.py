@@ -13,6 +13,7 @@ that: an estimating equation that is unbiased whatever the noise (Godambe 1960, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,8 +78,11 @@ class Steady:
         small = _SMALL / largest
         moments = self.target.space.timelines[self.run].moments
         nudge = Nudge(np.zeros_like(moments), small * change, np.zeros_like(change))
-        nu = self.target.scored(self.z, self.run, nudge)[0]
-        return np.asarray((self.nu - nu)[self.there] / small)
+        return self.nudged(nudge) / small
+
+    def nudged(self, nudge: Nudge) -> Array:
+        """Change of the predictions (N,) by a nudge of the run, in deviations."""
+        return np.asarray((self.nu - self.target.scored(self.z, self.run, nudge)[0])[self.there])
 
 
 def steady(target: Target, z: Array, run: int) -> Steady:
@@ -88,39 +92,35 @@ def steady(target: Target, z: Array, run: int) -> Steady:
     return Steady(target, z, run, begin, _left(target, z, run, begin), nu, logs)
 
 
-def along(target: Target, z: Array, first: int) -> Array:
-    """Work out how the predictions change along the coordinates before the first of noise.
+def along(stands: Sequence[Steady], first: int) -> Array:
+    """Work out how the predictions of all runs change along a model's own coordinates.
 
     Parameters
     ----------
-    target : Target
-        With patterns.
-    z : (D,) array
-        Where.
+    stands : sequence of Steady
+        One a run.
     first : int
-        Rows from there on are zero.
+        How many coordinates: those before the first of noise, which changes no prediction.
 
     Returns
     -------
-    (D, N) array
+    (first, N) array
         In deviations.
     """
-    parts = []
-    for run in range(len(target.space.timelines)):
-        stands = steady(target, z, run)
-        part = np.zeros((len(z), np.count_nonzero(stands.there)))
-        own = [k for k in target.space.seen_by(run) if k < first]
+    return np.concatenate([_run_along(here, first) for here in stands], axis=1)
 
-        def one(k: int, stands: Steady = stands) -> Array:
-            moved = z.copy()
-            moved[k] += _STEP
-            return stands.row(target, moved) / _STEP
 
-        with shared_work(target) as shared:
-            assert shared.pool is not None
-            part[own] = list(shared.pool.map(one, own))
-        parts.append(part)
-    return np.concatenate(parts, axis=1)
+def _run_along(here: Steady, first: int) -> Array:
+    rows = np.zeros((first, np.count_nonzero(here.there)))
+    own = [k for k in here.target.space.seen_by(here.run) if k < first]
+
+    def one(k: int) -> Array:
+        return here.row(here.target, here.z + _STEP * np.eye(len(here.z))[k]) / _STEP
+
+    with shared_work(here.target) as shared:
+        assert shared.pool is not None
+        rows[own] = list(shared.pool.map(one, own))
+    return rows
 
 
 def _left(target: Target, z: Array, run: int, begin: Array) -> Array:

@@ -45,6 +45,10 @@ def _foretold(law: str | None) -> tuple[Target, Array, int]:
     return target, z, stage.space.lasting_dimension
 
 
+def _along(target: Target, z: Array, first: int) -> Array:
+    return along([steady(target, z, 0)], first)
+
+
 def _apart(one: Array, other: Array) -> Array:
     """Length of the difference of rows over that of the rows; nothing for rows of nothing."""
     size, left = np.linalg.norm(one, axis=1), np.linalg.norm(one - other, axis=1)
@@ -56,7 +60,7 @@ def test_without_innovations_it_is_the_derivative_of_the_filter(law: str | None)
     """Where a filter has nothing to correct, how it corrects makes no difference."""
     target, z, n = _foretold(law)
     assert np.mean(target.scored(z, 0)[0] ** 2) < 1e-3
-    whole, alone = slopes(target, z).means[:n], along(target, z, n)[:n]
+    whole, alone = slopes(target, z).means[:n], _along(target, z, n)
     assert np.all(_apart(whole, alone) < 0.01)
 
 
@@ -69,7 +73,7 @@ def test_with_innovations_only_the_filter_knows_what_it_corrects() -> None:
         line, reading=line.reading + 5.0 * INCH * rng.standard_normal((len(line.step), 2))
     )
     loud = replace(target, space=replace(target.space, timelines=(noisy,)))
-    still, moved = along(target, z, n)[:n], along(loud, z, n)[:n]
+    still, moved = _along(target, z, n), _along(loud, z, n)
     assert np.all(_apart(still, moved) < 0.006)
     assert np.max(_apart(still, slopes(loud, z).means[:n])) > 0.012
 
