@@ -97,10 +97,10 @@ def diagnose_headline(document: Document) -> str:
     part = document["gap"].get(key)
     if part and part.get("closed") is not None and not part.get("worse"):
         where = "what was held out" if key == "holdout" else "the runs fitted"
+        wide, left, floor = _gap_numbers(part)
         text += (
-            f"With it the gap on {where} falls from {part['before']:.3g} to {part['after']:.3g} "
-            f"{readable_unit(document['gap']['unit'])}; sensor noise alone leaves "
-            f"{part['floor']:.3g}. "
+            f"With it the gap on {where} falls from {wide} to {left} "
+            f"{readable_unit(document['gap']['unit'])}; sensor noise alone leaves {floor}. "
         )
     elif part and part.get("worse"):
         text += "But the gap grew on what was held out. "
@@ -317,6 +317,11 @@ def _rates(document: Document) -> list[str]:
     return out
 
 
+def _gap_numbers(part: Document) -> list[str]:
+    """Three significant digits each, a zero at the end as well: 1.00 beside 12.2."""
+    return [number(part[key], part[key], digits=3) for key in ("before", "after", "floor")]
+
+
 def gap_sentence(gap: Document) -> list[str]:
     """Say what became of the gap."""
     out = []
@@ -325,9 +330,9 @@ def gap_sentence(gap: Document) -> list[str]:
         part = gap.get(key)
         if part is None:
             continue
+        wide, left, floor = _gap_numbers(part)
         text = (
-            f"Gap on {words}: {part['before']:.3g} {unit} before, {part['after']:.3g} after; "
-            f"sensor noise alone leaves {part['floor']:.3g}"
+            f"Gap on {words}: {wide} {unit} before, {left} after; sensor noise alone leaves {floor}"
         )
         out.append(text + ("; it grew." if part.get("worse") else "."))
     return out

@@ -113,6 +113,14 @@ def test_lines_name_effect_size_rates_gap_and_parameters(named: Document) -> Non
     assert "Front damping rate: 5.7" in text
 
 
+def test_gaps_are_told_to_three_digits_with_their_zeros(named: Document) -> None:
+    named["gap"]["fit"] |= {"before": 12.24, "after": 1.0013, "floor": 0.9996}
+    named["gap"]["holdout"] |= {"before": 1234.0, "after": 0.0504, "floor": 0.0}
+    text = "\n".join(diagnosis_lines(named))
+    assert "12.2 in/s² before, 1.00 after; sensor noise alone leaves 1.00." in text
+    assert "1230 in/s² before, 0.0504 after; sensor noise alone leaves 0." in text
+
+
 def test_what_cannot_be_told_apart_comes_with_the_drive_that_would(named: Document) -> None:
     effect = named["effects"][0]
     effect["indistinguishable_from"] = [{"name": "coulomb_friction", "where": "front"}]
