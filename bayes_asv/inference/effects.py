@@ -1,11 +1,13 @@
 """Effects among the coordinates: what they do to the car, to its forces and to what was read.
 
-Sensor effects change readings by patterns that follow from the readings themselves.  With slow
-the signal behind one more pole of the declared corner, a sensor whose corner is b times the
-declared one would, were it as declared, have read slow + (signal − slow)/b: exact for one pole.
-A lag is a shift, taken to second order.  A chassis channel's patterns follow from a simulation that
-knows the wheels alone, and a wheel's from its reading without most of the noise: from the reading
-itself they would share its noise, and a change that sharpens a channel would be taken for news.
+Sensor effects change readings by patterns that follow from the signal.  A wheel's follow from its
+reading without most of the noise: with slow that behind one more pole of the declared corner, a
+sensor whose corner is b times the declared one would, were it as declared, have read
+slow + (signal − slow)/b.  A chassis channel's follow from a simulation that knows the wheels alone:
+with slow what a declared sensor would have read behind one more pole, b times the declared corner,
+this one reads slow + b (signal − slow).  Both are exact for one pole.  A lag is a shift, a Taylor
+series of it.  From a chassis reading itself patterns would share its noise, and a change that
+sharpens a channel would be taken for news.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +28,7 @@ from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, equalised, moments
 from bayes_asv.inference.zeros import moments_of_one
 from bayes_asv.kernels.innovations import MISSING, ORDER
+from bayes_asv.kernels.one_pole import low_passed
 from bayes_asv.model.effects import AXLES, Scale, Site
 from bayes_asv.vehicle import Vehicle
 
@@ -80,6 +84,25 @@ class AsDeclared(NamedTuple):
     wheel: Array
 
 
+class Above(NamedTuple):
+    """What one chassis sensor would have read if it were as declared.
+
+    Parameters
+    ----------
+    there : (E,) array of bool
+        Instants at which it was read; R of them.
+    time, signal : (R,) arrays
+        When, s, and what, m/s².
+    corner : float
+        Declared, rad/s.
+    """
+
+    there: NDArray[np.bool_]
+    time: Array
+    signal: Array
+    corner: float
+
+
 @dataclass(frozen=True)
 class Patterns:
     """What sensors that are not as declared change in one recording.
@@ -93,8 +116,10 @@ class Patterns:
     moved : tuple of (4, E, ORDER) or (4, E) arrays
         One a channel: moments of the k-th derivative of its reading over k!, or that derivative of
         what a chassis would have read.
-    sharper : tuple of (E, ORDER) or (E,) arrays
-        Signal less its slow part.
+    sharper : tuple of two (E, ORDER) arrays
+        A wheel's signal less its slow part, moments of it.
+    above : tuple of two Above
+        Each chassis sensor, as declared.
     ramp : tuple of (E, ORDER) or (E,) arrays
         Time since the recording's beginning.
     level : (E, ORDER) array
@@ -105,6 +130,7 @@ class Patterns:
     wheel: Array
     moved: tuple[Array, ...]
     sharper: tuple[Array, ...]
+    above: tuple[Above, ...]
     ramp: tuple[Array, ...]
     level: Array
 
@@ -135,7 +161,7 @@ class Patterns:
             if "lag" in value:
                 change = _later(self.moved[c], value["lag"], of_reading=c % 2 == 0)
             elif "bandwidth" in value:
-                change = (1.0 / value["bandwidth"] - 1.0) * self.sharper[c]
+                change = self._sharper(c, value["bandwidth"])
             else:
                 change = -value["slope"] * self.ramp[c]
             if c % 2 == 0:
@@ -143,6 +169,14 @@ class Patterns:
             else:
                 reading[:, c // 2] += change
         return AsDeclared(driven, reading, self.wheel - zeros)
+
+    def _sharper(self, c: int, share: float) -> Array:
+        """Return what a channel whose corner is a share of the declared one has lost."""
+        if c % 2 == 0:
+            return (1.0 / share - 1.0) * self.sharper[c // 2]
+        there, time, signal, corner = self.above[c // 2]
+        lost = signal - low_passed(time, signal, share * corner)
+        return _laid(there, (1.0 - share) * lost)
 
 
 def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
@@ -155,7 +189,7 @@ def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
     return np.asarray(change if of_reading else -change)
 
 
-def patterns(line: Timeline, vehicle: Vehicle, foretold: Array, declared: Array) -> Patterns:
+def patterns(line: Timeline, vehicle: Vehicle, declared: Array) -> Patterns:
     """Work out the patterns of a recording once.
 
     Parameters
@@ -164,43 +198,44 @@ def patterns(line: Timeline, vehicle: Vehicle, foretold: Array, declared: Array)
         The recording.
     vehicle : Vehicle
         Gives declared bandwidths.
-    foretold, declared : (E, 2) arrays
-        Simulated chassis readings, of the sensors as they are taken to be and of sensors that
-        are as declared, m/s².
+    declared : (E, 2) array
+        Simulated chassis readings of sensors that are as declared, m/s².
     """
     begin = line.instants[0] - line.elapsed[0]
-    moved, sharper, ramp = [], [], []
+    moved, sharper, above, ramp = [], [], [], []
     for c, channel in enumerate(CHANNELS):
         axle = c // 2
         corner = vehicle.sensor(channel).bandwidth
         if c % 2 == 0:
-            wheel = line.wheels[axle]
             time, signal = clear_wheel(line, axle, corner)
-            smooth = make_interp_spline(time, signal, k=_DEGREE)
+            laid = partial(_moments, line, time, line.wheels[axle].deviation)
+            slow = signal if corner is None else equalised(time, signal, math.inf, corner)
+            sharper.append(laid(signal - slow))
         else:
             there = line.kind[:, axle] != MISSING
-            time, signal = line.instants[there], foretold[there, axle]
-            smooth = make_interp_spline(time, declared[there, axle], k=_DEGREE)
-        slow = equalised(time, signal, math.inf, corner) if corner is not None else signal
+            time, signal = line.instants[there], declared[there, axle]
+            laid = partial(_laid, there)
+            above.append(Above(there, time, signal, 2.0 * math.pi * (corner or math.inf)))
+        smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
-        found += [signal - slow, time - begin]
-        if c % 2 == 0:
-            laid = [
-                moments(
-                    WheelSignal(CubicSpline(time, x), time, wheel.deviation), line.instants, ORDER
-                )
-                for x in found
-            ]
-        else:
-            laid = []
-            for x in found:
-                full = np.zeros(len(line.instants))
-                full[there] = x
-                laid.append(full)
-        moved.append(np.stack(laid[:_TERMS]))
-        sharper.append(laid[_TERMS])
-        ramp.append(laid[_TERMS + 1])
+        moved.append(np.stack([laid(x) for x in found]))
+        ramp.append(laid(time - begin))
     pole = float(line.poles[0]) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
-    level = moments_of_one(line)
-    return Patterns(pole, wheel_at, tuple(moved), tuple(sharper), tuple(ramp), level)
+    return Patterns(
+        pole, wheel_at, tuple(moved), tuple(sharper), tuple(above), tuple(ramp),
+        moments_of_one(line),
+    )  # fmt: skip
+
+
+def _moments(line: Timeline, time: Array, deviation: Array, samples: Array) -> Array:
+    """Moments (E, ORDER) of what runs through a wheel's samples."""
+    through = WheelSignal(CubicSpline(time, samples), time, deviation)
+    return np.asarray(moments(through, line.instants, ORDER))
+
+
+def _laid(there: NDArray[np.bool_], samples: Array) -> Array:
+    """Lay samples where a chassis was read, and nothing elsewhere (E,)."""
+    out = np.zeros(len(there))
+    out[there] = samples
+    return out

@@ -222,7 +222,8 @@ class Space:
                 continue  # the white-residual form knows no noise of the wheel sensors
             out[:, column] = (1.0 - share) * variance + line.steps[c] ** 2 / 12.0
             out[:, 4 + column] = share * variance
-            out[:, 8 + column] = line.poles[c]
+            corner = self._factor(z, "sensor_bandwidth", CHANNELS[c])
+            out[:, 8 + column] = line.poles[c] * corner  # its own noise passes the one it has
         return out
 
     def _level(self, z: Array, name: str) -> Array:

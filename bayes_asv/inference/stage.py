@@ -63,7 +63,7 @@ class Setting:
 def setting(vehicle: Vehicle, lines: tuple[Timeline, ...]) -> Setting:
     """Set recordings up, with patterns that stand on the readings themselves."""
     lines = tuple(levelled(still_wheels_doubted(line)) for line in lines)
-    found = tuple(patterns(line, vehicle, line.reading, line.reading) for line in lines)
+    found = tuple(patterns(line, vehicle, line.reading) for line in lines)
     where = Setting(vehicle, lines, found)
     begun = [_begun(where, run) for run in range(len(lines))]  # a wait tells where a car begins
     return replace(where, lines=tuple(without_waiting(line) for line in begun))
@@ -95,8 +95,7 @@ def foretold_at(where: Setting, target: Target, z: Array) -> Setting:
         declared = (
             above(target, z, run) if where.quiet else calm(target, z, run, where.vehicle).after
         )
-        added = target.space.timelines[run].reading - target.as_declared(z, run).reading
-        found.append(patterns(line, where.vehicle, declared + added, declared))
+        found.append(patterns(line, where.vehicle, declared))
     return replace(where, patterns=tuple(found))
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from bayes_asv.kernels.one_pole import low_passed
+
 __all__ = ["WheelSignal", "between_samples", "equalised", "moments", "wheel_signal"]
 
 Array = NDArray[np.float64]
@@ -66,14 +68,7 @@ def equalised(time: Array, signal: Array, bandwidth: float, target: float) -> Ar
     """
     if bandwidth <= target * (1.0 + 1e-9):
         return signal
-    pole = 2.0 * math.pi * target
-    slow = np.empty_like(signal)
-    slow[0] = signal[0]
-    for k in range(1, len(signal)):
-        h = time[k] - time[k - 1]
-        decay = math.exp(-pole * h)
-        slope = (signal[k] - signal[k - 1]) / h
-        slow[k] = signal[k] - slope / pole + (slow[k - 1] - signal[k - 1] + slope / pole) * decay
+    slow = low_passed(time, signal, 2.0 * math.pi * target)
     share = target / bandwidth
     return np.asarray(share * signal + (1.0 - share) * slow)
 
