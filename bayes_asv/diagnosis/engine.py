@@ -30,6 +30,8 @@ _ALARM = 0.05  # false tones, where innovations remember anyway
 _PLAIN = 2e-3  # false tones, where they do not
 _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
 _LEFT = 0.5  # of the memory that may be left without the tones
+_ROUNDS = 2  # of cutting again what was left beside a tone
+_BESIDE = 2.0  # half-widths of a notch
 _SLOWEST = 10.0  # Hz: 600 turns a minute; below it a car has lines of its own on an even road
 
 
@@ -86,9 +88,13 @@ def without_engine(
     tones = _tones(where, stage, alarm)
     if not tones or _held(where, stage, tones) < known:
         return where, stage, None, held
-    lines = tuple(notched(line, where.vehicle, tones) for line in where.lines)
-    quiet = setting(where.vehicle, lines)
-    cut = fit(quiet)
+    quiet, cut = _silenced(where, tones, fit)
+    for _ in range(_ROUNDS):
+        rest = _beside(tones, quiet, cut) if memory(cut)[1] < _REMEMBERS else ()
+        if not rest:
+            break
+        tones += rest
+        quiet, cut = _silenced(where, tones, fit)
     if p < _REMEMBERS and memory(cut)[0] > _LEFT * before:
         return where, stage, None, held
     engine = Engine(tones[0].frequency, _amplitude(where, stage, tones[0]), main_tones(tones))
@@ -96,8 +102,26 @@ def without_engine(
     for line in held:
         alone = setting(where.vehicle, (line,))
         own = _tones(alone, base(alone), alarm)
-        silent.append(notched(line, where.vehicle, _joined((tones, own))))
+        silent.append(notched(line, where.vehicle, _with(tones, own)))
     return quiet, cut, engine, tuple(silent)
+
+
+def _silenced(
+    where: Setting, tones: tuple[Notch, ...], fit: Callable[[Setting], Stage]
+) -> tuple[Setting, Stage]:
+    """Cut tones out of all recordings, and fit the model to what is left."""
+    lines = tuple(notched(line, where.vehicle, tones) for line in where.lines)
+    quiet = setting(where.vehicle, lines)
+    return quiet, fit(quiet)
+
+
+def _beside(tones: Sequence[Notch], quiet: Setting, cut: Stage) -> tuple[Notch, ...]:
+    """Find what a strong tone that wandered left beside its notch, if only for a moment."""
+    found = _tones(quiet, cut, _ALARM, lasting=False)
+    return tuple(
+        n for n in found
+        if any(abs(n.frequency - t.frequency) < _BESIDE * t.half_width for t in tones)
+    )  # fmt: skip
 
 
 def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
@@ -112,23 +136,26 @@ def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
     return lost
 
 
-def _tones(where: Setting, stage: Stage, alarm: float) -> tuple[Notch, ...]:
+def _tones(
+    where: Setting, stage: Stage, alarm: float, *, lasting: bool = True
+) -> tuple[Notch, ...]:
     """Tones of all runs; one engine sounds in each of them."""
     by_rate: dict[float, list[Array]] = {}
     for run, line in enumerate(where.lines):
         nu = line.paired(stage.target.scored(stage.mode.z, run)[0])
         by_rate.setdefault(round(1.0 / line.reading_step, 3), []).append(nu)
-    return _joined(humming(runs, rate, _SLOWEST, alarm) for rate, runs in by_rate.items())
+    out: tuple[Notch, ...] = ()
+    for rate, runs in by_rate.items():
+        out = _with(out, humming(runs, rate, _SLOWEST, alarm, lasting=lasting))
+    return out
 
 
-def _joined(runs: Iterable[tuple[Notch, ...]]) -> tuple[Notch, ...]:
-    """All notches, those left out that lie within another."""
-    out: list[Notch] = []
-    for notches in runs:
-        for notch in notches:
-            if all(abs(notch.frequency - o.frequency) > 0.5 * o.half_width for o in out):
-                out.append(notch)
-    return tuple(out)
+def _with(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...]:
+    """Add notches that do not lie within those that are there."""
+    return notches + tuple(
+        n for n in more
+        if all(abs(n.frequency - o.frequency) > 0.5 * o.half_width for o in notches)
+    )  # fmt: skip
 
 
 def _amplitude(where: Setting, stage: Stage, tone: Notch) -> float:

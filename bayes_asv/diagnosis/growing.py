@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from bayes_asv.diagnosis.answer import Told, told_by
@@ -35,17 +35,20 @@ class Grown:
         What the explanations of the last step say of the car, by their shares.
     none : float
         Probability that nothing beyond tolerances is missing, before the first was named.
+    beside : bool
+        Something was found that is no effect of the model: whatever is named is a further effect.
     """
 
     model: Model
     named: tuple[Named, ...]
     told: list[Told]
     none: float
+    beside: bool = False
 
 
-def begun(model: Model) -> Grown:
+def begun(model: Model, *, beside: bool = False) -> Grown:
     """Return a model to which nothing was added."""
-    return Grown(model, (), told_by(model.stage, model.allowed), 1.0)
+    return Grown(model, (), told_by(model.stage, model.allowed), 1.0, beside)
 
 
 def grow(
@@ -65,7 +68,10 @@ def grow(
         Sites that made things worse on what was held out; they are not named again.
     """
     model, named, told, none = grown.model, list(grown.named), grown.told, grown.none
-    while len(named) < _MOST and model.p < (LEVEL if not named else 0.2 * LEVEL):
+    while len(named) < _MOST:
+        further = bool(named) or grown.beside
+        if model.p >= (0.2 * LEVEL if further else LEVEL):
+            break
         share_done = 0.1 + 0.2 * len(named)
         tell(share_done, "asking what is missing")
         trying = partial(_trying, tell, share_done)
@@ -85,7 +91,7 @@ def grow(
             ),
         ]
         gain = best.allowed.log_evidence - as_is
-        if gain < (_GAIN if named else 0.0):
+        if gain < (_GAIN if further else 0.0):
             break
         tell(share_done + 0.15, "asking what cannot be told apart")
         members = same_class(model.quiet, options)
@@ -97,7 +103,7 @@ def grow(
         model = asked(model.where, best.stage, seed)
         if nothing > 0.5:  # a little of everything explains it as well: no second name on top
             break
-    return Grown(model, tuple(named), told, none)
+    return replace(grown, model=model, named=tuple(named), told=told, none=none)
 
 
 def reconsidered(
@@ -118,7 +124,8 @@ def reconsidered(
         return grown
     tell(0.8, "asking again without pushes")
     model, kept = without(grown.model, list(grown.named), pushes, seed)
-    begin = Grown(model, tuple(kept), told_by(model.stage, model.allowed), grown.none)
+    told = told_by(model.stage, model.allowed)
+    begin = replace(grown, model=model, named=tuple(kept), told=told)
     other = grow(begin, seed, tell, failed)
     if {n.site.key for n in other.named} == {n.site.key for n in grown.named}:
         return grown

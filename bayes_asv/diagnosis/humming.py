@@ -30,7 +30,9 @@ _MOST_AT_ONCE = 0.45  # of a tone's energy; of weak tones it holds up to 0.34, o
 _NEIGHBOURS = 61  # lines of a spectrum whose median is the floor of the middle one
 
 
-def humming(runs: Sequence[Array], rate: float, slowest: float, alarm: float) -> tuple[Notch, ...]:
+def humming(
+    runs: Sequence[Array], rate: float, slowest: float, alarm: float, *, lasting: bool = True
+) -> tuple[Notch, ...]:
     """Find tones in the innovations of all runs.
 
     The band that stands out most is cut out, and what is left is searched again.
@@ -45,6 +47,8 @@ def humming(runs: Sequence[Array], rate: float, slowest: float, alarm: float) ->
         Tones below are left out, Hz.
     alarm : float
         False tones that white runs may show.
+    lasting : bool
+        Leave tones out of which the strongest is no more than a moment.
 
     Returns
     -------
@@ -60,7 +64,9 @@ def humming(runs: Sequence[Array], rate: float, slowest: float, alarm: float) ->
         if frequency is None:
             break
         found.append(notch_of(frequency))
-    return tuple(found) if found and _lasts(signals, found[0], rate) else ()
+    if lasting and found and not _lasts(signals, found[0], rate):
+        return ()
+    return tuple(found)
 
 
 def _lasts(runs: Sequence[Array], tone: Notch, rate: float) -> bool:

@@ -94,7 +94,7 @@ def diagnose(
     if engine is not None:
         first = asked(where, linear, seed)
     seen = disagreement(where, linear)
-    grown = grow(begun(first), seed, tell)
+    grown = grow(begun(first, beside=engine is not None), seed, tell)
     if engine is None:
         # What is missing may have hidden an engine.
         model = grown.model
@@ -106,7 +106,7 @@ def diagnose(
             where = silent
             linear = base(where)
             model = asked(where, stage, seed)
-            grown = grow(replace(grown, model=model), seed, tell)
+            grown = grow(replace(grown, model=model, beside=True), seed, tell)
     held_where = setting(vehicle, held) if held else None
     settings = (first_where, first_held, plain), (where, held_where, linear)
     proven = proved(grown, *settings, engine, seed, tell)
