@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.denoised import clear_wheel
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.wheels import WheelSignal, equalised, moments
+from bayes_asv.inference.wheels import WheelSignal, moments
 from bayes_asv.inference.zeros import moments_of_one
 from bayes_asv.kernels.innovations import MISSING, ORDER
 from bayes_asv.kernels.one_pole import low_passed
@@ -91,15 +91,14 @@ class Above(NamedTuple):
     ----------
     there : (E,) array of bool
         Instants at which it was read; R of them.
-    time, signal : (R,) arrays
-        When, s, and what, m/s².
+    through : CubicSpline
+        Through what it would have read, m/s² over s.
     corner : float
         Declared, rad/s.
     """
 
     there: NDArray[np.bool_]
-    time: Array
-    signal: Array
+    through: CubicSpline
     corner: float
 
 
@@ -174,8 +173,8 @@ class Patterns:
         """Return what a channel whose corner is a share of the declared one has lost."""
         if c % 2 == 0:
             return (1.0 / share - 1.0) * self.sharper[c // 2]
-        there, time, signal, corner = self.above[c // 2]
-        lost = signal - low_passed(time, signal, share * corner)
+        there, through, corner = self.above[c // 2]
+        lost = through(through.x) - low_passed(through.x, through.c, share * corner)
         return _laid(there, (1.0 - share) * lost)
 
 
@@ -209,13 +208,15 @@ def patterns(line: Timeline, vehicle: Vehicle, declared: Array) -> Patterns:
         if c % 2 == 0:
             time, signal = clear_wheel(line, axle, corner)
             laid = partial(_moments, line, time, line.wheels[axle].deviation)
-            slow = signal if corner is None else equalised(time, signal, math.inf, corner)
+            through = CubicSpline(time, signal)
+            slow = signal if corner is None else low_passed(time, through.c, 2.0 * math.pi * corner)
             sharper.append(laid(signal - slow))
         else:
             there = line.kind[:, axle] != MISSING
             time, signal = line.instants[there], declared[there, axle]
             laid = partial(_laid, there)
-            above.append(Above(there, time, signal, 2.0 * math.pi * (corner or math.inf)))
+            through = CubicSpline(time, signal)
+            above.append(Above(there, through, 2.0 * math.pi * (corner or math.inf)))
         smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
         moved.append(np.stack([laid(x) for x in found]))

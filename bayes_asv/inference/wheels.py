@@ -68,7 +68,9 @@ def equalised(time: Array, signal: Array, bandwidth: float, target: float) -> Ar
     """
     if bandwidth <= target * (1.0 + 1e-9):
         return signal
-    slow = low_passed(time, signal, 2.0 * math.pi * target)
+    lines = np.zeros((4, len(signal) - 1))
+    lines[2], lines[3] = np.diff(signal) / np.diff(time), signal[:-1]
+    slow = low_passed(time, lines, 2.0 * math.pi * target)
     share = target / bandwidth
     return np.asarray(share * signal + (1.0 - share) * slow)
 

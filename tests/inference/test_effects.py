@@ -50,6 +50,9 @@ SENSORS = {
     "sensor_lag@rear_chassis": ({"delay": (*DECLARED_DELAY[:3], 2.75e-4)}, "lag", -4e-4),
     "sensor_bandwidth@front_wheel": ({"bandwidth": (40.0, 50.0, 50.0, 50.0)}, "bandwidth", 0.8),
     "sensor_bandwidth@rear_chassis": ({"bandwidth": (50.0, 50.0, 50.0, 65.0)}, "bandwidth", 1.3),
+    "sensor_bandwidth@front_chassis": ({"bandwidth": (50.0, 12.5, 50.0, 50.0)}, "bandwidth", 0.25),
+    "sensor_bandwidth@rear_wheel": ({"bandwidth": (50.0, 50.0, 15.0, 50.0)}, "bandwidth", 0.3),
+    "sensor_lag@front_chassis": ({"delay": (0.0, 5.675e-3, 0.0, 6.75e-4)}, "lag", 5e-3),
     "sensor_drift@front_chassis": ({"drift": (0.0, 0.2, 0.0, 0.0)}, "slope", 0.2),
 }
 

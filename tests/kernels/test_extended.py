@@ -29,7 +29,7 @@ def target() -> Target:
     _, _, recording = case("bump", 1, DECLARED)
     car = vehicle(DECLARED)
     lines, _, _ = lay_out((recording,), car)
-    known = tuple(patterns(line, car, line.reading, line.reading) for line in lines)
+    known = tuple(patterns(line, car, line.reading) for line in lines)
     return Target(space(car, lines), (WHITE,), patterns=known)
 
 
