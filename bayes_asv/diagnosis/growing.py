@@ -70,7 +70,8 @@ def grow(
         Sites that made things worse on what was held out; they are not named again.
     """
     model, named, told, none = grown.model, list(grown.named), grown.told, grown.none
-    doubt = 0.0  # that a little of everything is there, and not what was named last
+    doubt = 0.0  # that a little of everything is there, and not what was named first
+    kept = grown
     while len(named) < _MOST:
         further = bool(named) or grown.beside
         if model.p >= (0.2 * LEVEL if further else LEVEL):
@@ -90,7 +91,7 @@ def grow(
                 break
             sure = named[-1].probability * (1.0 - left) / (1.0 - doubt)
             named[-1] = replace(named[-1], probability=min(sure, 1.0))
-            none = left if len(named) == 1 else none
+            doubt, none = 0.0, left
         none = nothing if not named else none
         told = [
             *told_by(stage, granted, nothing),
@@ -100,28 +101,34 @@ def grow(
                 for one in told_by(option.stage, option.allowed, part)
             ),
         ]
-        gain = best.allowed.log_evidence - as_is
-        if gain < (_GAIN if further else 0.0):
-            break
         tell(share_done + 0.15, "asking what cannot be told apart")
         members = same_class(model.quiet, options)
         probability = sum(share[options.index(m)] for m in members)
-        if probability < _BARELY:
+        gain = best.allowed.log_evidence - as_is
+        named_for_itself = gain >= (_GAIN if further else 0.0) and probability >= _BARELY
+        doubtful = nothing > _STANDS_IN and not further
+        if not (named_for_itself or doubtful):
             break
+        if doubtful:
+            doubt = nothing
+            kept = replace(grown, told=told, none=none)
         new = best.stage.sites[len(model.stage.sites) :]
         named += [Named(site, min(float(probability), 1.0), tuple(members[1:]), {}) for site in new]
         model = asked(model.where, best.stage, seed)
-        doubt = nothing if nothing > _STANDS_IN else 0.0
+        if named_for_itself:
+            kept = replace(grown, model=model, named=tuple(named), told=told, none=none)
+    if doubt > 0.0:
+        return kept
     return replace(grown, model=model, named=tuple(named), told=told, none=none)
 
 
 def _doubt(before: float, nothing: float) -> float:
     """Probability that a little of everything is there, and not what was named, once more is known.
 
-    Of two plain faults a little of everything may explain one and the other together, and either
-    of them alone leaves too much: a damper and a valve of noncentrality 4000 each were 0.11
-    probable one by one.  The next step compares the first alone with both; by as much as both are
-    more probable the odds of the first rise.
+    Where two faults are there, either of them alone leaves too much, and a little of everything
+    explains both: two dampers' of noncentrality 4000 each were 0.11 probable one by one.  The next
+    step compares the first alone with both; by as much as both are more probable the odds of the
+    first rise.  Where there really is a little of everything no second fault helps the first.
 
     Parameters
     ----------
