@@ -90,7 +90,7 @@ def without_engine(
         return where, stage, None, held
     quiet, cut = _silenced(where, tones, fit)
     for _ in range(_ROUNDS):
-        rest = _beside(tones, quiet, cut) if memory(cut)[1] < _REMEMBERS else ()
+        rest = _beside(tones, quiet, cut)
         if not rest:
             break
         tones += rest
