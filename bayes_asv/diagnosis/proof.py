@@ -13,6 +13,7 @@ from bayes_asv.inference.stage import Setting, Stage
 __all__ = ["failed", "proof"]
 
 _NOISE = 1.03  # times the floor: a gap that a floor estimated from so many readings may have
+_LOUDER = 1.1  # times the gap before: a floor that one draw of the noise may have stayed below
 
 
 def failed(
@@ -57,7 +58,7 @@ def _worse(gap: Gap) -> bool:
 
     A model that makes more of the sensors' noise than the whole gap was has no excuse in it.
     """
-    excused = gap.after < _NOISE * gap.floor and gap.floor < _NOISE * gap.before
+    excused = gap.after < _NOISE * gap.floor and gap.floor < _LOUDER * gap.before
     return gap.worse and not excused
 
 
