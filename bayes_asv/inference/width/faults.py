@@ -17,8 +17,9 @@ from scipy.interpolate import CubicSpline
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.wheels import WheelSignal, equalised, moments
+from bayes_asv.inference.wheels import WheelSignal, moments
 from bayes_asv.kernels.innovations import MISSING, ORDER, VALUE
+from bayes_asv.kernels.one_pole import low_passed
 from bayes_asv.vehicle import Vehicle
 
 __all__ = ["Fault", "faults", "with_fault"]
@@ -116,5 +117,5 @@ def _change(fault: Fault, time: Array, signal: Array, corner: float | None) -> A
         return np.asarray(fault.size * CubicSpline(time, signal)(time, 1))
     # ∂/∂log ω of ω/(s + ω) is s/(s + ω) of what already passed the pole.
     assert corner is not None
-    slow = equalised(time, signal, math.inf, corner)
-    return fault.size * (signal - slow)
+    slow = low_passed(time, CubicSpline(time, signal).c, 2.0 * math.pi * corner)
+    return np.asarray(fault.size * (signal - slow))
