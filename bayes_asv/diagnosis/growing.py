@@ -19,7 +19,7 @@ __all__ = ["Grown", "begun", "grow", "reconsidered"]
 _MOST = 4  # effects that are named
 _GAIN = 5.0  # nats that a second effect has to bring
 _STANDS_IN = 0.5  # probability from which on a little of everything may be all there is
-_TINY = 1e-12
+_TINY = 1e-12  # probability that stands for none
 _BARELY = 0.1  # probability below which a name is not worth its mention
 
 
@@ -69,14 +69,14 @@ def grow(
     failed : collection of str
         Sites that made things worse on what was held out; they are not named again.
     """
-    model, named, told, none = grown.model, list(grown.named), grown.told, grown.none
+    now = kept = grown
     doubt = 0.0  # that a little of everything is there, and not what was named first
-    kept = grown
-    while len(named) < _MOST:
-        further = bool(named) or grown.beside
+    while len(now.named) < _MOST:
+        model = now.model
+        further = bool(now.named) or now.beside
         if model.p >= (0.2 * LEVEL if further else LEVEL):
             break
-        share_done = 0.1 + 0.2 * len(named)
+        share_done = 0.1 + 0.2 * len(now.named)
         tell(share_done, "asking what is missing")
         trying = partial(_trying, tell, share_done)
         options = weigh(model.quiet, model.stage, model.found, trying, failed)
@@ -89,10 +89,8 @@ def grow(
             left = _doubt(doubt, nothing)
             if left > _STANDS_IN:
                 break
-            sure = named[-1].probability * (1.0 - left) / (1.0 - doubt)
-            named[-1] = replace(named[-1], probability=min(sure, 1.0))
-            doubt, none = 0.0, left
-        none = nothing if not named else none
+            now = _believed(now, (1.0 - left) / (1.0 - doubt), left)
+            doubt = 0.0
         told = [
             *told_by(stage, granted, nothing),
             *(
@@ -101,25 +99,29 @@ def grow(
                 for one in told_by(option.stage, option.allowed, part)
             ),
         ]
+        now = replace(now, told=told, none=now.none if now.named else nothing)
         tell(share_done + 0.15, "asking what cannot be told apart")
         members = same_class(model.quiet, options)
-        probability = sum(share[options.index(m)] for m in members)
+        probability = float(sum(share[options.index(m)] for m in members))
         gain = best.allowed.log_evidence - as_is
         named_for_itself = gain >= (_GAIN if further else 0.0) and probability >= _BARELY
-        doubtful = nothing > _STANDS_IN and not further
-        if not (named_for_itself or doubtful):
+        on_trial = nothing > _STANDS_IN and not further
+        if not (named_for_itself or on_trial):
             break
-        if doubtful:
-            doubt = nothing
-            kept = replace(grown, told=told, none=none)
-        new = best.stage.sites[len(model.stage.sites) :]
-        named += [Named(site, min(float(probability), 1.0), tuple(members[1:]), {}) for site in new]
-        model = asked(model.where, best.stage, seed)
-        if named_for_itself:
-            kept = replace(grown, model=model, named=tuple(named), told=told, none=none)
-    if doubt > 0.0:
-        return kept
-    return replace(grown, model=model, named=tuple(named), told=told, none=none)
+        before, new = now, best.stage.sites[len(model.stage.sites) :]
+        added = [Named(site, min(probability, 1.0), tuple(members[1:]), {}) for site in new]
+        now = replace(
+            now, model=asked(model.where, best.stage, seed), named=(*now.named, *added)
+        )  # fmt: skip
+        if on_trial:
+            doubt, kept = nothing, now if named_for_itself else before
+    return kept if doubt > 0.0 else now
+
+
+def _believed(grown: Grown, times: float, none: float) -> Grown:
+    """Return what was named first with so many times its probability, each axle's part alike."""
+    named = tuple(replace(n, probability=min(n.probability * times, 1.0)) for n in grown.named)
+    return replace(grown, named=named, none=none)
 
 
 def _doubt(before: float, nothing: float) -> float:

@@ -7,7 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bayes_asv.diagnosis import growing
+from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.workflow import diagnose
+from bayes_asv.inference.adding import read_site
 from tests.battery.cases import case
 
 
@@ -31,6 +33,15 @@ def test_two_plain_faults_are_named_where_a_little_of_everything_explains_either
     gap = (found.gaps or {})["holdout"]
     assert gap.closed is not None
     assert gap.closed > 0.95
+
+
+def test_an_effect_with_values_of_its_own_at_each_axle_is_believed_as_one() -> None:
+    both = tuple(
+        Named(read_site(f"digressive_damper@{axle}"), 0.11, (), {}) for axle in ("front", "rear")
+    )
+    grown = growing._believed(growing.Grown(None, both, [], 0.9), 9.0, 0.01)  # type: ignore[arg-type]
+    assert [n.probability for n in grown.named] == pytest.approx([0.99, 0.99])
+    assert grown.none == 0.01
 
 
 @given(before=st.floats(0.5, 0.999), nothing=st.floats(0.0, 1.0))
