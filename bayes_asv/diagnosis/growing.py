@@ -9,9 +9,10 @@ from functools import partial
 from bayes_asv.diagnosis.answer import Told, told_by
 from bayes_asv.diagnosis.classes import same_class
 from bayes_asv.diagnosis.model import Model, asked, weighed, without
-from bayes_asv.diagnosis.naming import as_it_is, divided, probabilities, weigh
+from bayes_asv.diagnosis.naming import Option, as_it_is, divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
-from bayes_asv.diagnosis.thresholds import LEVEL
+from bayes_asv.diagnosis.thresholds import ENOUGH, LEVEL
+from bayes_asv.diagnosis.unlisted import evidence_without_name
 from bayes_asv.inference.stage import refitted
 
 __all__ = ["Grown", "begun", "grow", "reconsidered"]
@@ -39,6 +40,8 @@ class Grown:
         Probability that nothing beyond tolerances is missing, before the first was named.
     beside : bool
         Something was found that is no effect of the model: whatever is named is a further effect.
+    nameless : bool
+        It ended where something without a name explained more than all that have one.
     """
 
     model: Model
@@ -46,6 +49,7 @@ class Grown:
     told: list[Told]
     none: float
     beside: bool = False
+    nameless: bool = False
 
 
 def begun(model: Model, *, beside: bool = False) -> Grown:
@@ -54,9 +58,17 @@ def begun(model: Model, *, beside: bool = False) -> Grown:
 
 
 def grow(
-    grown: Grown, seed: int, tell: Callable[[float, str], None], failed: Collection[str] = ()
+    grown: Grown,
+    seed: int,
+    tell: Callable[[float, str], None],
+    failed: Collection[str] = (),
+    most: int = _MOST,
 ) -> Grown:
-    """Name what is missing and add it, as long as something is.
+    """Name what is missing and add it, as long as something is, and has a name.
+
+    What is in the list stands in for what is not, one after the other and each for a part of it:
+    four names for one hysteresis, none of them true.  Where a decoy explains more than the best
+    name, nothing is named.
 
     Parameters
     ----------
@@ -68,10 +80,12 @@ def grow(
         Told the share that is done, and what is going on.
     failed : collection of str
         Sites that made things worse on what was held out; they are not named again.
+    most : int
+        How many effects are named in all.
     """
-    now = kept = grown
+    now = kept = grown = replace(grown, nameless=False)
     doubt = 0.0  # that a little of everything is there, and not what was named first
-    while len(now.named) < _MOST:
+    while len(now.named) < most:
         model = now.model
         further = bool(now.named) or now.beside
         if model.p >= (0.2 * LEVEL if further else LEVEL):
@@ -100,6 +114,10 @@ def grow(
             ),
         ]
         now = replace(now, told=told, none=now.none if now.named else nothing)
+        if _has_no_name(model, best):
+            alone = told_by(model.stage, model.allowed)
+            now, kept = replace(now, told=alone, nameless=True), replace(kept, nameless=True)
+            break
         tell(share_done + 0.15, "asking what cannot be told apart")
         members = same_class(model.quiet, options)
         probability = float(sum(share[options.index(m)] for m in members))
@@ -116,6 +134,12 @@ def grow(
         if on_trial:
             doubt, kept = nothing, now if named_for_itself else before
     return kept if doubt > 0.0 else now
+
+
+def _has_no_name(model: Model, best: Option) -> bool:
+    """Whether a decoy explains clearly more than what was fitted best of the list."""
+    without_name = evidence_without_name(model.quiet, model.allowed)
+    return without_name > best.allowed.log_evidence + ENOUGH
 
 
 def _believed(grown: Grown, times: float, none: float) -> Grown:
@@ -149,21 +173,25 @@ def reconsidered(
     """Ask again without pushes that were named before something else was.
 
     A push of any course fits a part of most things, and best while others are missing: with a
-    sensor's drift to come, a push was 87 nats before a droop stop that it stood in for.
+    sensor's drift to come, a push was 87 nats before a droop stop that it stood in for.  What is
+    named first of all again stood in for nothing.
 
     Parameters
     ----------
     grown, seed, tell, failed
-        As :func:`grow` takes and returns them.
+        As :func:`grow` takes and returns them; with something without a name nothing is asked.
     """
     pushes = [n for n in grown.named if n.site.run is not None]
-    if all(n.site.run is not None for n in grown.named[1:]) or not pushes:
+    if grown.nameless or not pushes or all(n.site.run is not None for n in grown.named[1:]):
         return grown
     tell(0.8, "asking again without pushes")
     model, kept = without(grown.model, list(grown.named), pushes, seed)
     told = told_by(model.stage, model.allowed)
     begin = replace(grown, model=model, named=tuple(kept), told=told)
-    other = grow(begin, seed, tell, failed)
+    other = grow(begin, seed, tell, failed, most=len(kept) + 1)
+    if any(n.site.key == push.site.key for n in other.named for push in pushes):
+        return grown
+    other = grow(other, seed, tell, failed)
     if {n.site.key for n in other.named} == {n.site.key for n in grown.named}:
         return grown
     # evidence is comparable on the same quiet recordings alone

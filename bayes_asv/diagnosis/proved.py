@@ -67,7 +67,7 @@ def proved(
         model, named = pruned(grown.model, list(grown.named), seed)
         tell(0.85, "proving it on what was held out")
         gaps, named = proof(first, cut, model, named, engine, seed)
-        nameless = False
+        nameless = grown.nameless
         while worse := failed(cut[1], model, named, gaps.get("holdout"), seed):
             out += tuple(str(n.site) for n in worse)
             nameless = nameless or unexplained(model.quiet, model.allowed, seed).found

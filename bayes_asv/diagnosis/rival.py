@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.clear import Quiet, clear
-from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.imitation import imitation
-from bayes_asv.diagnosis.signatures import SILENT
+from bayes_asv.diagnosis.unlisted import PRICE, unlisted
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Climbed, slopes
 from bayes_asv.inference.stage import Setting, Stage
@@ -23,8 +22,6 @@ from bayes_asv.inference.stage import Setting, Stage
 __all__ = ["rival"]
 
 Array = NDArray[np.float64]
-
-_PRICE = 4.0  # nats that an effect of unknown size costs
 
 
 def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, str]:
@@ -45,22 +42,18 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     with shared_work(target) as shared:
         here = slopes(shared, z)
     quiet = clear(where, Stage((), target, Climbed(z, here, True)))
-    rows, words = decoy_rows(quiet)
     # Least squares of the innovations on the car's coordinates, then on each decoy as well; how
     # much noise there is was settled with everything named.
     car = slice(target.space.lasting_dimension)
     along = quiet.slopes.only(car)
     along = replace(along, scales=0.0 * along.scales, given_back=0.0 * z[car])
-    known = imitation(along, z[car], rows[:0])
-    pull, gram = known.beyond(rows)
-    seen = np.diag(gram)
-    gain = np.where(seen > SILENT * np.sum(rows**2, axis=1), pull**2 / np.maximum(seen, 1e-30), 0.0)
-    k = int(np.argmax(gain))
+    known = imitation(along, z[car], along.means[:0])
+    decoys = unlisted(quiet, known)
     own = float(known.slope @ np.linalg.solve(known.precision, known.slope))
-    alone = _misfit(here.nu, quiet, z) - own - float(gain[k])
+    alone = _misfit(here.nu, quiet, z) - own - 2.0 * float(decoys.gains[decoys.best])
     named = _misfit(stage.mode.slopes.nu, quiet, stage.mode.z)
-    cost = (names - 1) * _PRICE + names * math.log(sites) - math.log(len(words))
-    return 0.5 * (named - alone) + cost, words[k]
+    cost = (names - 1) * PRICE + names * math.log(sites) - math.log(len(decoys.words))
+    return 0.5 * (named - alone) + cost, decoys.words[decoys.best]
 
 
 def _misfit(nu: Array, quiet: Quiet, z: Array) -> float:

@@ -18,7 +18,6 @@ from scipy.stats import chi2
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import clear
-from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.family import largest
 from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.jitter import jitter
@@ -26,6 +25,7 @@ from bayes_asv.diagnosis.memory import memory
 from bayes_asv.diagnosis.signatures import signatures
 from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, NOTICED
 from bayes_asv.diagnosis.tolerance import Allowed
+from bayes_asv.diagnosis.unlisted import unlisted
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.stage import Setting, Stage
@@ -139,10 +139,9 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
         found = signatures(quiet, pulses(where, axle))
         scores[axle] = _wins(*known.beyond(found.rows))
     best = max(scores, key=lambda name: scores[name])
-    rows, words = decoy_rows(quiet)
-    pull, gram = known.beyond(rows)
-    two_sided = np.zeros(len(rows), bool)
-    p, k, _ = largest(pull, gram, np.sum(rows**2, axis=1), two_sided, seed)
+    decoys = unlisted(quiet, known)
+    two_sided = np.zeros(len(decoys.words), bool)
+    p, k, _ = largest(decoys.pull, decoys.gram, decoys.raw, two_sided, seed)
     p_jitter, jitters = jitter(where, stage)
     return Unexplained(
         score=scores[best],
@@ -150,7 +149,7 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
         p_memory=memory(stage)[1],
         swollen=_swollen(where, stage),
         p_decoy=p,
-        like=words[k],
+        like=decoys.words[k],
         p_jitter=p_jitter,
         jitters=jitters,
     )

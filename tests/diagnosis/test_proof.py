@@ -117,8 +117,10 @@ def _after_a_push() -> Grown:
     return Grown(model, (push, _named(read_site("sensor_drift@front_wheel"))), [], 0.0)
 
 
-def test_pushes_that_came_last_are_not_asked_again() -> None:
+def test_pushes_that_came_last_or_before_what_has_no_name_are_not_asked_again() -> None:
     grown = _after_a_push()
+    nameless = replace(grown, nameless=True)
+    assert reconsidered(nameless, 1, _silent) is nameless
     last = replace(grown, named=grown.named[::-1])
     assert reconsidered(last, 1, _silent) is last
     alone = replace(grown, named=grown.named[:1])
@@ -132,8 +134,8 @@ def test_a_push_gives_way_to_what_it_stood_in_for(
     grown = _after_a_push()
     stop = _named(read_site("droop_stop@front"))
 
-    def grow(begin: Grown, *_: object) -> Grown:
-        return replace(begin, named=(*begin.named, stop))
+    def grow(begin: Grown, *_: object, most: int = 4) -> Grown:
+        return replace(begin, named=(grown.named[1], stop)[:most])
 
     monkeypatch.setattr(growing, "grow", grow)
     monkeypatch.setattr(growing, "without", lambda model, named, failed, seed: (model, [named[1]]))
@@ -143,3 +145,18 @@ def test_a_push_gives_way_to_what_it_stood_in_for(
     monkeypatch.setattr(growing, "refitted", lambda quiet, stage, sites: stage)
     found = reconsidered(grown, 1, _silent).named
     assert found == ((grown.named[1], stop) if wins else grown.named)
+
+
+def test_a_push_that_is_named_first_of_all_again_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    grown = _after_a_push()
+    asked: list[int] = []
+
+    def grow(begin: Grown, *_: object, most: int = 4) -> Grown:
+        asked.append(most)
+        return replace(begin, named=(*begin.named, grown.named[0]))
+
+    monkeypatch.setattr(growing, "grow", grow)
+    monkeypatch.setattr(growing, "without", lambda model, named, failed, seed: (model, [named[1]]))
+    monkeypatch.setattr(growing, "told_by", lambda stage, allowed: [])
+    assert reconsidered(grown, 1, _silent) is grown
+    assert asked == [2]

@@ -1,0 +1,90 @@
+"""How well what has no name would explain what a model leaves."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.diagnosis.clear import Quiet, clear
+from bayes_asv.diagnosis.decoys import decoy_rows
+from bayes_asv.diagnosis.imitation import Imitation, imitation
+from bayes_asv.diagnosis.signatures import SILENT
+from bayes_asv.diagnosis.tolerance import Allowed
+from bayes_asv.inference.stage import Setting
+
+__all__ = ["PRICE", "Unlisted", "evidence_without_name", "unlisted"]
+
+Array = NDArray[np.float64]
+
+PRICE = 4.0
+"""Nats that an effect of unknown size costs."""
+
+
+class Unlisted(NamedTuple):
+    """Decoys next to a model, to first order.
+
+    Parameters
+    ----------
+    pull : (K,) array
+        Slopes of the log-likelihood along their signatures.
+    gram : (K, K) array
+        Curvature, what the model can imitate left out.
+    raw : (K,) array
+        Squared lengths before that was left out.
+    words : tuple of str
+        What each of them is.
+    """
+
+    pull: Array
+    gram: Array
+    raw: Array
+    words: tuple[str, ...]
+
+    @property
+    def gains(self) -> Array:
+        """Nats (K,) by which each explains better at its best size; none for what is silent."""
+        own = np.diag(self.gram)
+        return np.where(own > SILENT * self.raw, 0.5 * self.pull**2 / np.maximum(own, 1e-30), 0.0)
+
+    @property
+    def best(self) -> int:
+        """Which explains most."""
+        return int(np.argmax(self.gains))
+
+
+def unlisted(quiet: Quiet, known: Imitation) -> Unlisted:
+    """Hold the decoys against what a model leaves.
+
+    Parameters
+    ----------
+    quiet : Quiet
+        The model at its mode.
+    known : Imitation
+        What it can imitate.
+    """
+    rows, words = decoy_rows(quiet)
+    pull, gram = known.beyond(rows)
+    return Unlisted(pull, gram, np.sum(rows**2, axis=1), words)
+
+
+def evidence_without_name(where: Setting, allowed: Allowed) -> float:
+    """Log evidence of a model with the decoy that fits best, a little of everything beside it.
+
+    To first order: what is in the list and is fitted in full is held to the same only where both
+    are far from the model, and by then either beats the other by far.
+
+    Parameters
+    ----------
+    where : Setting
+        Recordings with quiet wheels.
+    allowed : Allowed
+        The model with a little of everything.
+    """
+    stage = allowed.stage
+    quiet = clear(where, stage)
+    found = unlisted(quiet, imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at))
+    gain = float(found.gains[found.best])
+    return allowed.log_evidence + gain - PRICE - math.log(len(found.words))
