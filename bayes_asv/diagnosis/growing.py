@@ -67,8 +67,8 @@ def grow(
     """Name what is missing and add it, as long as something is, and has a name.
 
     What is in the list stands in for what is not, one after the other and each for a part of it:
-    four names for one hysteresis, none of them true.  Where a decoy explains more than the best
-    name, nothing is named.
+    four names for one hysteresis, none of them true.  Where something without a name explains more
+    than the best of them, nothing is named.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def grow(
 
 
 def _has_no_name(model: Model, best: Option) -> bool:
-    """Whether a decoy explains clearly more than what was fitted best of the list."""
+    """Whether something without a name explains clearly more than the best of the list."""
     without_name = evidence_without_name(model.quiet, model.allowed)
     return without_name > best.allowed.log_evidence + ENOUGH
 

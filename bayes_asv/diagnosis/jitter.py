@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
 from scipy.stats import pearson3
 
 from bayes_asv.channels import CHANNELS
@@ -19,7 +20,7 @@ from bayes_asv.inference.stage import Setting, Stage
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.kernels.innovations import VALUE
 
-__all__ = ["jitter"]
+__all__ = ["jitter", "louder_where_steep"]
 
 Array = NDArray[np.float64]
 
@@ -39,12 +40,10 @@ def jitter(where: Setting, stage: Stage) -> tuple[float, str]:
         Recordings, and a model at its mode.
     """
     here = stage.mode.slopes
-    slopes = [_slopes(stage, line, run) for run, line in enumerate(where.lines)]
     known = np.vstack([here.scales, np.ones_like(here.nu)])
     known = known[np.sum(known**2, axis=1) > 1e-12]
     p = []
-    for c in range(len(CHANNELS)):
-        steep = np.concatenate([own[c] for own in slopes])
+    for steep in _steep(where, stage):
         own = steep - known.T @ np.linalg.lstsq(known.T, steep, rcond=1e-10)[0]
         variance = 2.0 * float(own @ own)
         if variance <= 0.0:
@@ -55,6 +54,39 @@ def jitter(where: Setting, stage: Stage) -> tuple[float, str]:
         p.append(float(pearson3(skew).sf(z)))
     best = int(np.argmin(p))
     return min(len(p) * p[best], 1.0), CHANNELS[best]
+
+
+def louder_where_steep(where: Setting, stage: Stage) -> float:
+    """Nats by which innovations are likelier whose variance grows with a squared slope.
+
+    Level and growth are the likeliest of one channel, that which brings most, against the likeliest
+    level alone.
+
+    Parameters
+    ----------
+    where, stage : Setting, Stage
+        Recordings, and a model at its mode.
+    """
+    squared = stage.mode.slopes.nu**2
+    level = float(np.mean(squared))
+    even = 0.5 * len(squared) * (math.log(level) + 1.0)
+    return max(even - _likeliest(squared, steep, level) for steep in _steep(where, stage))
+
+
+def _likeliest(squared: Array, steep: Array, level: float) -> float:
+    """Least negative log-likelihood of squares, their variance a level and so much a slope."""
+
+    def loss(logs: Array) -> float:
+        variance = np.exp(logs[0]) + np.exp(logs[1]) * steep
+        return 0.5 * float(np.sum(np.log(variance) + squared / variance))
+
+    half = math.log(0.5 * level)
+    return float(minimize(loss, [half, half], method="Nelder-Mead").fun)
+
+
+def _steep(where: Setting, stage: Stage) -> Array:
+    """Squared slopes (4, N) at the innovations of all runs."""
+    return np.hstack([_slopes(stage, line, run) for run, line in enumerate(where.lines)])
 
 
 def _slopes(stage: Stage, line: Timeline, run: int) -> Array:

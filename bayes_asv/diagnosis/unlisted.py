@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import Quiet, clear
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.imitation import Imitation, imitation
+from bayes_asv.diagnosis.jitter import louder_where_steep
 from bayes_asv.diagnosis.signatures import SILENT
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.inference.stage import Setting
@@ -71,10 +73,11 @@ def unlisted(quiet: Quiet, known: Imitation) -> Unlisted:
 
 
 def evidence_without_name(where: Setting, allowed: Allowed) -> float:
-    """Log evidence of a model with the decoy that fits best, a little of everything beside it.
+    """Log evidence of a model with what explains most without a name, tolerances beside it.
 
-    To first order: what is in the list and is fitted in full is held to the same only where both
-    are far from the model, and by then either beats the other by far.
+    That is the decoy that fits best, to first order, or time stamps that jitter.  First order is
+    enough: what is in the list and is fitted in full is held to it only where both are far from
+    the model, and there either beats the other by far.
 
     Parameters
     ----------
@@ -86,5 +89,6 @@ def evidence_without_name(where: Setting, allowed: Allowed) -> float:
     stage = allowed.stage
     quiet = clear(where, stage)
     found = unlisted(quiet, imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at))
-    gain = float(found.gains[found.best])
-    return allowed.log_evidence + gain - PRICE - math.log(len(found.words))
+    decoy = float(found.gains[found.best]) - math.log(len(found.words))
+    jitters = louder_where_steep(where, stage) - math.log(len(CHANNELS))
+    return allowed.log_evidence + max(decoy, jitters) - PRICE
