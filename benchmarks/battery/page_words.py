@@ -70,7 +70,7 @@ LIMITS: Final = """## What falls short
 - The rig is a simulator. A real car has more that is not in any list.
 - At a given strength an effect may be smaller than what data sheets leave open (see the sizes
   above): who trusts the data sheet is then right not to name it. The table by condition splits
-  single effects there.
+  single effects there, the short answer pairs.
 - Effects that cannot be made strong enough on a car (a weight split beyond a quarter, a spring
   beyond a factor 2.5) are left out of that strength when they reach less than half of it.
 - What lies outside the list is drawn by us as well; twelve kinds are not everything.

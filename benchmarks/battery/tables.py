@@ -42,6 +42,8 @@ __all__ = [
 
 Groups = Mapping[Group, Sequence[Judged]]
 
+_WITHIN = "within two tolerances"
+
 
 def percent(one: Share) -> str:
     """Share in per cent with Wilson's interval; nothing for nothing."""
@@ -91,9 +93,12 @@ def short_answer(cases: Sequence[Judged]) -> str:
     add("one effect of noncentrality 10: right equivalence class first", weak.of_class)
     cluttered = naming(_of(groups, "in-clutter"))
     add("one effect among a little of everything: right class first", cluttered.of_class)
-    pairs = naming(_strong(_of(groups, "pair")))
+    two_effects = _strong(_of(groups, "pair"))
+    pairs = naming(two_effects)
     add("two effects: both found", pairs.every)
     add("two effects: both found and nothing else", pairs.exact)
+    plain = [one for one in two_effects if _beyond(one) != _WITHIN]
+    add("two effects, both beyond two tolerances: both found", naming(plain).every)
     outside = _strong(_of(groups, "outside"))
     add("not in the list: said to be unexplained", flagged_outside(outside))
     add("not in the list: confidently misnamed", misnamed_outside(outside))
@@ -191,12 +196,12 @@ def by_condition(cases: Sequence[Judged]) -> str:
 
 
 def _beyond(one: Judged) -> str:
-    """Say whether an effect is larger than what a data sheet leaves open."""
-    if not one.truth.effects or one.truth.effects[0].tolerance == 0.0:
+    """Say whether all effects are larger than what a data sheet leaves open, where it says."""
+    known = [effect for effect in one.truth.effects if effect.tolerance > 0.0]
+    if not known:
         return ""
-    effect = one.truth.effects[0]
-    beyond = effect.size > 2.0 * effect.tolerance
-    return "beyond two tolerances" if beyond else "within two tolerances"
+    beyond = all(effect.size > 2.0 * effect.tolerance for effect in known)
+    return "beyond two tolerances" if beyond else _WITHIN
 
 
 def outside_table(cases: Sequence[Judged]) -> str:

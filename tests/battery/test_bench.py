@@ -186,9 +186,10 @@ def made_up(cell: Cell, number: int) -> Truth:
     rng = np.random.default_rng([number, len(cell.name)])
     kinds = {"pair": ["sensor_gain", "bump_stop"], "single": ["sensor_lag"]}
     names = kinds.get(what.kind, [what.kind] if what.kind in (*EFFECTS, *OUTSIDE) else [])
+    size = 1.5 if what.kind == "pair" and number % 2 else 3.0
     effects = tuple(
         TrueEffect(n, str(rng.choice(places(n))) if n in EFFECTS else "rear",
-                   {_SHOWN[n][0]: 3.0} if n in EFFECTS else {}, 3.0, 1.0, what.strength,
+                   {_SHOWN[n][0]: 3.0} if n in EFFECTS else {}, size, 1.0, what.strength,
                    0.6 * what.strength)
         for n in names
     )  # fmt: skip
@@ -254,6 +255,9 @@ def test_what_nine_of_ten_say_is_counted(
     words = short_answer(cases)
     assert re.search(r"false alarms: nothing wrong \| 0 \(0–16\) % \| 20 \|", words)
     assert re.search(r"closed, median \| 98\.7 \(98\.7–98\.7\) %", words)
+    counts = [re.search(rf"two effects{what} \|.*\| (\d+) \|", words) for what in (
+        ": both found", ", both beyond two tolerances: both found")]  # fmt: skip
+    assert [int(found[1]) for found in counts if found] == [60, 30]
     assert "95 % intervals of i that hold, before naming | 0 (0–" in words
     assert len(by_strength(cases).splitlines()) == 2 + 2 * len(STRENGTHS) + 2
 
