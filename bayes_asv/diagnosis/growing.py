@@ -88,7 +88,7 @@ def grow(
     while len(now.named) < most:
         model = now.model
         further = bool(now.named) or now.beside
-        if model.p >= (0.2 * LEVEL if now.beside else LEVEL):
+        if model.p >= (0.2 * LEVEL if further else LEVEL):
             break
         share_done = 0.1 + 0.2 * len(now.named)
         tell(share_done, "asking what is missing")
