@@ -12,7 +12,7 @@ from bayes_asv.diagnosis.model import Model, asked, weighed, without
 from bayes_asv.diagnosis.naming import Option, as_it_is, divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.thresholds import ENOUGH, LEVEL
-from bayes_asv.diagnosis.unlisted import evidence_without_name
+from bayes_asv.diagnosis.unlisted import without_a_name
 from bayes_asv.inference.stage import refitted
 
 __all__ = ["Grown", "begun", "grow", "reconsidered"]
@@ -21,6 +21,7 @@ _MOST = 4  # effects that are named
 _GAIN = 5.0  # nats that a second effect has to bring
 _STANDS_IN = 0.5  # probability from which on a little of everything may be all there is
 _TINY = 1e-12  # probability that stands for none
+_SHORT = 0.1  # share of what it is worth by which a fit in full may fall short
 _BARELY = 0.1  # probability below which a name is not worth its mention
 
 
@@ -40,8 +41,8 @@ class Grown:
         Probability that nothing beyond tolerances is missing, before the first was named.
     beside : bool
         Something was found that is no effect of the model: whatever is named is a further effect.
-    nameless : bool
-        It ended where something without a name explained more than all that have one.
+    nameless : str
+        What explained more than any name where growing ended; empty where nothing did.
     """
 
     model: Model
@@ -49,7 +50,7 @@ class Grown:
     told: list[Told]
     none: float
     beside: bool = False
-    nameless: bool = False
+    nameless: str = ""
 
 
 def begun(model: Model, *, beside: bool = False) -> Grown:
@@ -68,7 +69,7 @@ def grow(
 
     What is in the list stands in for what is not, one after the other and each for a part of it:
     four names for one hysteresis, none of them true.  Where something without a name explains more
-    than the best of them, nothing is named.
+    than the best of them, nothing more is named.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def grow(
     most : int
         How many effects are named in all.
     """
-    now = kept = grown = replace(grown, nameless=False)
+    now = kept = grown = replace(grown, nameless="")
     doubt = 0.0  # that a little of everything is there, and not what was named first
     while len(now.named) < most:
         model = now.model
@@ -99,6 +100,12 @@ def grow(
         options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
         as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
         nothing, share = probabilities(as_is, options, model.found.sites)
+        if nameless := _without_a_name(model, best, as_is):
+            if doubt > 0.0:  # what is on trial is none the more probable for it
+                return replace(kept, nameless=nameless)
+            told = told_by(model.stage, model.allowed)
+            none = now.none if now.named else nothing
+            return replace(now, told=told, none=none, nameless=nameless)
         if doubt > 0.0:
             left = _doubt(doubt, nothing)
             if left > _STANDS_IN:
@@ -114,10 +121,6 @@ def grow(
             ),
         ]
         now = replace(now, told=told, none=now.none if now.named else nothing)
-        if _has_no_name(model, best):
-            alone = told_by(model.stage, model.allowed)
-            now, kept = replace(now, told=alone, nameless=True), replace(kept, nameless=True)
-            break
         tell(share_done + 0.15, "asking what cannot be told apart")
         members = same_class(model.quiet, options)
         probability = float(sum(share[options.index(m)] for m in members))
@@ -136,10 +139,27 @@ def grow(
     return kept if doubt > 0.0 else now
 
 
-def _has_no_name(model: Model, best: Option) -> bool:
-    """Whether something without a name explains clearly more than the best of the list."""
-    without_name = evidence_without_name(model.quiet, model.allowed)
-    return without_name > best.allowed.log_evidence + ENOUGH
+def _without_a_name(model: Model, best: Option, as_is: float) -> str:
+    """Say what explains clearly more than the best of the list, and has no name there.
+
+    Parameters
+    ----------
+    model : Model
+        So far.
+    best : Option
+        Of the list.
+    as_is : float
+        Log evidence of the model as it is, with a little of everything.
+
+    Returns
+    -------
+    str
+        Nothing where a name, or a little of everything, does.
+    """
+    other = without_a_name(model.quiet, model.allowed)
+    known = max(best.allowed.log_evidence, as_is)
+    short = _SHORT * (known - model.allowed.log_evidence)
+    return other.words if other.log_evidence > known + ENOUGH + short else ""
 
 
 def _believed(grown: Grown, times: float, none: float) -> Grown:
@@ -173,16 +193,16 @@ def reconsidered(
     """Ask again without pushes that were named before something else was.
 
     A push of any course fits a part of most things, and best while others are missing: with a
-    sensor's drift to come, a push was 87 nats before a droop stop that it stood in for.  What is
-    named first of all again stood in for nothing.
+    sensor's drift to come, a push was 87 nats before a droop stop that it stood in for.  A push
+    that is named again before anything else stays.
 
     Parameters
     ----------
     grown, seed, tell, failed
-        As :func:`grow` takes and returns them; with something without a name nothing is asked.
+        As :func:`grow` takes and returns them.
     """
     pushes = [n for n in grown.named if n.site.run is not None]
-    if grown.nameless or not pushes or all(n.site.run is not None for n in grown.named[1:]):
+    if not pushes or all(n.site.run is not None for n in grown.named[1:]):
         return grown
     tell(0.8, "asking again without pushes")
     model, kept = without(grown.model, list(grown.named), pushes, seed)
@@ -191,7 +211,8 @@ def reconsidered(
     other = grow(begin, seed, tell, failed, most=len(kept) + 1)
     if any(n.site.key == push.site.key for n in other.named for push in pushes):
         return grown
-    other = grow(other, seed, tell, failed)
+    if len(other.named) > len(kept):
+        other = grow(other, seed, tell, failed)
     if {n.site.key for n in other.named} == {n.site.key for n in grown.named}:
         return grown
     # evidence is comparable on the same quiet recordings alone

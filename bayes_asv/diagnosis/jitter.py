@@ -7,6 +7,7 @@ mean tells; the variance of the innovations does, and a level of the noise canno
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,25 +57,42 @@ def jitter(where: Setting, stage: Stage) -> tuple[float, str]:
     return min(len(p) * p[best], 1.0), CHANNELS[best]
 
 
-def louder_where_steep(where: Setting, stage: Stage) -> float:
-    """Nats by which innovations are likelier whose variance grows with a squared slope.
+def louder_where_steep(
+    where: Setting, stage: Stage, settled: NDArray[np.bool_]
+) -> tuple[float, str]:
+    """Nats by which innovations are likelier whose variance grows with a squared slope, and whose.
 
-    Level and growth are the likeliest of one channel, that which brings most, against the likeliest
-    level alone.
+    Level and growth are the likeliest, against each axle's own level in each run.
 
     Parameters
     ----------
     where, stage : Setting, Stage
         Recordings, and a model at its mode.
+    settled : (N,) bool array
+        Innovations that count.
     """
-    squared = stage.mode.slopes.nu**2
-    level = float(np.mean(squared))
-    even = 0.5 * len(squared) * (math.log(level) + 1.0)
-    return max(even - _likeliest(squared, steep, level) for steep in _steep(where, stage))
+    squared = np.asarray(stage.mode.slopes.nu**2, np.float64)
+    for group in _groups(where):
+        squared[group] /= np.mean(squared[group & settled])
+    steep = _steep(where, stage)[:, settled]
+    squared = squared[settled]
+    even = 0.5 * len(squared)
+    nats = [even - _likeliest(squared, own) for own in steep]
+    best = int(np.argmax(nats))
+    return nats[best], CHANNELS[best]
 
 
-def _likeliest(squared: Array, steep: Array, level: float) -> float:
+def _groups(where: Setting) -> Iterator[NDArray[np.bool_]]:
+    """Yield what picks an axle's readings in a run out of all."""
+    axle = [np.nonzero(line.kind == VALUE)[1] for line in where.lines]
+    of = np.concatenate([2 * run + own for run, own in enumerate(axle)])
+    for group in np.unique(of):
+        yield of == group
+
+
+def _likeliest(squared: Array, steep: Array) -> float:
     """Least negative log-likelihood of squares, their variance a level and so much a slope."""
+    level = float(np.mean(squared))
 
     def loss(logs: Array) -> float:
         variance = np.exp(logs[0]) + np.exp(logs[1]) * steep

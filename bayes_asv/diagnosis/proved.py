@@ -30,7 +30,7 @@ class Proved:
     failed : tuple of str
         Sites that were named and made things worse on what was held out.
     nameless : bool
-        Something without a name was found beside them.
+        Something without a name was found in growing, or when they failed.
     """
 
     grown: Grown
@@ -49,8 +49,8 @@ def proved(
 ) -> Proved:
     """Take out what is needless or fails; where something failed, seek another name once.
 
-    What failed stood in for something.  Where slack or decoys have found that beside it, it has no
-    name, and another would only stand in for it again.
+    What failed stood in for something.  Where that has no name, as growing, slack or decoys have
+    found, another would only stand in for it again.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def proved(
         model, named = pruned(grown.model, list(grown.named), seed)
         tell(0.85, "proving it on what was held out")
         gaps, named = proof(first, cut, model, named, engine, seed)
-        nameless = grown.nameless
+        nameless = bool(grown.nameless)
         while worse := failed(cut[1], model, named, gaps.get("holdout"), seed):
             out += tuple(str(n.site) for n in worse)
             nameless = nameless or unexplained(model.quiet, model.allowed, seed).found

@@ -68,6 +68,8 @@ class Unexplained:
         p-value of innovations that are no louder where signals are steep.
     jitters : str
         The channel whose slope makes them louder.
+    ended : str
+        What explained more than any name of the list, so that nothing more was named.
     """
 
     score: float
@@ -80,6 +82,7 @@ class Unexplained:
     rival: float = -math.inf
     p_jitter: float = 1.0
     jitters: str = ""
+    ended: str = ""
 
     @property
     def found(self) -> bool:
@@ -88,7 +91,8 @@ class Unexplained:
         # Three faint signs of the same thing are one clear sign (Fisher's combination).
         faint = chi2.sf(-2.0 * np.sum(np.log(np.maximum(tests, 1e-300))), 2 * len(tests))
         noticed = min(float(tests.min()), float(faint)) < NOTICED
-        return self.score > ENOUGH or noticed or bool(self.swollen) or bool(self.failed)
+        told = self.swollen or self.failed or self.ended
+        return self.score > ENOUGH or noticed or bool(told)
 
     @property
     def present(self) -> bool:

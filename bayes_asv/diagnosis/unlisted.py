@@ -17,12 +17,19 @@ from bayes_asv.diagnosis.signatures import SILENT
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.inference.stage import Setting
 
-__all__ = ["PRICE", "Unlisted", "evidence_without_name", "unlisted"]
+__all__ = ["PRICE", "Nameless", "Unlisted", "unlisted", "without_a_name"]
 
 Array = NDArray[np.float64]
 
 PRICE = 4.0
 """Nats that an effect of unknown size costs."""
+
+_OF_ALL = 0.5
+"""Share of what louder noise explains that counts against one name.
+
+It takes in what several names would have to share: of four faults of one size in the same quarter
+of a run nearly twice what the best of them does.
+"""
 
 
 class Unlisted(NamedTuple):
@@ -57,6 +64,21 @@ class Unlisted(NamedTuple):
         return int(np.argmax(self.gains))
 
 
+class Nameless(NamedTuple):
+    """What explains most without a name.
+
+    Parameters
+    ----------
+    log_evidence : float
+        Of the model with it.
+    words : str
+        What it is.
+    """
+
+    log_evidence: float
+    words: str
+
+
 def unlisted(quiet: Quiet, known: Imitation) -> Unlisted:
     """Hold the decoys against what a model leaves.
 
@@ -72,12 +94,10 @@ def unlisted(quiet: Quiet, known: Imitation) -> Unlisted:
     return Unlisted(pull, gram, np.sum(rows**2, axis=1), words)
 
 
-def evidence_without_name(where: Setting, allowed: Allowed) -> float:
-    """Log evidence of a model with what explains most without a name, tolerances beside it.
+def without_a_name(where: Setting, allowed: Allowed) -> Nameless:
+    """Find what explains most without a name, a little of everything beside it.
 
-    That is the decoy that fits best, to first order, or time stamps that jitter.  First order is
-    enough: what is in the list and is fitted in full is held to it only where both are far from
-    the model, and there either beats the other by far.
+    It is the decoy that fits best, to first order, or time stamps that jitter.
 
     Parameters
     ----------
@@ -89,6 +109,10 @@ def evidence_without_name(where: Setting, allowed: Allowed) -> float:
     stage = allowed.stage
     quiet = clear(where, stage)
     found = unlisted(quiet, imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at))
-    decoy = float(found.gains[found.best]) - math.log(len(found.words))
-    jitters = louder_where_steep(where, stage) - math.log(len(CHANNELS))
-    return allowed.log_evidence + max(decoy, jitters) - PRICE
+    known = allowed.log_evidence - PRICE
+    decoy = known + float(found.gains[found.best]) - math.log(len(found.words))
+    nats, channel = louder_where_steep(where, stage, quiet.settled)
+    jitters = known + _OF_ALL * nats - math.log(len(CHANNELS))
+    if decoy >= jitters:
+        return Nameless(decoy, found.words[found.best])
+    return Nameless(jitters, f"time stamps that jitter ({channel.replace('_', ' ')})")

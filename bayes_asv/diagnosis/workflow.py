@@ -113,7 +113,8 @@ def diagnose(
     grown, model, named = proven.grown, proven.grown.model, proven.grown.named
     tell(0.9, "asking what has no name")
     quiet, stage, granted = together(model, held_where)
-    left = replace(unexplained(quiet, granted, seed), failed=proven.failed)
+    left = unexplained(quiet, granted, seed)
+    left = replace(left, failed=proven.failed, ended=grown.nameless)
     if named and not left.present:
         better, words = rival(quiet, stage, len(named), first.found.sites)
         left = replace(left, rival=better, like=words if better > AS_WELL else left.like)

@@ -193,6 +193,7 @@ def _unexplained(found: Diagnosis) -> Document:
         "p_decoy": found.left.p_decoy,
         "like": found.left.like,
         "failed": list(found.left.failed),
+        "ended": found.left.ended,
         "p_jitter": found.left.p_jitter,
         "jitters": found.left.jitters,
         "rival": found.left.rival if math.isfinite(found.left.rival) else None,

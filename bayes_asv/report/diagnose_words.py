@@ -271,7 +271,11 @@ def _left(unexplained: Document) -> list[str]:
             f"a force of free course at the {plain(unexplained.get('axle') or 'car')} would "
             f"explain the recordings better by {score:.0f} nats"
         )
-    if unexplained.get("like") and (unexplained.get("p_decoy") or 0.0) < NOTICED:
+    ended = unexplained.get("ended")
+    if ended:
+        signs.append(f"{plain(ended)} explains more than anything that has a name here")
+    like = unexplained.get("like")
+    if like and like != ended and (unexplained.get("p_decoy") or 0.0) < NOTICED:
         signs.append(f"it looks most like {plain(unexplained['like'])}")
     rival = unexplained.get("rival")
     if rival is not None and rival > AS_WELL:

@@ -65,6 +65,7 @@ class _Unexplained(Part):
     p_decoy: Share | None = None
     like: Words = ""
     failed: Annotated[list[Words], Field(max_length=50)] = Field(default_factory=list)
+    ended: Words = ""
     rival: Finite | None = None
     p_jitter: Share | None = None
     jitters: Words = ""

@@ -117,10 +117,8 @@ def _after_a_push() -> Grown:
     return Grown(model, (push, _named(read_site("sensor_drift@front_wheel"))), [], 0.0)
 
 
-def test_pushes_that_came_last_or_before_what_has_no_name_are_not_asked_again() -> None:
+def test_pushes_that_came_last_are_not_asked_again() -> None:
     grown = _after_a_push()
-    nameless = replace(grown, nameless=True)
-    assert reconsidered(nameless, 1, _silent) is nameless
     last = replace(grown, named=grown.named[::-1])
     assert reconsidered(last, 1, _silent) is last
     alone = replace(grown, named=grown.named[:1])

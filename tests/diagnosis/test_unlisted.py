@@ -7,9 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bayes_asv.diagnosis import growing
+from bayes_asv.diagnosis.growing import Grown, begun, grow
 from bayes_asv.diagnosis.jitter import _likeliest
+from bayes_asv.diagnosis.model import asked
+from bayes_asv.diagnosis.tolerance import Allowed
+from bayes_asv.diagnosis.unlisted import Nameless
 from bayes_asv.diagnosis.workflow import diagnose
+from bayes_asv.inference.bestfit import lay_out
+from bayes_asv.inference.stage import Setting, base, setting
 from tests.battery.cases import case
+from tests.battery.vehicles import Fleet
 
 
 @pytest.mark.parametrize(
@@ -22,13 +30,41 @@ from tests.battery.cases import case
 def test_no_name_is_given_where_a_thing_without_one_explains_more(
     name: str, number: int, words: str
 ) -> None:
-    """Four names stood for the first, none of them true, and with it two for the second."""
+    """The first had four names, the second two, none of them true."""
     one = case(name, 58, number, "test")
     found = diagnose(one.recordings, one.holdout, one.vehicle, 0)
     assert found.verdict == "unexplained"
     assert found.named == ()
     assert found.left is not None
-    assert found.left.like == words
+    assert found.left.like == found.left.ended == words
+    assert found.left.failed == ()
+
+
+def _grown(name: str, seed: int, number: int, fleet: Fleet) -> Grown:
+    one = case(name, seed, number, fleet)
+    where = setting(one.vehicle, lay_out(one.recordings, one.vehicle)[0])
+    return grow(begun(asked(where, base(where), 1)), 1, lambda share, words: None)
+
+
+def test_what_has_a_name_is_named() -> None:
+    grown = _grown("bound_rebound-400", 5, 0, "dev")
+    assert [n.site.effect.name for n in grown.named] == ["bound_rebound"]
+    assert grown.nameless == ""
+
+
+@pytest.mark.parametrize("sites", [0, 1])
+def test_what_is_on_trial_is_not_named_where_the_next_has_no_name(
+    monkeypatch: pytest.MonkeyPatch, sites: int
+) -> None:
+    """Two dampers of 4000, each of which a little of everything explains: the first is on trial."""
+
+    def nameless(_: Setting, allowed: Allowed) -> Nameless:
+        return Nameless(np.inf if len(allowed.stage.sites) == sites else -np.inf, "a ghost")
+
+    monkeypatch.setattr(growing, "without_a_name", nameless)
+    grown = _grown("pair-4000", 56, 1, "test")
+    assert grown.nameless == "a ghost"
+    assert all(n.probability < 0.2 for n in grown.named)
 
 
 @given(seed=st.integers(0, 2**32), louder=st.floats(1.0, 30.0), level=st.floats(0.5, 2.0))
@@ -41,4 +77,4 @@ def test_a_variance_that_grows_has_its_likeliest_level_and_growth(
     squared, steep = np.concatenate([quiet, loud]), np.repeat([0.0, 1.0], [600, 200])
     groups = (quiet, loud) if loud.mean() > quiet.mean() else (squared,)
     expected = sum(0.5 * len(g) * (np.log(g.mean()) + 1.0) for g in groups)
-    assert _likeliest(squared, steep, float(squared.mean())) == pytest.approx(expected, abs=0.05)
+    assert _likeliest(squared, steep) == pytest.approx(expected, abs=0.05)

@@ -58,8 +58,16 @@ def told(verdict: str = "named") -> Document:
 
 def test_whatever_shows_that_something_is_left_is_told() -> None:
     document = told("unexplained")
-    signs = {"score": 12.0, "p_decoy": 1e-4, "rival": -3.0, "p_jitter": 1e-4, "p_memory": 1e-4}
-    silent = {"score": 0.0, "p_decoy": 0.5, "rival": None, "p_jitter": 0.5, "p_memory": 0.5}
+    signs = {"score": 12.0, "p_decoy": 1e-4, "rival": -3.0, "p_jitter": 1e-4, "p_memory": 1e-4,
+             "ended": "hysteresis"}  # fmt: skip
+    silent = {
+        "ended": "",
+        "score": 0.0,
+        "p_decoy": 0.5,
+        "rival": None,
+        "p_jitter": 0.5,
+        "p_memory": 0.5,
+    }
     document["unexplained"].update(silent, like="a seat", jitters="rear_wheel", swollen=[])
 
     def shown() -> str:
