@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.answer import Told, told_by
 from bayes_asv.diagnosis.classes import same_class
@@ -16,6 +20,8 @@ from bayes_asv.diagnosis.unlisted import without_a_name
 from bayes_asv.inference.stage import refitted
 
 __all__ = ["Grown", "begun", "grow", "reconsidered"]
+
+Array = NDArray[np.float64]
 
 _MOST = 4  # effects that are named
 _GAIN = 5.0  # nats that a second effect has to bring
@@ -51,6 +57,33 @@ class Grown:
     none: float
     beside: bool = False
     nameless: str = ""
+
+
+class _Step(NamedTuple):
+    """What may come next.
+
+    Parameters
+    ----------
+    options : list of Option
+        The most probable first.
+    share : (K,) array
+        Their probabilities.
+    nothing : float
+        Probability that nothing is missing.
+    gain : float
+        Nats that the first is better than nothing.
+    told : list of Told
+        What the explanations say of the car, by their probabilities.
+    nameless : str
+        What explains more than any of them without a name.
+    """
+
+    options: list[Option]
+    share: Array
+    nothing: float
+    gain: float
+    told: list[Told]
+    nameless: str
 
 
 def begun(model: Model, *, beside: bool = False) -> Grown:
@@ -93,50 +126,53 @@ def grow(
             break
         share_done = 0.1 + 0.2 * len(now.named)
         tell(share_done, "asking what is missing")
-        trying = partial(_trying, tell, share_done)
-        options = weigh(model.quiet, model.stage, model.found, trying, failed)
-        if not options:
+        step = _next(model, partial(_trying, tell, share_done), failed)
+        if step is None:
             break
-        options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
-        as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
-        nothing, share = probabilities(as_is, options, model.found.sites)
-        if nameless := _without_a_name(model, best, as_is):
-            if doubt > 0.0:  # what is on trial is none the more probable for it
-                return replace(kept, nameless=nameless)
-            told = told_by(model.stage, model.allowed)
-            none = now.none if now.named else nothing
-            return replace(now, told=told, none=none, nameless=nameless)
+        none = now.none if now.named else step.nothing
+        if step.nameless:  # what is on trial is none the more probable for it
+            ended = kept if doubt > 0.0 else replace(now, told=step.told, none=none)
+            return replace(ended, nameless=step.nameless)
         if doubt > 0.0:
-            left = _doubt(doubt, nothing)
+            left = _doubt(doubt, step.nothing)
             if left > _STANDS_IN:
                 break
             now = _believed(now, (1.0 - left) / (1.0 - doubt), left)
-            doubt = 0.0
-        told = [
-            *told_by(stage, granted, nothing),
-            *(
-                one
-                for option, part in zip(options, share, strict=True)
-                for one in told_by(option.stage, option.allowed, part)
-            ),
-        ]
-        now = replace(now, told=told, none=now.none if now.named else nothing)
+            doubt, none = 0.0, left
+        now = replace(now, told=step.told, none=none)
         tell(share_done + 0.15, "asking what cannot be told apart")
-        members = same_class(model.quiet, options)
-        probability = float(sum(share[options.index(m)] for m in members))
-        gain = best.allowed.log_evidence - as_is
-        named_for_itself = gain >= (_GAIN if further else 0.0) and probability >= _BARELY
-        on_trial = nothing > _STANDS_IN and not further
+        best, *others = members = same_class(model.quiet, step.options)
+        probability = float(sum(step.share[step.options.index(m)] for m in members))
+        named_for_itself = step.gain >= (_GAIN if further else 0.0) and probability >= _BARELY
+        on_trial = step.nothing > _STANDS_IN and not further
         if not (named_for_itself or on_trial):
             break
         before, new = now, best.stage.sites[len(model.stage.sites) :]
-        added = [Named(site, min(probability, 1.0), tuple(members[1:]), {}) for site in new]
+        added = [Named(site, min(probability, 1.0), tuple(others), {}) for site in new]
         now = replace(
             now, model=asked(model.where, best.stage, seed), named=(*now.named, *added)
         )  # fmt: skip
         if on_trial:
-            doubt, kept = nothing, now if named_for_itself else before
+            doubt, kept = step.nothing, now if named_for_itself else before
     return kept if doubt > 0.0 else now
+
+
+def _next(model: Model, trying: Callable[[str], None], failed: Collection[str]) -> _Step | None:
+    """Weigh everything that a model may be lacking; none where nothing can be fitted."""
+    options = weigh(model.quiet, model.stage, model.found, trying, failed)
+    if not options:
+        return None
+    options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
+    as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
+    nothing, share = probabilities(as_is, options, model.found.sites)
+    gain = best.allowed.log_evidence - as_is
+    nameless = _without_a_name(model, best, as_is)
+    told = told_by(stage, granted, nothing)
+    for option, part in zip(options, share, strict=True):
+        told += told_by(option.stage, option.allowed, part)
+    if nameless:
+        told = told_by(model.stage, model.allowed)
+    return _Step(options, share, nothing, gain, told, nameless)
 
 
 def _without_a_name(model: Model, best: Option, as_is: float) -> str:
