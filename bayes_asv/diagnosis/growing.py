@@ -117,7 +117,7 @@ def grow(
     most : int
         How many effects are named in all.
     """
-    now = kept = grown = replace(grown, nameless="")
+    now = kept = replace(grown, nameless="")
     doubt = 0.0  # that a little of everything is there, and not what was named first
     while len(now.named) < most:
         model = now.model
@@ -167,11 +167,12 @@ def _next(model: Model, trying: Callable[[str], None], failed: Collection[str]) 
     nothing, share = probabilities(as_is, options, model.found.sites)
     gain = best.allowed.log_evidence - as_is
     nameless = _without_a_name(model, best, as_is)
-    told = told_by(stage, granted, nothing)
-    for option, part in zip(options, share, strict=True):
-        told += told_by(option.stage, option.allowed, part)
     if nameless:
         told = told_by(model.stage, model.allowed)
+    else:
+        told = told_by(stage, granted, nothing)
+        for option, part in zip(options, share, strict=True):
+            told += told_by(option.stage, option.allowed, part)
     return _Step(options, share, nothing, gain, told, nameless)
 
 

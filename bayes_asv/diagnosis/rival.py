@@ -49,11 +49,12 @@ def rival(where: Setting, stage: Stage, names: int, sites: int) -> tuple[float, 
     along = replace(along, scales=0.0 * along.scales, given_back=0.0 * z[car])
     known = imitation(along, z[car], along.means[:0])
     decoys = unlisted(quiet, known)
+    gain, words = decoys.best
     own = float(known.slope @ np.linalg.solve(known.precision, known.slope))
-    alone = _misfit(here.nu, quiet, z) - own - 2.0 * float(decoys.gains[decoys.best])
+    alone = _misfit(here.nu, quiet, z) - own - 2.0 * gain
     named = _misfit(stage.mode.slopes.nu, quiet, stage.mode.z)
     cost = (names - 1) * PRICE + names * math.log(sites) - math.log(len(decoys.words))
-    return 0.5 * (named - alone) + cost, decoys.words[decoys.best]
+    return 0.5 * (named - alone) + cost, words
 
 
 def _misfit(nu: Array, quiet: Quiet, z: Array) -> float:

@@ -59,9 +59,11 @@ class Unlisted(NamedTuple):
         return np.where(own > SILENT * self.raw, 0.5 * self.pull**2 / np.maximum(own, 1e-30), 0.0)
 
     @property
-    def best(self) -> int:
-        """Which explains most."""
-        return int(np.argmax(self.gains))
+    def best(self) -> tuple[float, str]:
+        """Nats of the one that explains most, and what it is."""
+        gains = self.gains
+        k = int(np.argmax(gains))
+        return float(gains[k]), self.words[k]
 
 
 class Nameless(NamedTuple):
@@ -110,9 +112,10 @@ def without_a_name(where: Setting, allowed: Allowed) -> Nameless:
     quiet = clear(where, stage)
     found = unlisted(quiet, imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at))
     known = allowed.log_evidence - PRICE
-    decoy = known + float(found.gains[found.best]) - math.log(len(found.words))
+    gain, words = found.best
+    decoy = known + gain - math.log(len(found.words))
     nats, channel = louder_where_steep(where, stage, quiet.settled)
     jitters = known + _OF_ALL * nats - math.log(len(CHANNELS))
     if decoy >= jitters:
-        return Nameless(decoy, found.words[found.best])
+        return Nameless(decoy, words)
     return Nameless(jitters, f"time stamps that jitter ({channel.replace('_', ' ')})")

@@ -117,7 +117,7 @@ def _stops(site: Site, travel: float, rate: float) -> list[Candidate]:
     """List stops within the travel that was used.
 
     They come in over a small part of it: a stop of a light car that was just reached for 15 ms had
-    a score of 2.5 with an onset of 3 mm, which is most of the car's travel, and of 16 with a tenth.
+    a score of 2.5 with an onset of 3 mm, most of the travel of that car, and of 16 with 0.3 mm.
     """
     onset = min(_ONSET, _SHARP * travel)
     return [

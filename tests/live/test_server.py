@@ -342,7 +342,10 @@ def test_a_page_too_many_is_told_so(
 
 
 def test_one_that_never_began_can_be_stopped() -> None:
-    LiveServer(shown(0.1)).stop()
+    server = LiveServer(shown(0.1))
+    server.stop()
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", server.port), timeout=2)
 
 
 def test_stopping_is_quick_and_tells_the_viewers() -> None:

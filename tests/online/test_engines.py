@@ -33,30 +33,29 @@ def _steps(car: Vehicle, terrain: str = "bump", first: int = 150) -> Steps:
     return cut(laid.steps, first, first + ROWS)
 
 
-def _same(
+def _both(
     car: Vehicle,
     steps: Steps,
     forget: float | None = None,
     width: float = 1.0,
     **rules: float,
-) -> NDArray[np.float64]:
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """What either engine tells (the rows first) and ends with."""
     where = coordinates(car)
     model = model_of(where, sensing(car).kernel_noise(), forget)
-    told = []
-    states = []
+    ends = []
     for run in (unscented.run, reference.run):
         state, out = beginning(model), np.zeros((len(steps.step), COLUMNS))
         state.D[:] *= width
         event = run(0, False, state, model, NEVER._replace(**rules), steps, out)
-        told.append((event, out))
-        states.append(state)
-    (event, out), (other_event, other) = told
-    assert event == other_event
-    np.testing.assert_allclose(out, other, rtol=1e-9, atol=1e-9)
-    for one, two in zip(states[0][:7], states[1][:7], strict=True):
-        np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(states[0].memory[:11], states[1].memory[:11], rtol=1e-9, atol=1e-9)
-    return out
+        ends.append([out, np.asarray(event), *state[:7], state.memory[:11]])
+    return ends[0], ends[1]
+
+
+def _far(ends: tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]) -> list[int]:
+    """Places of what the engines do not agree on to 1e-9."""
+    pairs = enumerate(zip(*ends, strict=True))
+    return [k for k, (a, b) in pairs if not np.allclose(a, b, 1e-9, 1e-9, equal_nan=True)]
 
 
 @pytest.mark.parametrize("sds", [EXACT, DECLARED], ids=["exact", "declared"])
@@ -65,7 +64,7 @@ def test_on_a_bump_with_readings_missing(sds: dict[str, float]) -> None:
     steps = _steps(car)
     steps.kind[::7, 0] = MISSING
     steps.kind[3::11, 1] = MISSING
-    _same(car, steps)
+    assert _far(_both(car, steps)) == []
 
 
 def test_with_bounds_a_gap_and_parameters_that_walk() -> None:
@@ -74,14 +73,16 @@ def test_with_bounds_a_gap_and_parameters_that_walk() -> None:
     steps.kind[5::9, 0] = AT_LEAST
     steps.kind[6::13, 1] = AT_MOST
     steps.afresh[40] = True
-    _same(car, steps, forget=20.0)
+    assert _far(_both(car, steps, forget=20.0)) == []
 
 
 def test_with_noise_that_swells_and_parameters_that_are_doubted() -> None:
     car = vehicle(EXACT)
     steps = _steps(car, "rough", 220)
     steps.reading[30:, 1] += 2.0
-    out = _same(car, steps, width=0.02, coloured=1.2)
+    ends = _both(car, steps, width=0.02, coloured=1.2)
+    assert _far(ends) == []
+    out = ends[0][0]
     assert out[:, LEVEL + 1].max() > 3.0
     assert out[:, DOUBT].max() == 1.0
 
