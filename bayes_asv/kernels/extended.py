@@ -31,6 +31,7 @@ from bayes_asv.kernels.filtered import (
     WHEELS,
     carry,
     compliance,
+    follow,
     force_weights,
     forces,
     seen,
@@ -120,6 +121,7 @@ def _run(
     ahead = np.empty(6)
     now = np.zeros(2)
     then = np.zeros(2)
+    bent = table.shape[0] > 0  # where no law is bent there is no force, and nothing to follow
     g0 = np.zeros((2, 8))
     g1 = np.zeros((2, 8))
     w = np.zeros(2)
@@ -143,10 +145,14 @@ def _run(
                 for a in range(6):
                     base[a, 4] = through[a, 0]
                     base[a, 5] = through[a, 1]
+                if not bent:
+                    J[:] = base
             w[0], w[1] = mean[WHEELS], mean[WHEELS + 1]
-            u[0], u[1] = wheel[k - 1, 0] / gain[0], wheel[k - 1, 1] / gain[2]
-            time = elapsed[k - 1]
-            forces(table, car, plain, M, pole, mean, w, u, time, time / length, now, g0)
+            now[0] = now[1] = 0.0
+            if bent:
+                u[0], u[1] = wheel[k - 1, 0] / gain[0], wheel[k - 1, 1] / gain[2]
+                time = elapsed[k - 1]
+                forces(table, car, plain, M, pole, mean, w, u, time, time / length, now, g0)
             now[0] += added[k - 1, 0]
             now[1] += added[k - 1, 1]
             for a in range(6):
@@ -160,29 +166,19 @@ def _run(
                     ahead[a] += drive[1, j, a] * moments[k, 1, j]
             for a in range(6):
                 ahead[a] += W0[a, 0] * now[0] + W0[a, 1] * now[1]
-                for b in range(8):
-                    J[a, b] = base[a, b] + W0[a, 0] * g0[0, b] + W0[a, 1] * g0[1, b]
-            u[0], u[1] = wheel[k, 0] / gain[0], wheel[k, 1] / gain[2]
-            time = elapsed[k]
-            forces(table, car, plain, M, pole, ahead, w, u, time, time / length, then, g1)
+            then[0] = then[1] = 0.0
+            if bent:
+                u[0], u[1] = wheel[k, 0] / gain[0], wheel[k, 1] / gain[2]
+                time = elapsed[k]
+                forces(table, car, plain, M, pole, ahead, w, u, time, time / length, then, g1)
             then[0] += added[k, 0]
             then[1] += added[k, 1]
             for a in range(6):
                 mean[a] = ahead[a]
                 for axle in range(2):
                     mean[a] += W1[a, axle] * (then[axle] - now[axle])
-            if not free:
-                for axle in range(2):  # slope of the second end, through the predictor
-                    for b in range(8):
-                        acc = -g0[axle, b]
-                        for a in range(6):
-                            acc += g1[axle, a] * J[a, b]
-                        if b >= 6:
-                            acc += g1[axle, b]
-                        g0[axle, b] = acc
-                for a in range(6):
-                    for b in range(8):
-                        J[a, b] += W1[a, 0] * g0[0, b] + W1[a, 1] * g0[1, b]
+            if bent and not free:
+                follow(base, W0, W1, g0, g1, J)
             for a in range(2, 6):
                 mean[6 + a] *= decay[a]
             if not free:

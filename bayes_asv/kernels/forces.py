@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.kernels.steps import OPTIONS
+from bayes_asv.kernels.steps import INLINE, OPTIONS
 
 __all__ = [
     "BOUND_REBOUND",
@@ -51,7 +51,7 @@ def _rounded(beyond: float, width: float) -> tuple[float, float]:
     return value, value / root
 
 
-@njit(**OPTIONS)
+@njit(**INLINE)
 def excess(
     table: Array,
     axle: int,
@@ -61,9 +61,8 @@ def excess(
     rate: float,
     time: float,
     share: float,
-    out: Array,
-) -> None:
-    """Fill ``out`` (3,) with an axle's force beyond −k δ − c δ̇ (N), and its slopes in δ and δ̇.
+) -> tuple[float, float, float]:
+    """Return an axle's force beyond −k δ − c δ̇ (N), and its slopes in δ and δ̇.
 
     Parameters
     ----------
@@ -127,9 +126,8 @@ def excess(
             up = min(max((time - p1) / rise + 0.5, 0.0), 1.0)
             down = min(max((time - p1 - p2) / rise + 0.5, 0.0), 1.0)
             added += p0 * (up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down))
-    out[0] = added - (damper - c * rate) - (spring - k * delta)
-    out[1] = added_d - (spring_d - k)
-    out[2] = added_v - (damper_v - c)
+    beyond: float = added - (damper - c * rate) - (spring - k * delta)
+    return beyond, added_d - (spring_d - k), added_v - (damper_v - c)
 
 
 @njit(**OPTIONS)
@@ -139,5 +137,5 @@ def excess_many(
     """Return :func:`excess` at N points (N, 3); ``end`` is when ``share`` reaches one, s."""
     out = np.empty((len(delta), 3))
     for n in range(len(delta)):
-        excess(table, axle, c, k, delta[n], rate[n], time[n], time[n] / end, out[n])
+        out[n] = excess(table, axle, c, k, delta[n], rate[n], time[n], time[n] / end)
     return out

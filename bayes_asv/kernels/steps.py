@@ -13,12 +13,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["OPTIONS", "ORDER", "TAYLOR", "advance", "project", "series", "transition"]
+__all__ = ["INLINE", "OPTIONS", "ORDER", "TAYLOR", "advance", "project", "series", "transition"]
 
 ORDER = 8  # input moments kept, and
 TAYLOR = 12  # powers of A h: what they leave out bounds the step, see the timeline
 
 OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+
+INLINE = {**OPTIONS, "inline": "always"}
+"""For what is called at every step: a call takes as long as most of what is called."""
 
 Array = NDArray[np.float64]
 

@@ -46,6 +46,27 @@ def test_without_laws_it_is_the_linear_recursion(target: Target) -> None:
         assert again == pytest.approx(log_p, abs=1e-6)
 
 
+def test_a_law_that_bends_nothing_is_no_law(target: Target) -> None:
+    """Where there is no law forces and their slopes are not worked out at all."""
+    rng = np.random.default_rng(4)
+    straight = rows({site("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}, 0)
+    line, known = target.space.timelines[0], target.patterns[0]
+    z = rng.normal(0.0, 0.3, target.space.dimension)
+    driven, reading, wheel = target.as_declared(z, 0)
+    car, noise = target.space.measured(z[None], 0)[0], target.space.noises(z[None], 0)[0]
+    added = rng.normal(0.0, 5.0, reading.shape)
+    told = []
+    for table in (straight, straight[:0]):
+        out = np.zeros_like(reading), np.zeros_like(reading), np.zeros((len(reading), 6))
+        value = extended.residuals(
+            car, noise, table, known.pole, line.step, driven, line.spread, line.kind, reading,
+            line.extra, line.start, wheel, line.elapsed, added, *out,
+        )  # fmt: skip
+        told.append((value, *out))
+    for bent, plain in zip(*told, strict=True):
+        np.testing.assert_allclose(bent, plain, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_a_free_run_is_what_a_general_solver_gives(target: Target, name: str) -> None:
     """The car moves, then the sensors filter: states of the true motion, not of the filtered."""
