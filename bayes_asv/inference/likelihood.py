@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from bayes_asv.kernels import coloured, extended, innovations
 __all__ = ["WHITE", "Colour", "Nudge", "Target", "shared_work"]
 
 Array = NDArray[np.float64]
+
+_MANY = 8  # points from which on they are shared between threads, and not the runs
 
 
 class Colour(NamedTuple):
@@ -113,9 +116,18 @@ class Target:
         runs = range(len(self.colours))
         return np.asarray(np.sum([self.run_log_likelihood(z, run) for run in runs], axis=0))
 
+    def run_by_run(self, z: Array) -> Array:
+        """Log-likelihood (W,) of all runs at coordinates (W, D), the runs shared between threads.
+
+        Not for a thread of the pool itself, which would wait for its own kind.
+        """
+        runs = range(len(self.colours))
+        work = self.pool.map if self.pool else map
+        return np.asarray(sum(work(partial(self.run_log_likelihood, z), runs)))
+
     def in_parallel(self, work: Callable[[Array], Array], z: Array) -> Array:
         """Share the rows of z (W, D) between two threads, if there are any to share them."""
-        if self.pool is None or len(z) < 8:
+        if self.pool is None or len(z) < _MANY:
             return work(z)
         return np.concatenate(list(self.pool.map(work, np.array_split(z, 2))))
 
@@ -123,7 +135,10 @@ class Target:
         """Log-posterior (W,), not normalised, at coordinates (W, D)."""
         value = self.space.log_prior(z)
         ok = np.flatnonzero(np.isfinite(value))
-        value[ok] += self.in_parallel(self.log_likelihood, z[ok])
+        if len(ok) < _MANY:
+            value[ok] += self.run_by_run(z[ok])
+        else:
+            value[ok] += self.in_parallel(self.log_likelihood, z[ok])
         return value
 
     def innovations(self, z: Array, run: int, colour: Colour | None = None) -> Array:

@@ -138,23 +138,29 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
     Slopes
     """
     space = target.space
+    runs = range(len(space.timelines))
+    moves: list[tuple[int, int | None]] = []
+    for run in runs:
+        own = space.seen_by(run)
+        moves.append((run, None))
+        moves += [(run, k) for k in own if first <= k < (len(z) if last is None else last)]
+
+    def one(move: tuple[int, int | None]) -> tuple[Array, Array]:
+        run, k = move
+        return _passes(target, z if k is None else _with_step(z, k), run)
+
+    work = target.pool.map if target.pool else map
+    found = dict(zip(moves, work(one, moves), strict=True))
     parts = []
     returned = np.zeros(len(z))
-    for run in range(len(space.timelines)):
-        nu, logs = _passes(target, z, run)
+    for run in runs:
+        nu, logs = found[run, None]
         there = logs != 0.0
-        own = space.seen_by(run)
-        own = own[(own >= first) & (own < (len(z) if last is None else last))]
-
-        def one(k: int, run: int = run) -> tuple[Array, Array]:
-            moved = z.copy()
-            moved[k] += _STEP
-            return _passes(target, moved, run)
-
-        found = list(target.pool.map(one, own)) if target.pool else [one(k) for k in own]
         n = int(np.count_nonzero(there))
+        own = np.array([k for r, k in moves if r == run and k is not None], int)
         means, scales = np.zeros((len(z), n)), np.zeros((len(z), n))
-        for k, (nu_k, logs_k) in zip(own, found, strict=True):
+        for k in own:
+            nu_k, logs_k = found[run, k]
             ds = (logs_k - logs)[there] / _STEP
             means[k] = -((nu_k - nu)[there] / _STEP + 0.5 * nu[there] * ds)
             scales[k] = ds
@@ -168,6 +174,12 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
     means = np.concatenate([p[2] for p in parts], axis=1)
     scales = np.concatenate([p[3] for p in parts], axis=1)
     return Slopes(nu, logs, means, scales, value, returned)
+
+
+def _with_step(z: Array, k: int) -> Array:
+    out = z.copy()
+    out[k] += _STEP
+    return out
 
 
 def climb(target: Target, start: Array, floor: float = -math.inf) -> Climbed:
