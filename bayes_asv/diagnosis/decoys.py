@@ -40,6 +40,7 @@ _LAGS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
 _PLAY = (0.05, 0.2, 0.5)  # shares of the rms deflection
 _YIELD = (0.05, 0.2, 0.6)  # the same, over which hysteresis turns
 _SEATS = (2.5, 4.0, 6.0)  # Hz
+_SEATED = {"the front": (1.0, 0.0), "the middle": (0.5, 0.5), "the rear": (0.0, 1.0)}  # share
 _RINGS = (15.0, 25.0, 40.0, 70.0)  # Hz
 _FINER = 4  # steps of a system to one of its signal
 _SMALL = 0.01  # of the damper's rms force, and of a channel's rms
@@ -147,12 +148,12 @@ def _changes(
             power = float(force[:, axle].var())
             yield _Change(f"{words} at the {name}", nothing._replace(force=force), power, of_damper)
     for frequency in _SEATS:
-        for place, share in (("front", (1.0, 0.0)), ("rear", (0.0, 1.0))):
+        for place, share in _SEATED.items():
             moved = _oscillator(time, motion.calm @ np.array(share), frequency, 0.2)
             force = np.outer(moved, share)
             of_damper = float(car[0] ** 2 * motion.rate[:, 0].var())
             yield _Change(
-                f"a mass on a spring near the {place}",
+                f"a mass on a spring near {place}",
                 nothing._replace(force=force),
                 float(moved.var()),
                 of_damper,

@@ -72,9 +72,10 @@ class Allowed:
     stage : Stage
         The model with its tolerances where the data want them.
     rows : (K, N) array
-        Signatures of that much of everything there.
+        Signatures there of the tolerances that are free to move: one that a bound holds, friction
+        that would have to be negative, imitates nothing.
     at : (K,) array
-        Where the tolerances are in that stage's innovations.
+        Where those are in that stage's innovations.
     """
 
     by_amount: Array
@@ -168,14 +169,15 @@ def allowed(stage: Stage, found: Signatures, *, rough: bool = False) -> Allowed:
     gap = place.of_mode()
     shift = place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at)
     covariance = place.stage.mode.covariance + gap @ place.found.covariance @ gap.T
+    free = (place.found.at > low) & (place.found.at < high)
     return Allowed(
         alone + unfolded(stage, stage.mode.z + shift, covariance) + gains + _BELIEVED,
         amount,
         shift,
         covariance,
         place.stage,
-        place.rows,
-        place.at,
+        place.rows[free],
+        place.at[free],
     )
 
 

@@ -25,12 +25,15 @@ from tests.battery.vehicles import Fleet
     [
         ("bouc_wen-4000", 0, "hysteresis at the front"),
         ("bouc_wen-400", 0, "hysteresis at the front"),
+        # the first asks for less than no bend of a damper's curve, the second sits between axles
+        ("progressive_damper-4000", 0, "a damper that stiffens with speed at the rear"),
+        ("compliant_seat-4000", 0, "a mass on a spring near the middle"),
     ],
 )
 def test_no_name_is_given_where_a_thing_without_one_explains_more(
     name: str, number: int, words: str
 ) -> None:
-    """The first had four names, the second two, none of them true."""
+    """They had one to four names each, none of them true."""
     one = case(name, 58, number, "test")
     found = diagnose(one.recordings, one.holdout, one.vehicle, 0)
     assert found.verdict == "unexplained"
