@@ -32,11 +32,14 @@ class Bounded(NamedTuple):
         The highest place inside the bounds.
     covariance : (K, K) array
         About it, bounds left out.
+    held : (K,) bool array
+        Which of them would lie beyond a bound.
     """
 
     gain: float
     at: Array
     covariance: Array
+    held: NDArray[np.bool_]
 
 
 def bounded(pull: Array, gram: Array, low: Array, high: Array) -> Bounded:
@@ -63,7 +66,9 @@ def bounded(pull: Array, gram: Array, low: Array, high: Array) -> Bounded:
     left = pull - precision @ at
     # along a marginal whose mode lies beyond a bound, in its deviations
     beyond = np.abs(left) * sd
-    held = ((at >= high - 1e-9) & (left > 0.0)) | ((at <= low + 1e-9) & (left < 0.0))
+    above, below = (at >= high - 1e-9) & (left > 0.0), (at <= low + 1e-9) & (left < 0.0)
+    at = np.where(above, high, np.where(below, low, at))  # least squares stop a digit short of it
+    held = above | below
     b, w = beyond[held], ((high - low) / sd)[held]
     far = np.exp(-b * w - 0.5 * w**2) * erfcx((b + w) / np.sqrt(2.0))
     tails = np.log(0.5 * (erfcx(b / np.sqrt(2.0)) - far))
@@ -71,7 +76,7 @@ def bounded(pull: Array, gram: Array, low: Array, high: Array) -> Bounded:
     room = _between((low - at)[open_] / sd[open_], (high - at)[open_] / sd[open_])
     gain = float(pull @ at - 0.5 * at @ precision @ at - np.log(np.diag(root)).sum())
     gain += float(tails.sum() + room.sum() - _between(low, high).sum())
-    return Bounded(gain, at, covariance)
+    return Bounded(gain, at, covariance, held)
 
 
 def _between(low: Array, high: Array) -> Array:

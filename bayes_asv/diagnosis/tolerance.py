@@ -72,8 +72,8 @@ class Allowed:
     stage : Stage
         The model with its tolerances where the data want them.
     rows : (K, N) array
-        Signatures there of the tolerances that are free to move: one that a bound holds, friction
-        that would have to be negative, imitates nothing.
+        Signatures of that much of everything there.  What would have to be less than nothing, a
+        knee that stiffens a damper, imitates nothing and is left out.
     at : (K,) array
         Where those are in that stage's innovations.
     """
@@ -169,15 +169,15 @@ def allowed(stage: Stage, found: Signatures, *, rough: bool = False) -> Allowed:
     gap = place.of_mode()
     shift = place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at)
     covariance = place.stage.mode.covariance + gap @ place.found.covariance @ gap.T
-    free = (place.found.at > low) & (place.found.at < high)
+    least = place.found.held & (place.found.at == 0.0) & (place.at == 0.0)
     return Allowed(
         alone + unfolded(stage, stage.mode.z + shift, covariance) + gains + _BELIEVED,
         amount,
         shift,
         covariance,
         place.stage,
-        place.rows[free],
-        place.at[free],
+        place.rows[~least],
+        place.at[~least],
     )
 
 

@@ -119,7 +119,7 @@ class Target:
     def run_by_run(self, z: Array) -> Array:
         """Log-likelihood (W,) of all runs at coordinates (W, D), the runs shared between threads.
 
-        Not for a thread of the pool itself, which would wait for its own kind.
+        Not from a thread of the pool: one that waits for the pool may wait for ever.
         """
         runs = range(len(self.colours))
         work = self.pool.map if self.pool else map
@@ -132,7 +132,7 @@ class Target:
         return np.concatenate(list(self.pool.map(work, np.array_split(z, 2))))
 
     def log_posterior(self, z: Array) -> Array:
-        """Log-posterior (W,), not normalised, at coordinates (W, D)."""
+        """Log-posterior (W,), not normalised, at coordinates (W, D); not from within the pool."""
         value = self.space.log_prior(z)
         ok = np.flatnonzero(np.isfinite(value))
         if len(ok) < _MANY:

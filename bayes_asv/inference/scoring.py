@@ -139,11 +139,11 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
     """
     space = target.space
     runs = range(len(space.timelines))
-    moves: list[tuple[int, int | None]] = []
-    for run in runs:
-        own = space.seen_by(run)
-        moves.append((run, None))
-        moves += [(run, k) for k in own if first <= k < (len(z) if last is None else last)]
+    last = len(z) if last is None else last
+    seen = [space.seen_by(run) for run in runs]
+    along = [own[(own >= first) & (own < last)] for own in seen]
+    moves: list[tuple[int, int | None]] = [(run, None) for run in runs]
+    moves += [(run, k) for run in runs for k in along[run]]
 
     def one(move: tuple[int, int | None]) -> tuple[Array, Array]:
         run, k = move
@@ -157,7 +157,7 @@ def slopes(target: Target, z: Array, first: int = 0, last: int | None = None) ->
         nu, logs = found[run, None]
         there = logs != 0.0
         n = int(np.count_nonzero(there))
-        own = np.array([k for r, k in moves if r == run and k is not None], int)
+        own = along[run]
         means, scales = np.zeros((len(z), n)), np.zeros((len(z), n))
         for k in own:
             nu_k, logs_k = found[run, k]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +13,7 @@ from bayes_asv.diagnosis import growing
 from bayes_asv.diagnosis.growing import Grown, begun, grow
 from bayes_asv.diagnosis.jitter import _likeliest
 from bayes_asv.diagnosis.model import asked
-from bayes_asv.diagnosis.tolerance import Allowed
+from bayes_asv.diagnosis.tolerance import Allowed, allowed
 from bayes_asv.diagnosis.unlisted import Nameless
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.inference.bestfit import lay_out
@@ -41,6 +43,24 @@ def test_no_name_is_given_where_a_thing_without_one_explains_more(
     assert found.left is not None
     assert found.left.like == found.left.ended == words
     assert found.left.failed == ()
+
+
+def test_what_would_have_to_be_less_than_nothing_imitates_nothing() -> None:
+    """A tolerance that is as large as one may be still imitates: what is left of it is its own."""
+    one = case("null", 5, 0, "dev")
+    where = setting(one.vehicle, lay_out(one.recordings, one.vehicle)[0])
+    model = asked(where, base(where), 1)
+    tolerances = np.flatnonzero([c.tolerance for c in model.found.candidates])
+    signed = np.array([model.found.candidates[k].signed for k in tolerances])
+    own = np.diag(model.found.gram)
+    pull = np.zeros_like(own)
+    less, more = tolerances[signed][0], tolerances[~signed][0]
+    pull[less], pull[more] = -30.0 - own[less], 30.0 * (1.0 + own[more])
+    found = replace(model.found, pull=pull, gram=np.diag(own))
+    granted = allowed(model.stage, found, rough=True)
+    assert granted.amount > 0.0
+    left = found.rows[tolerances[tolerances != less]]
+    np.testing.assert_array_equal(granted.rows, granted.amount * left)
 
 
 def _grown(name: str, seed: int, number: int, fleet: Fleet) -> Grown:
