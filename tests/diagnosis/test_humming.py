@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt
 
 from bayes_asv.diagnosis.humming import humming
 from bayes_asv.inference.tones import Notch
@@ -55,3 +56,13 @@ def test_a_jolt_that_rings_is_no_engine() -> None:
     rng = np.random.default_rng(3)
     burst = np.exp(-(((_T - 1.6) / 0.1) ** 2)) * np.sin(2.0 * math.pi * 12.0 * (_T - 1.6))
     assert sum(bool(_heard(rng, lambda: burst, 160.0, 0.05)) for _ in range(20)) <= 2
+
+
+def test_a_body_that_shakes_in_a_whole_band_is_no_engine() -> None:
+    """White noise from 12 to 24 Hz, ten times as loud as the rest, for 20 s: 10 draws, seed 4."""
+    rng = np.random.default_rng(4)
+    band = butter(4, (12.0, 24.0), "bandpass", fs=120.0, output="sos")
+    for _ in range(10):
+        nu = rng.normal(size=(2400, 2)) + 10.0 * sosfilt(band, rng.normal(size=(2400, 2)), axis=0)
+        assert len(humming([nu], 120.0, 10.0, 0.05, lasting=False)) > 4
+        assert humming([nu], 120.0, 10.0, 0.05) == ()
