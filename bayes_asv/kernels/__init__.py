@@ -2,3 +2,9 @@
 
 Each kernel has a readable reference in ``bayes_asv.model`` or in the tests that holds it.
 """
+
+from pathlib import Path
+
+from bayes_asv.kernels.fresh import forget_older
+
+forget_older(Path(__file__).parent)
