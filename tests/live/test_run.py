@@ -100,14 +100,16 @@ def test_ctrl_c_ends_the_page_cleanly() -> None:
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     assert process.stderr is not None
-    said = process.stderr.readline()
-    assert said.startswith("Live view: http://127.0.0.1:")
-    port = int(said.split(":")[3].split("/")[0])
+    said = [process.stderr.readline()]
+    if said == ["all\n"]:  # a busy machine has read a recording before it has opened a page
+        said.append(process.stderr.readline())
+    assert said[-1].startswith("Live view: http://127.0.0.1:")
+    port = int(said[-1].split(":")[3].split("/")[0])
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
     connection.request("GET", "/events")
     stream = connection.getresponse()  # a viewer that stays does not hold the program up
     assert stream.status == 200
-    assert process.stderr.readline() == "all\n"
+    assert "all\n" in said or process.stderr.readline() == "all\n"
     process.send_signal(signal.SIGINT)
     began = time.monotonic()
     out, err = process.communicate(timeout=20)
