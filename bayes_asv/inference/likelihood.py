@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ __all__ = ["WHITE", "Colour", "Nudge", "Target", "shared_work"]
 
 Array = NDArray[np.float64]
 
-_MANY = 8  # points from which on they are shared between threads, and not the runs
+_MANY = 8  # points from which on it is worth to cut them in two
 
 
 class Colour(NamedTuple):
@@ -111,34 +110,29 @@ class Target:
         cut = self.space.timelines[run].cut
         return np.zeros(len(z)) if cut is None else given_back(cut, self.space.noises(z, run))
 
-    def log_likelihood(self, z: Array) -> Array:
-        """Log-likelihood (W,) of all runs at coordinates (W, D)."""
-        runs = range(len(self.colours))
-        return np.asarray(np.sum([self.run_log_likelihood(z, run) for run in runs], axis=0))
+    def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
+        """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).
 
-    def run_by_run(self, z: Array) -> Array:
-        """Log-likelihood (W,) of all runs at coordinates (W, D), the runs shared between threads.
-
-        Not from a thread of the pool: one that waits for the pool may wait for ever.
+        Many points are cut in two, and the pieces of all runs shared between the threads there are;
+        not from one of them, which might wait for itself.
         """
-        runs = range(len(self.colours))
+        runs = range(len(self.colours)) if runs is None else runs
+        pieces = np.array_split(z, 2) if len(z) >= _MANY else [z]
         work = self.pool.map if self.pool else map
-        return np.asarray(sum(work(partial(self.run_log_likelihood, z), runs)))
+        shares = [(piece, run) for run in runs for piece in pieces]
+        values = list(work(lambda share: self.run_log_likelihood(*share), shares))
+        return np.concatenate(values).reshape(len(runs), len(z))
 
-    def in_parallel(self, work: Callable[[Array], Array], z: Array) -> Array:
-        """Share the rows of z (W, D) between two threads, if there are any to share them."""
-        if self.pool is None or len(z) < _MANY:
-            return work(z)
-        return np.concatenate(list(self.pool.map(work, np.array_split(z, 2))))
+    def log_likelihood(self, z: Array) -> Array:
+        """Log-likelihood (W,) of all runs at coordinates (W, D); as :meth:`by_run`."""
+        return np.asarray(self.by_run(z).sum(axis=0))
 
     def log_posterior(self, z: Array) -> Array:
-        """Log-posterior (W,), not normalised, at coordinates (W, D); not from within the pool."""
+        """Log-posterior (W,), not normalised, at coordinates (W, D); as :meth:`by_run`."""
         value = self.space.log_prior(z)
-        ok = np.flatnonzero(np.isfinite(value))
-        if len(ok) < _MANY:
-            value[ok] += self.run_by_run(z[ok])
-        else:
-            value[ok] += self.in_parallel(self.log_likelihood, z[ok])
+        ok = np.isfinite(value)
+        if np.any(ok):
+            value[ok] += self.log_likelihood(z[ok])
         return value
 
     def innovations(self, z: Array, run: int, colour: Colour | None = None) -> Array:

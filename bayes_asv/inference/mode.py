@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +141,7 @@ def derivatives(target: Target, z: Array, scale: Array) -> tuple[float, Array, A
         first, second = np.triu_indices(d, 1)
         both = steps[first] + steps[second]
         points = np.concatenate([z[None], z + steps, z - steps, z + both, z - both])
-        values = target.in_parallel(partial(target.run_log_likelihood, run=run), points)
+        values = target.by_run(points, [run])[0]
         if not np.all(np.isfinite(values)):
             return float(values[0]), np.full(len(z), np.nan), np.full((len(z), len(z)), np.nan)
         f0, fp, fm = values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1]
