@@ -117,7 +117,7 @@ def _silenced(
 
 def _beside(tones: Sequence[Notch], quiet: Setting, cut: Stage) -> tuple[Notch, ...]:
     """Find what a strong tone that wandered left beside its notch, if only for a moment."""
-    found = _tones(quiet, cut, _ALARM, lasting=False)
+    found = _tones(quiet, cut, _ALARM, engine=False)
     return tuple(
         n for n in found
         if any(abs(n.frequency - t.frequency) < _BESIDE * t.half_width for t in tones)
@@ -136,9 +136,7 @@ def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
     return lost
 
 
-def _tones(
-    where: Setting, stage: Stage, alarm: float, *, lasting: bool = True
-) -> tuple[Notch, ...]:
+def _tones(where: Setting, stage: Stage, alarm: float, *, engine: bool = True) -> tuple[Notch, ...]:
     """Tones of all runs; one engine sounds in each of them."""
     by_rate: dict[float, list[Array]] = {}
     for run, line in enumerate(where.lines):
@@ -146,7 +144,7 @@ def _tones(
         by_rate.setdefault(round(1.0 / line.reading_step, 3), []).append(nu)
     out: tuple[Notch, ...] = ()
     for rate, runs in by_rate.items():
-        out = _with(out, humming(runs, rate, _SLOWEST, alarm, lasting=lasting))
+        out = _with(out, humming(runs, rate, _SLOWEST, alarm, engine=engine))
     return out
 
 

@@ -23,7 +23,7 @@ __all__ = ["humming"]
 
 Array = NDArray[np.float64]
 
-_MOST = 16  # of an engine with four tones, wandering, one to four
+_MOST = 16  # bands that are cut out; four tones of an engine that wander take up to four each
 _SEGMENT = 2.5  # s of a spectrum
 _WIDTHS = (1, 5, 11)  # lines that a tone may take
 _MOMENT = 0.25  # s of each run, in which a jolt rings loudest
@@ -32,7 +32,7 @@ _NEIGHBOURS = 61  # lines of a spectrum whose median is the floor of the middle 
 
 
 def humming(
-    runs: Sequence[Array], rate: float, slowest: float, alarm: float, *, lasting: bool = True
+    runs: Sequence[Array], rate: float, slowest: float, alarm: float, *, engine: bool = True
 ) -> tuple[Notch, ...]:
     """Find tones in the innovations of all runs.
 
@@ -48,8 +48,9 @@ def humming(
         Tones below are left out, Hz.
     alarm : float
         False tones that white runs may show.
-    lasting : bool
-        Leave tones out of which the strongest is no more than a moment, or which have no end.
+    engine : bool
+        Take for tones only what an engine may have: the strongest lasts for longer than a moment,
+        and there is an end to them.
 
     Returns
     -------
@@ -65,7 +66,7 @@ def humming(
         if frequency is None:
             break
         found.append(notch_of(frequency))
-    if lasting and found and (len(found) == _MOST or not _lasts(signals, found[0], rate)):
+    if engine and found and (len(found) == _MOST or not _lasts(signals, found[0], rate)):
         return ()
     return tuple(found)
 

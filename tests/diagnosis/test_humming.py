@@ -64,5 +64,5 @@ def test_a_body_that_shakes_in_a_whole_band_is_no_engine() -> None:
     band = butter(4, (12.0, 24.0), "bandpass", fs=120.0, output="sos")
     for _ in range(10):
         nu = rng.normal(size=(2400, 2)) + 10.0 * sosfilt(band, rng.normal(size=(2400, 2)), axis=0)
-        assert len(humming([nu], 120.0, 10.0, 0.05, lasting=False)) > 4
+        assert len(humming([nu], 120.0, 10.0, 0.05, engine=False)) > 4
         assert humming([nu], 120.0, 10.0, 0.05) == ()
