@@ -27,7 +27,7 @@ __all__ = ["Engine", "without_engine"]
 Array = NDArray[np.float64]
 
 _ALARM = 0.05  # false tones, where innovations remember anyway
-_PLAIN = 2e-3  # false tones, where they do not
+_PLAIN = 5e-3  # false tones, where they do not
 _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
 _LEFT = 0.5  # of the memory that may be left without the tones
 _ROUNDS = 2  # of cutting again what was left beside a tone
@@ -64,7 +64,9 @@ def without_engine(
     """Cut tones out where they are what a model cannot explain.
 
     A car that is missing something else has lines in its innovations as well, near its own
-    frequencies: there is no engine where a candidate explains more than the tones hold.
+    frequencies or those of a washboard: there is no engine where a candidate explains as much as
+    the tones hold.  An engine alone gives no candidate a squared score above 25, however loud it
+    is (8 of noncentrality 400 and 4000); where there is one, what it is comes first.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def without_engine(
     fit : callable
         Fits the model to a setting.
     known : float
-        Largest squared score of a candidate.
+        Squared score of a candidate that tones have to hold more than.
 
     Returns
     -------

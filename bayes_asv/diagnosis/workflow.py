@@ -44,6 +44,8 @@ __all__ = ["Diagnosis", "Named", "diagnose", "named_in"]
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
+_CLEARLY = 10.0  # times a candidate's score, that tones hold which are cut before any is named
+_RESIDUE = 0.03  # of what names explained: lines of theirs are left by forms that are only near
 _EXCITED = 0.3  # of a recording's wheel power that its held-out half must have
 
 
@@ -90,7 +92,7 @@ def diagnose(
     first_where, first_held = where, setting(vehicle, held) if held else None
     first = asked(where, plain, seed)
     known = float(one_sided(first.found.score, first.found).max())
-    where, linear, engine, held = without_engine(where, plain, held, base, known)
+    where, linear, engine, held = without_engine(where, plain, held, base, _CLEARLY * known)
     if engine is not None:
         first = asked(where, linear, seed)
     seen = disagreement(where, linear)
@@ -98,7 +100,7 @@ def diagnose(
     if engine is None:
         # What is missing may have hidden an engine.
         model = grown.model
-        known = float(one_sided(model.found.score, model.found).max())
+        known = max(float(one_sided(model.found.score, model.found).max()), _RESIDUE * known)
         silent, stage, engine, held = without_engine(
             model.where, model.as_read, held, partial(again, model.stage), known
         )

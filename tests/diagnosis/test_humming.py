@@ -58,6 +58,40 @@ def test_a_jolt_that_rings_is_no_engine() -> None:
     assert sum(bool(_heard(rng, lambda: burst, 160.0, 0.05)) for _ in range(20)) <= 2
 
 
+def test_a_loud_engine_that_wanders_is_cut_out() -> None:
+    """Tones at 16, 32 and 64 Hz that wander by 3 %, of energy 40 000: 10 draws, seed 5."""
+    rng = np.random.default_rng(5)
+
+    def engine() -> Array:
+        drift = 1.0 + 0.03 * np.sin(2.0 * math.pi * (0.4 * _T + rng.random()))
+        turns = np.cumsum(32.0 * drift) / 400.0
+        parts = ((0.5, 0.25), (1.0, 1.0), (2.0, 0.35))
+        return sum(
+            (a * np.sin(2.0 * math.pi * (k * turns + rng.random())) for k, a in parts),
+            start=np.zeros(len(_T)),
+        )
+
+    for _ in range(10):
+        heard = [n.frequency for n in _heard(rng, engine, 4e4, 0.05)]
+        for order in (0.5, 1.0, 2.0):
+            assert any(abs(f / order - 32.0) < 2.5 for f in heard)
+
+
+def test_steady_tones_are_heard_and_weak_jolts_are_not() -> None:
+    """Energy 40 and 80 in two runs, of a tone at 33.2 Hz and of bursts: 30 draws, seed 6."""
+    rng = np.random.default_rng(6)
+
+    def tone() -> Array:
+        return np.sin(2.0 * math.pi * (33.2 * _T + rng.random()))
+
+    def burst() -> Array:
+        since = _T - rng.uniform(0.5, 2.0)
+        return np.exp(-((since / 0.1) ** 2)) * np.sin(2.0 * math.pi * 14.0 * since)
+
+    assert sum(bool(_heard(rng, tone, 40.0, 5e-3)) for _ in range(30)) >= 12
+    assert sum(bool(_heard(rng, burst, 80.0, 5e-3)) for _ in range(30)) <= 2
+
+
 def test_a_body_that_shakes_in_a_whole_band_is_no_engine() -> None:
     """White noise from 12 to 24 Hz, ten times as loud as the rest, for 20 s: 10 draws, seed 4."""
     rng = np.random.default_rng(4)
