@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.clear import Quiet, clear
 from bayes_asv.diagnosis.imitation import imitation
-from bayes_asv.diagnosis.unlisted import PRICE, unlisted
+from bayes_asv.diagnosis.thresholds import PRICE
+from bayes_asv.diagnosis.unlisted import unlisted
 from bayes_asv.inference.likelihood import shared_work
 from bayes_asv.inference.scoring import Climbed, slopes
 from bayes_asv.inference.stage import Setting, Stage

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["AS_WELL", "ENOUGH", "LEVEL", "NOTICED"]
+__all__ = ["AS_WELL", "ENOUGH", "LEVEL", "NOTICED", "PRICE"]
 
 LEVEL: Final = 0.05
 """Of the family-wise test for a disagreement: false alarms that are accepted."""
@@ -17,3 +17,6 @@ NOTICED: Final = 1e-3
 
 AS_WELL: Final = -4.0
 """Nats from which on a decoy explains as well as names."""
+
+PRICE: Final = 4.0
+"""Nats that something of unknown size costs, which has no prior of its own."""

@@ -14,15 +14,13 @@ from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.imitation import Imitation, imitation
 from bayes_asv.diagnosis.jitter import louder_where_steep
 from bayes_asv.diagnosis.signatures import SILENT
+from bayes_asv.diagnosis.thresholds import PRICE
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.inference.stage import Setting
 
-__all__ = ["PRICE", "Nameless", "Unlisted", "unlisted", "without_a_name"]
+__all__ = ["Nameless", "Unlisted", "unlisted", "without_a_name"]
 
 Array = NDArray[np.float64]
-
-PRICE = 4.0
-"""Nats that an effect of unknown size costs."""
 
 _OF_ALL = 0.5
 """Share of what louder noise explains that counts against one name.
