@@ -32,6 +32,7 @@ _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
 _LEFT = 0.5  # of the memory that may be left without the tones
 _ROUNDS = 2  # of cutting again what was left beside a tone
 _BESIDE = 2.0  # half-widths of a notch
+_CLOCKS = 1e-3  # by which clocks of the same logger may differ
 _SLOWEST = 10.0  # Hz: 600 turns a minute; below it a car has lines of its own on an even road
 
 
@@ -59,14 +60,9 @@ def without_engine(
     stage: Stage,
     held: tuple[Timeline, ...],
     fit: Callable[[Setting], Stage],
-    known: float = 0.0,
+    least: float = 0.0,
 ) -> tuple[Setting, Stage, Engine | None, tuple[Timeline, ...]]:
     """Cut tones out where they are what a model cannot explain.
-
-    A car that is missing something else has lines in its innovations as well, near its own
-    frequencies or those of a washboard: there is no engine where a candidate explains as much as
-    the tones hold.  An engine alone gives no candidate a squared score above 25, however loud it
-    is (8 of noncentrality 400 and 4000); where there is one, what it is comes first.
 
     Parameters
     ----------
@@ -76,8 +72,8 @@ def without_engine(
         Runs that were held out.
     fit : callable
         Fits the model to a setting.
-    known : float
-        Squared score of a candidate that tones have to hold more than.
+    least : float
+        Energy of innovations that tones have to hold.
 
     Returns
     -------
@@ -88,7 +84,7 @@ def without_engine(
     before, p = memory(stage)
     alarm = _ALARM if p < _REMEMBERS else _PLAIN
     tones = _tones(where, stage, alarm)
-    if not tones or _held(where, stage, tones) < known:
+    if not tones or _held(where, stage, tones) < least:
         return where, stage, None, held
     quiet, cut = _silenced(where, tones, fit)
     for _ in range(_ROUNDS):
@@ -140,13 +136,20 @@ def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
 
 def _tones(where: Setting, stage: Stage, alarm: float, *, engine: bool = True) -> tuple[Notch, ...]:
     """Tones of all runs; one engine sounds in each of them."""
-    by_rate: dict[float, list[Array]] = {}
+    alike: list[tuple[float, list[Array]]] = []  # runs by their rate
     for run, line in enumerate(where.lines):
         nu = line.paired(stage.target.scored(stage.mode.z, run)[0])
-        by_rate.setdefault(round(1.0 / line.reading_step, 3), []).append(nu)
+        rate = 1.0 / line.reading_step
+        for other, runs in alike:
+            if abs(rate / other - 1.0) < _CLOCKS:
+                runs.append(nu)
+                break
+        else:
+            alike.append((rate, [nu]))
     out: tuple[Notch, ...] = ()
-    for rate, runs in by_rate.items():
-        out = _with(out, humming(runs, rate, _SLOWEST, alarm, engine=engine))
+    for rate, runs in sorted(alike, key=lambda group: -len(group[1])):
+        heard = humming(runs, rate, _SLOWEST, alarm / len(alike), engine=engine)
+        out = _with(out, heard)
     return out
 
 

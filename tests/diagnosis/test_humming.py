@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
@@ -78,7 +79,7 @@ def test_a_loud_engine_that_wanders_is_cut_out() -> None:
 
 
 def test_steady_tones_are_heard_and_weak_jolts_are_not() -> None:
-    """Energy 40 and 80 in two runs, of a tone at 33.2 Hz and of bursts: 30 draws, seed 6."""
+    """Energy 40 in two runs of a tone at 33.2 Hz, and 160 of bursts: 30 draws, seed 6."""
     rng = np.random.default_rng(6)
 
     def tone() -> Array:
@@ -89,7 +90,37 @@ def test_steady_tones_are_heard_and_weak_jolts_are_not() -> None:
         return np.exp(-((since / 0.1) ** 2)) * np.sin(2.0 * math.pi * 14.0 * since)
 
     assert sum(bool(_heard(rng, tone, 40.0, 5e-3)) for _ in range(30)) >= 12
-    assert sum(bool(_heard(rng, burst, 80.0, 5e-3)) for _ in range(30)) <= 2
+    assert sum(bool(_heard(rng, burst, 160.0, 5e-3)) for _ in range(30)) <= 2
+
+
+def test_the_strongest_of_steady_tones_comes_first_in_long_runs() -> None:
+    """Tones at 16, 32 and 64 Hz in 60 s of white noise, seed 7: each takes one band."""
+    rng = np.random.default_rng(7)
+    t = np.arange(24_000) / 400.0
+    parts = ((16.0, 0.25), (32.0, 1.0), (64.0, 0.35))
+    tones = sum((a * np.sin(2.0 * math.pi * f * t) for f, a in parts), start=np.zeros(len(t)))
+    for size in (0.3, 0.65, 2.0):
+        heard = humming([rng.normal(size=(len(t), 2)) + size * tones[:, None]], 400.0, 10.0, 0.05)
+        assert [n.frequency for n in heard] == pytest.approx([32.0, 64.0, 16.0], abs=0.3)
+
+
+def test_a_line_below_what_is_asked_for_is_no_tone() -> None:
+    """9 Hz, of energy 400 in two runs of 20 s, asked for from 10 Hz: 10 draws, seed 8."""
+    rng = np.random.default_rng(8)
+    t = np.arange(8000) / 400.0
+    line = math.sqrt(200.0 / 8000.0) * np.sin(2.0 * math.pi * 9.0 * t)
+    for _ in range(10):
+        runs = [rng.normal(size=(len(t), 2)) + line[:, None] for _ in range(2)]
+        assert all(abs(n.frequency - 9.0) > 4.0 for n in humming(runs, 400.0, 10.0, 0.05))
+
+
+def test_runs_of_any_length_are_listened_to() -> None:
+    rng = np.random.default_rng(9)
+    t = np.arange(4000) / 400.0
+    loud = rng.normal(size=(len(t), 2)) + np.sin(2.0 * math.pi * 30.0 * t)[:, None]
+    for rest in (np.zeros((0, 2)), loud[:1], loud[:120], loud[:999]):
+        assert abs(humming([rest, loud], 400.0, 10.0, 0.01)[0].frequency - 30.0) < 0.3
+    assert humming([np.zeros((0, 2))], 400.0, 10.0, 0.05) == ()
 
 
 def test_a_body_that_shakes_in_a_whole_band_is_no_engine() -> None:
