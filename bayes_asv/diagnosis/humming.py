@@ -31,7 +31,7 @@ _SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s: a tone that wanders is one line for as
 _BETWEEN = 4  # frequencies a line: between two lines a tone shows 0.4 of its energy in either
 _SEEN_AS = np.array([[1.0, 0.0], [0.0, 1.0], [0.5**0.5, 0.5**0.5], [0.5**0.5, -(0.5**0.5)]])
 """Rows: the front alone, the rear alone, both alike, both opposite."""
-_LOOKS = 6.0  # a line that are worth one each, of 4 directions and 4 frequencies; see _loudest
+_LOOKS = 6.0  # worth one each, a line: white runs hum as often as asked for (docs/method.md)
 _FLOOR = 60.0  # Hz around a line whose median is its floor
 _FEWEST, _SHARE = 17, 0.5  # lines of a floor, and of all lines
 _LEAST = 1.5  # times its floor, below which a line may be a slope or the edge of a notch

@@ -113,8 +113,8 @@ class Target:
     def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
         """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).
 
-        Many points are cut in two, and the pieces of all runs shared between the threads there are;
-        not from one of them, which might wait for itself.
+        Many points are cut in two, and the pieces of all runs shared between the threads of the
+        pool.  A thread of the pool must not call this: it would wait for one that it takes up.
         """
         runs = range(len(self.colours)) if runs is None else runs
         pieces = np.array_split(z, 2) if len(z) >= _MANY else [z]
