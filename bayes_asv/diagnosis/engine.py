@@ -7,6 +7,7 @@ motion in its bands is then left out of measurement and simulation alike.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -14,18 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
 
-from bayes_asv.diagnosis.humming import humming
+from bayes_asv.diagnosis.humming import Hum, humming
 from bayes_asv.diagnosis.memory import memory
+from bayes_asv.diagnosis.naming import NONE
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.stage import Setting, Stage, base, setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched, passing
 from bayes_asv.kernels.innovations import VALUE
 
-__all__ = ["Engine", "without_engine"]
+__all__ = ["Engine", "probability", "without_engine"]
 
 Array = NDArray[np.float64]
 
+_BEFOREHAND = (1.0 - NONE) / NONE / 15.0  # odds of an engine against nothing at all
 _ALARM = 0.05  # false tones, where innovations remember anyway
 _PLAIN = 5e-3  # false tones, where they do not
 _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
@@ -48,11 +51,14 @@ class Engine:
         Force on the chassis at that frequency, N.
     tones : tuple of float
         All of them, Hz.
+    probability : float
+        That it is there.
     """
 
     frequency: float
     amplitude: float
     tones: tuple[float, ...]
+    probability: float = 1.0
 
 
 def without_engine(
@@ -83,7 +89,7 @@ def without_engine(
     """
     before, p = memory(stage)
     alarm = _ALARM if p < _REMEMBERS else _PLAIN
-    tones = _tones(where, stage, alarm)
+    tones, log_p = _tones(where, stage, alarm)
     if not tones or _held(where, stage, tones) < least:
         return where, stage, None, held
     quiet, cut = _silenced(where, tones, fit)
@@ -95,13 +101,27 @@ def without_engine(
         quiet, cut = _silenced(where, tones, fit)
     if p < _REMEMBERS and memory(cut)[0] > _LEFT * before:
         return where, stage, None, held
-    engine = Engine(tones[0].frequency, _amplitude(where, stage, tones[0]), main_tones(tones))
+    amplitude = _amplitude(where, stage, tones[0])
+    engine = Engine(tones[0].frequency, amplitude, main_tones(tones), probability(log_p))
     silent = []
     for line in held:
         alone = setting(where.vehicle, (line,))
         own = _tones(alone, base(alone), alarm)
-        silent.append(notched(line, where.vehicle, _with(tones, own)))
+        silent.append(notched(line, where.vehicle, _with(tones, own.tones)))
     return quiet, cut, engine, tuple(silent)
+
+
+def probability(log_p: float) -> float:
+    """Probability of an engine whose strongest tone has a p-value.
+
+    An engine is one of fifteen things that may be missing, beforehand as likely as the others; the
+    p-value counts for as much as it can against nothing at all: the odds of nothing are no less
+    than -e p log p of what they were (Sellke, Bayarri & Berger 2001, Am. Stat. 55:62, eq. 3).
+    """
+    if log_p >= -1.0:
+        return _BEFOREHAND / (1.0 + _BEFOREHAND)
+    odds = _BEFOREHAND * math.exp(min(-1.0 - log_p - math.log(-log_p), 500.0))
+    return odds / (1.0 + odds)
 
 
 def _silenced(
@@ -115,7 +135,7 @@ def _silenced(
 
 def _beside(tones: Sequence[Notch], quiet: Setting, cut: Stage) -> tuple[Notch, ...]:
     """Find what a strong tone that wandered left beside its notch, if only for a moment."""
-    found = _tones(quiet, cut, _ALARM, engine=False)
+    found = _tones(quiet, cut, _ALARM, engine=False).tones
     return tuple(
         n for n in found
         if any(abs(n.frequency - t.frequency) < _BESIDE * t.half_width for t in tones)
@@ -134,7 +154,7 @@ def _held(where: Setting, stage: Stage, tones: Sequence[Notch]) -> float:
     return lost
 
 
-def _tones(where: Setting, stage: Stage, alarm: float, *, engine: bool = True) -> tuple[Notch, ...]:
+def _tones(where: Setting, stage: Stage, alarm: float, *, engine: bool = True) -> Hum:
     """Tones of all runs; one engine sounds in each of them."""
     alike: list[tuple[float, list[Array]]] = []  # runs by their rate
     for run, line in enumerate(where.lines):
@@ -147,10 +167,11 @@ def _tones(where: Setting, stage: Stage, alarm: float, *, engine: bool = True) -
         else:
             alike.append((rate, [nu]))
     out: tuple[Notch, ...] = ()
+    log_p = 0.0
     for rate, runs in sorted(alike, key=lambda group: -len(group[1])):
         heard = humming(runs, rate, _SLOWEST, alarm / len(alike), engine=engine)
-        out = _with(out, heard)
-    return out
+        out, log_p = _with(out, heard.tones), min(log_p, heard.log_p + math.log(len(alike)))
+    return Hum(out, log_p)
 
 
 def _with(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...]:

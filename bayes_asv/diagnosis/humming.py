@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from scipy.stats import chi2, f, gamma
 
 from bayes_asv.inference.tones import Notch, notch_filter, notch_of, passing
 
-__all__ = ["humming"]
+__all__ = ["Hum", "humming"]
 
 Array = NDArray[np.float64]
 
@@ -45,9 +46,24 @@ _SETTLED = 3.0  # time constants of the narrowest notch, in which the onset of a
 _SURE = -600.0  # logarithm of a probability, below which it is no number any more
 
 
+class Hum(NamedTuple):
+    """Tones that were heard.
+
+    Parameters
+    ----------
+    tones : tuple of Notch
+        The strongest first.
+    log_p : float
+        Logarithm of how many tones as strong as that one white runs have; zero if there is none.
+    """
+
+    tones: tuple[Notch, ...] = ()
+    log_p: float = 0.0
+
+
 def humming(
     runs: Sequence[Array], rate: float, slowest: float, alarm: float, *, engine: bool = True
-) -> tuple[Notch, ...]:
+) -> Hum:
     """Find tones in the innovations of all runs.
 
     The line that stands out most is cut out as wide as it may wander, and what is left is searched
@@ -69,20 +85,21 @@ def humming(
 
     Returns
     -------
-    tuple of Notch
-        The strongest first.
+    Hum
     """
     signals = [np.nan_to_num(nu) for nu in runs if len(nu)]
     found: list[Notch] = []
+    first = 0.0
     while signals and len(found) < _MOST:
         left = _without(found, signals, rate)
-        frequency = _loudest(left, rate, slowest, alarm, found) if left else None
-        if frequency is None:
+        frequency, log_p = _loudest(left, rate, slowest, found) if left else (0.0, 0.0)
+        if not log_p < math.log(alarm):
             break
+        first = first if found else log_p
         found.append(notch_of(frequency))
     if engine and found and (_wide(found) or not _lasts(signals, found[0], rate)):
-        return ()
-    return tuple(found)
+        return Hum()
+    return Hum(tuple(found), first)
 
 
 def _without(found: Sequence[Notch], signals: Sequence[Array], rate: float) -> list[Array]:
@@ -125,15 +142,15 @@ def _lasts(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
 
 
 def _loudest(
-    runs: Sequence[Array], rate: float, slowest: float, alarm: float, found: Sequence[Notch] = ()
-) -> float | None:
-    """Frequency (Hz) of the line that stands out most, if any does.
+    runs: Sequence[Array], rate: float, slowest: float, found: Sequence[Notch] = ()
+) -> tuple[float, float]:
+    """Frequency (Hz) of the line that stands out most, and the logarithm of its p-value.
 
     Looked for in segments of several lengths, in either channel and in both alike or opposite, as
     one force moves them.  Beforehand a tone is as likely in any octave.  What notches took from
     white innovations is given back, or their skirts would lower the floor of all others.
     """
-    best, at = math.log(alarm), None
+    best, at = 0.0, 0.0
     longest = max(len(x) for x in runs)
     shortest = min(len(x) for x in runs if 2 * len(x) >= longest)
     lengths = {min(round(seconds * rate), shortest) for seconds in _SEGMENTS}
@@ -160,7 +177,7 @@ def _loudest(
             k = int(np.argmin(log_p))
             if log_p[k] < best:
                 best, at = float(log_p[k]), float(frequency[usable][k])
-    return at
+    return at, best
 
 
 def _spectra(runs: Sequence[Array], n: int, rate: float) -> tuple[Array, Array, int]:

@@ -115,7 +115,7 @@ def _effects(found: Diagnosis) -> list[Document]:
                 "name": "engine_vibration",
                 "where": None,
                 "title": "an engine that shakes the frame",
-                "probability": found.trust,
+                "probability": found.engine.probability * found.trust,
                 "indistinguishable_from": [],
                 "drive": "the same drive with the engine off",
                 "parameters": {
