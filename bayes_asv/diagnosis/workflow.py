@@ -25,7 +25,7 @@ from bayes_asv.diagnosis.answer import draws, effect_draws
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.growing import begun, grow
-from bayes_asv.diagnosis.model import again, asked, together
+from bayes_asv.diagnosis.model import Model, again, asked, together
 from bayes_asv.diagnosis.proved import proved
 from bayes_asv.diagnosis.results import Diagnosis, Named
 from bayes_asv.diagnosis.rival import rival
@@ -95,7 +95,7 @@ def diagnose(
     plain = linear = base(where)
     first_where, first_held = where, setting(vehicle, held) if held else None
     first = asked(where, plain, seed)
-    known = float(one_sided(first.found.score, first.found).max())
+    known = _explained(first)
     where, linear, engine, held = without_engine(where, plain, held, base, _CLEARLY * known)
     if engine is not None:
         first = asked(where, linear, seed)
@@ -104,7 +104,7 @@ def diagnose(
     if engine is None:
         # What is missing may have hidden an engine.
         model = grown.model
-        known = max(float(one_sided(model.found.score, model.found).max()), _RESIDUE * known)
+        known = max(_explained(model), _RESIDUE * known)
         silent, stage, engine, held = without_engine(
             model.where, model.as_read, held, partial(again, model.stage), known
         )
@@ -153,6 +153,13 @@ def diagnose(
         effects=effect_draws(model.stage, model.allowed.covariance, seed),
         seconds=time.perf_counter() - clock,
     )
+
+
+def _explained(model: Model) -> float:
+    """Energy of innovations that the best candidate explains, or a little of everything."""
+    little = model.allowed.by_amount
+    best = float(one_sided(model.found.score, model.found).max())
+    return max(best, 2.0 * float(little.max() - little[0]))
 
 
 def named_in(
