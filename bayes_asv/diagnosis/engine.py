@@ -23,12 +23,14 @@ from bayes_asv.inference.stage import Setting, Stage, base, setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched, passing
 from bayes_asv.kernels.innovations import VALUE
+from bayes_asv.model.effects import EFFECTS
 
 __all__ = ["Engine", "probability", "without_engine"]
 
 Array = NDArray[np.float64]
 
-_BEFOREHAND = (1.0 - NONE) / NONE / 15.0  # odds of an engine against nothing at all
+# Odds of an engine against nothing at all: it is as likely as each effect of the model.
+_BEFOREHAND = (1.0 - NONE) / NONE / (len(EFFECTS) + 1)
 _ALARM = 0.05  # false tones, where innovations remember anyway
 _PLAIN = 5e-3  # false tones, where they do not
 _REMEMBERS = 1e-3  # p-value above which innovations have no memory to explain
@@ -58,7 +60,7 @@ class Engine:
     frequency: float
     amplitude: float
     tones: tuple[float, ...]
-    probability: float = 1.0
+    probability: float
 
 
 def without_engine(
@@ -69,6 +71,8 @@ def without_engine(
     least: float = 0.0,
 ) -> tuple[Setting, Stage, Engine | None, tuple[Timeline, ...]]:
     """Cut tones out where they are what a model cannot explain.
+
+    What else may have made such lines, and so how much they have to hold, the caller knows.
 
     Parameters
     ----------
@@ -114,7 +118,7 @@ def without_engine(
 def probability(log_p: float) -> float:
     """Probability of an engine whose strongest tone has a p-value.
 
-    An engine is one of fifteen things that may be missing, beforehand as likely as the others; the
+    An engine is one of the things that may be missing, beforehand as likely as each other; the
     p-value counts for as much as it can against nothing at all: the odds of nothing are no less
     than -e p log p of what they were (Sellke, Bayarri & Berger 2001, Am. Stat. 55:62, eq. 3).
     """

@@ -34,11 +34,12 @@ _SEEN_AS = np.array([[1.0, 0.0], [0.0, 1.0], [0.5**0.5, 0.5**0.5], [0.5**0.5, -(
 """Rows: the front alone, the rear alone, both alike, both opposite."""
 _LOOKS = 6.0  # worth one each, a line: white runs hum as often as asked for (docs/method.md)
 _FLOOR = 60.0  # Hz around a line whose median is its floor
-_FEWEST, _SHARE = 17, 0.5  # lines of a floor, and of all lines
+_FEWEST = 17  # lines of a floor, where there are so many
+_OF_ALL = 0.5  # lines that a floor may take
 _LEAST = 1.5  # times its floor, below which a line may be a slope or the edge of a notch
 _GAIN = 0.5  # of a notch, below which nothing is heard in it
 _WIDEST = 1.5  # highest of the bands side by side over the lowest, where an engine wanders
-_BESIDE = 2.6  # half-widths of a band, as far as the next one may be
+_NEXT_TO = 2.6  # half-widths of a band, as far as the next one may be
 _MOMENT = 0.25  # s
 _AROUND = 1.5  # half-widths of a notch, in which a tone is asked whether it lasts
 _STEADY = 0.55  # of the mean energy of all moments that the median one has of a tone that lasts
@@ -115,7 +116,7 @@ def _wide(found: Sequence[Notch]) -> bool:
     """Whether the bands side by side with the strongest are more than one tone that wanders."""
     low = high = found[0].frequency
     for _ in found:
-        reached = _BESIDE * notch_of(high).half_width
+        reached = _NEXT_TO * notch_of(high).half_width
         near = [n.frequency for n in found if low - reached <= n.frequency <= high + reached]
         low, high = min(near), max(near)
     return high > _WIDEST * low
@@ -165,7 +166,7 @@ def _loudest(
         usable = (frequency > slowest + line) & (frequency < 0.5 * rate - 1.0) & (gain > _GAIN)
         if not np.any(usable):
             continue
-        lines = min(max(_FEWEST, round(_FLOOR / line)), round(_SHARE * n / 2.0)) // 2 * 2 + 1
+        lines = min(max(_FEWEST, round(_FLOOR / line)), round(_OF_ALL * n / 2.0)) // 2 * 2 + 1
         octaves = frequency[usable] * np.mean(1.0 / frequency[usable])
         looks = _LOOKS * len(lengths) * np.count_nonzero(usable) / _BETWEEN
         for seen in power.T:

@@ -21,7 +21,7 @@ __all__ = ["WHITE", "Colour", "Nudge", "Target", "shared_work"]
 
 Array = NDArray[np.float64]
 
-_MANY = 8  # points from which on it is worth to cut them in two
+_MANY = 8  # points from which on two threads share them
 
 
 class Colour(NamedTuple):

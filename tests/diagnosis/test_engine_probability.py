@@ -23,7 +23,7 @@ def test_the_rarer_the_surer(log_p: float, more: float) -> None:
 def test_odds_are_those_of_the_bound(log_p: float) -> None:
     p = math.exp(log_p)
     factor = -1.0 / (math.e * p * math.log(p))
-    prior = (1.0 - NONE) / 15.0 / NONE
+    prior = (1.0 - NONE) / 15.0 / NONE  # fourteen effects, and an engine
     assert math.isclose(probability(log_p), expit(math.log(prior * factor)), rel_tol=1e-9)
 
 
