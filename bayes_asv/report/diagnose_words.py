@@ -127,17 +127,19 @@ def diagnose_steps(document: Document) -> list[str]:
             "Ask 'bayes-asv plan' which road and speed would answer.",
         ]
     steps = []
+    sites = []
     for effect in document["effects"]:
         others = effect["indistinguishable_from"]
         drive = plain(effect.get("drive") or "")
+        of_a_drive = effect["name"] == "engine_vibration" or bool(effect.get("run"))
         if others and drive:
             names = " or ".join(f"{name_of(o)}{place(o)}" for o in others)
             steps.append(f"To tell {name_of(effect)}{place(effect)} from {names}: {drive}.")
-    sites = [
-        f"--with {plain(e['name'])}{'@' + plain(e['where']) if e['where'] else ''}"
-        for e in document["effects"]
-        if e["name"] != "engine_vibration" and not e.get("run")
-    ]
+        elif of_a_drive:  # neither is a part that a model could be given
+            steps.append(f"To prove {name_of(effect)}{place(effect)}: {drive}.")
+        if not of_a_drive:
+            where = "@" + plain(effect["where"]) if effect["where"] else ""
+            sites.append(f"--with {plain(effect['name'])}{where}")
     if sites:
         steps.append(
             "Look at the part itself. If it is meant to be so, or until it is mended, estimate "
@@ -154,8 +156,6 @@ def diagnose_steps(document: Document) -> list[str]:
         )
     if steps:
         return steps
-    if document["effects"]:
-        return ["Look at the part itself, mend it, and drive again."]
     return [
         "Drive the same again: chance does not come back, and a fault shows more plainly in a "
         "longer or harder drive.",

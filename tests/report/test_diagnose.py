@@ -146,6 +146,22 @@ def test_steps_name_the_command_or_where_to_look(named: Document) -> None:
     assert any("--holdout" in s for s in diagnose_steps(told("unexplained")))
 
 
+def test_what_is_no_part_of_the_car_is_proved_by_a_drive(named: Document) -> None:
+    engine = {
+        **named["effects"][0],
+        "name": "engine_vibration",
+        "title": "an engine that shakes the frame",
+        "where": None,
+        "drive": "the same drive with the engine off",
+    }
+    proof = "To prove an engine that shakes the frame: the same drive with the engine off."
+    assert diagnose_steps({**named, "effects": [engine]})[0] == proof
+    both = diagnose_steps({**named, "effects": [engine, *named["effects"]]})
+    assert both[0] == proof
+    assert any("--with bound_rebound@front" in step for step in both)
+    assert not any("engine_vibration" in step for step in both)
+
+
 def test_where_nothing_has_a_name_no_part_is_to_be_mended() -> None:
     chance = told("unexplained")
     chance["unexplained"] = {**chance["unexplained"], "present": False}
