@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.pushes import push_p
+from bayes_asv.diagnosis.pushes import RAREST, push_p
 from bayes_asv.diagnosis.signatures import SILENT, Signatures
 
 __all__ = ["family_p", "largest", "one_sided"]
@@ -52,7 +52,10 @@ def family_p(found: Signatures, seed: int) -> float:
     signed = np.array([found.candidates[k].signed for k in plain])
     raw = np.sum(found.rows[plain] ** 2, axis=1)
     p, _, _ = largest(found.pull[plain], found.gram[np.ix_(plain, plain)], raw, signed, seed)
-    return min(p / (1.0 - _FOR_PUSHES), push_p(found, seed) / _FOR_PUSHES, 1.0)
+    others = p / (1.0 - _FOR_PUSHES)
+    if others <= RAREST / _FOR_PUSHES:  # pushes cannot be rarer, and take long to ask
+        return others
+    return min(others, push_p(found, seed) / _FOR_PUSHES, 1.0)
 
 
 def largest(

@@ -17,11 +17,14 @@ from bayes_asv.diagnosis.signatures import SILENT, Signatures
 from bayes_asv.inference.candidates import Candidate
 from bayes_asv.model.effects import AXLES
 
-__all__ = ["push_p", "with_pushes"]
+__all__ = ["RAREST", "push_p", "with_pushes"]
 
 Array = NDArray[np.float64]
 
 _DRAWS = 2000
+RAREST = 1.0 / (1 + _DRAWS)
+"""Smallest p-value that :func:`push_p` has."""
+
 _SHORTEST = 2  # edges between beginning and end
 _SHARES = {"front": (1.0, 0.0), "rear": (0.0, 1.0), "both": (0.5, 0.5)}
 
@@ -50,12 +53,13 @@ class _Place:
         """Largest squared score (S,) over all pushes, given pulls (S, K) of all signatures."""
         own = _ended(pull @ self.mixed.T.astype(pull.dtype))
         top = np.zeros(len(own), own.dtype)
-        for begin, weights in enumerate(self.information):
-            ends = np.flatnonzero(weights)
-            if len(ends):
-                square = (own[:, begin, None] - own[:, ends]) ** 2
-                square /= weights[ends].astype(own.dtype)
-                np.maximum(top, square.max(axis=1), out=top)
+        for begin, information in enumerate(self.information[:-_SHORTEST]):
+            later = slice(begin + _SHORTEST, None)
+            weights = np.zeros_like(information[later], own.dtype)
+            np.divide(1.0, information[later], out=weights, where=information[later] > 0.0)
+            square = (own[:, begin, None] - own[:, later]) ** 2
+            square *= weights
+            np.maximum(top, square.max(axis=1), out=top)
         return top
 
     def best(self, pull: Array) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from scipy.stats import kstest
 
 from bayes_asv.diagnosis.clear import clear, on_quiet_wheels
 from bayes_asv.diagnosis.engine import without_engine
-from bayes_asv.diagnosis.family import one_sided
+from bayes_asv.diagnosis.family import family_p, one_sided
 from bayes_asv.diagnosis.jitter import jitter
 from bayes_asv.diagnosis.model import asked, without
 from bayes_asv.diagnosis.pushes import push_p, with_pushes
@@ -82,6 +82,43 @@ def test_a_push_that_is_not_there_has_any_p_value() -> None:
         pull = edges.rows @ rng.standard_normal(edges.rows.shape[1])
         found.append(push_p(replace(edges, pull=pull), k))
     assert kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_a_push_is_as_rare_as_the_best_of_all_pairs_is_large() -> None:
+    """600 draws of every pair one by one, seed 5; four deviations of the share that they give."""
+    rng = np.random.default_rng(5)
+    edges = _edges(8, rng)
+
+    def largest() -> tuple[float, Signatures]:
+        pull = edges.rows @ rng.standard_normal(edges.rows.shape[1])
+        there = replace(edges, pull=pull)
+        return float(np.max(with_pushes(there).score ** 2)), there
+
+    drawn = np.array([largest()[0] for _ in range(600)])
+    for _ in range(5):
+        seen, there = largest()
+        share = float(np.mean(drawn >= seen))
+        off = 4.0 * np.sqrt(max(share * (1.0 - share), 1e-3) / len(drawn))
+        assert push_p(there, 1) == pytest.approx(share, abs=off)
+
+
+@pytest.mark.parametrize("size", [0.0, 4.0, 40.0])
+def test_pushes_count_in_the_family_only_where_they_can_be_rarer(size: float) -> None:
+    """The weights are those of Bonferroni whether pushes are asked or not."""
+    rng = np.random.default_rng(6)
+    edges = _edges(8, rng)
+    plain = replace(edges.candidates[0], site=Site(EFFECTS["spring_rate"], "front"), edge=False)
+    row = rng.standard_normal((1, edges.rows.shape[1]))
+    rows = np.concatenate([row / np.linalg.norm(row), edges.rows])
+    pull = rows @ rng.standard_normal(rows.shape[1])
+    pull[0] = size
+    both = replace(
+        edges, candidates=(plain, *edges.candidates), rows=rows, pull=pull, gram=rows @ rows.T
+    )
+    alone = replace(both, candidates=(plain,), rows=rows[:1], pull=pull[:1], gram=both.gram[:1, :1])
+    pushed = replace(both, pull=pull / np.sqrt(1.03))  # innovations are allowed to be 3 % louder
+    expected = min(family_p(alone, 1), push_p(pushed, 1) / 0.2, 1.0)
+    assert family_p(both, 1) == expected
 
 
 def test_the_difference_of_two_edges_is_a_push() -> None:

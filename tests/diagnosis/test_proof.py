@@ -95,6 +95,18 @@ def test_what_failed_is_not_named_again() -> None:
     assert truth not in [str(n.site) for n in grown.named]
 
 
+def test_what_promises_less_than_a_name_has_to_bring_is_asked_first_alone() -> None:
+    """Whatever is asked beside a name is asked without one as well."""
+    one = case("null", 5, 0)
+    lines, _, _ = lay_out(one.recordings, one.vehicle)
+    where = setting(one.vehicle, lines)
+    found = asked(where, base(where), 1).found
+    first, beside = (
+        {str(lead.candidates[0].site) for lead in leading(found, beside=b)} for b in (False, True)
+    )
+    assert beside < first
+
+
 def test_a_gap_that_did_not_grow_seldom_seems_to() -> None:
     """600 pairs of white residuals of 2.5 s, seed 4: 2.5 % asked for, three deviations more had."""
     rng = np.random.default_rng(4)
