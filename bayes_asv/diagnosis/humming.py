@@ -152,33 +152,50 @@ def _loudest(
     white innovations is given back, or their skirts would lower the floor of all others.
     """
     best, at = 0.0, 0.0
-    longest = max(len(x) for x in runs)
-    shortest = min(len(x) for x in runs if 2 * len(x) >= longest)
-    lengths = {min(round(seconds * rate), shortest) for seconds in _SEGMENTS}
-    for n in sorted(lengths, reverse=True):
-        line = rate / n
+    lengths = _lengths(runs, rate)
+    for n in lengths:
         frequency, power, segments = _spectra([x @ _SEEN_AS.T for x in runs], n, rate)
-        gain = np.ones(len(frequency))
-        for sections in notch_filter(found, rate):
-            gain *= np.abs(sosfreqz(sections[None], frequency, fs=rate)[1]) ** 2
-        power /= np.maximum(gain, _GAIN / 5.0)[:, None]
+        gain = _gain(found, frequency, rate)
         # A line below what is asked for is as wide as this at its foot.
-        usable = (frequency > slowest + line) & (frequency < 0.5 * rate - 1.0) & (gain > _GAIN)
+        usable = (frequency > slowest + rate / n) & (frequency < 0.5 * rate - 1.0) & (gain > _GAIN)
         if not np.any(usable):
             continue
-        lines = min(max(_FEWEST, round(_FLOOR / line)), round(_OF_ALL * n / 2.0)) // 2 * 2 + 1
+        log_p = _standing_out(power / np.maximum(gain, _GAIN / 5.0)[:, None], n, rate, segments)
         octaves = frequency[usable] * np.mean(1.0 / frequency[usable])
         looks = _LOOKS * len(lengths) * np.count_nonzero(usable) / _BETWEEN
-        for seen in power.T:
-            ratio = (seen / _floor(seen, lines, segments))[usable]
-            # The floor is uncertain as well: a median is worth 0.64 of as many lines.
-            freedom = 2.0 * segments
-            log_p = np.log(looks * octaves) + _log_tail(ratio, freedom, 0.64 * lines * freedom)
-            log_p[ratio < _LEAST] = np.inf
-            k = int(np.argmin(log_p))
-            if log_p[k] < best:
-                best, at = float(log_p[k]), float(frequency[usable][k])
+        likeliest = np.log(looks * octaves) + log_p[usable].min(axis=1)
+        k = int(np.argmin(likeliest))
+        if likeliest[k] < best:
+            best, at = float(likeliest[k]), float(frequency[usable][k])
     return at, best
+
+
+def _lengths(runs: Sequence[Array], rate: float) -> list[int]:
+    """Return readings a segment, the longest first, none longer than a run of the usual length."""
+    longest = max(len(x) for x in runs)
+    shortest = min(len(x) for x in runs if 2 * len(x) >= longest)
+    return sorted({min(round(seconds * rate), shortest) for seconds in _SEGMENTS}, reverse=True)
+
+
+def _gain(found: Sequence[Notch], frequency: Array, rate: float) -> Array:
+    """Share (F,) of white power that notches leave."""
+    gain = np.ones(len(frequency))
+    for sections in notch_filter(found, rate):
+        gain *= np.abs(sosfreqz(sections[None], frequency, fs=rate)[1]) ** 2
+    return gain
+
+
+def _standing_out(power: Array, n: int, rate: float, segments: int) -> Array:
+    """Logarithm (F, C) of the probability of a line as far above its floor in white noise.
+
+    Infinite where a line is so little above it that it may be a slope.
+    """
+    lines = min(max(_FEWEST, round(_FLOOR * n / rate)), round(_OF_ALL * n / 2.0)) // 2 * 2 + 1
+    ratio = np.array([seen / _floor(seen, lines, segments) for seen in power.T]).T
+    freedom = 2.0 * segments
+    # The floor is uncertain as well: a median is worth 0.64 of as many lines.
+    log_p = _log_tail(ratio, freedom, 0.64 * lines * freedom)
+    return np.where(ratio < _LEAST, np.inf, log_p)
 
 
 def _spectra(runs: Sequence[Array], n: int, rate: float) -> tuple[Array, Array, int]:
@@ -201,12 +218,12 @@ def _floor(power: Array, lines: int, segments: int) -> Array:
 
 
 def _log_tail(ratio: Array, a: float, b: float) -> Array:
-    """Logarithm (F,) of the probability that F of a and b degrees of freedom is above a ratio.
+    """Logarithm of the probability that F of a and b degrees of freedom is above a ratio.
 
     Where that is no number any more, Chernoff's bound on it stands for it.
     """
     with np.errstate(divide="ignore"):
         out = np.asarray(f(a, b).logsf(ratio))
-    x = b / (b + a * ratio)
-    bound = 0.5 * b * np.log(x * (a + b) / b) + 0.5 * a * np.log((1.0 - x) * (a + b) / a)
+        x = b / (b + a * ratio)
+        bound = 0.5 * b * np.log(x * (a + b) / b) + 0.5 * a * np.log((1.0 - x) * (a + b) / a)
     return np.where(out > _SURE, out, np.minimum(bound, _SURE))
