@@ -40,19 +40,9 @@ def draws(told: list[Told], seed: int) -> dict[str, Array]:
     return {n: np.concatenate([p[n] for p in parts]) for n in sorted(names)}
 
 
-def effect_draws(stage: Stage, covariance: Array, seed: int) -> dict[str, dict[str, Array]]:
-    """Draw the parameters of every effect that was named."""
+def effect_draws(stage: Stage, granted: Allowed, seed: int) -> dict[str, dict[str, Array]]:
+    """Draw the parameters of every effect that was named, a little of everything else beside it."""
     rng = np.random.default_rng([seed, 52])
-    mean = stage.mode.z
-    z = rng.multivariate_normal(mean, covariance, _DRAWS, method="eigh")
-    space = stage.space
-    assert space.sizes is not None or not stage.sites
-    out: dict[str, dict[str, Array]] = {}
-    for site in stage.sites:
-        assert space.sizes is not None
-        out[str(site)] = {
-            p.name: p.value(z[:, space.names.index(site.coordinate_name(p))], space.sizes)
-            for p in site.effect.parameters
-            if not p.shape
-        }
-    return out
+    mean = stage.mode.z + granted.shift
+    z = rng.multivariate_normal(mean, granted.covariance, _DRAWS, method="eigh")
+    return {str(site): values for site, values in stage.space.effect_draws(z).items()}

@@ -21,10 +21,9 @@ from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.channels import CHANNELS
 from bayes_asv.diagnosis.clear import Quiet
-from bayes_asv.inference.denoised import clear_wheel, denoised
+from bayes_asv.inference.denoised import clear_wheel, denoised, sample_noise
 from bayes_asv.inference.freerun import free_run
 from bayes_asv.inference.likelihood import Nudge, Target, shared_work
-from bayes_asv.inference.noise_level import noise_level
 from bayes_asv.inference.stage import Setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.wheels import WheelSignal, moments
@@ -127,7 +126,7 @@ def _motion(where: Setting, target: Target, z: Array, run: int) -> _Motion:
     delta, rate = states[:, [0, 2]], states[:, [1, 3]]
     faster = np.empty_like(rate)
     for axle in range(2):
-        noise = line.noise[2 * axle] or noise_level(line, 2 * axle)
+        noise = sample_noise(line, 2 * axle)
         faster[:, axle] = denoised(time, CubicSpline(time, rate[:, axle])(time, 1), noise, None)
     return _Motion(calm, delta + rate / pole, rate + faster / pole)
 

@@ -19,7 +19,7 @@ from bayes_asv.diagnosis.humming import Hum, humming
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.diagnosis.naming import NONE
 from bayes_asv.inference.freerun import free_run
-from bayes_asv.inference.stage import Setting, Stage, base, setting
+from bayes_asv.inference.stage import Setting, Stage, setting
 from bayes_asv.inference.timeline import Timeline
 from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched, passing
 from bayes_asv.kernels.innovations import VALUE
@@ -68,6 +68,7 @@ def without_engine(
     stage: Stage,
     held: tuple[Timeline, ...],
     fit: Callable[[Setting], Stage],
+    elsewhere: Callable[[Setting], Stage],
     least: float = 0.0,
 ) -> tuple[Setting, Stage, Engine | None, tuple[Timeline, ...]]:
     """Cut tones out where they are what a model cannot explain.
@@ -80,8 +81,8 @@ def without_engine(
         Recordings, and a model at its mode.
     held : tuple of Timeline
         Runs that were held out.
-    fit : callable
-        Fits the model to a setting.
+    fit, elsewhere : callable
+        Fits the model to these recordings cut, and to others.
     least : float
         Energy of innovations that tones have to hold.
 
@@ -110,7 +111,7 @@ def without_engine(
     silent = []
     for line in held:
         alone = setting(where.vehicle, (line,))
-        own = _tones(alone, base(alone), alarm)
+        own = _tones(alone, elsewhere(alone), alarm)
         silent.append(notched(line, where.vehicle, _with(tones, own.tones)))
     return quiet, cut, engine, tuple(silent)
 
@@ -170,12 +171,11 @@ def _tones(where: Setting, stage: Stage, alarm: float, *, engine: bool = True) -
                 break
         else:
             alike.append((rate, [nu]))
+    heard = [humming(r, rate, _SLOWEST, alarm / len(alike), engine=engine) for rate, r in alike]
     out: tuple[Notch, ...] = ()
-    log_p = 0.0
-    for rate, runs in sorted(alike, key=lambda group: -len(group[1])):
-        heard = humming(runs, rate, _SLOWEST, alarm / len(alike), engine=engine)
-        out, log_p = _with(out, heard.tones), min(log_p, heard.log_p + math.log(len(alike)))
-    return Hum(out, log_p)
+    for hum in sorted(heard, key=lambda hum: hum.log_p):
+        out = _with(out, hum.tones)
+    return Hum(out, min(hum.log_p for hum in heard) + math.log(len(alike)) if out else 0.0)
 
 
 def _with(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...]:
@@ -192,6 +192,8 @@ def _amplitude(where: Setting, stage: Stage, tone: Notch) -> float:
     mass = float(stage.space.cars(stage.mode.z[None])[0][3])
     wdf = float(stage.space.cars(stage.mode.z[None])[0][5])
     for run, line in enumerate(where.lines):
+        if tone.frequency * line.reading_step >= 0.5:
+            continue  # too slow a recording to hold it; that in which it was heard is not
         output, _, _ = free_run(stage.target, stage.mode.z, run)
         left = np.nan_to_num(
             line.paired(np.where(line.kind == VALUE, line.reading - output, np.nan))

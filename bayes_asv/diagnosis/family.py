@@ -51,7 +51,7 @@ def family_p(found: Signatures, seed: int) -> float:
     plain = np.flatnonzero([not c.edge for c in found.candidates])
     signed = np.array([found.candidates[k].signed for k in plain])
     raw = np.sum(found.rows[plain] ** 2, axis=1)
-    p, _, _ = largest(found.pull[plain], found.gram[np.ix_(plain, plain)], raw, signed, seed)
+    p, _ = largest(found.pull[plain], found.gram[np.ix_(plain, plain)], raw, signed, seed)
     others = p / (1.0 - _FOR_PUSHES)
     if others <= RAREST / _FOR_PUSHES:  # pushes cannot be rarer, and take long to ask
         return others
@@ -60,8 +60,8 @@ def family_p(found: Signatures, seed: int) -> float:
 
 def largest(
     pull: Array, gram: Array, raw: Array, signed: NDArray[np.bool_], seed: int
-) -> tuple[float, int, float]:
-    """p-value of the largest squared score over K directions, which it is, and how large.
+) -> tuple[float, int]:
+    """p-value of the largest squared score over K directions, and which it is.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def largest(
     own = np.diag(gram)
     use = own > SILENT * np.maximum(raw, 1e-30)
     if not np.any(use):
-        return 1.0, 0, 0.0
+        return 1.0, 0
     sd = np.sqrt(own[use])
     eigen, vectors = np.linalg.eigh(gram[np.ix_(use, use)] / np.outer(sd, sd))
     root = vectors * np.sqrt(np.maximum(eigen, 0.0))
@@ -92,4 +92,4 @@ def largest(
     squared = np.where(signed & (score < 0.0), 0.0, score**2)
     k = int(np.argmax(squared))
     p = (1 + np.count_nonzero(top >= squared[k])) / (1 + _DRAWS)
-    return float(p), k, float(squared[k])
+    return float(p), k

@@ -20,7 +20,7 @@ from bayes_asv.kernels.innovations import VALUE
 from bayes_asv.kernels.noise_path import NORMALS, noise_path
 from bayes_asv.model.effects import Site
 
-__all__ = ["Gap", "Left", "before_and_after", "closed", "grew"]
+__all__ = ["Gap", "Left", "before_and_after", "closed", "grew", "left_over"]
 
 Array = NDArray[np.float64]
 
@@ -111,8 +111,21 @@ def _own_noise(target: Target, z: Array) -> Array:
     return z
 
 
-def _left_over(where: Setting, target: Target, z: Array, seed: int) -> Left:
-    """Simulate every run and take the difference."""
+def left_over(where: Setting, stage: Stage, seed: int, *, own: bool = False) -> Left:
+    """Simulate recordings and take the difference, car and effects frozen.
+
+    Parameters
+    ----------
+    where : Setting
+        Recordings; the model need not have seen them.
+    stage : Stage
+        The model.
+    seed : int
+        Of the noise that the floor is measured with.
+    own : bool
+        The recordings are those that the model was fitted to: a push that acts in one acts there.
+    """
+    target, z = _frozen(where, stage, own)
     residual, times, floor = [], [], []
     for run, line in enumerate(where.lines):
         output, _, _ = free_run(target, z, run)
@@ -130,11 +143,6 @@ def _left_over(where: Setting, target: Target, z: Array, seed: int) -> Left:
     return Left(tuple(residual), tuple(times), tuple(floor))
 
 
-def _gap(before: Left, after: Left, seed: int) -> Gap:
-    """Hold two models' gaps on the same recordings against each other."""
-    return Gap(before.rms, after.rms, after.noise, grew(before, after, seed))
-
-
 def grew(before: Left, after: Left, seed: int) -> bool:
     """Whether the gap grew beyond a block bootstrap's 95 % interval (Künsch 1989).
 
@@ -143,6 +151,8 @@ def grew(before: Left, after: Left, seed: int) -> bool:
     """
     blocks = []
     for one, two, time in zip(before.residual, after.residual, before.times, strict=True):
+        if np.any(np.isfinite(one) & ~np.isfinite(two)):
+            return True  # a simulation that ran away
         at = ((time - time[0]) / _BLOCK).astype(int)
         growth = np.nansum(two**2 - one**2, axis=1)
         blocks += [float(growth[at == k].sum()) for k in range(int(at.max()) + 1)]
@@ -158,25 +168,16 @@ def grew(before: Left, after: Left, seed: int) -> bool:
 
 def before_and_after(
     where: Setting, base: Stage, final: Stage, seed: int, *, own: bool = False
-) -> tuple[Gap, Left, Left]:
+) -> Gap:
     """Gap of recordings before and after, cars and effects frozen.
 
     Parameters
     ----------
-    where : Setting
-        Recordings; neither model need have seen them.
     base, final : Stage
         Without and with what was added.
-    seed : int
-        Of the bootstrap.
-    own : bool
-        The recordings are those that the models were fitted to: a push that acts in one acts there.
-
-    Returns
-    -------
-    Gap, Left, Left
-        With what is left before and after.
+    where, seed, own
+        As :func:`left_over` takes them; the seed is that of the bootstrap as well.
     """
-    one = _left_over(where, *_frozen(where, base, own), seed)
-    two = _left_over(where, *_frozen(where, final, own), seed)
-    return _gap(one, two, seed), one, two
+    one = left_over(where, base, seed, own=own)
+    two = left_over(where, final, seed, own=own)
+    return Gap(one.rms, two.rms, two.noise, grew(one, two, seed))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -126,7 +127,7 @@ def grow(
             break
         share_done = 0.1 + 0.2 * len(now.named)
         tell(share_done, "asking what is missing")
-        step = _next(model, partial(_trying, tell, share_done), failed)
+        step = _next(model, partial(_trying, tell, share_done), failed, beside=further)
         if step is None:
             break
         none = now.none if now.named else step.nothing
@@ -157,9 +158,11 @@ def grow(
     return kept if doubt > 0.0 else now
 
 
-def _next(model: Model, trying: Callable[[str], None], failed: Collection[str]) -> _Step | None:
+def _next(
+    model: Model, trying: Callable[[str], None], failed: Collection[str], *, beside: bool
+) -> _Step | None:
     """Weigh everything that a model may be lacking; none where nothing can be fitted."""
-    options = weigh(model.quiet, model.stage, model.found, trying, failed)
+    options = weigh(model.quiet, model.stage, model.found, trying, failed, beside=beside)
     if not options:
         return None
     options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
@@ -239,7 +242,8 @@ def reconsidered(
         As :func:`grow` takes and returns them.
     """
     pushes = [n for n in grown.named if n.site.run is not None]
-    if not pushes or all(n.site.run is not None for n in grown.named[1:]):
+    order = [n.site.run is not None for n in grown.named]
+    if not any(push and not other for push, other in pairwise(order)):
         return grown
     tell(0.8, "asking again without pushes")
     model, kept = without(grown.model, list(grown.named), pushes, seed)

@@ -15,7 +15,17 @@ from bayes_asv.inference.candidates import Candidate, candidates
 from bayes_asv.inference.stage import Setting, Stage, base, foretold, refitted
 from bayes_asv.model.effects import Site
 
-__all__ = ["Model", "again", "asked", "fewer", "pruned", "together", "weighed", "without"]
+__all__ = [
+    "Model",
+    "again",
+    "asked",
+    "elsewhere",
+    "fewer",
+    "pruned",
+    "together",
+    "weighed",
+    "without",
+]
 
 _NEEDLESS = 2.0  # nats below which a named effect is taken out again
 
@@ -54,9 +64,18 @@ class Model:
 
 
 def again(stage: Stage, where: Setting) -> Stage:
-    """Fit the model of a stage to other recordings of its car."""
-    where = foretold(where, refitted(where, stage, stage.sites))
-    return refitted(where, stage, stage.sites)
+    """Fit the model of a stage to its recordings as they are now, or with more behind them."""
+    return _to_others(stage, where, stage.sites)
+
+
+def elsewhere(stage: Stage, where: Setting) -> Stage:
+    """Fit the model of a stage to other recordings; what acted in one run alone stays there."""
+    return _to_others(stage, where, tuple(s for s in stage.sites if s.run is None))
+
+
+def _to_others(stage: Stage, where: Setting, sites: tuple[Site, ...]) -> Stage:
+    where = foretold(where, refitted(where, stage, sites))
+    return refitted(where, stage, sites)
 
 
 def asked(where: Setting, stage: Stage, seed: int) -> Model:

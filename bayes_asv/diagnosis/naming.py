@@ -84,7 +84,7 @@ def leading(found: Signatures, failed: Collection[str] = (), *, beside: bool = F
 
     One ranking takes the model as clean, the other grants every other effect its tolerance.  Sites
     that have failed already are left out, and so is what hardly promises anything; ``beside`` is
-    for a model in which something is named.
+    for a model that has something already.
     """
     least = _FAINTER if beside else _FAINT
     pull, own = with_tolerances(found)
@@ -131,6 +131,8 @@ def weigh(
     found: Signatures,
     tell: Callable[[str], None] = lambda words: None,
     failed: Collection[str] = (),
+    *,
+    beside: bool = False,
 ) -> list[Option]:
     """Fit every leading candidate in full and weigh it, the most probable first.
 
@@ -146,10 +148,12 @@ def weigh(
         Told which effect is being tried.
     failed : collection of str
         Sites that are not tried.
+    beside : bool
+        It would be a further effect: what hardly promises anything is not tried.
     """
     options, little = [], []
     floor = -math.inf
-    for lead in leading(found, failed, beside=bool(stage.sites)):
+    for lead in leading(found, failed, beside=beside):
         site = lead.candidates[0].site
         tell(str(site))
         stage_with = added(where, stage, lead.candidates, lead.promised, floor)

@@ -3,17 +3,55 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 from bayes_asv.diagnosis.engine import Engine
-from bayes_asv.diagnosis.gap import Gap, before_and_after
+from bayes_asv.diagnosis.gap import Gap, before_and_after, left_over
 from bayes_asv.diagnosis.model import Model, fewer
 from bayes_asv.diagnosis.results import Named
 from bayes_asv.inference.stage import Setting, Stage
 
-__all__ = ["failed", "proof"]
+__all__ = ["Proof", "Recorded", "failed", "proof"]
 
 _NOISE = 1.03  # times the floor: a gap that a floor estimated from so many readings may have
 _LOUDER = 1.1  # times the gap before: a floor that one draw of the noise may have stayed below
+
+
+class Recorded(NamedTuple):
+    """Recordings, and the linear car there.
+
+    Parameters
+    ----------
+    fit : Setting
+        What was fitted.
+    holdout : Setting or None
+        What was held out.
+    linear : Stage
+        Fitted to the first.
+    """
+
+    fit: Setting
+    holdout: Setting | None
+    linear: Stage
+
+
+class Proof(NamedTuple):
+    """Gaps before and after.
+
+    Parameters
+    ----------
+    gaps : dict of str to Gap
+        ``fit`` and, where there is one, ``holdout``, from the linear car to the finished model; an
+        engine is in what was before.
+    named : list of Named
+        Each with its own gaps.
+    silent : Gap or None
+        On what was held out, no engine's tones in it before or after.
+    """
+
+    gaps: dict[str, Gap]
+    named: list[Named]
+    silent: Gap | None
 
 
 def failed(
@@ -36,7 +74,8 @@ def failed(
     named : list of Named
         With their gaps.
     whole : Gap or None
-        Of all of them, on what was held out.
+        Of all of them, on what was held out without an engine's tones: cut out, those leave less
+        than there was whatever names do.
     seed : int
         Of the bootstrap.
     """
@@ -48,7 +87,7 @@ def failed(
             continue
         rest = tuple(n.site for n in named if n is not one)
         less = fewer(model, rest)
-        if before_and_after(held, less, model.stage, seed)[0].worse:
+        if before_and_after(held, less, model.stage, seed).worse:
             out.append(one)
     return out or (named if whole is not None and _worse(whole) else [])
 
@@ -63,31 +102,47 @@ def _worse(gap: Gap) -> bool:
 
 
 def proof(
-    first: tuple[Setting, Setting | None, Stage],
-    cut: tuple[Setting, Setting | None, Stage],
+    given: Recorded,
+    cut: Recorded,
     model: Model,
     named: list[Named],
     engine: Engine | None,
     seed: int,
-) -> tuple[dict[str, Gap], list[Named]]:
-    """Gaps of the whole way and of each effect, on the fit and on what was held out."""
-    gaps: dict[str, Gap] = {}
-    told = [dict(n.gaps) for n in named]
-    stages = [cut[2]]
+) -> Proof:
+    """Work out gaps of the whole way and of each effect, on the fit and on what was held out.
+
+    Parameters
+    ----------
+    given, cut : Recorded
+        As they were given, and without an engine's tones.
+    model : Model
+        With everything named.
+    named : list of Named
+        In order.
+    engine : Engine or None
+        Whose tones were cut out.
+    seed : int
+        Of the bootstrap.
+    """
+    stages = [cut.linear]
     for k in range(1, len(named)):
         stages.append(fewer(model, tuple(n.site for n in named[:k])))
     if named:
         stages.append(model.stage)
-    kinds = (("fit", model.where, first[0]), ("holdout", cut[1], first[1]))
+    gaps: dict[str, Gap] = {}
+    silent: dict[str, Gap] = {}
+    told = [dict(n.gaps) for n in named]
+    kinds = (("fit", model.where, given.fit), ("holdout", cut.holdout, given.holdout))
     for name, where, whole in kinds:
         if where is None or whole is None:
             continue
         own = name == "fit"
-        gap, _, _ = before_and_after(where, stages[0], stages[-1], seed, own=own)
+        silent[name] = gap = before_and_after(where, stages[0], stages[-1], seed, own=own)
         if engine is not None:
-            raw, _, _ = before_and_after(whole, first[2], first[2], seed)
-            gap = replace(gap, before=raw.before, worse=gap.after > raw.before)
+            before = left_over(whole, given.linear, seed).rms
+            gap = replace(gap, before=before, worse=gap.after > before)
         gaps[name] = gap
         for j in range(len(named)):
-            told[j][name], _, _ = before_and_after(where, stages[j], stages[j + 1], seed, own=own)
-    return gaps, [replace(n, gaps=g) for n, g in zip(named, told, strict=True)]
+            told[j][name] = before_and_after(where, stages[j], stages[j + 1], seed, own=own)
+    named = [replace(n, gaps=g) for n, g in zip(named, told, strict=True)]
+    return Proof(gaps, named, silent.get("holdout"))

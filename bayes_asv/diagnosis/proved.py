@@ -10,9 +10,8 @@ from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.gap import Gap
 from bayes_asv.diagnosis.growing import Grown, grow, reconsidered
 from bayes_asv.diagnosis.model import pruned, without
-from bayes_asv.diagnosis.proof import failed, proof
+from bayes_asv.diagnosis.proof import Recorded, failed, proof
 from bayes_asv.diagnosis.slack import unexplained
-from bayes_asv.inference.stage import Setting, Stage
 
 __all__ = ["Proved", "proved"]
 
@@ -41,8 +40,8 @@ class Proved:
 
 def proved(
     grown: Grown,
-    first: tuple[Setting, Setting | None, Stage],
-    cut: tuple[Setting, Setting | None, Stage],
+    given: Recorded,
+    cut: Recorded,
     engine: Engine | None,
     seed: int,
     tell: Callable[[float, str], None],
@@ -56,7 +55,7 @@ def proved(
     ----------
     grown : Grown
         What was named.
-    first, cut, engine, seed
+    given, cut, engine, seed
         As :func:`bayes_asv.diagnosis.proof.proof` takes them.
     tell : callable
         Told the share that is done, and what is going on.
@@ -66,13 +65,13 @@ def proved(
         grown = reconsidered(grown, seed, tell, out)
         model, named = pruned(grown.model, list(grown.named), seed)
         tell(0.85, "proving it on what was held out")
-        gaps, named = proof(first, cut, model, named, engine, seed)
+        gaps, named, silent = proof(given, cut, model, named, engine, seed)
         nameless = bool(grown.nameless)
-        while worse := failed(cut[1], model, named, gaps.get("holdout"), seed):
+        while worse := failed(cut.holdout, model, named, silent, seed):
             out += tuple(str(n.site) for n in worse)
             nameless = nameless or unexplained(model.quiet, model.allowed, seed).found
             model, named = without(model, named, worse, seed)
-            gaps, named = proof(first, cut, model, named, engine, seed)
+            gaps, named, silent = proof(given, cut, model, named, engine, seed)
         same = len(named) == len(grown.named)
         told = grown.told if same else told_by(model.stage, model.allowed)
         return Proved(

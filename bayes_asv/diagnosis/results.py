@@ -69,15 +69,18 @@ class Diagnosis:
     left : Unexplained or None
         What has no name.
     seen : Disagreement or None
-        Where the linear half car disagrees.
+        Where the linear half car disagrees, an engine's tones cut out.
     gaps : dict of str to Gap
         ``fit`` and, where there is one, ``holdout``.
     fit, holdout : tuples of Timeline
-        Recordings.
+        What was fitted, as it was given, and what was held out, an engine's tones cut out of it.
     base, final : Stage or None
-        The linear half car, and the model with everything named.
+        The linear half car and the model with everything named, an engine's tones cut out.
     before, after : dict of str to (N,) array
-        Draws of the car's quantities under both, SI units.
+        Draws of the car's quantities, SI units: under the linear half car, nothing cut out, and
+        under all explanations by their shares.
+    effects : dict of str to dict of str to (N,) array
+        Draws of what was named, by site and parameter.
     seconds : float
         How long it took.
     """

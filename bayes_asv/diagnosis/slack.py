@@ -17,19 +17,18 @@ from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.diagnosis.clear import clear
+from bayes_asv.diagnosis.clear import Quiet, clear
 from bayes_asv.diagnosis.family import largest
 from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.jitter import jitter
 from bayes_asv.diagnosis.memory import memory
-from bayes_asv.diagnosis.signatures import signatures
 from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, NOTICED
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.diagnosis.unlisted import unlisted
-from bayes_asv.inference.candidates import Candidate
 from bayes_asv.inference.effects import car_scale
+from bayes_asv.inference.likelihood import Nudge, shared_work
 from bayes_asv.inference.stage import Setting, Stage
-from bayes_asv.model.effects import AXLES, EFFECTS, Site
+from bayes_asv.model.effects import AXLES
 
 __all__ = ["Unexplained", "pulses", "unexplained"]
 
@@ -100,27 +99,37 @@ class Unexplained:
         return self.found or self.rival > AS_WELL
 
 
-def pulses(where: Setting, axle: str) -> list[Candidate]:
-    """Short pushes at one axle that follow each other through every run."""
-    load = car_scale(where.vehicle).load
-    out = []
-    for run, line in enumerate(where.lines):
-        site = Site(EFFECTS["external_force"], axle, run)
-        out += [
-            Candidate(
-                site,
-                {
-                    "force": _PUSH * load,
-                    "start": float(start),
-                    "duration": _PULSE,
-                    "rise": _PULSE,
-                },
-                False,
-                False,
-            )
-            for start in np.arange(line.elapsed[0], line.elapsed[-1], _PULSE)
-        ]
-    return out
+def pulses(quiet: Quiet, axle: int) -> Array:
+    """Signatures (K, N) of short pushes at one axle that follow each other through every run.
+
+    Each is added to what the model has already, a named push in the same run among that.
+    """
+    size = _PUSH * car_scale(quiet.where.vehicle).load
+    runs = [(run, line.elapsed) for run, line in enumerate(quiet.where.lines)]
+    starts = [(run, t) for run, time in runs for t in np.arange(time[0], time[-1], _PULSE)]
+
+    def one(at: tuple[int, float]) -> Array:
+        pushed, start = at
+        parts = [np.zeros(np.count_nonzero(here.there)) for here in quiet.stands]
+        line = quiet.where.lines[pushed]
+        nothing = np.zeros_like(line.reading)
+        force = nothing.copy()
+        force[:, axle] = size * (
+            _risen(line.elapsed - start) - _risen(line.elapsed - start - _PULSE)
+        )
+        nudge = Nudge(np.zeros_like(line.moments), nothing, force)
+        parts[pushed] = quiet.stands[pushed].nudged(nudge)
+        return np.concatenate(parts) * quiet.settled
+
+    with shared_work(quiet.stage.target) as shared:
+        assert shared.pool is not None
+        return np.array(list(shared.pool.map(one, starts)))
+
+
+def _risen(since: Array) -> Array:
+    """Return a step that takes as long as a pulse, and is half up at zero."""
+    up = np.clip(since / _PULSE + 0.5, 0.0, 1.0)
+    return np.asarray(up * up * (3.0 - 2.0 * up))
 
 
 def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
@@ -139,13 +148,12 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
     quiet = clear(where, stage)
     known = imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at)
     scores = {}
-    for axle in AXLES:
-        found = signatures(quiet, pulses(where, axle))
-        scores[axle] = _wins(*known.beyond(found.rows))
+    for k, axle in enumerate(AXLES):
+        scores[axle] = _wins(*known.beyond(pulses(quiet, k)))
     best = max(scores, key=lambda name: scores[name])
     decoys = unlisted(quiet, known)
     two_sided = np.zeros(len(decoys.words), bool)
-    p, k, _ = largest(decoys.pull, decoys.gram, decoys.raw, two_sided, seed)
+    p, k = largest(decoys.pull, decoys.gram, decoys.raw, two_sided, seed)
     p_jitter, jitters = jitter(where, stage)
     return Unexplained(
         score=scores[best],

@@ -77,7 +77,7 @@ def alike(model: Model, one: Named) -> list[list[Candidate]]:
     groups: dict[tuple[str, int | None], list[Candidate]] = {}
     for k in np.argsort(left):
         candidate = found.candidates[k]
-        if left[k] < APART and not candidate.edge and not one.site.meets(candidate.site):
+        if left[k] < APART and not one.site.meets(candidate.site):
             groups.setdefault(candidate.site.key, []).append(candidate)
     return list(groups.values())
 

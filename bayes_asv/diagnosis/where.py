@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from bayes_asv.channels import CHANNELS
 from bayes_asv.inference.stage import Setting, Stage
 from bayes_asv.kernels.innovations import VALUE
 
@@ -90,10 +89,9 @@ def disagreement(where: Setting, stage: Stage) -> Disagreement:
         axle: max((abs(c.t) for c in cells), default=0.0) for axle, cells in planes.items()
     }
     axle = max(strongest, key=lambda name: strongest[name])
-    least = norm.isf(_LEVEL / 2.0 / max(2 * _CELLS[0] * _CELLS[1], 1))
+    least = norm.isf(_LEVEL / 2.0 / (2 * _CELLS[0] * _CELLS[1]))
     best = max(planes[axle], key=lambda c: abs(c.t), default=None)
     state = best if best is not None and abs(best.t) > least else None
-    assert channel in CHANNELS
     return Disagreement(channel, axle, tuple(windows), _bands(where, passes), planes, state)
 
 

@@ -25,7 +25,8 @@ from bayes_asv.diagnosis.answer import draws, effect_draws
 from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.growing import begun, grow
-from bayes_asv.diagnosis.model import Model, again, asked, together
+from bayes_asv.diagnosis.model import Model, again, asked, elsewhere, together
+from bayes_asv.diagnosis.proof import Recorded
 from bayes_asv.diagnosis.proved import proved
 from bayes_asv.diagnosis.results import Diagnosis, Named
 from bayes_asv.diagnosis.rival import rival
@@ -82,7 +83,7 @@ def diagnose(
     clock = time.perf_counter()
     tell = progress or (lambda share, words: None)
     tell(0.0, "laying the recordings out")
-    fit_runs, held_runs, notes = _held_out(recordings, holdout)
+    fit_runs, held_runs, notes = _held_out(recordings, holdout, vehicle)
     lines, reasons, warnings = lay_out(fit_runs, vehicle)
     if reasons:
         return Diagnosis("refused", reasons, warnings, (), vehicle, seed)
@@ -96,26 +97,25 @@ def diagnose(
     first_where, first_held = where, setting(vehicle, held) if held else None
     first = asked(where, plain, seed)
     known = _explained(first)
-    where, linear, engine, held = without_engine(where, plain, held, base, _CLEARLY * known)
+    where, linear, engine, held = without_engine(where, plain, held, base, base, _CLEARLY * known)
     if engine is not None:
         first = asked(where, linear, seed)
-    seen = disagreement(where, linear)
     grown = grow(begun(first, beside=engine is not None), seed, tell)
     if engine is None:
         # What is missing may have hidden an engine.
         model = grown.model
         known = max(_explained(model), _RESIDUE * known)
-        silent, stage, engine, held = without_engine(
-            model.where, model.as_read, held, partial(again, model.stage), known
-        )
+        fits = partial(again, model.stage), partial(elsewhere, model.stage)
+        silent, stage, engine, held = without_engine(model.where, model.as_read, held, *fits, known)
         if engine is not None:
             where = silent
             linear = base(where)
             model = asked(where, stage, seed)
             grown = grow(replace(grown, model=model, beside=True), seed, tell)
-    held_where = setting(vehicle, held) if held else None
-    settings = (first_where, first_held, plain), (where, held_where, linear)
-    proven = proved(grown, *settings, engine, seed, tell)
+    seen = disagreement(where, linear)
+    held_where = first_held if engine is None or not held else setting(vehicle, held)
+    given = Recorded(first_where, first_held, plain)
+    proven = proved(grown, given, Recorded(where, held_where, linear), engine, seed, tell)
     grown, model, named = proven.grown, proven.grown.model, proven.grown.named
     tell(0.9, "asking what has no name")
     quiet, stage, granted = together(model, held_where)
@@ -150,7 +150,7 @@ def diagnose(
         final=model.as_read,
         before=draws([(1.0, plain, plain.mode.z, plain.mode.covariance)], seed),
         after=draws(grown.told, seed),
-        effects=effect_draws(model.stage, model.allowed.covariance, seed),
+        effects=effect_draws(model.stage, model.allowed, seed),
         seconds=time.perf_counter() - clock,
     )
 
@@ -168,13 +168,13 @@ def named_in(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Site, ...]:
-    """Effects that are more likely than not to be in these recordings, all of them fitted."""
+    """Effects that are more likely than not to be in these recordings."""
     found = diagnose(recordings, (), vehicle, seed, progress)
-    return tuple(n.site for n in found.named if n.probability > 0.5)
+    return tuple(n.site for n in found.named if n.probability * found.trust > 0.5)
 
 
 def _held_out(
-    recordings: Sequence[Recording], holdout: Sequence[Recording]
+    recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle
 ) -> tuple[list[Recording], list[Recording], list[str]]:
     """Choose what is fitted and what is held out."""
     if holdout:
@@ -183,15 +183,17 @@ def _held_out(
         last = recordings[-1]
         return list(recordings[:-1]), [last], [f"{last.source} was held out to prove it on"]
     whole = recordings[0]
+    name = whole.source or "the recording"
     half = len(whole.time) // 2
     begin, end = (
         replace(whole, time=whole.time[part], values=whole.values[:, part])
         for part in (slice(0, half), slice(half, None))
     )
-    power = [float(np.nanvar(part.values[[0, 2]])) for part in (begin, end)]
-    if power[1] > _EXCITED * power[0] and half >= 200:
-        return [begin], [end], [f"the second half of {whole.source} was held out to prove it on"]
-    return [whole], [], [f"nothing of {whole.source} could be held out: give a second drive"]
+    power = [float(np.nanvar(part.values[[0, 2]], axis=1).sum()) for part in (begin, end)]
+    usable = half >= 200 and not any(lay_out([part], vehicle)[1] for part in (begin, end))
+    if power[1] > _EXCITED * power[0] and usable:
+        return [begin], [end], [f"the second half of {name} was held out to prove it on"]
+    return [whole], [], [f"nothing of {name} could be held out: give a second drive"]
 
 
 def _preflight(lines: tuple[Timeline, ...]) -> tuple[dict[str, object], ...]:

@@ -68,8 +68,10 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
     (T, 6) array
         As :func:`scipy.signal.sosfilt` takes them: zeros on the unit circle, poles behind them.
     """
-    out = np.zeros((len(notches), 6))
+    out = np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (len(notches), 1))
     for k, notch in enumerate(notches):
+        if notch.frequency >= 0.5 * rate:  # a logger's own filter has taken it
+            continue
         angle = 2.0 * math.pi * notch.frequency / rate
         radius = math.exp(-2.0 * math.pi * notch.half_width / rate)
         zeros = np.array([1.0, -2.0 * math.cos(angle), 1.0])
@@ -83,7 +85,8 @@ def passing(notch: Notch, rate: float) -> Array:
     from scipy.signal import butter
 
     edges = np.array([notch.frequency - notch.half_width, notch.frequency + notch.half_width])
-    band = butter(2, np.clip(edges, 0.5, 0.49 * rate), "bandpass", fs=rate, output="sos")
+    inside = np.clip(edges, 0.5, [0.47 * rate, 0.49 * rate])
+    band = butter(2, inside, "bandpass", fs=rate, output="sos")
     return np.asarray(band, np.float64)
 
 

@@ -20,7 +20,7 @@ def _cut() -> Stage:
     one = case("engine_vibration-400", 5, 0)
     lines, _, _ = lay_out(one.recordings, one.vehicle)
     where = setting(one.vehicle, lines)
-    _, stage, engine, _ = without_engine(where, base(where), (), base)
+    _, stage, engine, _ = without_engine(where, base(where), (), base, base)
     assert engine is not None
     return stage
 

@@ -146,7 +146,7 @@ def test_lines_near_the_cars_own_frequencies_are_no_engine(name: str, there: int
     where, stage = fitted(name)
     found = asked(where, stage, 1).found
     known = float(one_sided(found.score, found).max())
-    _, _, engine, _ = without_engine(where, stage, (), base, known)
+    _, _, engine, _ = without_engine(where, stage, (), base, base, known)
     assert (engine is not None) == bool(there)
 
 

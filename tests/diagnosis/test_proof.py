@@ -118,6 +118,13 @@ def test_a_gap_that_did_not_grow_seldom_seems_to() -> None:
     assert 4 <= grown <= 26
 
 
+def test_a_simulation_that_runs_away_is_worse_than_any() -> None:
+    still = Left((np.zeros((400, 2)),), (np.arange(400) / 400.0,), (1.0,))
+    away = replace(still, residual=(np.full((400, 2), np.nan),))
+    assert grew(still, away, 1)
+    assert not grew(away, away, 1)  # nothing was read there
+
+
 def _silent(share: float, words: str) -> None:
     pass
 
@@ -133,6 +140,9 @@ def test_pushes_that_came_last_are_not_asked_again() -> None:
     grown = _after_a_push()
     last = replace(grown, named=grown.named[::-1])
     assert reconsidered(last, 1, _silent) is last
+    damper = _named(read_site("bound_rebound@front"))
+    three = replace(last, named=(damper, *last.named))
+    assert reconsidered(three, 1, _silent) is three
     alone = replace(grown, named=grown.named[:1])
     assert reconsidered(alone, 1, _silent) is alone
 

@@ -13,7 +13,7 @@ from scipy.signal import sosfreqz
 
 from bayes_asv.inference.bestfit import best_fit, lay_out
 from bayes_asv.inference.timeline import Timeline, build
-from bayes_asv.inference.tones import Notch, find_tones, main_tones, notch_filter, notched
+from bayes_asv.inference.tones import Notch, find_tones, main_tones, notch_filter, notched, passing
 from tests.inference.cases import EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, Engine, SensorSpec, baja, draw, drive
 
@@ -56,6 +56,16 @@ def test_a_notch_is_as_wide_as_it_says_and_leaves_rest_alone(
 def plain() -> Timeline:
     _, _, recording = case("rough", 4, EXACT)
     return build(recording, vehicle(EXACT))
+
+
+@given(st.floats(5.0, 1000.0), st.floats(30.0, 800.0))
+def test_a_filter_knows_the_end_of_its_band(frequency: float, rate: float) -> None:
+    """A tone above half the rate is left alone, and one just below is passed."""
+    (section,) = notch_filter([Notch(frequency, 5.0)], rate)
+    assert np.all(np.isfinite(section))
+    if frequency >= 0.5 * rate:
+        assert section.tolist() == [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+    assert np.all(np.isfinite(passing(Notch(frequency, 5.0), rate)))
 
 
 def test_notches_cost_width_but_do_not_move_the_answer(plain: Timeline) -> None:
