@@ -45,7 +45,7 @@ __all__ = ["command"]
     type=click.Choice(["linear", "auto"]),
     default="linear",
     show_default=True,
-    help="'auto' adds what diagnose names in these recordings.",
+    help="'auto' adds what diagnose finds more likely than not.",
 )
 @click.option("--netcdf", metavar="FILE", help="Write the draws as ArviZ InferenceData.")
 @common.json_option

@@ -13,6 +13,7 @@ with a law in it), and what a filter makes of earlier ones knows nothing of late
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,6 +60,20 @@ class Quiet:
     stands: tuple[Steady, ...]
     settled: NDArray[np.bool_]
     slopes: Slopes
+
+    def joined(self, rows: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Join changes of some runs' innovations to a row (N,); other runs do not change.
+
+        Parameters
+        ----------
+        rows : mapping of int to (M,) array
+            By the run, each in deviations.
+        """
+        parts = [
+            rows[run] if run in rows else np.zeros(np.count_nonzero(here.there))
+            for run, here in enumerate(self.stands)
+        ]
+        return np.asarray(np.concatenate(parts) * self.settled)
 
 
 def quieted(where: Setting, stage: Stage) -> Setting:

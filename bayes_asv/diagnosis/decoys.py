@@ -104,11 +104,8 @@ def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
         power = sum(of_run[k].power for of_run in changes)
         size = _SMALL * math.sqrt(sum(of_run[k].reference for of_run in changes))
         factor = size / math.sqrt(max(power, 1e-24))
-        parts = [
-            here.nudged(Nudge(*(factor * part for part in of_run[k].nudge)))
-            for here, of_run in zip(quiet.stands, changes, strict=True)
-        ]
-        return np.concatenate(parts) * quiet.settled
+        nudges = [Nudge(*(factor * part for part in of_run[k].nudge)) for of_run in changes]
+        return quiet.joined({run: quiet.stands[run].nudged(nudges[run]) for run in runs})
 
     with shared_work(target) as shared:
         assert shared.pool is not None

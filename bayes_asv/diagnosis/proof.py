@@ -132,7 +132,7 @@ def proof(
     gaps: dict[str, Gap] = {}
     silent: dict[str, Gap] = {}
     told = [dict(n.gaps) for n in named]
-    kinds = (("fit", model.where, given.fit), ("holdout", cut.holdout, given.holdout))
+    kinds = (("fit", cut.fit, given.fit), ("holdout", cut.holdout, given.holdout))
     for name, where, whole in kinds:
         if where is None or whole is None:
             continue

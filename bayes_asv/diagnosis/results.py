@@ -113,3 +113,7 @@ class Diagnosis:
         if self.left is None or not self.left.present:
             return 1.0
         return _STAND_IN if self.left.found else _RIVALLED
+
+    def believed(self, cause: Named | Engine) -> float:
+        """Probability that a cause is there, also in view of what is left without a name."""
+        return cause.probability * self.trust

@@ -81,15 +81,15 @@ def signatures(quiet: Quiet, wanted: list[Candidate]) -> Signatures:
     def one(candidate: Candidate) -> Array:
         target = where.target((*stage.sites, candidate.site))
         there = carried(stage.space, z, target.space, candidate.site, candidate.values)
-        parts = []
+        changed = {}
         for run, here in enumerate(quiet.stands):
             if candidate.site.run not in (None, run):
-                parts.append(np.zeros(np.count_nonzero(here.there)))
-            elif candidate.edge:  # a force that is added leaves the filter as it is: one pass
-                parts.append((here.nu - target.scored(there, run)[0])[here.there])
+                continue
+            if candidate.edge:  # a force that is added leaves the filter as it is: one pass
+                changed[run] = (here.nu - target.scored(there, run)[0])[here.there]
             else:
-                parts.append(here.row(target, there))
-        row = np.concatenate(parts) * quiet.settled
+                changed[run] = here.row(target, there)
+        row = quiet.joined(changed)
         # a law whose simulation runs away has nothing to say
         return row if np.all(np.isfinite(row)) else np.zeros_like(row)
 

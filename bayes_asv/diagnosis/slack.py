@@ -28,6 +28,7 @@ from bayes_asv.diagnosis.unlisted import unlisted
 from bayes_asv.inference.effects import car_scale
 from bayes_asv.inference.likelihood import Nudge, shared_work
 from bayes_asv.inference.stage import Setting, Stage
+from bayes_asv.kernels.forces import OUTSIDE, excess_many
 from bayes_asv.model.effects import AXLES
 
 __all__ = ["Unexplained", "pulses", "unexplained"]
@@ -102,6 +103,8 @@ class Unexplained:
 def pulses(quiet: Quiet, axle: int) -> Array:
     """Signatures (K, N) of short pushes at one axle that follow each other through every run.
 
+    A push rises over as long as it lasts, so that all together are one steady force.
+
     Each is added to what the model has already, a named push in the same run among that.
     """
     size = _PUSH * car_scale(quiet.where.vehicle).load
@@ -109,27 +112,20 @@ def pulses(quiet: Quiet, axle: int) -> Array:
     starts = [(run, t) for run, time in runs for t in np.arange(time[0], time[-1], _PULSE)]
 
     def one(at: tuple[int, float]) -> Array:
-        pushed, start = at
-        parts = [np.zeros(np.count_nonzero(here.there)) for here in quiet.stands]
-        line = quiet.where.lines[pushed]
+        run, start = at
+        line = quiet.where.lines[run]
         nothing = np.zeros_like(line.reading)
         force = nothing.copy()
-        force[:, axle] = size * (
-            _risen(line.elapsed - start) - _risen(line.elapsed - start - _PULSE)
-        )
+        pulse = np.array([[axle, OUTSIDE, size, start, _PULSE, _PULSE]])
+        still = np.zeros(len(nothing))
+        time = line.elapsed
+        force[:, axle] = excess_many(pulse, axle, 0.0, 0.0, still, still, time, time[-1])[:, 0]
         nudge = Nudge(np.zeros_like(line.moments), nothing, force)
-        parts[pushed] = quiet.stands[pushed].nudged(nudge)
-        return np.concatenate(parts) * quiet.settled
+        return quiet.joined({run: quiet.stands[run].nudged(nudge)})
 
     with shared_work(quiet.stage.target) as shared:
         assert shared.pool is not None
         return np.array(list(shared.pool.map(one, starts)))
-
-
-def _risen(since: Array) -> Array:
-    """Return a step that takes as long as a pulse, and is half up at zero."""
-    up = np.clip(since / _PULSE + 0.5, 0.0, 1.0)
-    return np.asarray(up * up * (3.0 - 2.0 * up))
 
 
 def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:

@@ -170,7 +170,7 @@ def named_in(
 ) -> tuple[Site, ...]:
     """Effects that are more likely than not to be in these recordings."""
     found = diagnose(recordings, (), vehicle, seed, progress)
-    return tuple(n.site for n in found.named if n.probability * found.trust > 0.5)
+    return tuple(n.site for n in found.named if found.believed(n) > 0.5)
 
 
 def _held_out(

@@ -115,7 +115,7 @@ def _effects(found: Diagnosis) -> list[Document]:
                 "name": "engine_vibration",
                 "where": None,
                 "title": "an engine that shakes the frame",
-                "probability": found.engine.probability * found.trust,
+                "probability": found.believed(found.engine),
                 "indistinguishable_from": [],
                 "drive": "the same drive with the engine off",
                 "parameters": {
@@ -142,7 +142,7 @@ def _effect(named: Named, found: Diagnosis) -> Document:
         "name": named.site.effect.name,
         "where": named.site.where or None,
         "title": named.site.effect.title,
-        "probability": named.probability * found.trust,
+        "probability": found.believed(named),
         "indistinguishable_from": others + _relatives(named, found),
         "drive": named.site.effect.drive,
         "parameters": {
