@@ -245,7 +245,7 @@ def _closer(
     """Find the mode again with tolerances where the data want them, and ask the data again."""
     at = place.found.at
     start = place.stage.mode.z + place.of_mode() @ (at - place.at)
-    there = replace(stage, target=granted(stage, rows, at))
+    there = replace(stage, target=granted(stage, rows, at, 0.5 * float(at @ at)))
     there = replace(there, mode=climb(there.target, start))
     # Along a coordinate predictions change as they did without tolerances; deviations are others.
     here = there.mode.slopes
@@ -260,11 +260,8 @@ def _closer(
     return _Place(there, slopes, scaled, at, again._replace(gain=again.gain - from_there))
 
 
-def granted(stage: Stage, rows: Array, at: Array) -> Granted:
-    """Return a stage's target with tolerances at ``at`` (K,), whose signatures are ``rows`` (K, N).
-
-    They cost what a standard normal prior takes for them.
-    """
+def granted(stage: Stage, rows: Array, at: Array, cost: float = 0.0) -> Granted:
+    """Return a stage's target with a change ``at`` (K,) times ``rows`` (K, N), and its cost."""
     moved, logs, begin = [], [], 0
     change = at @ rows
     for run in range(len(stage.space.timelines)):
@@ -277,7 +274,7 @@ def granted(stage: Stage, rows: Array, at: Array) -> Granted:
         moved.append(laid)
         logs.append(before)
     plain = {f: getattr(stage.target, f) for f in ("space", "colours", "patterns")}
-    return Granted(**plain, moved=tuple(moved), logs=tuple(logs), cost=0.5 * float(at @ at))
+    return Granted(**plain, moved=tuple(moved), logs=tuple(logs), cost=cost)
 
 
 def with_tolerances(found: Signatures) -> tuple[Array, Array]:

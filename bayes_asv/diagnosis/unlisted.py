@@ -39,16 +39,21 @@ class Unlisted(NamedTuple):
         Slopes of the log-likelihood along their signatures.
     gram : (K, K) array
         Curvature, what the model can imitate left out.
-    raw : (K,) array
-        Squared lengths before that was left out.
+    rows : (K, N) array
+        The signatures.
     words : tuple of str
         What each of them is.
     """
 
     pull: Array
     gram: Array
-    raw: Array
+    rows: Array
     words: tuple[str, ...]
+
+    @property
+    def raw(self) -> Array:
+        """Squared lengths (K,) of the signatures before anything is left out."""
+        return np.asarray(np.sum(self.rows**2, axis=1))
 
     @property
     def gains(self) -> Array:
@@ -91,7 +96,7 @@ def unlisted(quiet: Quiet, known: Imitation) -> Unlisted:
     """
     rows, words = decoy_rows(quiet)
     pull, gram = known.beyond(rows)
-    return Unlisted(pull, gram, np.sum(rows**2, axis=1), words)
+    return Unlisted(pull, gram, rows, words)
 
 
 def without_a_name(where: Setting, allowed: Allowed) -> Nameless:
