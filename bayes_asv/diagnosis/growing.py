@@ -25,7 +25,7 @@ __all__ = ["Grown", "begun", "grow", "reconsidered"]
 Array = NDArray[np.float64]
 
 _MOST = 4  # effects that are named
-_GAIN = 5.0  # nats that a second effect has to bring
+_APART = 5.0  # nats that values of its own for each axle have to bring
 _STANDS_IN = 0.5  # probability from which on a little of everything may be all there is
 _TINY = 1e-12  # probability that stands for none
 _SHORT = 0.1  # share of what it is worth by which a fit in full may fall short
@@ -144,8 +144,9 @@ def grow(
         tell(share_done + 0.15, "asking what cannot be told apart")
         best, *others = members = same_class(model.quiet, step.options)
         probability = float(sum(step.share[step.options.index(m)] for m in members))
-        named_for_itself = step.gain >= (_GAIN if further else 0.0) and probability >= _BARELY
-        on_trial = step.nothing > _STANDS_IN and not further
+        alone = step.nothing > _STANDS_IN
+        named_for_itself = step.gain >= 0.0 and probability >= _BARELY and not (further and alone)
+        on_trial = alone and not further
         if not (named_for_itself or on_trial):
             break
         before, new = now, best.stage.sites[len(model.stage.sites) :]
@@ -165,7 +166,7 @@ def _next(
     options = weigh(model.quiet, model.stage, model.found, trying, failed, beside=beside)
     if not options:
         return None
-    options[0] = best = divided(model.quiet, options[0], model.found, _GAIN)
+    options[0] = best = divided(model.quiet, options[0], model.found, _APART)
     as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
     nothing, share = probabilities(as_is, options, model.found.sites)
     gain = best.allowed.log_evidence - as_is
@@ -234,7 +235,8 @@ def reconsidered(
 
     A push of any course fits a part of most things, and best while others are missing: with a
     sensor's drift to come, a push was 87 nats before a droop stop that it stood in for.  A push
-    that is named again before anything else stays.
+    that is named again before anything else stays, and so does everything where as much was named
+    as may be: what asks for so many names has none, and would ask for as many others.
 
     Parameters
     ----------
@@ -243,7 +245,8 @@ def reconsidered(
     """
     pushes = [n for n in grown.named if n.site.run is not None]
     order = [n.site.run is not None for n in grown.named]
-    if not any(push and not other for push, other in pairwise(order)):
+    followed = any(push and not other for push, other in pairwise(order))
+    if not followed or len(order) >= _MOST:
         return grown
     tell(0.8, "asking again without pushes")
     model, kept = without(grown.model, list(grown.named), pushes, seed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,3 +53,22 @@ def test_a_doubt_is_bayes_rule_for_three_explanations(before: float, nothing: fl
     both = first * (1.0 - nothing) / max(nothing, 1e-12)
     expected = little / (little + first + both)
     assert growing._doubt(before, nothing) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_further_fault_is_named_where_it_is_likelier_there_than_not() -> None:
+    """3.7 nats, 0.69: a push beside a droop stop, both of noncentrality 40."""
+    one = case("pair-40", 69, 8, "test")
+    found = diagnose(one.recordings, one.holdout, one.vehicle, 0)
+    assert {n.site.effect.name: n.site.where for n in found.named} == {
+        e.name: e.where for e in one.truth.effects
+    }
+    assert found.named[0].probability > 0.95
+    assert 0.5 < found.named[1].probability < 0.95
+
+
+def test_what_asks_for_as_many_names_as_may_be_is_not_asked_again() -> None:
+    sites = [read_site(w) for w in ("sensor_gain@rear_wheel", "sensor_lag@rear_wheel")]
+    push = replace(read_site("external_force@front"), run=0)
+    names = tuple(Named(s, 0.9, (), {}) for s in (push, push, *sites))
+    full = growing.Grown(None, names, [], 0.0)  # type: ignore[arg-type]
+    assert growing.reconsidered(full, 0, lambda share, words: None) is full
