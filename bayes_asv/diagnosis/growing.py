@@ -16,7 +16,7 @@ from bayes_asv.diagnosis.classes import same_class
 from bayes_asv.diagnosis.model import Model, asked, weighed, without
 from bayes_asv.diagnosis.naming import Option, as_it_is, divided, probabilities, weigh
 from bayes_asv.diagnosis.results import Named
-from bayes_asv.diagnosis.thresholds import ENOUGH, LEVEL
+from bayes_asv.diagnosis.thresholds import ENOUGH, LEVEL, SHORT
 from bayes_asv.diagnosis.unlisted import without_a_name
 from bayes_asv.inference.stage import refitted
 
@@ -28,7 +28,6 @@ _MOST = 4  # effects that are named
 _APART = 5.0  # nats that values of its own for each axle have to bring
 _STANDS_IN = 0.5  # probability from which on a little of everything may be all there is
 _TINY = 1e-12  # probability that stands for none
-_SHORT = 0.1  # share of what it is worth by which a fit in full may fall short
 _BARELY = 0.1  # probability below which a name is not worth its mention
 
 
@@ -131,6 +130,7 @@ def grow(
         if step is None:
             break
         none = now.none if now.named else step.nothing
+        sure = 1.0  # that what is named already is there
         if step.nameless:  # what is on trial is none the more probable for it
             ended = kept if doubt > 0.0 else replace(now, told=step.told, none=none)
             return replace(ended, nameless=step.nameless)
@@ -139,14 +139,14 @@ def grow(
             if left > _STANDS_IN:
                 break
             now = _believed(now, (1.0 - left) / (1.0 - doubt), left)
-            doubt, none = 0.0, left
+            doubt, none, sure = 0.0, left, 1.0 - left
         now = replace(now, told=step.told, none=none)
         tell(share_done + 0.15, "asking what cannot be told apart")
         best, *others = members = same_class(model.quiet, step.options)
-        probability = float(sum(step.share[step.options.index(m)] for m in members))
-        alone = step.nothing > _STANDS_IN
-        named_for_itself = step.gain >= 0.0 and probability >= _BARELY and not (further and alone)
-        on_trial = alone and not further
+        probability = sure * float(sum(step.share[step.options.index(m)] for m in members))
+        likely = sure * (1.0 - step.nothing) >= 1.0 - _STANDS_IN
+        named_for_itself = step.gain >= 0.0 and probability >= _BARELY and (likely or not further)
+        on_trial = not likely and not further
         if not (named_for_itself or on_trial):
             break
         before, new = now, best.stage.sites[len(model.stage.sites) :]
@@ -199,7 +199,7 @@ def _without_a_name(model: Model, best: Option, as_is: float) -> str:
     """
     other = without_a_name(model.quiet, model.allowed)
     known = max(best.allowed.log_evidence, as_is)
-    short = _SHORT * (known - model.allowed.log_evidence)
+    short = SHORT * (known - model.allowed.log_evidence)
     return other.words if other.log_evidence > known + ENOUGH + short else ""
 
 

@@ -62,8 +62,11 @@ def proved(
     """
 
     def tried(grown: Grown, out: tuple[str, ...] = ()) -> Proved:
-        grown = reconsidered(grown, seed, tell, out)
-        model, named = pruned(grown.model, list(grown.named), seed)
+        grown = _needed(grown, seed)
+        other = reconsidered(grown, seed, tell, out)
+        if other is not grown:
+            grown = _needed(other, seed)
+        model, named = grown.model, list(grown.named)
         tell(0.85, "proving it on what was held out")
         gaps, named, silent = proof(given, cut, model, named, engine, seed)
         nameless = bool(grown.nameless)
@@ -82,3 +85,11 @@ def proved(
     if not found.failed or found.nameless:
         return found
     return tried(grow(found.grown, seed, tell, found.failed), found.failed)
+
+
+def _needed(grown: Grown, seed: int) -> Grown:
+    """Take out what later names made needless."""
+    model, named = pruned(grown.model, list(grown.named), seed)
+    if len(named) == len(grown.named):
+        return grown
+    return replace(grown, model=model, named=tuple(named), told=told_by(model.stage, model.allowed))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["AS_WELL", "ENOUGH", "LEVEL", "NOTICED", "PRICE"]
+__all__ = ["AS_WELL", "ENOUGH", "LEVEL", "NOTICED", "PRICE", "SHORT"]
 
 LEVEL: Final = 0.05
 """Of the family-wise test for a disagreement: false alarms that are accepted."""
@@ -20,3 +20,6 @@ AS_WELL: Final = -4.0
 
 PRICE: Final = 4.0
 """Nats that something of unknown size costs, which has no prior of its own."""
+
+SHORT: Final = 0.1
+"""Share of what something is worth by which a fit may fall short of first order, or that of it."""

@@ -70,7 +70,7 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
     """
     out = np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (len(notches), 1))
     for k, notch in enumerate(notches):
-        if notch.frequency >= 0.5 * rate:  # a recording as slow as this shows nothing of it
+        if notch.frequency >= 0.5 * rate:  # filtered away, or folded to where nobody looks
             continue
         angle = 2.0 * math.pi * notch.frequency / rate
         radius = math.exp(-2.0 * math.pi * notch.half_width / rate)
