@@ -9,8 +9,9 @@ from bayes_asv.diagnosis.answer import told_by
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.gap import Gap
 from bayes_asv.diagnosis.growing import Grown, grow, reconsidered
-from bayes_asv.diagnosis.model import pruned, without
+from bayes_asv.diagnosis.model import Model, pruned, without
 from bayes_asv.diagnosis.proof import Recorded, failed, proof
+from bayes_asv.diagnosis.results import Named
 from bayes_asv.diagnosis.slack import unexplained
 
 __all__ = ["Proved", "proved"]
@@ -75,11 +76,7 @@ def proved(
             nameless = nameless or unexplained(model.quiet, model.allowed, seed).found
             model, named = without(model, named, worse, seed)
             gaps, named, silent = proof(given, cut, model, named, engine, seed)
-        same = len(named) == len(grown.named)
-        told = grown.told if same else told_by(model.stage, model.allowed)
-        return Proved(
-            replace(grown, model=model, named=tuple(named), told=told), gaps, out, nameless
-        )
+        return Proved(_left(grown, model, named), gaps, out, nameless)
 
     found = tried(grown)
     if not found.failed or found.nameless:
@@ -89,7 +86,11 @@ def proved(
 
 def _needed(grown: Grown, seed: int) -> Grown:
     """Take out what later names made needless."""
-    model, named = pruned(grown.model, list(grown.named), seed)
-    if len(named) == len(grown.named):
-        return grown
-    return replace(grown, model=model, named=tuple(named), told=told_by(model.stage, model.allowed))
+    return _left(grown, *pruned(grown.model, list(grown.named), seed))
+
+
+def _left(grown: Grown, model: Model, named: list[Named]) -> Grown:
+    """Return what is left of a growth; with fewer names the model alone tells of the car."""
+    fewer = len(named) < len(grown.named)
+    told = told_by(model.stage, model.allowed) if fewer else grown.told
+    return replace(grown, model=model, named=tuple(named), told=told)

@@ -64,6 +64,9 @@ def test_a_further_fault_is_named_where_it_is_likelier_there_than_not() -> None:
     }
     assert found.named[0].probability > 0.95
     assert 0.5 < found.named[1].probability < 0.95
+    # no one thing without a name is both
+    assert found.left is not None
+    assert -100.0 < found.left.rival < -10.0
 
 
 def test_what_asks_for_as_many_names_as_may_be_is_not_asked_again() -> None:

@@ -31,11 +31,3 @@ def test_a_gain_is_not_a_sensor_that_sits_elsewhere() -> None:
     assert found.left is not None
     assert -100.0 < found.left.rival < -10.0
     assert not found.left.present
-
-
-def test_two_names_are_held_against_one_thing_that_they_may_be_together() -> None:
-    """A push and a droop stop are no decoy; that four more values are known of them is no loss."""
-    found = _found("pair-40", 69, 8)
-    assert len(found.named) == 2
-    assert found.left is not None
-    assert -100.0 < found.left.rival < -10.0
