@@ -50,8 +50,9 @@ HOW: Final = """## How it is judged
   often in the hundreds, so a disagreement is there to be seen; what must not be is a confident
   name.
 - **Share of the gap closed**: 1 − (after² − floor²) / (before² − floor²) on the held-out run, for
-  cases whose effect has a noncentrality of 40 or more in the fitted and in the held-out run. A
-  verdict of agreement closes nothing. *Worse* is what the document itself says by a bootstrap
+  cases whose effect has a noncentrality of 40 or more in the fitted runs, and whose linear car,
+  found there without noise, leaves as much of it in the held-out run. (A spring rate for which a
+  linear car bends its given value leaves no gap to close.) A verdict of agreement closes nothing. *Worse* is what the document itself says by a bootstrap
   interval of the change; where it says nothing, a growth of one per cent.
 - **Coverage**: c_f, c_r and i mean what is written for each effect (the mean of bound and rebound,
   the slope at rest, the rate at the start of the run). Where the rig's form is another function,

@@ -32,7 +32,7 @@ from tests.battery.effects import EFFECTS, SECONDS, draw_effect, places
 from tests.battery.meaning import equivalent, paths
 from tests.battery.names import Name, parse
 from tests.battery.outside import OUTSIDE
-from tests.battery.strength import left_over, scaled
+from tests.battery.strength import carried, left_over, scaled
 from tests.battery.truth import TrueEffect, Truth
 from tests.battery.vehicles import FAMILIES, Fleet, nominal_car
 from tests.battery.world import Effect, Seen, World, axles
@@ -292,8 +292,9 @@ def _found(effect: Effect, strength: float, scene: _Scene) -> TrueEffect:
 
     reached = scaled(loss, strength, effect.first * (strength / 10.0) ** 0.5, effect.largest)
     worlds = _worlds(scene.world, [effect], [reached.size], fitted)
-    before = left_over(quiet(plain, to_hold), scene.vehicle)[0]
-    after = left_over(quiet(worlds, to_hold), scene.vehicle)[0]
+    told = left_over(quiet(worlds, to_fit), scene.vehicle, start)[1]
+    before = carried(quiet(plain, to_hold), scene.vehicle, start)
+    after = carried(quiet(worlds, to_hold), scene.vehicle, told)
     return TrueEffect(
         name=effect.name,
         where=effect.where,

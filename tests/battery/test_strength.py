@@ -18,7 +18,7 @@ from bayes_asv.vehicle import Vehicle
 from benchmarks.calibration.dense import Noise, respond
 from tests.battery.cases import declared
 from tests.battery.courses import Drive, as_recording, driven
-from tests.battery.strength import left_over, scaled
+from tests.battery.strength import carried, left_over, scaled
 from tests.battery.world import World
 from tests.rig import Coulomb, LinearSpring, SensorSpec, baja, with_terms
 
@@ -97,14 +97,33 @@ def test_a_linear_car_leaves_nothing_but_its_given_values(terrain: str) -> None:
     assert float(z @ z) < 0.05
 
 
-def test_a_given_value_loses_its_deviations_squared() -> None:
+@pytest.mark.parametrize("off", [0.2, 0.7])
+def test_a_given_value_loses_its_deviations_squared(off: float) -> None:
     """A spring that the data tell far better than the vehicle file costs what the file says."""
     vehicle = declared(baja(), SPEC)
-    car = with_terms(baja(), "rear", LinearSpring((math.exp(0.2) - 1.0) * baja().k_r))
+    car = with_terms(baja(), "rear", LinearSpring((math.exp(off) - 1.0) * baja().k_r))
     drives = [Drive("rough", 0.8, speed, 3, 0) for speed in (4.5, 5.5)]
     loss = left_over([quiet(World(car, SPEC), how) for how in drives], vehicle)[0]
     # mass, weight fraction and the other spring take a little of it over
-    assert 0.85 < loss / (0.2 / 0.05) ** 2 < 1.01
+    assert 0.85 < loss / (off / 0.05) ** 2 < 1.01
+
+
+def test_what_a_linear_car_takes_over_leaves_no_gap_on_other_ground() -> None:
+    """A spring that is off is bent for; a law that bends is met elsewhere with the wrong car."""
+    vehicle = declared(baja(), SPEC)
+    stiff = with_terms(baja(), "rear", LinearSpring(0.2 * baja().k_r))
+    rubbed = with_terms(baja(), "rear", Coulomb(12.0))
+    left = {}
+    for name, car in (("stiff", stiff), ("rubbed", rubbed)):
+        fit = [quiet(World(car, SPEC), Drive("rough", 0.8, speed, 3, 0)) for speed in (4.5, 5.5)]
+        there = [quiet(World(car, SPEC), BUMP)]
+        q, z = left_over(fit, vehicle)
+        left[name] = q, carried(there, vehicle, z), left_over(there, vehicle)[0]
+    bent_for, gap, asked_alone = left["stiff"]
+    assert bent_for > 10.0
+    assert gap < 1.0
+    assert asked_alone > 10.0
+    assert left["rubbed"][1] > left["rubbed"][2] > 100.0
 
 
 @settings(max_examples=60)

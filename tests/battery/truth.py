@@ -26,7 +26,8 @@ class TrueEffect:
     noncentrality : float
         In the runs to be fitted, the effect alone.
     held_out : float
-        The same in the held-out run by itself.
+        Whitened distance that the linear car of those runs leaves in the held-out run because of
+        it: what a given value has to be bent for is no gap.
     run : int or None
         The fitted run that has it, where it comes once; all runs have it otherwise.
     """
