@@ -113,6 +113,7 @@ _OTHERWISE = """\
 | `sensor_clipping` | readings at a rail, counted before any fit, under `preflight` |
 | `dropped_samples` | rows or readings that are missing, under `preflight` |
 | `uneven_clock` | time stamps that scatter by more than 2 % of a step, under `preflight` |
+| `initial_state` | a recording that does not begin at rest: its first tenth of a second is more than four times as loud as its sensor's noise; under `preflight`, and estimated in any case |
 | `mass_scale` | only as what cannot be told apart: mass that is off looks like both springs off |
 
 """

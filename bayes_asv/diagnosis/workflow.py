@@ -26,6 +26,7 @@ from bayes_asv.diagnosis.engine import without_engine
 from bayes_asv.diagnosis.family import one_sided
 from bayes_asv.diagnosis.growing import begun, grow
 from bayes_asv.diagnosis.model import Model, again, asked, elsewhere, together
+from bayes_asv.diagnosis.preflight import found_before
 from bayes_asv.diagnosis.proof import Recorded
 from bayes_asv.diagnosis.proved import proved
 from bayes_asv.diagnosis.results import Diagnosis, Named
@@ -36,7 +37,6 @@ from bayes_asv.diagnosis.twins import with_twins
 from bayes_asv.diagnosis.where import disagreement
 from bayes_asv.inference.bestfit import lay_out
 from bayes_asv.inference.stage import base, setting
-from bayes_asv.inference.timeline import Timeline
 from bayes_asv.model.effects import Site
 from bayes_asv.recording import Recording
 from bayes_asv.vehicle import Vehicle
@@ -134,7 +134,7 @@ def diagnose(
         verdict=verdict,
         reasons=(),
         warnings=(*warnings, *notes),
-        preflight=_preflight(lines),
+        preflight=found_before(lines),
         vehicle=vehicle,
         seed=seed,
         p=first.p,
@@ -194,25 +194,3 @@ def _held_out(
     if power[1] > _EXCITED * power[0] and usable:
         return [begin], [end], [f"the second half of {name} was held out to prove it on"]
     return [whole], [], [f"nothing of {name} could be held out: give a second drive"]
-
-
-def _preflight(lines: tuple[Timeline, ...]) -> tuple[dict[str, object], ...]:
-    """List what is found before any fit."""
-    out: list[dict[str, object]] = []
-    for line in lines:
-        clipped = int(np.count_nonzero(line.clipped))
-        if clipped:
-            out.append({"name": "sensor_clipping", "where": None, "source": line.source,
-                        "samples": clipped})  # fmt: skip
-        steps = np.diff(line.times[0])
-        usual = float(np.median(steps))
-        lost = int(np.sum(np.maximum(np.round(steps / usual) - 1.0, 0.0)))
-        lost += int(np.count_nonzero(~np.isfinite(line.acceleration)))
-        if lost:
-            out.append({"name": "dropped_samples", "where": None, "source": line.source,
-                        "samples": lost})  # fmt: skip
-        regular = steps[steps < 1.5 * usual]
-        if float(np.std(regular)) > 0.02 * usual:
-            out.append({"name": "uneven_clock", "where": None, "source": line.source,
-                        "rms_seconds": float(np.std(regular))})  # fmt: skip
-    return tuple(out)

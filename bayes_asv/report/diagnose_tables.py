@@ -144,10 +144,17 @@ def preflight_table(document: Document) -> Document | None:
     rows = []
     for found in document.get("preflight") or []:
         name = plain(found["name"])
-        size = found.get("samples")
-        rms = found.get("rms_seconds")
-        amount = f"{size} samples" if size is not None else f"{1e3 * rms:.3g} ms" if rms else "–"
-        rows.append([plain(found.get("source", "")), _PREFLIGHT.get(name, name), amount])
+        rows.append([plain(found.get("source", "")), _PREFLIGHT.get(name, name), _amount(found)])
     if not rows:
         return None
     return table("Found before any fit", ["recording", "what", "how much"], rows)
+
+
+def _amount(found: Document) -> str:
+    """Say how much of it there is, where that is known."""
+    samples, rms, times = (found.get(k) for k in ("samples", "rms_seconds", "times_noise"))
+    if samples is not None:
+        return f"{samples} samples"
+    if rms:
+        return f"{1e3 * rms:.3g} ms"
+    return f"{times:.0f} times the sensor's noise" if times else "–"

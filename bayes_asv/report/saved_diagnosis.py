@@ -173,6 +173,7 @@ class _Found(Part):
     source: Words = ""
     samples: Count | None = None
     rms_seconds: Size | None = None
+    times_noise: Size | None = None
 
 
 class _Runs(Part):
