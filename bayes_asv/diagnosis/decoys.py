@@ -96,19 +96,22 @@ def decoy_rows(quiet: Quiet) -> tuple[Array, tuple[str, ...]]:
     travel = np.sqrt(np.mean([m.delta.var(axis=0) for m in motions], axis=0))
     speed = np.sqrt(np.mean([m.rate.var(axis=0) for m in motions], axis=0))
     car = target.space.cars(z[None])[0]
-    changes = [list(_changes(where, run, motions[run], car, travel, speed)) for run in runs]
-    words = tuple(change.words for change in changes[0])
+
+    def of_run(run: int) -> list[_Change]:
+        return list(_changes(where, run, motions[run], car, travel, speed))
 
     def one(k: int) -> Array:
         # The same thing is in all runs, as strong in each as the motion there makes it.
-        power = sum(of_run[k].power for of_run in changes)
-        size = _SMALL * math.sqrt(sum(of_run[k].reference for of_run in changes))
+        power = sum(there[k].power for there in changes)
+        size = _SMALL * math.sqrt(sum(there[k].reference for there in changes))
         factor = size / math.sqrt(max(power, 1e-24))
-        nudges = [Nudge(*(factor * part for part in of_run[k].nudge)) for of_run in changes]
+        nudges = [Nudge(*(factor * part for part in there[k].nudge)) for there in changes]
         return quiet.joined({run: quiet.stands[run].nudged(nudges[run]) for run in runs})
 
     with shared_work(target) as shared:
         assert shared.pool is not None
+        changes = list(shared.pool.map(of_run, runs))
+        words = tuple(change.words for change in changes[0])
         rows = np.array(list(shared.pool.map(one, range(len(words)))))
     return rows, words
 

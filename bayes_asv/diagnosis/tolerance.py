@@ -23,8 +23,8 @@ from bayes_asv.diagnosis.bounded import Bounded, bounded
 from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.signatures import Signatures
 from bayes_asv.inference.likelihood import Nudge, Target
-from bayes_asv.inference.scoring import Slopes, climb
-from bayes_asv.inference.stage import Stage
+from bayes_asv.inference.scoring import Slopes
+from bayes_asv.inference.stage import Stage, fitted
 
 __all__ = [
     "AMOUNTS",
@@ -119,12 +119,18 @@ class Granted(Target):
     def log_posterior(self, z: Array) -> Array:
         """Log-posterior (W,) at coordinates (W, D), with what the change costs."""
         value = self.space.log_prior(z) - self.cost
-        for w in np.flatnonzero(np.isfinite(value)):
-            for run in range(len(self.space.timelines)):
-                nu, logs, _ = self.scored(z[w], run)
-                there = logs != 0.0
-                part = nu[there] ** 2 + logs[there] + math.log(2.0 * math.pi)
-                value[w] += float(self.given_back(z[w : w + 1], run)[0] - 0.5 * part.sum())
+
+        def one(at: tuple[int, int]) -> float:
+            w, run = at
+            nu, logs, _ = self.scored(z[w], run)
+            there = logs != 0.0
+            part = nu[there] ** 2 + logs[there] + math.log(2.0 * math.pi)
+            return float(self.given_back(z[w : w + 1], run)[0] - 0.5 * part.sum())
+
+        runs = range(len(self.space.timelines))
+        work = self.pool.map if self.pool else map
+        for w in np.flatnonzero(np.isfinite(value)).tolist():
+            value[w] += sum(work(one, [(w, run) for run in runs]))
         return np.where(np.isfinite(value), value, -np.inf)
 
 
@@ -245,8 +251,7 @@ def _closer(
     """Find the mode again with tolerances where the data want them, and ask the data again."""
     at = place.found.at
     start = place.stage.mode.z + place.of_mode() @ (at - place.at)
-    there = replace(stage, target=granted(stage, rows, at, 0.5 * float(at @ at)))
-    there = replace(there, mode=climb(there.target, start))
+    there = fitted(granted(stage, rows, at, 0.5 * float(at @ at)), start)
     # Along a coordinate predictions change as they did without tolerances; deviations are others.
     here = there.mode.slopes
     louder = np.exp(-0.5 * (here.logs - stage.mode.slopes.logs))

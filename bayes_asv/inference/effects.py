@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -102,9 +102,9 @@ class Above(NamedTuple):
     corner: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Patterns:
-    """What sensors that are not as declared change in one recording.
+    """What sensors that are not as declared change in one recording; itself and no other.
 
     Parameters
     ----------
@@ -149,25 +149,20 @@ class Patterns:
         -------
         AsDeclared
             Taken off the wheel and off the chassis above it, a level moves the suspension and
-            nothing else.
+            nothing else.  The arrays are kept for the next call, and are not to be written to.
         """
-        driven = line.moments - zeros[:, None] * self.level[:, None]
-        reading = line.reading - zeros
-        for site, value in values.items():
-            if site.effect.acts != "reading" or site.effect.name == "sensor_gain":
-                continue
-            c = CHANNELS.index(site.where)
-            if "lag" in value:
-                change = _later(self.moved[c], value["lag"], of_reading=c % 2 == 0)
-            elif "bandwidth" in value:
-                change = self._sharper(c, value["bandwidth"])
-            else:
-                change = -value["slope"] * self.ramp[c]
-            if c % 2 == 0:
-                driven[:, c // 2] += change
-            else:
-                reading[:, c // 2] += change
-        return AsDeclared(driven, reading, self.wheel - zeros)
+        known = tuple(
+            (CHANNELS.index(site.where), *next(iter(value.items())))
+            for site, value in values.items()
+            if site.effect.acts == "reading" and site.effect.name != "sensor_gain"
+        )
+        return _corrected(self, line, known, float(zeros[0]), float(zeros[1]))
+
+    def mended(self, c: int, name: str, value: float) -> Array:
+        """Return what to add to one channel to undo one fault of its sensor."""
+        if name == "lag":
+            return _later(self.moved[c], value, of_reading=c % 2 == 0)
+        return self._sharper(c, value) if name == "bandwidth" else -value * self.ramp[c]
 
     def _sharper(self, c: int, share: float) -> Array:
         """Return what a channel whose corner is a share of the declared one has lost."""
@@ -176,6 +171,20 @@ class Patterns:
         there, through, corner = self.above[c // 2]
         lost = through(through.x) - low_passed(through.x, through.c, share * corner)
         return _laid(there, (1.0 - share) * lost)
+
+
+@lru_cache(maxsize=16)  # along all coordinates but a sensor's own and a wheel's zero it stays
+def _corrected(
+    known: Patterns, line: Timeline, faults: tuple[tuple[int, str, float], ...], *zeros: float
+) -> AsDeclared:
+    """Return what sensors as declared would have read; faults by channel, parameter and value."""
+    level = np.array(zeros)
+    driven = line.moments - level[:, None] * known.level[:, None]
+    reading = line.reading - level
+    for c, name, value in faults:
+        signals = driven if c % 2 == 0 else reading
+        signals[:, c // 2] += known.mended(c, name, value)
+    return AsDeclared(driven, reading, known.wheel - level)
 
 
 def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:

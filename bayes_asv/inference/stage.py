@@ -90,12 +90,16 @@ def foretold(where: Setting, stage: Stage) -> Setting:
 
 def foretold_at(where: Setting, target: Target, z: Array) -> Setting:
     """Return the setting with patterns that stand on what a model foretells at coordinates (D,)."""
-    found = []
-    for run, line in enumerate(where.lines):
+
+    def one(run: int) -> Patterns:
         declared = (
             above(target, z, run) if where.quiet else calm(target, z, run, where.vehicle).after
         )
-        found.append(patterns(line, where.vehicle, declared))
+        return patterns(where.lines[run], where.vehicle, declared)
+
+    with shared_work(target) as shared:
+        assert shared.pool is not None
+        found = list(shared.pool.map(one, range(len(where.lines))))
     return replace(where, patterns=tuple(found))
 
 

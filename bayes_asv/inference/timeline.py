@@ -51,7 +51,7 @@ class Schedule(NamedTuple):
     pairs: NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Timeline:
     """One recording, ready for :mod:`bayes_asv.kernels.innovations`.
 
