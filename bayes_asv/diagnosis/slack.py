@@ -1,9 +1,7 @@
 """Whether something is left that no effect in the list explains.
 
-Slack models have no name: a force of any course in time at an axle, and a force that depends in any
-way on where the suspension is and how fast it moves.  Their amplitude is integrated out over a
-few sizes.  When one of them beats the named model clearly, or a decoy does, or the innovations
-remember their past, or noise had to swell, what was named is not the whole story.
+A force of free course in time has no name.  When it beats the named model clearly, or a decoy does,
+or the innovations remember their past, or noise had to swell, what was named is not all there is.
 """
 
 from __future__ import annotations
@@ -13,31 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from bayes_asv.channels import CHANNELS
-from bayes_asv.diagnosis.clear import Quiet, clear
+from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.family import largest
 from bayes_asv.diagnosis.imitation import imitation
 from bayes_asv.diagnosis.jitter import jitter
 from bayes_asv.diagnosis.memory import memory
+from bayes_asv.diagnosis.pulses import free_course
 from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, NOTICED
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.diagnosis.unlisted import unlisted
-from bayes_asv.inference.effects import car_scale
-from bayes_asv.inference.likelihood import Nudge, shared_work
 from bayes_asv.inference.stage import Setting, Stage
-from bayes_asv.kernels.forces import OUTSIDE, excess_many
-from bayes_asv.model.effects import AXLES
 
-__all__ = ["Unexplained", "pulses", "unexplained"]
+__all__ = ["Unexplained", "unexplained"]
 
 Array = NDArray[np.float64]
 
-_PULSE = 0.04  # s between two pulses of a force of any course
-_PUSH = 0.01  # of the axle's load
-_SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
 _SWOLLEN = 1.38  # times the given level
 
 
@@ -100,34 +91,6 @@ class Unexplained:
         return self.found or self.rival > AS_WELL
 
 
-def pulses(quiet: Quiet, axle: int) -> Array:
-    """Signatures (K, N) of short pushes at one axle that follow each other through every run.
-
-    A push rises over as long as it lasts, so that all together are one steady force.
-
-    Each is added to what the model has already, a named push in the same run among that.
-    """
-    size = _PUSH * car_scale(quiet.where.vehicle).load
-    runs = [(run, line.elapsed) for run, line in enumerate(quiet.where.lines)]
-    starts = [(run, t) for run, time in runs for t in np.arange(time[0], time[-1], _PULSE)]
-
-    def one(at: tuple[int, float]) -> Array:
-        run, start = at
-        line = quiet.where.lines[run]
-        nothing = np.zeros_like(line.reading)
-        force = nothing.copy()
-        pulse = np.array([[axle, OUTSIDE, size, start, _PULSE, _PULSE]])
-        still = np.zeros(len(nothing))
-        time = line.elapsed
-        force[:, axle] = excess_many(pulse, axle, 0.0, 0.0, still, still, time, time[-1])[:, 0]
-        nudge = Nudge(np.zeros_like(line.moments), nothing, force)
-        return quiet.joined({run: quiet.stands[run].nudged(nudge)})
-
-    with shared_work(quiet.stage.target) as shared:
-        assert shared.pool is not None
-        return np.array(list(shared.pool.map(one, starts)))
-
-
 def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
     """Ask the slack models and the decoys.
 
@@ -143,17 +106,14 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
     stage = allowed.stage
     quiet = clear(where, stage)
     known = imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at)
-    scores = {}
-    for k, axle in enumerate(AXLES):
-        scores[axle] = _wins(*known.beyond(pulses(quiet, k)))
-    best = max(scores, key=lambda name: scores[name])
+    score, axle = free_course(quiet, known)
     decoys = unlisted(quiet, known)
     two_sided = np.zeros(len(decoys.words), bool)
     p, k = largest(decoys.pull, decoys.gram, decoys.raw, two_sided, seed)
     p_jitter, jitters = jitter(where, stage)
     return Unexplained(
-        score=scores[best],
-        axle=best,
+        score=score,
+        axle=axle,
         p_memory=memory(stage)[1],
         swollen=_swollen(where, stage),
         p_decoy=p,
@@ -161,18 +121,6 @@ def unexplained(where: Setting, allowed: Allowed, seed: int) -> Unexplained:
         p_jitter=p_jitter,
         jitters=jitters,
     )
-
-
-def _wins(pull: Array, gram: Array) -> float:
-    """Log Bayes factor of a slack model against none, averaged over its sizes."""
-    eigen, vectors = np.linalg.eigh(gram)
-    eigen = np.maximum(eigen, 0.0)
-    turned = (vectors.T @ pull) ** 2
-    gains = [
-        0.5 * float(np.sum(turned * s**2 / (1.0 + s**2 * eigen) - np.log1p(s**2 * eigen)))
-        for s in _SIZES
-    ]
-    return float(logsumexp(gains) - math.log(len(gains)))
 
 
 def _swollen(where: Setting, stage: Stage) -> tuple[str, ...]:

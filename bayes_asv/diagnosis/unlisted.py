@@ -13,10 +13,12 @@ from bayes_asv.diagnosis.clear import Quiet, clear
 from bayes_asv.diagnosis.decoys import decoy_rows
 from bayes_asv.diagnosis.imitation import Imitation, imitation
 from bayes_asv.diagnosis.jitter import louder_where_steep
+from bayes_asv.diagnosis.pulses import free_course
 from bayes_asv.diagnosis.signatures import SILENT
 from bayes_asv.diagnosis.thresholds import PRICE
 from bayes_asv.diagnosis.tolerance import Allowed
 from bayes_asv.inference.stage import Setting
+from bayes_asv.model.effects import AXLES
 
 __all__ = ["Nameless", "Unlisted", "unlisted", "without_a_name"]
 
@@ -102,7 +104,8 @@ def unlisted(quiet: Quiet, known: Imitation) -> Unlisted:
 def without_a_name(where: Setting, allowed: Allowed) -> Nameless:
     """Find what explains most without a name, a little of everything beside it.
 
-    It is the decoy that fits best, to first order, or time stamps that jitter.
+    It is the decoy that fits best, to first order, a force of free course at an axle, or time
+    stamps that jitter.
 
     Parameters
     ----------
@@ -113,12 +116,17 @@ def without_a_name(where: Setting, allowed: Allowed) -> Nameless:
     """
     stage = allowed.stage
     quiet = clear(where, stage)
-    found = unlisted(quiet, imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at))
-    known = allowed.log_evidence - PRICE
+    known = imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at)
+    found = unlisted(quiet, known)
     gain, words = found.best
-    decoy = known + gain - math.log(len(found.words))
     nats, channel = louder_where_steep(where, stage, quiet.settled)
-    jitters = known + _OF_ALL * nats - math.log(len(CHANNELS))
-    if decoy >= jitters:
-        return Nameless(decoy, words)
-    return Nameless(jitters, f"time stamps that jitter ({channel.replace('_', ' ')})")
+    wins, axle = free_course(quiet, known)
+    so_far = allowed.log_evidence
+    return max(
+        Nameless(so_far + gain - PRICE - math.log(len(found.words)), words),
+        Nameless(so_far + wins - math.log(len(AXLES)), f"a force of free course at the {axle}"),
+        Nameless(
+            so_far + _OF_ALL * nats - PRICE - math.log(len(CHANNELS)),
+            f"time stamps that jitter ({channel.replace('_', ' ')})",
+        ),
+    )

@@ -265,13 +265,10 @@ def _left(unexplained: Document) -> list[str]:
     if not unexplained["present"]:
         return []
     signs = []
-    score = unexplained.get("score")
-    if score is not None and score > ENOUGH:
-        signs.append(
-            f"a force of free course at the {plain(unexplained.get('axle') or 'car')} would "
-            f"explain the recordings better by {score:.0f} nats"
-        )
-    ended = unexplained.get("ended")
+    score, ended = unexplained.get("score"), unexplained.get("ended")
+    course = f"a force of free course at the {plain(unexplained.get('axle') or 'car')}"
+    if score is not None and score > ENOUGH and ended != course:
+        signs.append(f"{course} would explain the recordings better by {score:.0f} nats")
     if ended:
         signs.append(f"{plain(ended)} explains more than anything that has a name here")
     like = unexplained.get("like")

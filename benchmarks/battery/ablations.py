@@ -15,6 +15,7 @@ from unittest.mock import patch
 import numpy as np
 
 from bayes_asv.diagnosis.slack import Unexplained
+from bayes_asv.diagnosis.unlisted import Nameless
 from bayes_asv.errors import InputError
 from bayes_asv.inference.stage import Setting, Stage, fitted
 
@@ -84,6 +85,7 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
             "workflow.unexplained": _all_explained,
             "proved.unexplained": _all_explained,
             "workflow.rival": lambda *_: (-np.inf, ""),
+            "growing.without_a_name": lambda *_: Nameless(-np.inf, ""),
         },
     ),
     "held_out": Ablation(

@@ -47,6 +47,19 @@ def test_no_name_is_given_where_a_thing_without_one_explains_more(
     assert found.left.failed == ()
 
 
+def test_pushes_one_after_the_other_are_a_force_of_free_course() -> None:
+    """A kerb under one wheel, no two moments alike, had four names that all failed the proof."""
+    grown = _grown("one_sided_kerb-4000", 72, 0, "test")
+    assert grown.nameless == "a force of free course at the rear"
+    assert grown.named == ()
+
+
+def test_a_push_is_not_a_force_of_free_course() -> None:
+    grown = _grown("external_force-4000", 5, 0, "dev")
+    assert [n.site.effect.name for n in grown.named] == ["external_force"]
+    assert grown.nameless == ""
+
+
 def test_what_would_have_to_be_less_than_nothing_imitates_nothing() -> None:
     """A tolerance that is as large as one may be still imitates: what is left of it is its own."""
     one = case("null", 5, 0, "dev")
