@@ -171,6 +171,10 @@ def before_and_after(
 ) -> Gap:
     """Gap of recordings before and after, cars and effects frozen.
 
+    Noise has to cover for what a model gets wrong, so that the floor is that of the model under
+    which it is least: a bandwidth that was none left 1.23 before and 1.35 after on a run that was
+    held out, 1.32 of it believed to be noise.
+
     Parameters
     ----------
     base, final : Stage
@@ -180,4 +184,4 @@ def before_and_after(
     """
     one = left_over(where, base, seed, own=own)
     two = left_over(where, final, seed, own=own)
-    return Gap(one.rms, two.rms, two.noise, grew(one, two, seed))
+    return Gap(one.rms, two.rms, min(one.noise, two.noise), grew(one, two, seed))

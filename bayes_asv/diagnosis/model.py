@@ -23,6 +23,7 @@ __all__ = [
     "fewer",
     "pruned",
     "together",
+    "upheld",
     "weighed",
     "without",
 ]
@@ -126,19 +127,41 @@ def pruned(model: Model, named: list[Named], seed: int) -> tuple[Model, list[Nam
     """Take out what later effects made needless."""
     k = 0
     while len(named) > 1 and k < len(named):
-        if model.allowed.log_evidence - _evidence_without(model, named[k]) < _NEEDLESS:
+        if _needed(model, (named[k].site,)) < _NEEDLESS:
             model, named = without(model, named, [named[k]], seed)
         else:
             k += 1
     return model, named
 
 
-def _evidence_without(model: Model, one: Named) -> float:
-    """Log evidence of the model less one effect, on the very recordings of the model."""
-    less = fewer(model, tuple(s for s in model.stage.sites if s != one.site))
+def upheld(model: Model, held: Setting, named: list[Named]) -> bool:
+    """Whether held-out recordings uphold effects: less than two nats of their evidence go there.
+
+    Beside the gap, which is louder or less so by chance, it is their likelihood that says whether a
+    name is wrong there (predictive evidence; Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773).
+
+    Parameters
+    ----------
+    model : Model
+        With everything named.
+    held : Setting
+        What was held out.
+    named : list of Named
+        Of those, together.
+    """
+    quiet, stage, granted = together(model, held)
+    whole = replace(model, quiet=quiet, stage=stage, allowed=granted)
+    sites = tuple(n.site for n in named)
+    return _needed(whole, sites) > _needed(model, sites) - _NEEDLESS
+
+
+def _needed(model: Model, sites: tuple[Site, ...]) -> float:
+    """Nats by which a model explains its very recordings better than without some effects."""
+    less = fewer(model, tuple(s for s in model.stage.sites if s not in sites))
     little = _little(model.quiet, less)
-    slight = as_slight((one.site,), model.stage, model.allowed, little)
-    return max(_weighed(model.quiet, less, little).log_evidence, slight)
+    slight = as_slight(sites, model.stage, model.allowed, little)
+    behind = max(_weighed(model.quiet, less, little).log_evidence, slight)
+    return model.allowed.log_evidence - behind
 
 
 def weighed(quiet: Setting, stage: Stage) -> Allowed:

@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis import growing
-from bayes_asv.diagnosis.gap import Gap, Left, grew
+from bayes_asv.diagnosis import growing, proof
+from bayes_asv.diagnosis.gap import Gap, Left, before_and_after, grew, left_over
 from bayes_asv.diagnosis.growing import Grown, begun, grow, reconsidered
-from bayes_asv.diagnosis.model import Model, asked
+from bayes_asv.diagnosis.model import Model, asked, upheld
 from bayes_asv.diagnosis.naming import leading
 from bayes_asv.diagnosis.proof import failed
 from bayes_asv.diagnosis.results import Named
@@ -44,15 +44,28 @@ def test_a_name_that_is_missed_when_it_is_left_out_does_not_fail() -> None:
     assert failed(held, model, [_named(model.stage.sites[0])], None, 1) == []
 
 
-def test_a_name_that_does_harm_fails() -> None:
+def _wrong() -> tuple[Model, Setting]:
+    """The same with an effect three times as large as it is, and the other way round."""
     model, held = _model()
     site = model.stage.sites[0]
     z = model.stage.mode.z.copy()
     k = model.stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))
     z[k] *= -3.0
     wrong = replace(model.stage, mode=replace(model.stage.mode, z=z))
-    one = _named(site)
-    assert failed(held, replace(model, stage=wrong), [one], None, 1) == [one]
+    return replace(model, stage=wrong), held
+
+
+@pytest.fixture
+def objected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the likelihood of what was held out speak against every name."""
+    monkeypatch.setattr(proof, "upheld", lambda *_: False)
+
+
+@pytest.mark.usefixtures("objected")
+def test_a_name_that_does_harm_fails() -> None:
+    wrong, held = _wrong()
+    one = _named(wrong.stage.sites[0])
+    assert failed(held, wrong, [one], None, 1) == [one]
 
 
 def test_what_acted_in_one_run_alone_is_not_asked_of_others() -> None:
@@ -62,6 +75,7 @@ def test_what_acted_in_one_run_alone_is_not_asked_of_others() -> None:
     assert failed(None, model, [_named(model.stage.sites[0])], None, 1) == []
 
 
+@pytest.mark.usefixtures("objected")
 def test_names_that_only_together_do_harm_all_fail() -> None:
     """Each of them is better there than not, and all together are worse than nothing."""
     model, held = _model()
@@ -73,12 +87,33 @@ def test_names_that_only_together_do_harm_all_fail() -> None:
     assert failed(held, model, [better, push], Gap(0.5, 0.505, 0.5, True), 1) == []
 
 
-def test_noise_is_no_excuse_where_the_model_makes_more_of_it_than_the_gap_was() -> None:
+@pytest.mark.usefixtures("objected")
+def test_noise_is_no_excuse_where_it_covers_for_a_model_that_is_wrong() -> None:
     """A model that ran away on a road car: before 1.18, after 1.34, its own floor 1.33 m/s^2."""
+    right, held = _model()
+    wrong, _ = _wrong()
+    gap = before_and_after(held, right.stage, wrong.stage, 1)
+    assert gap.floor == left_over(held, right.stage, 1).noise
+    assert gap.floor < left_over(held, wrong.stage, 1).noise
+    assert before_and_after(held, wrong.stage, right.stage, 1).floor == gap.floor
+    one = Named(wrong.stage.sites[0], 1.0, (), {"holdout": Gap(1.0, 0.9, 0.5, False)})
+    assert failed(held, wrong, [one], gap, 1) == [one]
+
+
+def test_what_is_there_is_upheld_and_is_kept_where_a_gap_grows_by_chance() -> None:
     model, held = _model()
-    away = Gap(1.18, 1.34, 1.33, True)
-    one = Named(model.stage.sites[0], 1.0, (), {"holdout": Gap(1.18, 1.1, 1.0, False)})
-    assert failed(held, model, [one], away, 1) == [one]
+    one = _named(model.stage.sites[0])
+    assert upheld(model, held, [one])
+    assert failed(held, model, [one], _WORSE, 1) == []
+
+
+def test_a_name_for_noise_is_not_upheld() -> None:
+    """A null that alarms: its gap grew by a tenth on what was held out."""
+    one = case("null", 72, 75, "test")
+    runs = (lay_out(runs, one.vehicle)[0] for runs in (one.recordings, one.holdout))
+    fit, held = (setting(one.vehicle, lines) for lines in runs)
+    where, stage = with_effects(fit, (read_site("sensor_bandwidth@rear_wheel"),))
+    assert not upheld(asked(where, stage, 1), held, [_named(stage.sites[0])])
 
 
 def test_what_failed_is_not_named_again() -> None:
