@@ -13,16 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
+from scipy.signal import sosfilt, sosfreqz
 
 from bayes_asv.diagnosis.humming import Hum, humming
 from bayes_asv.diagnosis.memory import memory
 from bayes_asv.diagnosis.naming import NONE
-from bayes_asv.inference.freerun import free_run
+from bayes_asv.diagnosis.shaking import Measured, shaking
 from bayes_asv.inference.stage import Setting, Stage, setting
 from bayes_asv.inference.timeline import Timeline
-from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched, passing
-from bayes_asv.kernels.innovations import VALUE
+from bayes_asv.inference.tones import Notch, main_tones, notch_filter, notched
 from bayes_asv.model.effects import EFFECTS
 
 __all__ = ["Engine", "probability", "without_engine"]
@@ -47,18 +46,18 @@ class Engine:
 
     Parameters
     ----------
-    frequency : float
+    frequency : Measured
         Of the strongest tone, Hz.
-    amplitude : float
-        Force on the chassis at that frequency, N.
+    amplitude : Measured
+        Of the net force on the chassis at that frequency, N.
     tones : tuple of float
         All of them, Hz.
     probability : float
         That it is there.
     """
 
-    frequency: float
-    amplitude: float
+    frequency: Measured
+    amplitude: Measured
     tones: tuple[float, ...]
     probability: float
 
@@ -106,8 +105,8 @@ def without_engine(
         quiet, cut = _silenced(where, tones, fit)
     if p < _REMEMBERS and memory(cut)[0] > _LEFT * before:
         return where, stage, None, held
-    amplitude = _amplitude(where, stage, tones[0])
-    engine = Engine(tones[0].frequency, amplitude, main_tones(tones), probability(log_p))
+    measured = shaking(where, stage, tones[0])
+    engine = Engine(*measured, main_tones(tones), probability(log_p))
     silent = []
     for line in held:
         alone = setting(where.vehicle, (line,))
@@ -184,25 +183,3 @@ def _with(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...
         n for n in more
         if all(abs(n.frequency - o.frequency) > 0.5 * o.half_width for o in notches)
     )  # fmt: skip
-
-
-def _amplitude(where: Setting, stage: Stage, tone: Notch) -> float:
-    """Amplitude of the force at the chassis in the band of a tone, N."""
-    power, n = 0.0, 0
-    mass = float(stage.space.cars(stage.mode.z[None])[0][3])
-    wdf = float(stage.space.cars(stage.mode.z[None])[0][5])
-    for run, line in enumerate(where.lines):
-        if tone.frequency * line.reading_step >= 0.5:
-            continue  # too slow a recording to hold it; that in which it was heard is not
-        output, _, _ = free_run(stage.target, stage.mode.z, run)
-        left = np.nan_to_num(
-            line.paired(np.where(line.kind == VALUE, line.reading - output, np.nan))
-        )
-        inside = sosfiltfilt(passing(tone, 1.0 / line.reading_step), left, axis=0)
-        # Heave of the centre of mass: what a net force does, wherever it acts.
-        heave = wdf * inside[:, 0] + (1.0 - wdf) * inside[:, 1]
-        power += float(np.sum(heave**2))
-        n += len(heave)
-    corner = where.vehicle.sensor("front_chassis").bandwidth
-    passed = 1.0 if corner is None else 1.0 / np.hypot(1.0, tone.frequency / corner)
-    return float(mass * np.sqrt(2.0 * power / n) / passed)

@@ -108,7 +108,10 @@ def _effects(found: Diagnosis) -> list[Document]:
         force = display_units(found.vehicle.units)["force"]
         shown = {
             "frequency": (found.engine.frequency, "Hz"),
-            "amplitude": (float(from_si(found.engine.amplitude, force, "force")), force),
+            "amplitude": (
+                [float(from_si(x, force, "force")) for x in found.engine.amplitude],
+                force,
+            ),
         }
         out.append(
             {
@@ -119,7 +122,8 @@ def _effects(found: Diagnosis) -> list[Document]:
                 "indistinguishable_from": [],
                 "drive": "the same drive with the engine off",
                 "parameters": {
-                    k: {"mean": v, "eti95": [v, v], "unit": u} for k, (v, u) in shown.items()
+                    k: {"mean": value, "eti95": [low, high], "unit": unit}
+                    for k, ((value, low, high), unit) in shown.items()
                 },
                 "gap": _gaps(found.gaps or {}, found.vehicle) if not found.named else {},
                 "tones": list(found.engine.tones),

@@ -22,7 +22,7 @@ def test_a_loud_engine_that_wanders_is_all_there_is() -> None:
     (true,) = one.truth.effects
     found = diagnose(one.recordings, one.holdout, one.vehicle, 0)
     assert found.engine is not None
-    assert found.engine.frequency == pytest.approx(true.parameters["frequency"], rel=0.03)
+    assert found.engine.frequency.value == pytest.approx(true.parameters["frequency"], rel=0.03)
     assert found.named == ()
     assert found.trust == 1.0
 

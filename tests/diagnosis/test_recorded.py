@@ -14,8 +14,9 @@ from bayes_asv.diagnosis.clear import clear
 from bayes_asv.diagnosis.engine import Engine, without_engine
 from bayes_asv.diagnosis.model import Model, asked, elsewhere
 from bayes_asv.diagnosis.proof import Recorded, proof
+from bayes_asv.diagnosis.pulses import pulses
 from bayes_asv.diagnosis.results import Diagnosis, Named
-from bayes_asv.diagnosis.slack import Unexplained, pulses
+from bayes_asv.diagnosis.slack import Unexplained
 from bayes_asv.diagnosis.workflow import diagnose, named_in
 from bayes_asv.inference.adding import read_site, with_effects
 from bayes_asv.inference.bestfit import lay_out
@@ -106,7 +107,7 @@ def test_an_engine_above_what_a_slow_recording_holds_is_heard_in_the_others() ->
     where = setting(one.vehicle, lines)
     _, _, engine, _ = without_engine(where, base(where), (), base, base)
     assert engine is not None
-    assert engine.frequency == pytest.approx(105.0, abs=0.5)
+    assert engine.frequency.value == pytest.approx(105.0, abs=0.5)
 
 
 def test_an_engine_does_not_hide_what_names_do_to_the_gap() -> None:

@@ -97,7 +97,7 @@ def test_a_push_acts_when_it_did_once_an_engine_is_cut_out() -> None:
     assert (engine.name, push.name) == ("engine_vibration", "external_force")
     found = diagnose(one.recordings, one.holdout, one.vehicle, 1)
     assert found.engine is not None
-    assert found.engine.frequency == pytest.approx(engine.parameters["frequency"], rel=0.03)
+    assert found.engine.frequency.value == pytest.approx(engine.parameters["frequency"], rel=0.03)
     assert [n.site.effect.name for n in found.named] == ["external_force"]
     assert found.effects is not None
     start = found.effects[str(found.named[0].site)]["start"]
