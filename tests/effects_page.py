@@ -35,8 +35,10 @@ extension beyond the gap.""",
 share of the run that has gone by; $c$ is the rate at its start.""",
     "external_force": r"""A force on the chassis at an axle line, upward positive, that rises at start and
 falls after its duration as $3s^2-2s^3$; in one run only.""",
-    "spring_rate": r"""$F=-\text{factor}\cdot k\,\delta-c\,\dot\delta$ with $k$ the given rate.""",
-    "weight_distribution": r"""The front share of the weight is $\text{factor}\cdot w$ with $w$ as given.""",
+    "spring_rate": r"""$F=-\text{factor}\cdot k\,\delta-c\,\dot\delta$ with $k$ the given rate. The linear
+car bends the value within its given deviation; beyond about three of those it is named.""",
+    "weight_distribution": r"""The front share of the weight is $\text{factor}\cdot w$ with $w$ as given.
+The linear car bends it within its given deviation; beyond about three of those it is named.""",
     "sensor_gain": r"""The channel reads $\text{factor}$ times what it should.""",
     "sensor_lag": r"""The channel samples later than declared; negative is earlier.""",
     "sensor_bandwidth": r"""The channel's one-pole filter has another corner than declared. It can only be
@@ -74,7 +76,7 @@ MEANINGS = {
         "power": "$p$: 1 is a spring, rubber that is squeezed has more",
     },
     "damper_fade": {
-        "loss": "share of the rate that is gone at the end of a run",
+        "loss": "share of the rate that is gone at the end of a run, anew in each",
         "bend": "$b$: 0 is straight in time, more levels off",
     },
     "external_force": {
@@ -109,12 +111,13 @@ _OTHERWISE = """\
 
 | name | how |
 |---|---|
-| `engine_vibration` | lines that stand out of the spectrum of the innovations; they are cut out of all channels (`frequency`, `amplitude`) |
+| `engine_vibration` | lines that stand out of the spectrum of the innovations; they are cut out of all channels. Listed first among the effects, without a place: `frequency` of the strongest tone, `amplitude` of the net force on the chassis there |
 | `sensor_clipping` | readings at a rail, counted before any fit, under `preflight` |
 | `dropped_samples` | rows or readings that are missing, under `preflight` |
 | `uneven_clock` | time stamps that scatter by more than 2 % of a step, under `preflight` |
 | `initial_state` | a recording that does not begin at rest: its first tenth of a second is more than four times as loud as its sensor's noise; under `preflight`, and estimated in any case |
 | `mass_scale` | only as what cannot be told apart: mass that is off looks like both springs off |
+| `pitch_centre` | never: a pitch centre $r$ off the centre of gravity adds $m r^2$ to the pitch inertia, which is free |
 
 """
 

@@ -52,8 +52,9 @@ HOW: Final = """## How it is judged
 - **Share of the gap closed**: 1 − (after² − floor²) / (before² − floor²) on the held-out run, for
   cases whose effect has a noncentrality of 40 or more in the fitted runs, and whose linear car,
   found there without noise, leaves as much of it in the held-out run. (A spring rate for which a
-  linear car bends its given value leaves no gap to close.) A verdict of agreement closes nothing. *Worse* is what the document itself says by a bootstrap
-  interval of the change; where it says nothing, a growth of one per cent.
+  linear car bends its given value leaves no gap to close.) A verdict of agreement closes nothing.
+  *Worse* is what the document itself says by a bootstrap interval of the change; where it says
+  nothing, a growth of one per cent.
 - **Coverage**: c_f, c_r and i mean what is written for each effect (the mean of bound and rebound,
   the slope at rest, the rate at the start of the run). Where the rig's form is another function,
   the written form is fitted to the rig's force along the fitted runs; an interval is right that
