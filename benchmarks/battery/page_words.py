@@ -62,7 +62,8 @@ HOW: Final = """## How it is judged
   friction and rounded stops that span is at most about 2 %; a fading that levels off against one
   that is straight in time makes up to a tenth. Before naming the same values are meant.
 - **An engine** is heard everywhere: a tone that is named without a place counts as its place.
-- **A push** comes once, in one of the fitted runs; there is no held-out gap to close.
+- **A push** comes once, in one of the fitted runs; on the held-out run it leaves the car that it
+  drew away.
 - **Reliability**: every effect that is named counts, with its probability, as true when it or its
   class is. Bins hold equal numbers.
 """

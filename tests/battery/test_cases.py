@@ -107,7 +107,7 @@ def test_a_push_comes_once() -> None:
     made = case("external_force-400/bump", 2, 0)
     (effect,) = made.truth.effects
     assert effect.run in (0, 1)
-    assert effect.held_out == pytest.approx(0.0, abs=1e-6)
+    assert effect.held_out < 0.1 * effect.noncentrality  # the car that it drew away is met again
 
 
 def test_fleets_have_no_family_in_common() -> None:
