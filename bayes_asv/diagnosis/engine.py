@@ -105,7 +105,7 @@ def without_engine(
         quiet, cut = _silenced(where, tones, fit)
     if p < _REMEMBERS and memory(cut)[0] > _LEFT * before:
         return where, stage, None, held
-    measured = shaking(where, stage, tones[0])
+    measured = shaking(where, stage, tones)
     engine = Engine(*measured, main_tones(tones), probability(log_p))
     silent = []
     for line in held:

@@ -150,9 +150,13 @@ def upheld(model: Model, held: Setting, named: list[Named]) -> bool:
         Of those, together.
     """
     quiet, stage, granted = together(model, held)
-    whole = replace(model, quiet=quiet, stage=stage, allowed=granted)
+    own = len(model.where.lines)  # come first
+    fit = replace(quiet, lines=quiet.lines[:own], patterns=quiet.patterns[:own])
+    alone = refitted(fit, stage, stage.sites)
     sites = tuple(n.site for n in named)
-    return _needed(whole, sites) > _needed(model, sites) - _NEEDLESS
+    lost = _needed(replace(model, quiet=fit, stage=alone, allowed=weighed(fit, alone)), sites)
+    lost -= _needed(replace(model, quiet=quiet, stage=stage, allowed=granted), sites)
+    return not lost > _NEEDLESS
 
 
 def _needed(model: Model, sites: tuple[Site, ...]) -> float:

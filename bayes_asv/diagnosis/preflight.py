@@ -16,7 +16,7 @@ Found = dict[str, object]
 _LOST = 1.5  # steps from row to row beyond which rows are missing in between
 _UNEVEN = 0.02  # of a step: deviation of those that are left
 _BEGINNING = 0.1  # s
-_FEWEST = 8  # readings that say whether a channel is at rest
+_FEWEST = 4  # readings that say whether a channel is at rest
 # Standard deviation of a beginning over its sensor's noise.  Behind a pole of 50 Hz 40 readings at
 # 400 Hz are worth 15, and of 4000 records of such noise alone none had more than 1.6.
 _MOVING = 4.0

@@ -73,6 +73,8 @@ def pulses(quiet: Quiet, axle: int) -> Array:
 
 def _wins(pull: Array, gram: Array) -> float:
     """Log Bayes factor of a slack model against none, averaged over its sizes."""
+    if not np.all(np.isfinite(gram)):  # a push that makes the model run away explains nothing
+        return -math.inf
     eigen, vectors = np.linalg.eigh(gram)
     eigen = np.maximum(eigen, 0.0)
     turned = (vectors.T @ pull) ** 2

@@ -9,7 +9,7 @@ hardly stands out of it is no larger for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,9 +30,10 @@ Complex = NDArray[np.complex128]
 
 _PLACES = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
 # Half-widths of its notch in which a tone is measured (in one, what wanders out of it made forces
-# of 4 to 15 N come out 2 to 9 % low), and from there to the middle of a band beside it.
-_WIDE, _ASIDE = 2.0, 4.5
-_NEXT_TO_NOTHING = 1e-12  # m²/s⁴, of noise where no band beside a tone is left
+# of 4 to 15 N come out 2 to 9 % low), and from there to the middle of bands beside it; of those
+# that hold no other tone the nearest on each side is taken.
+_WIDE, _ASIDE = 2.0, (4.5, 6.5, 8.5)
+_NEXT_TO_NOTHING = 1e-12  # m²/s⁴, of noise in any case
 _LOWEST = 3.0  # Hz, of such a band: below it the car moves
 _LOST = 0.06  # of the power, deviation: what wanders out of the band
 _BLOCK = 0.5  # s, of the jackknife: longer than an engine's phase remembers
@@ -70,15 +71,15 @@ class _Heard(NamedTuple):
     rate: float
 
 
-def shaking(where: Setting, stage: Stage, tone: Notch) -> tuple[Measured, Measured]:
-    """Frequency (Hz) of a tone, and amplitude (N) of the net force on the chassis.
+def shaking(where: Setting, stage: Stage, tones: Sequence[Notch]) -> tuple[Measured, Measured]:
+    """Frequency (Hz) of the strongest tone, and amplitude (N) of the net force on the chassis.
 
     Parameters
     ----------
     where, stage : Setting, Stage
-        Recordings as they are, and a model at its mode.
-    tone : Notch
-        The strongest.
+        Recordings as they are, at least one of them fast enough for it, and a model at its mode.
+    tones : sequence of Notch
+        The strongest first; others are no noise.
 
     Returns
     -------
@@ -86,18 +87,16 @@ def shaking(where: Setting, stage: Stage, tone: Notch) -> tuple[Measured, Measur
         Intervals by the jackknife over half seconds of all runs (Efron & Tibshirani 1993, *An
         Introduction to the Bootstrap*, ch. 11), Student's t; the speed may wander within them.
     """
-    heard = list(_heard(where, stage, tone))
-    if not heard:  # every recording is too slow to hold it
-        nothing = Measured(0.0, 0.0, 0.0)
-        return Measured(*(tone.frequency,) * 3), nothing
-    responses = [_response(where, stage, tone.frequency, place) for place in _PLACES]
+    heard = list(_heard(where, stage, tones))
+    responses = [_response(where, stage, tones[0].frequency, place) for place in _PLACES]
     explained = [sum(_explained(one, h) for one in heard) for h in responses]
     h = responses[int(np.argmax(explained))]
-    blocks = np.concatenate([_blocks(one, h) for one in heard])
-    return _jackknifed(blocks, tone)
+    return _jackknifed(np.concatenate([_blocks(one, h) for one in heard]), tones[0])
 
 
-def _heard(where: Setting, stage: Stage, tone: Notch) -> Iterator[_Heard]:
+def _heard(where: Setting, stage: Stage, tones: Sequence[Notch]) -> Iterator[_Heard]:
+    tone, others = tones[0], tones[1:]
+    wide = _WIDE * tone.half_width
     for run, line in enumerate(where.lines):
         rate = 1.0 / line.reading_step
         if tone.frequency >= 0.5 * rate:
@@ -106,17 +105,26 @@ def _heard(where: Setting, stage: Stage, tone: Notch) -> Iterator[_Heard]:
         left = np.nan_to_num(
             line.paired(np.where(line.kind == VALUE, line.reading - output, np.nan))
         )
-        wide = _WIDE * tone.half_width
-        aside = [tone.frequency + side * _ASIDE * tone.half_width for side in (-1.0, 1.0)]
-        beside = [
-            _analytic(left, Notch(f, wide), rate)
-            for f in aside
-            if f - wide > _LOWEST and f + wide < 0.5 * rate
-        ]
+        inside = _analytic(left, Notch(tone.frequency, wide), rate)
+        beside = [_analytic(left, Notch(f, wide), rate) for f in _aside(tone, others, rate)]
         noise: Complex = np.eye(2, dtype=np.complex128) * _NEXT_TO_NOTHING
-        for b in beside:
-            noise = np.asarray(noise + (b.T @ b.conj()) / (len(b) * len(beside)))
-        yield _Heard(_analytic(left, Notch(tone.frequency, wide), rate), noise, rate)
+        for b in beside or [inside]:  # of a band with nothing beside it nothing is sure to be tone
+            noise = np.asarray(noise + (b.T @ b.conj()) / (len(b) * max(len(beside), 1)))
+        yield _Heard(inside, noise, rate)
+
+
+def _aside(tone: Notch, others: Sequence[Notch], rate: float) -> list[float]:
+    """Middles (Hz) of the bands on either side that hold no tone."""
+    wide = _WIDE * tone.half_width
+    out = []
+    for side in (-1.0, 1.0):
+        for far in _ASIDE:
+            f = tone.frequency + side * far * tone.half_width
+            there = f - wide > _LOWEST and f + wide < 0.5 * rate
+            if there and all(abs(f - o.frequency) > wide + o.half_width for o in others):
+                out.append(f)
+                break
+    return out
 
 
 def _analytic(signal: Array, tone: Notch, rate: float) -> Complex:
@@ -151,7 +159,7 @@ def _explained(one: _Heard, h: Complex) -> float:
 
 
 def _blocks(one: _Heard, h: Complex) -> Array:
-    """Sum readings, power beyond noise (N²), weight and weighted Hz over half seconds (B, 4)."""
+    """Sum time (s), power beyond noise (N²), weight and weighted Hz over half seconds (B, 4)."""
     row, noise = _weights(one, h)
     force = one.inside @ row
     count = max(int(len(force) / (_BLOCK * one.rate)), 1)
@@ -161,7 +169,7 @@ def _blocks(one: _Heard, h: Complex) -> Array:
         turn = np.sum(part[1:] * part[:-1].conj())  # from one reading to the next
         hertz = float(np.angle(turn)) * one.rate / (2.0 * math.pi)
         out.append([len(part), power, abs(turn), abs(turn) * hertz])
-    return np.array(out)
+    return np.array(out) / one.rate
 
 
 def _jackknifed(blocks: Array, tone: Notch) -> tuple[Measured, Measured]:

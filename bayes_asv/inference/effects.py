@@ -173,7 +173,7 @@ class Patterns:
         return _laid(there, (1.0 - share) * lost)
 
 
-@lru_cache(maxsize=16)  # along all coordinates but a sensor's own and a wheel's zero it stays
+@lru_cache(maxsize=8)  # along all coordinates but a sensor's own and a wheel's zero it stays
 def _corrected(
     known: Patterns, line: Timeline, faults: tuple[tuple[int, str, float], ...], *zeros: float
 ) -> AsDeclared:

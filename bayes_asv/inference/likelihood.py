@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from threading import Lock
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,8 +213,35 @@ def shared_work(target: Target) -> Iterator[Target]:
     A thread of BLAS waits for its next small product by spinning, on a core that a pass could use:
     a diagnosis took a quarter longer on two cores.
     """
-    with ThreadPoolExecutor(2) as pool, _libraries().limit(limits=1, user_api="blas"):
+    with ThreadPoolExecutor(2) as pool, _BLAS.alone():
         yield replace(target, pool=pool)
+
+
+class _Blas:
+    """Libraries that have threads of their own, and who asked them to have one only."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._asked = 0
+        self._limit: Any = None
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Let BLAS have one thread; as many as before once nobody asks for that any more."""
+        with self._lock:
+            self._asked += 1
+            if self._asked == 1:
+                self._limit = _libraries().limit(limits=1, user_api="blas")
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._asked -= 1
+                if self._asked == 0:
+                    self._limit.restore_original_limits()
+
+
+_BLAS = _Blas()
 
 
 @lru_cache(maxsize=1)

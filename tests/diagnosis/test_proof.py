@@ -100,20 +100,29 @@ def test_noise_is_no_excuse_where_it_covers_for_a_model_that_is_wrong() -> None:
     assert failed(held, wrong, [one], gap, 1) == [one]
 
 
-def test_what_is_there_is_upheld_and_is_kept_where_a_gap_grows_by_chance() -> None:
+def test_what_is_there_is_kept_where_a_gap_grows_by_chance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     model, held = _model()
     one = _named(model.stage.sites[0])
-    assert upheld(model, held, [one])
+    monkeypatch.setattr(proof, "before_and_after", lambda *_, **__: _WORSE)
     assert failed(held, model, [one], _WORSE, 1) == []
+    monkeypatch.setattr(proof, "upheld", lambda *_: False)
+    assert failed(held, model, [one], _WORSE, 1) == [one]
 
 
-def test_a_name_for_noise_is_not_upheld() -> None:
+def test_a_name_for_noise_fails() -> None:
     """A null that alarms: its gap grew by a tenth on what was held out."""
     one = case("null", 72, 75, "test")
     runs = (lay_out(runs, one.vehicle)[0] for runs in (one.recordings, one.holdout))
     fit, held = (setting(one.vehicle, lines) for lines in runs)
     where, stage = with_effects(fit, (read_site("sensor_bandwidth@rear_wheel"),))
-    assert not upheld(asked(where, stage, 1), held, [_named(stage.sites[0])])
+    model = asked(where, stage, 1)
+    gap = before_and_after(held, base(where), model.stage, 1)
+    name = Named(stage.sites[0], 1.0, (), {"holdout": gap})
+    assert gap.after > 1.05 * gap.before
+    assert not upheld(model, held, [name])
+    assert failed(held, model, [name], None, 1) == [name]
 
 
 def test_what_failed_is_not_named_again() -> None:
