@@ -33,13 +33,13 @@ import numpy as np
 from scipy.stats import binomtest
 
 from bayes_asv import __version__
-from bayes_asv.files import write_whole
-from bayes_asv.inference.agreement import RunAlone, compare_runs, run_alone
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.between import Site, contrast, population
-from bayes_asv.inference.predictive import predictive_checks
-from bayes_asv.vehicle import Vehicle
-from tests.inference.cases import DECLARED, EXACT, as_recording, vehicle
+from bayes_asv.analysis.predictive_checks import predictive_checks
+from bayes_asv.analysis.random_effects import Site, contrast, population
+from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, run_alone
+from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.map_fit import lay_out
+from tests.posterior.cases import DECLARED, EXACT, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,
@@ -88,7 +88,7 @@ def drives(
             terrain: str = terrain,
             road: int = road,
             noise: int = noise,
-        ) -> RunAlone | None:
+        ) -> SingleRunFit | None:
             where = TERRAINS[terrain](road)
             run = drive(
                 car, where, DEFAULT_SPEEDS[terrain], 400.0, 2.0, sensors, noise, forces=forces
@@ -147,7 +147,7 @@ def one(job: Job) -> list[dict[str, Any]]:
     return [{"given": job.given, "car": job.number, **row} for row in rows]
 
 
-def covered(runs: list[RunAlone], car: RigCar, spread: float) -> dict[str, Any]:
+def covered(runs: list[SingleRunFit], car: RigCar, spread: float) -> dict[str, Any]:
     """Tell whether the interval of the mean car covers the middle of a known spread."""
     found = compare_runs(runs, DRAWS, 0)
     c_f = found.quantities(found.population.centre, 0)["c_f"]
@@ -160,7 +160,7 @@ def covered(runs: list[RunAlone], car: RigCar, spread: float) -> dict[str, Any]:
     }
 
 
-def told(name: str, run: RunAlone) -> dict[str, Any]:
+def told(name: str, run: SingleRunFit) -> dict[str, Any]:
     """Smallest corrected probability of a run's checks."""
     checks = predictive_checks(run.fit.target, run.z, 0, 0)
     return {

@@ -11,10 +11,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.cars import full_car
-from bayes_asv.model.cars.full import FullCar7
-from bayes_asv.model.cars.shapes import CarMode, car_modes
-from bayes_asv.vehicle import read_vehicle
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.models.from_vehicle import full_car
+from bayes_asv.models.full_car import FullCar7
+from bayes_asv.models.mode_shapes import CarMode, car_modes
 
 __all__ = ["PICTURE", "draw_modes"]
 

@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.likelihood import shared_work
-from bayes_asv.inference.mode import Mode, find_mode
-from bayes_asv.inference.parameters import CAR, Space
-from bayes_asv.inference.width import ANSWERS, Shift, by_answer, find_width
-from bayes_asv.inference.width.faults import Fault, with_fault
-from bayes_asv.vehicle import Vehicle
-from tests.inference.cases import DECLARED, EXACT, case, vehicle
+from bayes_asv.analysis.uncertainty_budget import ANSWERS, Shift, by_answer, find_width
+from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.likelihood import shared_work
+from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.newton import Mode, find_mode
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import CAR, ParameterSpace
+from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 
 __all__ = ["main"]
 
@@ -37,13 +37,13 @@ TERRAINS = ("bump", "stops", "rough", "rollers")
 KNOWN = {"declared": DECLARED, "exact": EXACT}
 
 
-def answers(where: Space, mode: Mode) -> dict[str, float]:
+def answers(where: ParameterSpace, mode: Mode) -> dict[str, float]:
     """Logarithms of the answers at a mode."""
     logs = dict(zip(CAR, np.log(where.cars(mode.z[None])[0]), strict=True))
     return {n: sum(w * logs[p] for p, w in parts.items()) for n, parts in ANSWERS.items()}
 
 
-def again(fit: BestFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
+def again(fit: MapFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
     """Put the fault in and climb to the mode; None where the climb does not settle."""
     if shift.kind == "given":
         value = getattr(car, shift.where)

@@ -36,14 +36,14 @@ from pathlib import Path
 from typing import Any
 
 from bayes_asv import __version__
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.live.metadata import scene
 from bayes_asv.live.port import PortReader
-from bayes_asv.live.pump import Pump
-from bayes_asv.live.scene import scene
 from bayes_asv.live.server import LiveServer
-from bayes_asv.live.show import Show
+from bayes_asv.live.session import Show
 from bayes_asv.live.sources import PortSource
-from bayes_asv.online.tracker import tracker_for
-from bayes_asv.vehicle import read_vehicle
+from bayes_asv.live.worker import Pump
+from bayes_asv.tracking.tracker import tracker_for
 
 __all__ = ["main"]
 

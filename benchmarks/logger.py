@@ -35,9 +35,9 @@ from bayes_asv import __version__
 from bayes_asv.acquire.job import acquire
 from bayes_asv.acquire.messages import Settings
 from bayes_asv.acquire.run import Request
-from bayes_asv.recording import Recording, declared_rate, sample_offsets
+from bayes_asv.domain.recording import Recording, declared_rate, sample_offsets
+from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import read_vehicle
 from tests.firmware.emulated import FIRMWARE, Emulated, VirtualPort, build
 from tests.firmware.logger import Logger, switched_on, why_not
 from tests.firmware.scenarios import Setup, build_firmware

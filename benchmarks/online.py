@@ -32,7 +32,7 @@ import numpy as np
 from scipy.stats import beta, chi2
 
 from bayes_asv import __version__
-from bayes_asv.files import write_whole
+from bayes_asv.domain.files import write_whole
 from benchmarks.online_runs import (
     KNOWLEDGE,
     after_crossing,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bayes_asv.files import write_whole
+from bayes_asv.domain.files import write_whole
 from benchmarks.online_picture import draw_picture
 
 __all__ = ["PAGE", "page", "write_page"]

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import norm
 
-from bayes_asv.online.smoother import smoothed
-from bayes_asv.online.track import track
+from bayes_asv.tracking.smoother import smoothed
+from bayes_asv.tracking.track import track
 from benchmarks.online_runs import faded_share, long_drive
-from tests.inference.cases import DECLARED, case, vehicle
+from tests.posterior.cases import DECLARED, case, vehicle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,21 +13,21 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import chi2
 
-from bayes_asv.inference.bestfit import best_fit, lay_out
-from bayes_asv.kernels import unscented
-from bayes_asv.kernels.filter_state import COLUMNS, Steps
-from bayes_asv.online import reference
-from bayes_asv.online.coordinates import coordinates
-from bayes_asv.online.frames import Frames
-from bayes_asv.online.history import cut
-from bayes_asv.online.knowledge import RULES, beginning, model_of
-from bayes_asv.online.layout import Layout
-from bayes_asv.online.noise import sensing
-from bayes_asv.online.track import Track, track
-from bayes_asv.online.watchdog import Alarm, Watchdog
-from bayes_asv.recording import Recording, accelerations, nominal_rate
-from bayes_asv.vehicle import Vehicle
-from tests.inference.cases import DECLARED, EXACT, as_recording, case, vehicle
+from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters import ukf as unscented
+from bayes_asv.filters.ukf_state import COLUMNS, Steps
+from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.tracking import reference_ukf as reference
+from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
+from bayes_asv.tracking.frames import Frames
+from bayes_asv.tracking.parameters import coordinates
+from bayes_asv.tracking.prior_state import RULES, beginning, model_of
+from bayes_asv.tracking.relinearization import cut
+from bayes_asv.tracking.sensor_noise import sensing
+from bayes_asv.tracking.streaming_timeline import Layout
+from bayes_asv.tracking.track import Track, track
+from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,
@@ -194,10 +194,10 @@ def after_crossing(seed: int, below: float, sure: float) -> float | None:
 
 def raised(
     recording: Recording, car: Vehicle, below: float, sure: float
-) -> tuple[Watchdog, Alarm | None, Frames]:
+) -> tuple[AlarmMonitor, Alarm | None, Frames]:
     """Let a watchdog look at a whole recording, as ``bayes-asv watch`` does."""
     result: Track = track(recording, car, forget=60.0)
-    dog = Watchdog(car, below, sure, 1.0)
+    dog = AlarmMonitor(car, below, sure, 1.0)
     return dog, dog.look(result.frames), result.frames
 
 

@@ -36,9 +36,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
-from bayes_asv.inference.importance import importance
-from bayes_asv.model.halfcar import HalfCar
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.models.half_car import HalfCar
 from bayes_asv.planning.grid import RATES, Planned
 from bayes_asv.planning.grounds import KINDS, Ground
 from bayes_asv.planning.information import information
@@ -47,8 +47,8 @@ from bayes_asv.planning.plan import plan
 from bayes_asv.planning.sensing import with_assumed_noise
 from bayes_asv.planning.trial import attempt
 from bayes_asv.planning.widths import ANSWERS, known, widths
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.posterior.importance import importance
+from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from benchmarks.plan_cars import CARS, chance_car
 from benchmarks.plan_picture import draw_picture
 from tests.rig import (
@@ -117,7 +117,7 @@ def rig_recording(car: RigCar, planned: Planned, seed: int) -> Recording:
     return Recording(done.time, done.channels / _INCH, ("in/s^2",) * 4, (), f"run-{seed}.csv")
 
 
-def fitted(car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]) -> BestFit | None:
+def fitted(car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]) -> MapFit | None:
     """Mode of the posterior of rig runs; None when they are refused."""
     runs = [rig_recording(car, planned, seed) for seed in seeds]
     lines, reasons, _ = lay_out(runs, vehicle)
@@ -127,7 +127,7 @@ def fitted(car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]
     return None if found.reasons else found
 
 
-def error(car: RigCar, found: BestFit) -> Array:
+def error(car: RigCar, found: MapFit) -> Array:
     """Relative error (4,) of the mode."""
     c_f, c_r, i, m, *_ = found.space.cars(found.mode.z[None])[0]
     truth = np.array([getattr(car, name) for name in ANSWERS])

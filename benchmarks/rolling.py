@@ -28,9 +28,9 @@ import numpy as np
 from scipy.stats import beta
 
 from bayes_asv import __version__
-from bayes_asv.inference.rolling.estimate import RollEstimate, estimate_roll
-from bayes_asv.recording import ROLL_CHANNELS, Recording
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.posterior.roll.estimate import RollEstimate, estimate_roll
 from tests.rig import DEFAULT_SPEEDS, TERRAINS
 from tests.rig.wide import WideCar, draw_wide, shifted, wide_baja, wide_drive, wide_toml
 

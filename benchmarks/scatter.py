@@ -22,7 +22,7 @@ import numpy as np
 
 from bayes_asv import __version__
 from bayes_asv.reference.greybox import grey_box
-from tests.inference.cases import EXACT, as_recording, vehicle
+from tests.posterior.cases import EXACT, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from bayes_asv.model.effects import AXLES, BOTH, EFFECTS, Effect, Parameter
+from bayes_asv.models.effects import AXLES, BOTH, EFFECTS, Effect, Parameter
 
 __all__ = ["LAWS", "MEANINGS", "PAGE", "page"]
 
@@ -96,7 +96,7 @@ _ABOUT = """\
 # Effects
 
 What `bayes-asv diagnose` looks for, and what `bayes-asv estimate --with NAME@WHERE` adds to the linear
-half car. Each effect is one file under `bayes_asv/model/effects`; this page is written from them by
+half car. Each effect is one file under `bayes_asv/models/effects`; this page is written from them by
 `python -m tests.effects_page`. Signs: extension is positive, so is a force upward on the chassis.
 
 An effect that is **named** gets the wide prior below. One that is not may still be there to its
@@ -128,7 +128,7 @@ Three places: one file, one branch in the kernel, one line in the registry. The 
 with a part that grows with the square of velocity, $F=-k\\delta-c\\,\\dot\\delta-q\\,\\dot\\delta|\\dot\\delta|$.
 `tests/test_effects_docs.py` follows these steps in a copy of the package.
 
-**1. The file** `bayes_asv/model/effects/quadratic_damper.py` says what the effect is. `force` is the
+**1. The file** `bayes_asv/models/effects/quadratic_damper.py` says what the effect is. `force` is the
 readable form of what the law adds to $-k\\delta-c\\,\\dot\\delta$; `packed` makes up to four numbers of the
 parameters for the kernel. The first parameter is the one that vanishes with the effect.
 
@@ -141,8 +141,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayes_asv.kernels.forces import QUADRATIC
-from bayes_asv.model.effects.base import AXLES, BOTH, Array, Effect, Parameter
+from bayes_asv.filters.force_laws import QUADRATIC
+from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
@@ -171,7 +171,7 @@ EFFECT = Effect(
 )
 ```
 
-**2. The branch** in `bayes_asv/kernels/forces.py`: a number for it, the force, and its slopes in
+**2. The branch** in `bayes_asv/filters/force_laws.py`: a number for it, the force, and its slopes in
 deflection (`added_d`) and velocity (`added_v`). A law that multiplies the damper or the spring changes
 `damper` or `spring` with its slope instead, so that it composes with others.
 
@@ -190,7 +190,7 @@ deflection (`added_d`) and velocity (`added_v`). A law that multiplies the dampe
 +            added_v -= 2.0 * p0 * abs(rate)
 ```
 
-**3. The line** in `bayes_asv/model/effects/__init__.py`, and its import.
+**3. The line** in `bayes_asv/models/effects/__init__.py`, and its import.
 
 ```diff
      progressive_spring,
@@ -205,11 +205,11 @@ deflection (`added_d`) and velocity (`added_v`). A law that multiplies the dampe
 ```
 
 That is all: `diagnose` asks for it, `estimate --with quadratic_damper@rear` adds it, and
-`tests/kernels/test_forces.py` holds the branch against the readable form, force and slopes. This page
+`tests/filters/test_force_laws.py` holds the branch against the readable form, force and slopes. This page
 wants the law and the meaning of the parameter in `tests/effects_page.py`. Units N, N/m, m, m/s, m/s³ and
 1/m² are shown in the vehicle's system, others as they are. An effect that acts on a given value
 (`acts="car"`) or on a reading (`acts="reading"`) has no branch, but a place of its own in
-`bayes_asv/inference/parameters.py` or `effects.py`.
+`bayes_asv/posterior/parameters.py` or `effects.py`.
 """
 
 

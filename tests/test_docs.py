@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from bayes_asv.formats import read_recording
-from bayes_asv.vehicle import read_vehicle
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.io import read_recording
 from benchmarks.online import RESULTS
 from benchmarks.online_page import page
 from benchmarks.roomster import tables as real_car

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.model.effects import EFFECTS, Effect, Scale
+from bayes_asv.models.effects import EFFECTS, Effect, Scale
 from tests.effects_page import LAWS, MEANINGS, PAGE, page
 
 ROOT = Path(__file__).parents[1]
@@ -78,8 +78,8 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     copy = tmp_path_factory.mktemp("copy")
     ignored = shutil.ignore_patterns("__pycache__", "static")
     shutil.copytree(ROOT / "bayes_asv", copy / "bayes_asv", ignore=ignored)
-    shutil.copytree(ROOT / "tests" / "kernels", copy / "tests" / "kernels", ignore=ignored)
-    model, kernel = copy / "bayes_asv/model/effects", copy / "bayes_asv/kernels/forces.py"
+    shutil.copytree(ROOT / "tests" / "filters", copy / "tests" / "filters", ignore=ignored)
+    model, kernel = copy / "bayes_asv/models/effects", copy / "bayes_asv/filters/force_laws.py"
     (file,) = _blocks("python")
     (model / "quadratic_damper.py").write_text(file, encoding="utf-8")
     number, branch, imported, listed = _blocks("diff")
@@ -108,9 +108,9 @@ def test_the_steps_make_an_effect_that_is_asked_for(extended: Path) -> None:
     code = (
         "import bayes_asv\n"
         f"assert bayes_asv.__file__.startswith({str(extended)!r})\n"
-        "from bayes_asv.inference.adding import read_site\n"
-        "from bayes_asv.inference.effects import rows\n"
-        "from bayes_asv.kernels.forces import excess_many\n"
+        "from bayes_asv.posterior.effect_fit import read_site\n"
+        "from bayes_asv.posterior.effects import rows\n"
+        "from bayes_asv.filters.force_laws import excess_many\n"
         "import numpy as np\n"
         "site = read_site('quadratic_damper@rear')\n"
         "table = rows({site: {'quadratic': 300.0}}, 0)\n"
@@ -125,11 +125,11 @@ def test_the_steps_make_an_effect_that_is_asked_for(extended: Path) -> None:
 
 def test_the_tests_that_are_there_hold_its_branch_against_its_readable_form(extended: Path) -> None:
     words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "quadratic_damper")
-    done = _run(extended, *words, "tests/kernels/test_forces.py")
+    done = _run(extended, *words, "tests/filters/test_force_laws.py")
     assert done.returncode == 0, done.stdout
     assert "2 passed" in done.stdout
-    wrong = extended / "bayes_asv/kernels/forces.py"
+    wrong = extended / "bayes_asv/filters/force_laws.py"
     text = wrong.read_text(encoding="utf-8")
     wrong.write_text(text.replace("added_v -= 2.0 * p0", "added_v -= p0"), encoding="utf-8")
-    assert "1 failed" in _run(extended, *words, "tests/kernels/test_forces.py").stdout
+    assert "1 failed" in _run(extended, *words, "tests/filters/test_force_laws.py").stdout
     wrong.write_text(text, encoding="utf-8")

@@ -12,9 +12,9 @@ import numpy as np
 
 from bayes_asv.acquire.blocks import MOST_ROWS
 from bayes_asv.acquire.merge import Merged, ranges
-from bayes_asv.channels import CHANNELS
-from bayes_asv.errors import InputError
-from bayes_asv.recording import COUNTS, Recording, parse_rate
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import COUNTS, Recording, parse_rate
 
 __all__ = ["DUMP_END", "Dump", "agreed", "dumps_in", "merged_dumps"]
 

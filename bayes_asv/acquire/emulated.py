@@ -15,18 +15,18 @@ from typing import Final
 
 import numpy as np
 
-from bayes_asv.channels import CHANNELS
-from bayes_asv.errors import InputError
-from bayes_asv.recording import (
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import (
     Recording,
     acceleration_factor,
     accelerations,
     nominal_rate,
     sample_offsets,
 )
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["Emulation", "built", "default_drive", "scenario", "started", "write_voltages"]
 

@@ -12,8 +12,8 @@ from bayes_asv.acquire.messages import Event
 from bayes_asv.acquire.outcome import Outcome, concluded
 from bayes_asv.acquire.port import GoneError
 from bayes_asv.acquire.run import Request, bring
-from bayes_asv.errors import InputError
-from bayes_asv.files import PathLike, read_bytes
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike, read_bytes
 
 __all__ = ["acquire", "replayed"]
 

@@ -11,7 +11,7 @@ from bayes_asv.acquire.blocks import Block
 from bayes_asv.acquire.frames import REPLY, Address, Frame, Kind, Result, encoded
 from bayes_asv.acquire.messages import Event, Hello, Status, event_of, hello_of, status_of
 from bayes_asv.acquire.splitter import Splitter
-from bayes_asv.errors import BayesAsvError
+from bayes_asv.domain.errors import BayesAsvError
 
 __all__ = ["Laptop", "Port", "SilentError"]
 

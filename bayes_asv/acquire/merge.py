@@ -3,7 +3,7 @@
 Slave 1's clock is the reference and Slave 2's is measured against it: both boards know when the
 start mark and the end mark were, so Slave 2's seconds are `elapsed` of Slave 1 over `elapsed` of
 Slave 2 of Slave 1's (firmware/PROTOCOL.md, Time). Readings stay as they were taken. What is known
-of clocks goes into the metadata, where `bayes_asv.recording.sample_offsets` finds it.
+of clocks goes into the metadata, where `bayes_asv.domain.recording.sample_offsets` finds it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from bayes_asv.acquire.blocks import CPU, Block, Head, Times
 from bayes_asv.acquire.messages import SYNCHS
-from bayes_asv.channels import CHANNELS
-from bayes_asv.recording import COUNTS, Recording
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.recording import COUNTS, Recording
 
 __all__ = ["Merged", "merged", "ranges"]
 

@@ -11,7 +11,7 @@ from bayes_asv.acquire.frames import Address
 from bayes_asv.acquire.laptop import Laptop
 from bayes_asv.acquire.merge import Merged, merged
 from bayes_asv.acquire.messages import Code
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
 
 __all__ = ["Outcome", "concluded", "document", "lines"]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Final, Self
 
-from bayes_asv.errors import BayesAsvError, InputError
-from bayes_asv.files import PathLike
+from bayes_asv.domain.errors import BayesAsvError, InputError
+from bayes_asv.domain.files import PathLike
 
 __all__ = ["BAUD", "GoneError", "KeptPort", "found_port"]
 

@@ -16,15 +16,15 @@ import numpy as np
 from bayes_asv.acquire.blocks import Block
 from bayes_asv.acquire.frames import Address
 from bayes_asv.acquire.merge import merged
-from bayes_asv.channels import CHANNELS
-from bayes_asv.online.frames import PARAMETERS, Frames, joined
-from bayes_asv.online.track import Track, concluded
-from bayes_asv.online.tracker import Tracker, tracker_for
-from bayes_asv.quantities import QUANTITIES
-from bayes_asv.recording import COUNTS, Recording, accelerations
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.recording import COUNTS, Recording, accelerations
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.report.readable import number
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.tracking.frames import PARAMETERS, Frames, joined
+from bayes_asv.tracking.track import Track, concluded
+from bayes_asv.tracking.tracker import Tracker, tracker_for
 
 __all__ = ["Watch"]
 

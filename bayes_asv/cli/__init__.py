@@ -15,7 +15,7 @@ from typing import NoReturn
 import click
 
 from bayes_asv import __version__
-from bayes_asv.errors import BayesAsvError
+from bayes_asv.domain.errors import BayesAsvError
 
 __all__ = ["COMMANDS", "cli", "main"]
 
@@ -62,7 +62,7 @@ class _LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from bayes_asv.files import closest
+            from bayes_asv.domain.files import closest
 
             near = closest(args[0], COMMANDS)
             mend = f"did you mean '{near}'?" if near else f"there are {', '.join(COMMANDS)}"

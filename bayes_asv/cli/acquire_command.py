@@ -10,7 +10,7 @@ import click
 
 from bayes_asv.acquire.messages import MODES, RATES, SYNCHS
 from bayes_asv.cli import common
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -103,7 +103,7 @@ def command(
     common.check_outputs((replay, vehicle), output, json_file, None if replay else kept)
     from bayes_asv.acquire.job import replayed
     from bayes_asv.acquire.outcome import document, lines
-    from bayes_asv.formats import write_recording
+    from bayes_asv.io import write_recording
 
     watcher = None if vehicle is None else _watcher(vehicle)
     if replay is not None:
@@ -216,7 +216,7 @@ def _say(text: str) -> None:
 
 def _watcher(vehicle: str) -> Watch:
     from bayes_asv.acquire.watch import Watch
-    from bayes_asv.vehicle import read_vehicle
+    from bayes_asv.domain.vehicle import read_vehicle
 
     return Watch(read_vehicle(vehicle), _say)
 
@@ -242,6 +242,6 @@ def _grown(
 
 
 def _held(kept: str) -> bytes:
-    from bayes_asv.files import read_bytes
+    from bayes_asv.domain.files import read_bytes
 
     return read_bytes(kept, 50_000_000)

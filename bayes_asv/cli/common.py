@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 
 if TYPE_CHECKING:
-    from bayes_asv.recording import Recording
-    from bayes_asv.vehicle import Vehicle
+    from bayes_asv.domain.recording import Recording
+    from bayes_asv.domain.vehicle import Vehicle
 
 __all__ = [
     "EXIT_STATUS",
@@ -55,9 +55,9 @@ def read_inputs(
     paths: tuple[str, ...], vehicle: str, rate: float | None, rolls: bool = False
 ) -> tuple[list[Recording], Vehicle]:
     """Read the vehicle first, then every recording; of single corners where the car rolls."""
-    from bayes_asv.formats import read_recording
-    from bayes_asv.recording import corners_only, half_car_only
-    from bayes_asv.vehicle import read_vehicle
+    from bayes_asv.domain.recording import corners_only, half_car_only
+    from bayes_asv.domain.vehicle import read_vehicle
+    from bayes_asv.io import read_recording
 
     car = read_vehicle(vehicle)
     runs: list[Recording] = []
@@ -81,7 +81,7 @@ def check_outputs(inputs: Iterable[str | None], *outputs: str | None) -> None:
     *outputs : str or None
         Files that will be written; None and ``-`` are nothing to check.
     """
-    from bayes_asv.files import check_target
+    from bayes_asv.domain.files import check_target
 
     taken = {os.path.realpath(path): "is read by this command" for path in inputs if path}
     for path in outputs:
@@ -104,7 +104,7 @@ def write_json(document: dict[str, Any], file: str | None) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
         return
-    from bayes_asv.files import write_whole
+    from bayes_asv.domain.files import write_whole
 
     write_whole(file, text.encode("utf-8", "replace"))  # a file's name need not be Unicode
 

@@ -29,7 +29,7 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     FOLDER gets demo.html and demo.pdf of the estimate, missing.html and missing.pdf of the
     diagnosis.
     """
-    from bayes_asv.errors import InputError
+    from bayes_asv.domain.errors import InputError
     from bayes_asv.report.render import write_report
     from bayes_asv.report.words import verdict_lines
     from bayes_asv.shipped import shipped
@@ -50,10 +50,10 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     click.echo(f"Two simulated drives of one car: {', '.join(_RUNS)}", err=quiet)
     runs, car = common.read_inputs(paths, vehicle, None)
     with common.progress_bar() as progress:
-        from bayes_asv.inference.estimate import estimate
-        from bayes_asv.online.track import track
+        from bayes_asv.estimate import estimate
         from bayes_asv.report.document import estimate_document
         from bayes_asv.report.track_document import track_document
+        from bayes_asv.tracking.track import track
 
         tell = common.part_of(progress, 0.0, 0.9)
         document = estimate_document(estimate(runs, car, seed=seed, progress=tell))
@@ -102,9 +102,9 @@ def _true_forces(found: dict[str, Any]) -> list[str]:
     """Hold the damper that was found against the simulated one, in force: forms may differ."""
     import numpy as np
 
+    from bayes_asv.domain.units import from_si
     from bayes_asv.report.readable import number, readable_unit
     from bayes_asv.shipped import shipped
-    from bayes_asv.units import from_si
 
     curve = (found["laws"].get("front") or {}).get("damper")
     if curve is None:

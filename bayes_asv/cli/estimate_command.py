@@ -80,8 +80,8 @@ def command(
         return _rolling(recordings, vehicle, json_file, rate, seed)
     runs, car = common.read_inputs(recordings, vehicle, rate)
     with common.progress_bar() as progress:
-        from bayes_asv.inference.adding import read_site
-        from bayes_asv.inference.estimate import estimate
+        from bayes_asv.estimate import estimate
+        from bayes_asv.posterior.effect_fit import read_site
 
         sites = tuple(dict.fromkeys(read_site(text) for text in effects))
         if model == "auto":
@@ -100,7 +100,7 @@ def command(
     document = estimate_document(result)
     common.write_json(document, json_file)
     if netcdf is not None and result.draws:
-        from bayes_asv.inference.netcdf import write_netcdf
+        from bayes_asv.io.netcdf import write_netcdf
 
         write_netcdf(result, netcdf)
     elif netcdf is not None:
@@ -118,7 +118,7 @@ def _rolling(
     """Estimate a car that rolls."""
     runs, car = common.read_inputs(recordings, vehicle, rate, rolls=True)
     with common.progress_bar() as progress:
-        from bayes_asv.inference.rolling.estimate import estimate_roll
+        from bayes_asv.posterior.roll.estimate import estimate_roll
 
         result = estimate_roll(runs, car, seed=seed, progress=progress)
     from bayes_asv.report.roll_document import roll_document

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from bayes_asv.live.pump import Filter
+    from bayes_asv.domain.recording import Recording
+    from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.live.sources import About
-    from bayes_asv.online.frames import Frames
-    from bayes_asv.recording import Recording
-    from bayes_asv.vehicle import Vehicle
+    from bayes_asv.live.worker import Filter
+    from bayes_asv.tracking.frames import Frames
 
 __all__ = ["Wishes", "followed", "live_options", "wishes"]
 
@@ -156,8 +156,8 @@ def followed(
     InputError
         If the port cannot be opened or sends no recording, or a file cannot be written.
     """
+    from bayes_asv.live.metadata import scene
     from bayes_asv.live.run import follow
-    from bayes_asv.live.scene import scene
     from bayes_asv.live.sources import PortSource, RecordingSource, Source
 
     def say(text: str) -> None:

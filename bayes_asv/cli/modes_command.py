@@ -46,7 +46,7 @@ def command(
         return _other_car(vehicle, which, json_file)
     runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
     from bayes_asv import __version__
-    from bayes_asv.model.modes import modes
+    from bayes_asv.models.modes import modes
     from bayes_asv.reference.document import MODES_SCHEMA, clean, mode_document, study_document
     from bayes_asv.reference.greybox import nominal_car
     from bayes_asv.reference.modal import printed_way
@@ -87,8 +87,8 @@ def command(
 
 def _other_car(vehicle: str, which: str, json_file: str | None) -> int:
     """Tell the modes of a car beyond the half car."""
+    from bayes_asv.domain.vehicle import read_vehicle
     from bayes_asv.reference.cars import car_modes_document, car_modes_lines
-    from bayes_asv.vehicle import read_vehicle
 
     document = car_modes_document(read_vehicle(vehicle), which)
     common.write_json(document, json_file)

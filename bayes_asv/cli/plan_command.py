@@ -7,7 +7,7 @@ import math
 import click
 
 from bayes_asv.cli import common
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 
 __all__ = ["command"]
 
@@ -65,7 +65,7 @@ def command(
     rate = _quantity("--tyre-rate", tyre_rate, "stiffness", "300 lbf/in")
     mass = _quantity("--unsprung", unsprung, "mass", "65 lbm")
     common.check_outputs((vehicle,), json_file)
-    from bayes_asv.vehicle import read_vehicle
+    from bayes_asv.domain.vehicle import read_vehicle
 
     car = read_vehicle(vehicle)
     from bayes_asv.planning.document import plan_document
@@ -123,7 +123,7 @@ def _quantity(option: str, text: str | None, dimension: str, example: str) -> fl
     """Value of an option in SI units, above zero; None where it was not given."""
     if text is None:
         return None
-    from bayes_asv.units import parse_quantity, to_si
+    from bayes_asv.domain.units import parse_quantity, to_si
 
     try:
         value = to_si(*parse_quantity(text), dimension)

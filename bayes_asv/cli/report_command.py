@@ -9,7 +9,7 @@ import click
 from bayes_asv.cli import common
 
 if TYPE_CHECKING:
-    from bayes_asv.recording import Recording
+    from bayes_asv.domain.recording import Recording
 
 __all__ = ["command"]
 
@@ -111,7 +111,7 @@ def _completed(
 ) -> dict[str, dict[str, Any]]:
     """Compute of the recordings what was not saved."""
     if vehicle is None:  # both are there; the recordings are named to be held against them
-        from bayes_asv.formats import read_recording
+        from bayes_asv.io import read_recording
 
         _same(told, saved, [read_recording(path, rate=rate) for path in recordings])
         return told
@@ -119,7 +119,7 @@ def _completed(
     _same(told, saved, runs)
     told = dict(told)
     if "estimate" not in told:
-        from bayes_asv.inference.estimate import estimate
+        from bayes_asv.estimate import estimate
         from bayes_asv.report.document import estimate_document
 
         tell = common.part_of(progress, 0.0, 0.3)
@@ -132,8 +132,8 @@ def _completed(
         found = diagnose(runs, (), car, seed, common.part_of(progress, 0.3, 0.95))
         told["diagnosis"] = diagnose_document(found, runs)
     if "track" not in told and told["estimate"]["verdict"] != "refused":
-        from bayes_asv.online.track import track
         from bayes_asv.report.track_document import track_document
+        from bayes_asv.tracking.track import track
 
         if progress is not None:
             progress(0.95, "following it online")
@@ -143,7 +143,7 @@ def _completed(
 
 def _same(told: dict[str, dict[str, Any]], saved: tuple[str, ...], runs: list[Recording]) -> None:
     """Refuse a saved document of other recordings."""
-    from bayes_asv.errors import InputError
+    from bayes_asv.domain.errors import InputError
 
     given = {run.sha256 for run in runs}
     for path, (kind, document) in zip(saved, told.items(), strict=True):

@@ -20,7 +20,7 @@ __all__ = ["command"]
 @common.seed_option
 def command(folder: str, json_file: str | None, seed: int) -> int:
     """Write the reference's tables and figures: as printed, as corrected, as obtained here."""
-    from bayes_asv.errors import InputError
+    from bayes_asv.domain.errors import InputError
 
     target = Path(folder)
     try:
@@ -32,7 +32,7 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     page, data = str(target / "reproduce.html"), str(target / "reproduce.json")
     common.check_outputs((), page, data, json_file)
     with common.progress_bar() as progress:
-        from bayes_asv.files import write_whole
+        from bayes_asv.domain.files import write_whole
         from bayes_asv.reference.page import reproduction_page
         from bayes_asv.reference.reproduce import reproduce
         from bayes_asv.reference.words import reproduction_lines

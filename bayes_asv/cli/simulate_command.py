@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from bayes_asv.cli import common
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from bayes_asv.simulation import ROADS
 
 if TYPE_CHECKING:
-    from bayes_asv.model.cars.roll import RollCar
-    from bayes_asv.model.halfcar import HalfCar
+    from bayes_asv.models.half_car import HalfCar
+    from bayes_asv.models.roll_car import RollCar
 
     _Car = TypeVar("_Car", HalfCar, RollCar)
 
@@ -68,13 +68,13 @@ def command(
     """Write a recording of the vehicle driven over a road."""
     import numpy as np
 
-    from bayes_asv.cars import roll_car
-    from bayes_asv.formats import write_recording
-    from bayes_asv.model.halfcar import HalfCar
+    from bayes_asv.domain.vehicle import read_vehicle
+    from bayes_asv.io import write_recording
+    from bayes_asv.models.from_vehicle import roll_car
+    from bayes_asv.models.half_car import HalfCar
     from bayes_asv.simulation.cars import simulate_roll
     from bayes_asv.simulation.roads import road
     from bayes_asv.simulation.simulate import simulate
-    from bayes_asv.vehicle import read_vehicle
 
     if not (math.isfinite(rate) and math.isfinite(seconds)):
         raise click.UsageError("--rate and --seconds have to be numbers")
@@ -124,7 +124,7 @@ def _size(
     option: str, text: str | None, dimension: str, example: str, ends: tuple[float, float], si: str
 ) -> float | None:
     """Read a number with its unit, in SI, between two ends."""
-    from bayes_asv.units import parse_quantity, to_si
+    from bayes_asv.domain.units import parse_quantity, to_si
 
     if text is None:
         return None

@@ -13,8 +13,8 @@ from bayes_asv.cli.live_options import followed, live_options, wishes
 
 if TYPE_CHECKING:
     from bayes_asv.live.sources import About
-    from bayes_asv.online.frames import Frames
-    from bayes_asv.online.tracker import Tracker
+    from bayes_asv.tracking.frames import Frames
+    from bayes_asv.tracking.tracker import Tracker
 
 __all__ = ["command", "engine_option", "forget_option"]
 
@@ -57,7 +57,7 @@ def command(
     trackers: list[Tracker] = []
 
     def make(about: About) -> Tracker:
-        from bayes_asv.online.tracker import tracker_for
+        from bayes_asv.tracking.tracker import tracker_for
 
         trackers.append(
             tracker_for(about.start, car, rate=about.rate, forget=forget, engine=engine)
@@ -67,15 +67,15 @@ def command(
     # A bar would lie over the view, and of a port nobody knows how much is to come.
     quiet = wanted.shown or wanted.port is not None
     with nullcontext() if quiet else common.progress_bar() as progress:
-        from bayes_asv.online.thinned import Thinned
-        from bayes_asv.online.track import concluded, track
         from bayes_asv.report.trace import Trace
+        from bayes_asv.tracking.decimation import DecimatedFrames
+        from bayes_asv.tracking.track import concluded, track
 
         rows = None if trace is None else Trace(car)
         if rows is not None:
             click.get_current_context().call_on_close(rows.close)
         # of a recording all is kept, as it is itself; a drive from a port may last for hours
-        kept = Thinned(len(runs[0].time)) if runs else Thinned()
+        kept = DecimatedFrames(len(runs[0].time)) if runs else DecimatedFrames()
 
         def keep(frames: Frames) -> None:
             kept.append(frames)
@@ -99,7 +99,7 @@ def command(
                 runs[0].warnings if runs else (),
                 time.perf_counter() - began,
             )
-    from bayes_asv.files import write_whole
+    from bayes_asv.domain.files import write_whole
     from bayes_asv.report.track_document import track_document
     from bayes_asv.report.track_words import track_lines
 

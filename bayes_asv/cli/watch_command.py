@@ -12,10 +12,10 @@ from bayes_asv.cli import common
 from bayes_asv.cli.track_command import engine_option
 
 if TYPE_CHECKING:
+    from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.live.sources import Source
-    from bayes_asv.online.tracker import Tracker
-    from bayes_asv.online.watchdog import Alarm, Watchdog
-    from bayes_asv.vehicle import Vehicle
+    from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
+    from bayes_asv.tracking.tracker import Tracker
 
 __all__ = ["command"]
 
@@ -83,7 +83,7 @@ def command(
     common.check_outputs((recording, vehicle), json_file, keep)
     runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
     from bayes_asv.live.sources import PortSource, RecordingSource
-    from bayes_asv.online.watchdog import Watchdog
+    from bayes_asv.tracking.alarm import AlarmMonitor
 
     source: Source
     if runs:
@@ -95,7 +95,7 @@ def command(
         assert keep is not None
         source = PortSource(PortReader(port, keep, baud), port, car, rate)
         click.echo(f"Every byte of {port} is kept in {keep}; Ctrl-C ends it", err=True)
-    dog = Watchdog(car, below / 100.0, sure / 100.0, hold)
+    dog = AlarmMonitor(car, below / 100.0, sure / 100.0, hold)
     tracker, alarm = _watch(source, dog, car, forget, engine)
     if tracker is None:
         click.echo("nothing came in, so there is nothing to tell", err=True)
@@ -111,10 +111,10 @@ def command(
 
 
 def _watch(
-    source: Source, dog: Watchdog, vehicle: Vehicle, forget: float, engine: str
+    source: Source, dog: AlarmMonitor, vehicle: Vehicle, forget: float, engine: str
 ) -> tuple[Tracker | None, Alarm | None]:
     """Follow a source until an alarm, its end, or Ctrl-C."""
-    from bayes_asv.online.tracker import tracker_for
+    from bayes_asv.tracking.tracker import tracker_for
 
     stop = threading.Event()
     tracker: Tracker | None = None

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.engine import Engine
-from bayes_asv.diagnosis.gap import Gap
-from bayes_asv.diagnosis.naming import Option
-from bayes_asv.diagnosis.slack import Unexplained
-from bayes_asv.diagnosis.where import Disagreement
-from bayes_asv.inference.stage import Stage
-from bayes_asv.inference.timeline import Timeline
-from bayes_asv.model.effects import Site
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.diagnosis.engine_force import Engine
+from bayes_asv.diagnosis.localization import Disagreement
+from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.model_comparison import Option
+from bayes_asv.diagnosis.simulation_error import Gap
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.fitted_model import FittedModel
+from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Diagnosis", "Named"]
 
@@ -72,9 +72,9 @@ class Diagnosis:
         Where the linear half car disagrees, an engine's tones cut out.
     gaps : dict of str to Gap
         ``fit`` and, where there is one, ``holdout``.
-    fit, holdout : tuples of Timeline
+    fit, holdout : tuples of PreparedRecording
         What was fitted, as it was given, and what was held out, an engine's tones cut out of it.
-    base, final : Stage or None
+    base, final : FittedModel or None
         The linear half car and the model with everything named, an engine's tones cut out.
     before, after : dict of str to (N,) array
         Draws of the car's quantities, SI units: under the linear half car, nothing cut out, and
@@ -98,10 +98,10 @@ class Diagnosis:
     left: Unexplained | None = None
     seen: Disagreement | None = None
     gaps: dict[str, Gap] | None = None
-    fit: tuple[Timeline, ...] = ()
-    holdout: tuple[Timeline, ...] = ()
-    base: Stage | None = None
-    final: Stage | None = None
+    fit: tuple[PreparedRecording, ...] = ()
+    holdout: tuple[PreparedRecording, ...] = ()
+    base: FittedModel | None = None
+    final: FittedModel | None = None
     before: dict[str, Array] | None = None
     after: dict[str, Array] | None = None
     effects: dict[str, dict[str, Array]] | None = None

@@ -21,25 +21,25 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.answer import draws, effect_draws
-from bayes_asv.diagnosis.engine import without_engine
-from bayes_asv.diagnosis.family import one_sided
-from bayes_asv.diagnosis.growing import begun, grow
-from bayes_asv.diagnosis.model import Model, again, asked, elsewhere, together
-from bayes_asv.diagnosis.preflight import found_before
-from bayes_asv.diagnosis.proof import Recorded
-from bayes_asv.diagnosis.proved import proved
+from bayes_asv.diagnosis.alternative_comparison import rival
+from bayes_asv.diagnosis.engine_force import without_engine
+from bayes_asv.diagnosis.equivalent_models import with_twins
+from bayes_asv.diagnosis.forward_selection import begun, grow
+from bayes_asv.diagnosis.holdout_validation import Recorded
+from bayes_asv.diagnosis.localization import disagreement
+from bayes_asv.diagnosis.max_score_test import one_sided
+from bayes_asv.diagnosis.misspecification_test import unexplained
+from bayes_asv.diagnosis.model_averaging import draws, effect_draws
+from bayes_asv.diagnosis.model_search import Model, again, asked, elsewhere, together
+from bayes_asv.diagnosis.recording_faults import found_before
 from bayes_asv.diagnosis.results import Diagnosis, Named
-from bayes_asv.diagnosis.rival import rival
-from bayes_asv.diagnosis.slack import unexplained
 from bayes_asv.diagnosis.thresholds import AS_WELL, LEVEL
-from bayes_asv.diagnosis.twins import with_twins
-from bayes_asv.diagnosis.where import disagreement
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.stage import base, setting
-from bayes_asv.model.effects import Site
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.diagnosis.validated_selection import proved
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.fitted_model import base, setting
+from bayes_asv.posterior.map_fit import lay_out
 
 __all__ = ["Diagnosis", "Named", "diagnose", "named_in"]
 

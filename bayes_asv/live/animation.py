@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import PathLike, check_target, write_whole
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike, check_target, write_whole
 from bayes_asv.live.bands import Z95
 from bayes_asv.live.braille import round_limits
+from bayes_asv.live.downsampling import bucket_rows, thinned
 from bayes_asv.live.history import SIDES, TRACES, Snapshot
-from bayes_asv.live.scene import AXLES, Scene
-from bayes_asv.live.thin import bucket_rows, thinned
+from bayes_asv.live.metadata import AXLES, Scene
 from bayes_asv.live.words import card, consistency
 from bayes_asv.report.readable import number
 from bayes_asv.report.svg import COLOURS, style

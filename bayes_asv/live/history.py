@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.live.bands import Z95
-from bayes_asv.live.scene import Scene
+from bayes_asv.live.metadata import Scene
 from bayes_asv.live.table import Table
-from bayes_asv.online.frames import Frames
+from bayes_asv.tracking.frames import Frames
 
 __all__ = ["RUN_POINTS", "SIDES", "TRACES", "History", "Snapshot"]
 

@@ -1,6 +1,6 @@
 """A recording that comes in as text, piece by piece: complete lines are read, the rest waits.
 
-What the readers of :mod:`bayes_asv.formats` take as a file is taken here as a stream: CSV with its
+What the readers of :mod:`bayes_asv.io` take as a file is taken here as a stream: CSV with its
 header, or the logger's rows of five integers, with ``# key = value`` lines before them.  A line
 that is no row is counted and left out, since a port may lose bytes and a file may not.
 """
@@ -13,11 +13,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.channels import CHANNELS
-from bayes_asv.errors import InputError
-from bayes_asv.formats import csv, logger
-from bayes_asv.formats.text import Text
-from bayes_asv.recording import LARGEST_NUMBER, Recording, half_car_only, nominal_rate
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import LARGEST_NUMBER, Recording, half_car_only, nominal_rate
+from bayes_asv.io import csv
+from bayes_asv.io import logger_text as logger
+from bayes_asv.io.text import Text
 
 __all__ = ["RESTART_GAP", "LineReader", "Piece"]
 

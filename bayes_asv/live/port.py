@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import PathLike
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike
 
 __all__ = ["BAUD", "PortReader"]
 

@@ -9,12 +9,12 @@ import threading
 import webbrowser
 from collections.abc import Callable
 
-from bayes_asv.live.pump import Filter, Pump
-from bayes_asv.live.scene import Scene
+from bayes_asv.live.metadata import Scene
 from bayes_asv.live.server import LiveServer
-from bayes_asv.live.show import Show
+from bayes_asv.live.session import Show
 from bayes_asv.live.sources import About, Source
-from bayes_asv.online.frames import Frames
+from bayes_asv.live.worker import Filter, Pump
+from bayes_asv.tracking.frames import Frames
 
 __all__ = ["follow"]
 

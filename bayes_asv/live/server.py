@@ -20,8 +20,8 @@ from importlib import resources
 from typing import Any, Final
 from urllib.parse import parse_qs
 
-from bayes_asv.errors import InputError
-from bayes_asv.live.show import Show
+from bayes_asv.domain.errors import InputError
+from bayes_asv.live.session import Show
 from bayes_asv.live.stream import WINDOWS, Viewer, scene_message
 
 __all__ = ["FRAMES_A_SECOND", "HEADERS", "LiveServer"]

@@ -10,10 +10,10 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.live.lines import LineReader, Piece
 from bayes_asv.live.port import PortReader
-from bayes_asv.recording import Recording, accelerations, nominal_rate
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["About", "PortSource", "RecordingSource", "Rows", "Source"]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.live.bands import Z95
+from bayes_asv.live.downsampling import bucket_rows, points_in, thinned
 from bayes_asv.live.history import RUN_POINTS, SIDES, TRACES, Snapshot
-from bayes_asv.live.scene import AXLES, Scene
-from bayes_asv.live.show import Moment, Show
-from bayes_asv.live.thin import bucket_rows, points_in, thinned
+from bayes_asv.live.metadata import AXLES, Scene
+from bayes_asv.live.session import Moment, Show
 from bayes_asv.live.words import card, consistency, travel
 
 __all__ = ["POINTS", "WINDOWS", "Viewer", "scene_message"]

@@ -12,8 +12,8 @@ from bayes_asv.live.bands import Z95
 from bayes_asv.live.braille import gauge, plotted, round_limits
 from bayes_asv.live.history import TRACES
 from bayes_asv.live.keys import pressed_keys
-from bayes_asv.live.scene import AXLES, Scene
-from bayes_asv.live.show import Moment, Show
+from bayes_asv.live.metadata import AXLES, Scene
+from bayes_asv.live.session import Moment, Show
 from bayes_asv.live.words import card, consistency, travel
 from bayes_asv.report.readable import number
 

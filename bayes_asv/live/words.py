@@ -6,7 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from bayes_asv.live.bands import Z95, normal_below
-from bayes_asv.live.scene import AXLES, Parameter, Scene
+from bayes_asv.live.metadata import AXLES, Parameter, Scene
 from bayes_asv.report.readable import number, percent, probability
 from bayes_asv.report.words import compare, likelihood_words
 

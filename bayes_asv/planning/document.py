@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.channels import CHANNELS
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.planning.grounds import Ground
 from bayes_asv.planning.pairs import ALWAYS, pairs
 from bayes_asv.planning.plan import Judged, Plan
@@ -29,7 +30,6 @@ from bayes_asv.planning.words import (
     speed,
     times_words,
 )
-from bayes_asv.units import display_units, from_si
 
 __all__ = ["PASSES", "SCHEMA", "plan_document"]
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.model.modes import modes
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.modes import modes
 from bayes_asv.planning.grounds import KINDS, Ground
 from bayes_asv.planning.motion import LEAD
 

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.timeline import Timeline
-from bayes_asv.vehicle import Given, Vehicle
+from bayes_asv.domain.vehicle import Given, Vehicle
+from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["SEEN", "information"]
 
@@ -37,12 +37,12 @@ _SPRING, _SHARE = 0.05, 0.01  # what a coordinate of a spring rate and the weigh
 _FILTERED = 0.98
 
 
-def information(line: Timeline, vehicle: Vehicle) -> Array:
+def information(line: PreparedRecording, vehicle: Vehicle) -> Array:
     """Information (6, 6) of one recording about the logarithms of :data:`SEEN`.
 
     Parameters
     ----------
-    line : Timeline
+    line : PreparedRecording
         The recording, laid out.
     vehicle : Vehicle
         The car that made it: its values are the truth here, its sensors' noise as well.
@@ -61,7 +61,7 @@ def information(line: Timeline, vehicle: Vehicle) -> Array:
         wdf=_loosened(vehicle.wdf, _SHARE),
     )
     where = space(loose, (line,))
-    target = Target(where, (WHITE,))
+    target = Posterior(where, (WHITE,))
     centre = np.zeros(where.dimension)
     if "filtered share 0" in where.names:
         centre[where.names.index("filtered share 0")] = ndtri(_FILTERED)

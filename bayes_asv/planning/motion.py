@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.errors import InputError
-from bayes_asv.model.halfcar import HalfCar
+from bayes_asv.domain.errors import InputError
+from bayes_asv.models.half_car import HalfCar
 from bayes_asv.planning.grounds import Ground, ground_under_tyre
 
 __all__ = ["LEAD", "Motion", "Pass", "Tyres", "assumed_tyres", "drive_all"]

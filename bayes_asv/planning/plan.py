@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.model.halfcar import HalfCar
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.half_car import HalfCar
 from bayes_asv.planning.grid import RATES, Planned, drives
 from bayes_asv.planning.grounds import KINDS, Ground
 from bayes_asv.planning.limits import Limit, limit
@@ -18,7 +19,6 @@ from bayes_asv.planning.motion import Motion, Pass, Tyres, assumed_tyres, drive_
 from bayes_asv.planning.sensing import with_assumed_noise
 from bayes_asv.planning.trial import Trial, attempt
 from bayes_asv.planning.widths import ANSWERS, Known, floors, known, passes_needed, widths
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["Judged", "Plan", "plan"]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.signal import lfilter
 
-from bayes_asv.channels import CHANNELS
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.recording import COUNTS, Recording
+from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.planning.motion import Motion
-from bayes_asv.recording import COUNTS, Recording
-from bayes_asv.vehicle import Sensor, Vehicle
 
 __all__ = ["ASSUMED_NOISE", "Felt", "extremes", "feel", "record", "with_assumed_noise"]
 

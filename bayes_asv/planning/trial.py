@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.channels import CHANNELS
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.preflight import PLAIN
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.grid import Planned
 from bayes_asv.planning.information import SEEN, information
 from bayes_asv.planning.motion import Motion
 from bayes_asv.planning.sensing import Felt, extremes, feel, record
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.preprocessing.data_checks import PLAIN
 
 __all__ = ["Trial", "attempt"]
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.coordinates import space
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.information import SEEN
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.posterior.parameter_space import space
 
 __all__ = ["ANSWERS", "GIVEN", "MOST_PASSES", "Known", "floors", "known", "passes_needed", "widths"]
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si, si_factor
 from bayes_asv.planning.grid import Planned
 from bayes_asv.planning.grounds import Ground
 from bayes_asv.planning.limits import Limit
 from bayes_asv.planning.pairs import ALWAYS, Pair, pairs
 from bayes_asv.planning.plan import Judged, Plan
 from bayes_asv.planning.widths import ANSWERS
-from bayes_asv.quantities import QUANTITIES
 from bayes_asv.report.readable import plain, readable_unit
-from bayes_asv.units import display_units, from_si, si_factor
 
 __all__ = [
     "always_words",

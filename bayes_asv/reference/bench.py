@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.model.discrete import simulate_linear
-from bayes_asv.model.halfcar import HalfCar, LinearSystem
+from bayes_asv.domain.vehicle import Sensor, Vehicle
+from bayes_asv.models.discretization import simulate_linear
+from bayes_asv.models.half_car import HalfCar, LinearSystem
 from bayes_asv.reference.modal import axle_matrices
-from bayes_asv.vehicle import Sensor, Vehicle
 
 __all__ = ["Bench", "engine_idling", "one_sensor_everywhere"]
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from bayes_asv import __version__
-from bayes_asv.cars import full_car, half_car4, quarter_cars, roll_car
-from bayes_asv.model.cars.shapes import Car, car_modes, places
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.from_vehicle import full_car, half_car4, quarter_cars, roll_car
+from bayes_asv.models.mode_shapes import Car, car_modes, places
 from bayes_asv.reference.document import clean, mode_document
 from bayes_asv.report.readable import percent, plain
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["CAR_MODES_SCHEMA", "TITLES", "car_modes_document", "car_modes_lines"]
 

@@ -9,15 +9,15 @@ from typing import Any, Final
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.model.modes import Mode
-from bayes_asv.quantities import QUANTITIES
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.models.modes import Mode
 from bayes_asv.reference.errata import errata
 from bayes_asv.reference.greybox import PointEstimate
 from bayes_asv.reference.printed import TABLE_81, UNITS
 from bayes_asv.reference.runs import Run
 from bayes_asv.reference.spectral import CLOSE, Study, wilson
 from bayes_asv.reference.tables import LABELS, Table
-from bayes_asv.units import display_units, from_si
 
 __all__ = [
     "GREYBOX_SCHEMA",

@@ -8,11 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.timeline import Timeline
-from bayes_asv.kernels.response import free_run
-from bayes_asv.model.halfcar import HalfCar, deflection_form
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.free_response import free_run
+from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.reference.integrated import Integrated, integrate, simulate_states
 from bayes_asv.reference.prediction_error import Fitted, minimise
 from bayes_asv.reference.residuals import (
@@ -22,7 +23,6 @@ from bayes_asv.reference.residuals import (
     independence,
     whiteness,
 )
-from bayes_asv.vehicle import Vehicle
 
 __all__ = [
     "COORDINATES",
@@ -171,7 +171,11 @@ def nominal_car(vehicle: Vehicle) -> HalfCar:
 
 
 def in_deflections(
-    line: Timeline, vehicle: Vehicle, *, initial: str = "estimated", warnings: tuple[str, ...] = ()
+    line: PreparedRecording,
+    vehicle: Vehicle,
+    *,
+    initial: str = "estimated",
+    warnings: tuple[str, ...] = (),
 ) -> PointEstimate:
     """Fit chassis accelerations to a free run from the wheel accelerations.
 
@@ -274,12 +278,12 @@ def _start(nominal: HalfCar) -> Array:
     return np.log([nominal.c_f, nominal.c_r, nominal.i])
 
 
-def _paired(line: Timeline, values: Array) -> Array:
+def _paired(line: PreparedRecording, values: Array) -> Array:
     """Model outputs (E, 2) by pairs of readings; what was not read is not needed."""
     return np.asarray(np.nan_to_num(line.paired(values)))
 
 
-def _wheels(line: Timeline, time: Array) -> Array:
+def _wheels(line: PreparedRecording, time: Array) -> Array:
     return np.stack([wheel.spline(time) for wheel in line.wheels], axis=1)
 
 

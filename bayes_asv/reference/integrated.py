@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend
 
-from bayes_asv.errors import InputError
-from bayes_asv.model.discrete import Step, exact_step
-from bayes_asv.model.halfcar import HalfCar, LinearSystem, position_form
-from bayes_asv.recording import Recording, accelerations, nominal_rate, sample_offsets
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording, accelerations, nominal_rate, sample_offsets
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.discretization import Step, exact_step
+from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
 
 __all__ = ["REMOVALS", "Integrated", "integrate", "simulate_states"]
 

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.model.modes import Mode
-from bayes_asv.model.second_order import second_order_modes
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.modes import Mode
+from bayes_asv.models.second_order import second_order_modes
 
 __all__ = ["Frequencies", "axle_matrices", "closed_form", "printed_damped", "printed_matrices"]
 

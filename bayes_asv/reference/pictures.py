@@ -8,7 +8,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.channels import CHANNELS
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.vehicle import Travel
 from bayes_asv.reference.bench import Bench
 from bayes_asv.reference.drawing import half_car
 from bayes_asv.reference.greybox import PointEstimate
@@ -17,7 +18,6 @@ from bayes_asv.reference.roundtrip import Exact
 from bayes_asv.reference.runs import Run
 from bayes_asv.reference.spectral import Study
 from bayes_asv.report.svg import COLOURS, Panel, canvas, panel, style
-from bayes_asv.vehicle import Travel
 
 __all__ = ["Picture", "pictures"]
 

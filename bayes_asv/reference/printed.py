@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.units import to_si
+from bayes_asv.domain.units import to_si
+from bayes_asv.models.half_car import HalfCar
 
 __all__ = [
     "TABLE_41",

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from bayes_asv.domain.units import from_si
 from bayes_asv.reference.bench import engine_idling, one_sensor_everywhere
 from bayes_asv.reference.document import reproduction_document
 from bayes_asv.reference.greybox import nominal_car
@@ -16,7 +17,6 @@ from bayes_asv.reference.roundtrip import exact_states, found_of, in_states, rou
 from bayes_asv.reference.runs import reproduce_runs, shipped_vehicle
 from bayes_asv.reference.spectral import DAMPINGS, spectral_study
 from bayes_asv.reference.tables import table_41, table_42, table_51, table_71
-from bayes_asv.units import from_si
 
 __all__ = ["RECORDS", "Reproduction", "reproduce"]
 

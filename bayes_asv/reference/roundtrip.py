@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.model.discrete import simulate_linear
-from bayes_asv.model.halfcar import HalfCar, position_form
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.discretization import simulate_linear
+from bayes_asv.models.half_car import HalfCar, position_form
 from bayes_asv.reference.greybox import PointEstimate, estimate_states, grey_box, nominal_car
 from bayes_asv.simulation.roads import Road
 from bayes_asv.simulation.simulate import simulate
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["POINTS", "Exact", "exact_states", "found_of", "in_states", "round_trip", "smooth_bump"]
 

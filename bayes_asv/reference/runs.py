@@ -11,13 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from bayes_asv.formats import read_recording
-from bayes_asv.inference.estimate import Estimate, estimate
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.estimate import Estimate, estimate
+from bayes_asv.io import read_recording
 from bayes_asv.reference.greybox import PointEstimate, drift, grey_box
 from bayes_asv.reference.integrated import REMOVALS, Integrated, integrate
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import Vehicle, read_vehicle
 
 __all__ = ["RUNS", "Run", "reproduce_runs", "shipped_vehicle"]
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks, periodogram, welch
 
-from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.model.modes import Mode, modes
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.modes import Mode, modes
 from bayes_asv.reference.modal import Frequencies
 from bayes_asv.reference.subspace import subspace_modes
 from bayes_asv.reference.whitenoise import expected_spectrum, white_drive

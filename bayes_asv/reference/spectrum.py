@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.signal import find_peaks, welch
 
-from bayes_asv.channels import CHANNELS
-from bayes_asv.errors import InputError
-from bayes_asv.recording import Recording, accelerations, nominal_rate
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
 
 __all__ = ["spectrum_document"]
 

@@ -12,8 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from bayes_asv.model.halfcar import HalfCar
-from bayes_asv.model.modes import modes
+from bayes_asv.domain.units import from_si
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.modes import modes
 from bayes_asv.reference.modal import axle_matrices, printed_way, right_way
 from bayes_asv.reference.printed import (
     TABLE_41,
@@ -26,7 +27,6 @@ from bayes_asv.reference.printed import (
     car_of_table_51,
     car_of_table_71,
 )
-from bayes_asv.units import from_si
 
 __all__ = ["COLUMNS", "Row", "Table", "quantities", "table_41", "table_42", "table_51", "table_71"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from bayes_asv.model.discrete import exact_step
-from bayes_asv.model.halfcar import HalfCar, LinearSystem, deflection_form
+from bayes_asv.models.discretization import exact_step
+from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
 
 __all__ = ["expected_spectrum", "velocity_form", "white_drive"]
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any, Final
 
-from bayes_asv.report.agreement_tables import agreement_table, check_table
-from bayes_asv.report.agreement_words import agreement_lines, check_limits, independent_lines
+from bayes_asv.report.budget_tables import budget_table, fault_table
+from bayes_asv.report.budget_words import halving_lines, width_limits
+from bayes_asv.report.consistency_tables import agreement_table, check_table
+from bayes_asv.report.consistency_words import agreement_lines, check_limits, independent_lines
 from bayes_asv.report.diagnose_content import (
     diagnose_limits,
     diagnose_sections,
@@ -33,8 +35,6 @@ from bayes_asv.report.track_words import (
     is_doubted,
     track_headline,
 )
-from bayes_asv.report.width_tables import budget_table, fault_table
-from bayes_asv.report.width_words import halving_lines, width_limits
 from bayes_asv.report.words import (
     LABELS,
     SHOWN,

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.workflow import Diagnosis
-from bayes_asv.inference.effects import rows
-from bayes_asv.inference.freerun import free_run
-from bayes_asv.inference.stage import Stage
-from bayes_asv.kernels.forces import excess_many
-from bayes_asv.kernels.innovations import VALUE
-from bayes_asv.model.effects import AXLES, Site
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.force_laws import excess_many
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.models.effects import AXLES, Site
+from bayes_asv.posterior.effects import rows
+from bayes_asv.posterior.fitted_model import FittedModel
+from bayes_asv.posterior.free_simulation import free_run
 
 __all__ = ["law_curves", "left_over"]
 
@@ -134,7 +134,7 @@ class _Law:
         )
 
 
-def _coordinates(stage: Stage, seed: int) -> Array:
+def _coordinates(stage: FittedModel, seed: int) -> Array:
     rng = np.random.default_rng([seed, 61])
     covariance = np.linalg.inv(stage.mode.slopes.precision())
     return rng.multivariate_normal(stage.mode.z, covariance, _DRAWS, method="eigh")
@@ -146,7 +146,7 @@ def _like(ranked: Array, wanted: Array) -> Array:
     return np.asarray(np.quantile(wanted, share))
 
 
-def _effects(stage: Stage, z: Array, found: Diagnosis) -> dict[Site, dict[str, Array]]:
+def _effects(stage: FittedModel, z: Array, found: Diagnosis) -> dict[Site, dict[str, Array]]:
     drawn = [stage.space.effects(one) for one in z]
     out: dict[Site, dict[str, Array]] = {}
     for site in stage.sites:
@@ -159,7 +159,7 @@ def _effects(stage: Stage, z: Array, found: Diagnosis) -> dict[Site, dict[str, A
     return out
 
 
-def _car(stage: Stage, z: Array, found: Diagnosis) -> dict[str, Array]:
+def _car(stage: FittedModel, z: Array, found: Diagnosis) -> dict[str, Array]:
     drawn = stage.space.quantities(z, found.seed)
     out: dict[str, Array] = {}
     for name in ("c_f", "c_r", "k_f", "k_r"):
@@ -175,7 +175,7 @@ def _car(stage: Stage, z: Array, found: Diagnosis) -> dict[str, Array]:
     return out
 
 
-def _visited(stage: Stage, axle: int) -> tuple[Array, Array]:
+def _visited(stage: FittedModel, axle: int) -> tuple[Array, Array]:
     """Grids (G,) of deflection and its rate over what the fitted runs visited, m and m/s."""
     states = np.concatenate(
         [

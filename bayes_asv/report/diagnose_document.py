@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.diagnosis.gap import Gap
-from bayes_asv.diagnosis.where import Cell
+from bayes_asv.diagnosis.localization import Cell
+from bayes_asv.diagnosis.simulation_error import Gap
 from bayes_asv.diagnosis.workflow import Diagnosis, Named
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.report.diagnose_curves import law_curves, left_over
 from bayes_asv.report.document import parameter_document
 from bayes_asv.report.effect_document import effect_value
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["SCHEMA", "diagnose_document"]
 

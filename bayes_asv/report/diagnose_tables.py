@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bayes_asv.quantities import QUANTITIES
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report.diagnose_words import closed_words, is_exact, name_of, place, spread
 from bayes_asv.report.readable import number, plain, probability, readable_unit
 from bayes_asv.report.tables import table

@@ -6,7 +6,7 @@ import math
 from typing import Any, Final
 
 from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, LEVEL, NOTICED
-from bayes_asv.quantities import QUANTITIES
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report.readable import number, percent, plain, probability, readable_unit
 
 __all__ = [

@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.channels import CHANNELS
-from bayes_asv.inference.colour import portmanteau
-from bayes_asv.inference.estimate import ANSWERS, DERIVED, Estimate, RunFit
-from bayes_asv.inference.parameters import CAR
-from bayes_asv.quantities import QUANTITIES
-from bayes_asv.report.agreement_document import agreement_document, checks_document
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.estimate import ANSWERS, DERIVED, Estimate, RunFit
+from bayes_asv.posterior.parameters import CAR
+from bayes_asv.posterior.residual_ar import portmanteau
+from bayes_asv.report.budget_document import width_document
+from bayes_asv.report.consistency_document import agreement_document, checks_document
 from bayes_asv.report.effect_document import effects_document
-from bayes_asv.report.width_document import width_document
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["SCHEMA", "estimate_document", "parameter_document"]
 
@@ -47,7 +47,7 @@ def estimate_document(result: Estimate) -> Document:
     Parameters
     ----------
     result : Estimate
-        From :func:`bayes_asv.inference.estimate.estimate`.
+        From :func:`bayes_asv.estimate.estimate`.
 
     Returns
     -------

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.model.effects import Parameter, Site
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Parameter, Site
 
 __all__ = ["effect_value", "effects_document"]
 

@@ -46,13 +46,9 @@ def figures(document: Document) -> list[Figure]:
         same bytes.
     """
     # matplotlib costs half a second, so nothing above imports it.
-    from bayes_asv.report import (
-        plots_agreement,
-        plots_parameters,
-        plots_residuals,
-        plots_time,
-        plots_width,
-    )
+    from bayes_asv.report import plots_budget as plots_width
+    from bayes_asv.report import plots_consistency as plots_agreement
+    from bayes_asv.report import plots_parameters, plots_residuals, plots_time
 
     found: list[Figure] = []
     with style():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from bayes_asv.quantities import QUANTITIES
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report.plots_time import AXLES, values_of
 from bayes_asv.report.readable import number, percent, readable_unit
 from bayes_asv.report.svg import COLOURS, Panel, canvas, panel

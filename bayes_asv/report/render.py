@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import write_whole
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_whole
 
 __all__ = ["check_suffix", "write_report"]
 

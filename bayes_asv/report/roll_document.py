@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.cars import roll_car
-from bayes_asv.inference.importance import Weighted
-from bayes_asv.inference.rolling.estimate import RollEstimate
-from bayes_asv.inference.rolling.posterior import ROLL_ANSWERS
-from bayes_asv.quantities import QUANTITIES
-from bayes_asv.units import display_units, from_si
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.models.from_vehicle import roll_car
+from bayes_asv.posterior.importance import Weighted
+from bayes_asv.posterior.roll.estimate import RollEstimate
+from bayes_asv.posterior.roll.posterior import ROLL_ANSWERS
 
 __all__ = ["ROLL_SCHEMA", "roll_document"]
 

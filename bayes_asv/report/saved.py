@@ -13,8 +13,8 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import PathLike, decode, read_bytes
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike, decode, read_bytes
 from bayes_asv.report.saved_diagnosis import SavedDiagnosis
 from bayes_asv.report.saved_document import SavedDocument
 from bayes_asv.report.saved_track import SavedTrack

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.online.frames import PARAMETERS, Frames
-from bayes_asv.quantities import QUANTITIES
-from bayes_asv.units import display_units, from_si
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.tracking.frames import PARAMETERS, Frames
 
 __all__ = ["Trace", "moments", "shown"]
 

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.online.consistency import LAGS, WINDOW
-from bayes_asv.online.frames import PARAMETERS
-from bayes_asv.online.track import Track
-from bayes_asv.quantities import QUANTITIES
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.report.trace import moments, shown
 from bayes_asv.report.track_words import consistency_lines
-from bayes_asv.units import display_units
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.tracking.consistency import LAGS, WINDOW
+from bayes_asv.tracking.frames import PARAMETERS
+from bayes_asv.tracking.track import Track
 
 __all__ = ["SCHEMA", "track_document"]
 
@@ -49,7 +49,7 @@ def track_document(result: Track, trace: str | None = None, seed: int = 0) -> Do
     Parameters
     ----------
     result : Track
-        From :func:`bayes_asv.online.track.track`.
+        From :func:`bayes_asv.tracking.track.track`.
     trace : str, optional
         File to which the trace was written.
     seed : int

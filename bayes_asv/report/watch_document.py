@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.online.fitness import unlearned
-from bayes_asv.online.tracker import Tracker
-from bayes_asv.online.watchdog import AXLES, Alarm, Watchdog
+from bayes_asv.tracking.alarm import AXLES, Alarm, AlarmMonitor
+from bayes_asv.tracking.data_checks import unlearned
+from bayes_asv.tracking.tracker import Tracker
 
 __all__ = ["watch_document"]
 
@@ -18,7 +18,7 @@ Document = dict[str, Any]
 
 
 def watch_document(
-    tracker: Tracker, dog: Watchdog, alarm: Alarm | None, source: str, seed: int = 0
+    tracker: Tracker, dog: AlarmMonitor, alarm: Alarm | None, source: str, seed: int = 0
 ) -> Document:
     """Tell a watch as plain data.
 
@@ -26,7 +26,7 @@ def watch_document(
     ----------
     tracker : Tracker
         As far as it came.
-    dog : Watchdog
+    dog : AlarmMonitor
         What was asked of it, and what it saw last.
     alarm : Alarm or None
         Its alarm.

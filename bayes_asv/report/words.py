@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
-from bayes_asv.report.agreement_words import (
+from bayes_asv.report.budget_words import width_steps
+from bayes_asv.report.consistency_words import (
     agreement_headline,
     agreement_lines,
     agreement_steps,
 )
 from bayes_asv.report.readable import number, percent, plain, probability, readable_unit
-from bayes_asv.report.width_words import width_steps
 
 __all__ = [
     "Comparison",

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.cars import roll_car
-from bayes_asv.channels import ROLL_CHANNELS
-from bayes_asv.model.cars.assembly import SecondOrder, state_form
-from bayes_asv.model.cars.roll import RollCar, deflections
-from bayes_asv.model.discrete import simulate_linear
-from bayes_asv.recording import Recording
+from bayes_asv.domain.channels import ROLL_CHANNELS
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.assembly import SecondOrder, state_form
+from bayes_asv.models.discretization import simulate_linear
+from bayes_asv.models.from_vehicle import roll_car
+from bayes_asv.models.roll_car import RollCar, deflections
 from bayes_asv.simulation.roads import Road
 from bayes_asv.simulation.simulate import SETTLE, fine_grid, hub_acceleration, read_out
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["RollDrive", "follow", "simulate_roll"]
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.channels import CHANNELS
-from bayes_asv.model.discrete import simulate_linear
-from bayes_asv.model.halfcar import HalfCar, LinearSystem, deflection_form
-from bayes_asv.recording import Recording
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.units import si_factor
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.discretization import simulate_linear
+from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
 from bayes_asv.simulation.roads import Road
-from bayes_asv.units import si_factor
-from bayes_asv.vehicle import Vehicle
 
 __all__ = ["FINE", "SETTLE", "Drive", "fine_grid", "hub_acceleration", "read_out", "simulate"]
 

@@ -14,10 +14,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from bayes_asv.diagnosis.slack import Unexplained
-from bayes_asv.diagnosis.unlisted import Nameless
-from bayes_asv.errors import InputError
-from bayes_asv.inference.stage import Setting, Stage, fitted
+from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.unlisted_faults_test import Nameless
+from bayes_asv.domain.errors import InputError
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 
 __all__ = ["ABLATIONS", "Ablation", "known", "without"]
 
@@ -62,7 +62,7 @@ def without(name: str | None) -> Iterator[None]:
         yield
 
 
-def _on_wheels_as_read(where: Setting, stage: Stage) -> tuple[Setting, Stage]:
+def _on_wheels_as_read(where: Dataset, stage: FittedModel) -> tuple[Dataset, FittedModel]:
     return where, fitted(where.target(stage.sites), stage.mode.z)
 
 

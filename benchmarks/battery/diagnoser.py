@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from bayes_asv.errors import InputError
-from bayes_asv.formats import write_recording
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle, write_vehicle
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, write_vehicle
+from bayes_asv.io import write_recording
 from benchmarks.battery.ablations import known, without
 
 __all__ = ["DEFAULT", "Diagnoser", "by_command", "in_process", "resolve"]

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from bayes_asv.errors import InputError
-from bayes_asv.units import si_factor
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.units import si_factor
 from benchmarks.battery.run import Result
 from tests.battery.effects import EFFECTS
 from tests.battery.truth import TrueEffect, Truth

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import write_whole
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_whole
 
 __all__ = ["append", "pack", "read", "write"]
 

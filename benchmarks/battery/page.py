@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import write_whole
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_whole
 from benchmarks.battery import pictures
 from benchmarks.battery.ablations import ABLATIONS
 from benchmarks.battery.cells import CELLS

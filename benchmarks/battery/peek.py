@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.battery.__main__ import RESULTS
 from benchmarks.battery.judge import Judged
 from benchmarks.battery.page import judged

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.battery.cells import Cell, in_turn
 from benchmarks.battery.diagnoser import Diagnoser, resolve
 from benchmarks.battery.lines import append, pack, read, write

@@ -16,8 +16,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bayes_asv.errors import InputError
-from bayes_asv.vehicle import to_toml
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.vehicle import to_toml
 from benchmarks.battery.cells import Cell, in_turn
 from benchmarks.battery.lines import append, read, write
 from benchmarks.battery.share import shared

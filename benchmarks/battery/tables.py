@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from bayes_asv.channels import CHANNELS
+from bayes_asv.domain.channels import CHANNELS
 from benchmarks.battery.cells import GROUPS, Group
 from benchmarks.battery.intervals import Share, counted
 from benchmarks.battery.judge import PARAMETERS, Judged

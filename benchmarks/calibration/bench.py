@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from bayes_asv import __version__
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.calibration.cells import Cell
 from benchmarks.calibration.run import Row, several
 from benchmarks.calibration.store import About, append, drop, load

@@ -24,10 +24,10 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import Space
-from bayes_asv.inference.timeline import Timeline, build
-from bayes_asv.inference.wheels import WheelSignal, moments
+from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 from benchmarks.calibration.dense import suspension
 from benchmarks.calibration.quantities import coordinates, log_spread
 from benchmarks.calibration.rig_runs import Case
@@ -44,7 +44,7 @@ _WHEELS_THEN_CHASSIS = (0, 2, 1, 3)
 
 
 @dataclass(frozen=True)
-class _KnownNoise(Space):
+class _KnownNoise(ParameterSpace):
     """The estimator's coordinates with the noise as it truly is, whatever they say of it.
 
     Parameters
@@ -60,14 +60,14 @@ class _KnownNoise(Space):
         return np.tile(self.known, (len(z), 1))
 
 
-def bounds(case: Case, space: Space, names: tuple[str, ...]) -> dict[str, float]:
+def bounds(case: Case, space: ParameterSpace, names: tuple[str, ...]) -> dict[str, float]:
     """Least deviation of the logarithm of each quantity.
 
     Parameters
     ----------
     case : Case
         A drive and its truth.
-    space : Space
+    space : ParameterSpace
         Coordinates and priors of the estimator for this drive.
     names : tuple of str
         Quantities.
@@ -82,11 +82,11 @@ def bounds(case: Case, space: Space, names: tuple[str, ...]) -> dict[str, float]
     return {name: log_spread(space, covariance[:r, :r], name) for name in names}
 
 
-def information(case: Case, space: Space) -> Array:
+def information(case: Case, space: ParameterSpace) -> Array:
     """Information (n, n) in the readings about the n coordinates of the car, prior left out."""
-    own = {entry.name: getattr(space, entry.name) for entry in fields(Space)}
+    own = {entry.name: getattr(space, entry.name) for entry in fields(ParameterSpace)}
     own["timelines"] = (_ideal(case),)
-    target = Target(_KnownNoise(**own, known=true_noise(case.sensors)), (WHITE,))
+    target = Posterior(_KnownNoise(**own, known=true_noise(case.sensors)), (WHITE,))
     z = coordinates(space, case.car)
     columns = []
     for k in range(space.car_dimension):
@@ -118,7 +118,7 @@ def true_wheels(motion: Motion, sensors: SensorSpec) -> tuple[Array, Array]:
     return motion.time[::_EVERY], np.stack(passed)[:, ::_EVERY]
 
 
-def _ideal(case: Case) -> Timeline:
+def _ideal(case: Case) -> PreparedRecording:
     """Lay out the true wheel motion at the recording's instants, with readings that fit it."""
     boundless = tuple(replace(s, low=-math.inf, high=math.inf) for s in case.vehicle.sensors)
     vehicle = replace(case.vehicle, sensors=boundless)  # type: ignore[arg-type]

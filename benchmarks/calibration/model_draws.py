@@ -1,7 +1,7 @@
 """Recordings drawn from the estimator's own model: what simulation-based calibration stands on.
 
 The wheels' readings are given, from some drive; the car, the noise and everything else are drawn
-from the prior, and then the chassis' readings from the model as ``kernels/innovations.py`` states
+from the prior, and then the chassis' readings from the model as ``filters/kalman.py`` states
 it.  This is a second, readable form of that model, with matrix exponentials in place of series
 and no Kalman filter: states and noise are simply simulated.
 """
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.timeline import Timeline, build
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.preprocessing.timeline import PreparedRecording, build
 from benchmarks.calibration.cells import Cell
 from benchmarks.calibration.dense import suspension
 from benchmarks.calibration.rig_runs import drive_cell
@@ -81,7 +81,7 @@ def draw_run(cell: Cell, seed: int, run: int) -> Drawn:
     return Drawn(_as_recording(case.recording, line, readings), vehicle, where.names, z[0], car)
 
 
-def _as_recording(recording: Recording, line: Timeline, readings: Array) -> Recording:
+def _as_recording(recording: Recording, line: PreparedRecording, readings: Array) -> Recording:
     """Put drawn readings (E, 2) into their rows; rows that no step reaches stay as they are."""
     values = recording.values.copy()
     for axle, c in enumerate((1, 3)):
@@ -91,12 +91,14 @@ def _as_recording(recording: Recording, line: Timeline, readings: Array) -> Reco
     return Recording(recording.time, values, recording.units, recording.metadata, recording.source)
 
 
-def chassis_readings(line: Timeline, car: Array, noise: Array, rng: np.random.Generator) -> Array:
+def chassis_readings(
+    line: PreparedRecording, car: Array, noise: Array, rng: np.random.Generator
+) -> Array:
     """Draw both chassis readings (E, 2), m/s², at every instant of a timeline.
 
     Parameters
     ----------
-    line : Timeline
+    line : PreparedRecording
         Gives instants, wheel motion, intensities and what the state may be at first; its own
         readings are not looked at.
     car, noise : (8,) and (12,) arrays
@@ -114,7 +116,7 @@ def chassis_readings(line: Timeline, car: Array, noise: Array, rng: np.random.Ge
     return np.asarray(y)
 
 
-def driven_states(line: Timeline, car: Array) -> Array:
+def driven_states(line: PreparedRecording, car: Array) -> Array:
     """States (E, 4) of a car that starts at rest and follows the wheels' splines, exactly.
 
     On each piece of the splines the input is a cubic; with its derivatives as further states the
@@ -153,7 +155,9 @@ def driven_states(line: Timeline, car: Array) -> Array:
     return out
 
 
-def noisy_states(line: Timeline, car: Array, noise: Array, rng: np.random.Generator) -> Array:
+def noisy_states(
+    line: PreparedRecording, car: Array, noise: Array, rng: np.random.Generator
+) -> Array:
     """States (E, 4) that initial state and the wheels' noise add.
 
     Over a step filtered noise is held and white noise has the intensity that the timeline

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import write_whole
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_whole
 from benchmarks.calibration import pictures
 from benchmarks.calibration.cells import (
     CELLS,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.files import write_whole
+from bayes_asv.domain.files import write_whole
 from benchmarks.calibration.cells import GROUPS, NAMES, TERRAIN_NAMES
 from benchmarks.calibration.summary import Summary
 from benchmarks.calibration.uniformity import bands, differences, histogram_band, points

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from bayes_asv.inference.bestfit import BestFit
-from bayes_asv.inference.importance import Weighted, importance
-from bayes_asv.inference.sampler import run_ensembles
+from bayes_asv.posterior.importance import Weighted, importance
+from bayes_asv.posterior.map_fit import MapFit
+from bayes_asv.posterior.sampler import run_ensembles
 from benchmarks.calibration.quantities import Conditional
 
 __all__ = ["ENOUGH", "Posterior", "place", "posterior", "spread"]
@@ -43,12 +43,12 @@ class Posterior:
     converged: bool = True
 
 
-def posterior(fit: BestFit, seed: int) -> Posterior:
+def posterior(fit: MapFit, seed: int) -> Posterior:
     """Draw from the posterior at a fit.
 
     Parameters
     ----------
-    fit : BestFit
+    fit : MapFit
         Mode, curvature and density.
     seed : int
         Same seed, same draws.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.parameters import CAR, Space
+from bayes_asv.posterior.parameters import CAR, ParameterSpace
 
 __all__ = ["Conditional", "car_quantities", "coordinates", "log_spread", "nuisance"]
 
@@ -51,18 +51,18 @@ def exponents(name: str) -> Array:
 
 
 def car_quantities(
-    space: Space, z: Array, truth: Array, names: tuple[str, ...]
+    space: ParameterSpace, z: Array, truth: Array, names: tuple[str, ...]
 ) -> dict[str, Conditional]:
     """Logarithms of the car's quantities for coordinates (S, D) and a true car (8,).
 
     Parameters
     ----------
-    space : Space
+    space : ParameterSpace
         Coordinates and priors.
     z : (S, D) array
         Draws.
     truth : (8,) array
-        In the order of :data:`bayes_asv.inference.parameters.CAR`, SI.
+        In the order of :data:`bayes_asv.posterior.parameters.CAR`, SI.
     names : tuple of str
         Of c_f, c_r, i, m, l, k_f, k_r, k_g; one that is exact is left out.
     """
@@ -82,12 +82,12 @@ def car_quantities(
     return out
 
 
-def nuisance(space: Space, z: Array, truth: Array) -> dict[str, Conditional]:
+def nuisance(space: ParameterSpace, z: Array, truth: Array) -> dict[str, Conditional]:
     """Every other coordinate: weight share, noise levels, filtered share, as they are sampled.
 
     Parameters
     ----------
-    space : Space
+    space : ParameterSpace
         Coordinates and priors.
     z, truth : (S, D) and (D,) arrays
         Draws and the true coordinates.
@@ -99,7 +99,7 @@ def nuisance(space: Space, z: Array, truth: Array) -> dict[str, Conditional]:
     }
 
 
-def coordinates(space: Space, truth: Array) -> Array:
+def coordinates(space: ParameterSpace, truth: Array) -> Array:
     """Coordinates (D,) of a true car (8,), everything that is not the car at its prior's centre."""
     logs = np.log([truth[CAR.index(name)] for name in _LOGS])
     there = space.log_sd > 0.0
@@ -113,7 +113,7 @@ def coordinates(space: Space, truth: Array) -> Array:
     return z
 
 
-def log_spread(space: Space, covariance: Array, name: str) -> float:
+def log_spread(space: ParameterSpace, covariance: Array, name: str) -> float:
     """Deviation of the logarithm of a quantity under a covariance (r, r) of what is seen."""
     scaled = exponents(name) * space.log_sd
     seen, unseen = scaled @ space.seen, scaled @ space.unseen

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.parameters import CAR
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.posterior.parameters import CAR
 from benchmarks.calibration.cells import MODEL, TERRAIN_NAMES, Cell
 from tests.rig import (
     DECLARED_SDS,
@@ -52,7 +52,7 @@ class Case:
     vehicle : Vehicle
         What the team says.
     car : (8,) array
-        The true car in the order of :data:`bayes_asv.inference.parameters.CAR`, SI.
+        The true car in the order of :data:`bayes_asv.posterior.parameters.CAR`, SI.
     sensors : SensorSpec
         The true sensors.
     motion : Motion

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.inference.bestfit import BestFit, best_fit, lay_out
-from bayes_asv.inference.estimate import estimate
-from bayes_asv.inference.likelihood import Target
-from bayes_asv.inference.sampler import run_ensembles
+from bayes_asv.estimate import estimate
+from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.sampler import run_ensembles
 from benchmarks.calibration.bound import bounds
 from benchmarks.calibration.cells import MODEL, NAMES, Cell
 from benchmarks.calibration.model_draws import Drawn, draw_run
@@ -148,7 +148,7 @@ def _from_the_model(cell: Cell, drawn: Drawn, run: int) -> Row:
     return replace(row, checked={name: _by_counting(x, truth) for name, (x, truth) in logs.items()})
 
 
-def _everything(fit: BestFit, z: Array, drawn: Drawn) -> dict[str, Conditional]:
+def _everything(fit: MapFit, z: Array, drawn: Drawn) -> dict[str, Conditional]:
     # a fit that takes white noise for coloured may sample fewer coordinates than were drawn
     truth = np.array([drawn.z[drawn.names.index(name)] for name in fit.space.names])
     out = car_quantities(fit.space, z, drawn.car, _MODEL_NAMES) | nuisance(fit.space, z, truth)
@@ -163,7 +163,7 @@ def _by_counting(x: Array, truth: float) -> tuple[float, float]:
     return float(np.mean(x < truth)), float(high - low) / (2.0 * 1.959964)
 
 
-def _order(target: Target) -> int:
+def _order(target: Posterior) -> int:
     return max(colour.order for colour in target.colours)
 
 

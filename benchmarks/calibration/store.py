@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from bayes_asv.errors import InputError
-from bayes_asv.files import write_whole
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_whole
 from benchmarks.calibration.run import Row
 
 __all__ = ["About", "Results", "append", "drop", "load", "pack"]

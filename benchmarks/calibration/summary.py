@@ -19,7 +19,7 @@ __all__ = [
     "LEAST_ON_STOPS",
     "LEAST_UNDER_STRAIN",
     "WIDEST",
-    "Agreement",
+    "RunConsistency",
     "Summary",
     "Verdict",
     "adjusted",
@@ -109,7 +109,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class RunConsistency:
     """Weighted draws against the product's own ensembles on the same recordings.
 
     Parameters
@@ -249,7 +249,7 @@ def _share(one: Coverage) -> str:
     return f"{100 * one.share:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
 
-def agreement(results: dict[str, Results]) -> Agreement | None:
+def agreement(results: dict[str, Results]) -> RunConsistency | None:
     """Compare what was sampled both ways; None when nothing was."""
     place, width = [], []
     runs = 0
@@ -263,7 +263,7 @@ def agreement(results: dict[str, Results]) -> Agreement | None:
     if not place:
         return None
     apart = np.abs(place)
-    return Agreement(
+    return RunConsistency(
         runs=runs,
         place=float(np.sqrt(np.mean(apart**2))),
         largest=float(apart.max()),

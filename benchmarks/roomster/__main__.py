@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.inference.agreement import compare_runs
-from bayes_asv.inference.fit import simulate_free
-from bayes_asv.inference.timeline import Timeline
-from bayes_asv.kernels.innovations import VALUE
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.analysis.run_consistency import compare_runs
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.preprocessing.timeline import PreparedRecording
 from benchmarks.roomster import drives as of
 from benchmarks.roomster.picture import draw_picture
 from benchmarks.roomster.prediction import Learnt, learn, learn_reference, predict
@@ -112,7 +112,7 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
     return out
 
 
-def _shown(line: Timeline, learnt: Learnt) -> Row:
+def _shown(line: PreparedRecording, learnt: Learnt) -> Row:
     """Take a few seconds of a drive and of its prediction, for the picture."""
     outputs = np.stack([simulate_free(line, car).output for car in learnt.cars])
     time = line.instants - line.instants[0]

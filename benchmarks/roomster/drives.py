@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.formats import read_recording
-from bayes_asv.inference.agreement import RunAlone, run_alone
-from bayes_asv.inference.bestfit import best_fit, lay_out
-from bayes_asv.inference.between import Contrast, Site, contrast
-from bayes_asv.inference.coherence import coherence
-from bayes_asv.inference.fit import simulate_free
-from bayes_asv.inference.parameters import CAR
-from bayes_asv.inference.timeline import Timeline, build
-from bayes_asv.kernels.innovations import VALUE
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.analysis.random_effects import Contrast, Site, contrast
+from bayes_asv.analysis.run_consistency import SingleRunFit, run_alone
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.io import read_recording
+from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.parameters import CAR
+from bayes_asv.preprocessing.coherence import coherence
+from bayes_asv.preprocessing.timeline import PreparedRecording, build
 
 __all__ = [
     "BELOW", "CUT", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",
@@ -51,7 +51,7 @@ def read_all(folder: Path) -> tuple[dict[str, Recording], Vehicle]:
 
 def run_of(
     recording: Recording, vehicle: Vehicle, seed: int, below: float = BELOW
-) -> tuple[Timeline, RunAlone]:
+) -> tuple[PreparedRecording, SingleRunFit]:
     """Lay a drive out below a frequency and ask it alone."""
     lines, reasons, _ = lay_out([recording], vehicle, below)
     if reasons:
@@ -59,14 +59,14 @@ def run_of(
     return lines[0], run_alone(lines[0], vehicle, seed)
 
 
-def ratios(run: RunAlone) -> Array:
+def ratios(run: SingleRunFit) -> Array:
     """c_f/m, c_r/m (1/s), i/m (m²), k_f/m, k_r/m (1/s²) and the weight share: draws (S, 6)."""
     car = dict(zip(CAR, run.fit.space.cars(run.z).T, strict=True))
     over_mass = [car[name] / car["m"] for name in ("c_f", "c_r", "i", "k_f", "k_r")]
     return np.stack([*over_mass, car["wdf"]], axis=1)
 
 
-def left_over(line: Timeline, car: Array) -> Array:
+def left_over(line: PreparedRecording, car: Array) -> Array:
     """Root mean square of what a free-running car leaves of each chassis channel, a share (2,)."""
     output = simulate_free(line, car).output
     out = np.empty(2)
@@ -77,7 +77,7 @@ def left_over(line: Timeline, car: Array) -> Array:
     return out
 
 
-def posterior_row(line: Timeline, run: RunAlone) -> Row:
+def posterior_row(line: PreparedRecording, run: SingleRunFit) -> Row:
     """Tell one drive's posterior and how much its car leaves unexplained."""
     draws = ratios(run)
     names = ("c_f/m", "c_r/m", "i/m", "k_f/m", "k_r/m", "wdf")
@@ -116,7 +116,9 @@ def coherence_row(recording: Recording, vehicle: Vehicle, car: Array) -> Row:
     }
 
 
-def _left_by_car(line: Timeline, car: Array, bands: Sequence[tuple[float, float]]) -> list[Array]:
+def _left_by_car(
+    line: PreparedRecording, car: Array, bands: Sequence[tuple[float, float]]
+) -> list[Array]:
     """Shares (2,) of the power in each band that a free-running car leaves over."""
     from scipy.signal import welch
 
@@ -145,12 +147,12 @@ def at_full_band(recording: Recording, vehicle: Vehicle) -> Row:
     }
 
 
-def between(runs: Sequence[RunAlone], counted: bool) -> Contrast:
+def between(runs: Sequence[SingleRunFit], counted: bool) -> Contrast:
     """Test whether runs share c_f, c_r and i, given values shared.
 
     Parameters
     ----------
-    runs : sequence of RunAlone
+    runs : sequence of SingleRunFit
         Drives.
     counted : bool
         Whether readings count for the share that the parts of each drive say, or all of them.
@@ -173,7 +175,9 @@ def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> R
     return {"q": plain.q, "q_counted": counted.q, "freedom": plain.freedom}
 
 
-def variants(recording: Recording, vehicle: Vehicle, seed: int) -> tuple[Row, dict[str, RunAlone]]:
+def variants(
+    recording: Recording, vehicle: Vehicle, seed: int
+) -> tuple[Row, dict[str, SingleRunFit]]:
     """Ask a drive again: wheels stamped later, read larger or smaller, or without its ends."""
     changed = {"as given": recording}
     for lag in LAGS:
@@ -199,7 +203,7 @@ def variants(recording: Recording, vehicle: Vehicle, seed: int) -> tuple[Row, di
     return row, runs
 
 
-def _way(run: RunAlone) -> Array:
+def _way(run: SingleRunFit) -> Array:
     """Directions of c_f, c_r and i in the coordinates of the car."""
     where = run.fit.space
     n = where.car_dimension

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from bayes_asv.inference.fit import simulate_free
-from bayes_asv.inference.timeline import Timeline
-from bayes_asv.kernels.innovations import VALUE
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Learnt", "Reference", "learn", "learn_reference", "predict"]
 
@@ -65,7 +65,7 @@ class Reference:
     left: dict[str, Array]
 
 
-def _scored(line: Timeline) -> NDArray[np.int64]:
+def _scored(line: PreparedRecording) -> NDArray[np.int64]:
     """Instants (R,) of the pairs of readings that every predictor can tell.
 
     The filter needs readings before and after; and at its ends a drive has the transients of
@@ -77,26 +77,26 @@ def _scored(line: Timeline) -> NDArray[np.int64]:
     return np.asarray(both[ends : len(both) - ends], np.int64)
 
 
-def _wheels(line: Timeline, shift: float = 0.0) -> Array:
+def _wheels(line: PreparedRecording, shift: float = 0.0) -> Array:
     """Both wheels (R, 2) at the scored instants, or so much (s) before them."""
     time = line.instants[_scored(line)] - shift
     return np.stack([wheel.spline(time) for wheel in line.wheels], axis=1)
 
 
-def _taps(line: Timeline) -> Array:
+def _taps(line: PreparedRecording) -> Array:
     """Wheels around each scored reading (R, 30)."""
     shifts = range(-_AFTER, _BEFORE + 1)
     return np.concatenate([_wheels(line, k * line.reading_step) for k in shifts], axis=1)
 
 
-def learn(line: Timeline, cars: Array, best: Array) -> Learnt:
+def learn(line: PreparedRecording, cars: Array, best: Array) -> Learnt:
     """Take cars of a drive's posterior, and the size of what its best car left."""
     picked = cars[np.linspace(0, len(cars) - 1, CARS).astype(int)]
     error = (line.reading - simulate_free(line, best).output)[_scored(line)]
     return Learnt(picked, np.asarray(error.std(axis=0), np.float64))
 
 
-def learn_reference(line: Timeline) -> Reference:
+def learn_reference(line: PreparedRecording) -> Reference:
     """Fit the predictors that know no car to a drive."""
     y, taps = line.reading[_scored(line)], _taps(line)
     weights, *_ = np.linalg.lstsq(taps, y, rcond=None)
@@ -107,12 +107,12 @@ def learn_reference(line: Timeline) -> Reference:
     return Reference(np.asarray(weights.T, np.float64), left)
 
 
-def predict(line: Timeline, learnt: Learnt, reference: Reference) -> Row:
+def predict(line: PreparedRecording, learnt: Learnt, reference: Reference) -> Row:
     """Score the prediction of a drive.
 
     Parameters
     ----------
-    line : Timeline
+    line : PreparedRecording
         The drive.
     learnt, reference : Learnt and Reference
         From another one.

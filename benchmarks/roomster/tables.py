@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bayes_asv.files import write_whole
+from bayes_asv.domain.files import write_whole
 from benchmarks.roomster.drives import HELD_OUT, WORKED_ON
 
 __all__ = ["PAGE", "tables", "write_tables"]

@@ -12,7 +12,7 @@ from bayes_asv.acquire.messages import Settings
 from bayes_asv.acquire.outcome import Outcome
 from bayes_asv.acquire.port import GoneError
 from bayes_asv.acquire.run import Request
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from tests.acquire.fake import FakeLogger
 from tests.acquire.made import Made, counts, stream
 from tests.firmware.frames import (

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from bayes_asv.acquire.blocks import Block
 from bayes_asv.acquire.frames import Frame
 from bayes_asv.acquire.merge import Merged, merged, ranges
-from bayes_asv.formats import read_recording, write_recording
-from bayes_asv.recording import sample_offsets
+from bayes_asv.domain.recording import sample_offsets
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.io import read_recording, write_recording
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import read_vehicle
 from tests.acquire.made import Made, counts
 
 DELAYS = (1110 / 4e6, 2774 / 4e6)

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from bayes_asv.acquire.port import GoneError, KeptPort, found_port
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 
 
 class Plug:

@@ -8,12 +8,12 @@ import pytest
 from bayes_asv.acquire.job import acquire
 from bayes_asv.acquire.run import Request
 from bayes_asv.acquire.watch import Watch
-from bayes_asv.errors import InputError
-from bayes_asv.online.track import track
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.tracking.track import track
 from tests.acquire.fake import FakeLogger
 from tests.acquire.made import Made
 from tests.firmware.scenarios import counts_of

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from tests.battery.clutter import cluttered
 from tests.battery.courses import (
     TERRAIN_NAMES,

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
 from tests.battery.effects import SECONDS
 from tests.battery.world import Seen, World
 from tests.rig import (

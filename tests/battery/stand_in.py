@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
 from tests.battery.effects import EFFECTS
 
 __all__ = ["agrees", "breaks", "dice", "is_no_number"]

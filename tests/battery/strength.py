@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import Space
-from bayes_asv.inference.timeline import build
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.preprocessing.timeline import build
 
 __all__ = ["Scaled", "carried", "left_over", "scaled", "without_rails"]
 
@@ -105,20 +105,20 @@ def carried(recordings: Sequence[Recording], vehicle: Vehicle, car: Array) -> fl
     return float(np.sum(_innovations(_target(recordings, vehicle), car) ** 2))
 
 
-def _target(recordings: Sequence[Recording], vehicle: Vehicle) -> Target:
+def _target(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
     plain = without_rails(vehicle)
     where = space(plain, tuple(build(recording, plain) for recording in recordings))
-    return Target(where, (WHITE,) * len(recordings))
+    return Posterior(where, (WHITE,) * len(recordings))
 
 
-def _innovations(target: Target, car: Array) -> Array:
+def _innovations(target: Posterior, car: Array) -> Array:
     """Innovations of a car, (N,), in deviations; noise is as given."""
     z = np.concatenate([car, _levels(target.space)])
     runs = range(len(target.space.timelines))
     return np.concatenate([target.innovations(z, run).ravel() for run in runs])
 
 
-def _levels(where: Space) -> Array:
+def _levels(where: ParameterSpace) -> Array:
     """Noise coordinates: levels as given, all of it behind the sensor's filter."""
     names = where.names[where.lasting_dimension :]
     return np.array([_ALL_FILTERED if name.startswith("filtered") else 0.0 for name in names])

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.battery.ablations import ABLATIONS, without
 from benchmarks.battery.diagnoser import DEFAULT, resolve
 from tests.battery.cases import case

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.battery import peek
 from benchmarks.battery import run as run_module
 from benchmarks.battery import seal as seal_module

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.battery.intervals import Share, bootstrap, counted
 from benchmarks.battery.judge import Judged, judge
 from benchmarks.battery.reliability import bins, calibration_error

@@ -13,8 +13,8 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
-from bayes_asv.recording import Recording, accelerations, sample_offsets
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.recording import Recording, accelerations, sample_offsets
+from bayes_asv.domain.vehicle import Vehicle
 from benchmarks.calibration.dense import Noise, respond
 from tests.battery.cases import declared
 from tests.battery.courses import Drive, as_recording, driven

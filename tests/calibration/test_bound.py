@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.parameters import CAR
-from bayes_asv.inference.timeline import build
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import CAR
+from bayes_asv.preprocessing.timeline import build
 from benchmarks.calibration import dense
 from benchmarks.calibration.bound import bounds, information, true_noise, true_wheels
 from benchmarks.calibration.cells import Cell, Group

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.likelihood import WHITE, Target
-from bayes_asv.inference.parameters import Space
-from bayes_asv.inference.timeline import Timeline, build
-from bayes_asv.model.discrete import simulate_linear
-from bayes_asv.model.halfcar import HalfCar, deflection_form
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.models.discretization import simulate_linear
+from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.preprocessing.timeline import PreparedRecording, build
 from benchmarks.calibration.cells import MODEL, Cell, Group
 from benchmarks.calibration.model_draws import chassis_readings, draw_run, driven_states
 from benchmarks.calibration.rig_runs import drive_cell
@@ -30,30 +30,32 @@ RUNS = 20
 
 
 @pytest.fixture(scope="module")
-def drawn() -> tuple[Timeline, Space]:
+def drawn() -> tuple[PreparedRecording, ParameterSpace]:
     """A short drive over a bump, laid out."""
     case = drive_cell(BUMP, 1, 0)
     line = build(case.recording, case.vehicle)
     return line, space(case.vehicle, (line,))
 
 
-def _targets(line: Timeline, where: Space, truth: Array, runs: int, seed: int) -> list[Target]:
+def _targets(
+    line: PreparedRecording, where: ParameterSpace, truth: Array, runs: int, seed: int
+) -> list[Posterior]:
     """Posteriors of recordings drawn at a truth."""
     rng = np.random.default_rng(seed)
     car, noise = where.cars(truth[None])[0], where.noises(truth[None], 0)[0]
     out = []
     for _ in range(runs):
         mine = replace(line, reading=chassis_readings(line, car, noise, rng))
-        out.append(Target(replace(where, timelines=(mine,)), (WHITE,)))
+        out.append(Posterior(replace(where, timelines=(mine,)), (WHITE,)))
     return out
 
 
-def _squares(targets: list[Target], z: Array) -> float:
+def _squares(targets: list[Posterior], z: Array) -> float:
     return float(sum(np.sum(target.innovations(z, 0) ** 2) for target in targets))
 
 
 def test_innovations_of_draws_are_as_large_as_the_kernel_says(
-    drawn: tuple[Timeline, Space],
+    drawn: tuple[PreparedRecording, ParameterSpace],
 ) -> None:
     """Whitened squares of 20 recordings (seed 6) sum to a χ²; false alarm one in 5000.
 
@@ -95,7 +97,7 @@ def test_readings_have_the_covariance_that_the_kernel_states() -> None:
 
 
 def test_driven_states_are_the_exact_response_to_the_splines(
-    drawn: tuple[Timeline, Space],
+    drawn: tuple[PreparedRecording, ParameterSpace],
 ) -> None:
     """Against the exact response to straight pieces so short that they are the spline."""
     line, where = drawn

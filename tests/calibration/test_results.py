@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from benchmarks.calibration.__main__ import chosen, main
 from benchmarks.calibration.bench import about, work
 from benchmarks.calibration.cells import CELLS, GROUPS, MODEL, NAMES, Cell, Group

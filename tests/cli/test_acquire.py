@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.formats import read_recording
+from bayes_asv.io import read_recording
 from tests.acquire.made import Made, counts, stream
 from tests.cli.conftest import Check, Command
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import bayes_asv.inference.estimate as job
-from bayes_asv.errors import InputError
+import bayes_asv.estimate as job
+from bayes_asv.domain.errors import InputError
 from bayes_asv.report.saved import read_saved
 from tests.cli.conftest import Command
 

@@ -145,7 +145,7 @@ def test_a_json_file_is_whole_or_as_it_was(
 def test_not_converged_is_status_4(
     invoke: Command, stops: Path, baja: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import bayes_asv.inference.sampler as sampler
+    import bayes_asv.posterior.sampler as sampler
 
     whole = sampler.run_ensembles
     monkeypatch.setattr(
@@ -254,8 +254,8 @@ def test_simulate_is_the_same_for_the_same_seed(
 def test_every_road_makes_a_recording_that_can_be_read(
     invoke: Command, baja: Path, tmp_path: Path, road: str
 ) -> None:
-    from bayes_asv.formats import read_recording
-    from bayes_asv.recording import nominal_rate
+    from bayes_asv.domain.recording import nominal_rate
+    from bayes_asv.io import read_recording
 
     file = tmp_path / "x.csv"
     said = invoke(

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.formats import read_recording, write_recording
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.io import read_recording, write_recording
 from bayes_asv.report.saved import read_saved
 from tests.cli.conftest import ROOT, Check, Command
 

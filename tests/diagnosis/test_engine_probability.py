@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import expit
 
-from bayes_asv.diagnosis.engine import probability
-from bayes_asv.diagnosis.humming import humming
-from bayes_asv.diagnosis.naming import NONE
+from bayes_asv.diagnosis.engine_force import probability
+from bayes_asv.diagnosis.model_comparison import NONE
+from bayes_asv.diagnosis.tone_detection import humming
 
 
 @given(st.floats(-1e4, -1.0), st.floats(0.0, 1e4))

@@ -12,12 +12,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.family import one_sided
-from bayes_asv.diagnosis.model import Model, asked
-from bayes_asv.inference.adding import added, read_site
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.candidates import candidates
-from bayes_asv.inference.stage import base, fitted, foretold, setting
+from bayes_asv.diagnosis.max_score_test import one_sided
+from bayes_asv.diagnosis.model_search import Model, asked
+from bayes_asv.posterior.effect_candidates import candidates
+from bayes_asv.posterior.effect_fit import added, read_site
+from bayes_asv.posterior.fitted_model import base, fitted, foretold, setting
+from bayes_asv.posterior.map_fit import lay_out
 from tests.battery.cases import Case, case
 
 FAMILY = "table 5.1"

@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from bayes_asv.diagnosis.clear import clear, on_quiet_wheels
-from bayes_asv.diagnosis.engine import without_engine
-from bayes_asv.diagnosis.family import family_p, one_sided
-from bayes_asv.diagnosis.jitter import jitter
-from bayes_asv.diagnosis.model import asked, without
-from bayes_asv.diagnosis.pushes import push_p, with_pushes
-from bayes_asv.diagnosis.signatures import Signatures, signatures
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.candidates import Candidate, candidates
-from bayes_asv.inference.effects import rows
-from bayes_asv.inference.scoring import Slopes
-from bayes_asv.inference.stage import Setting, Stage, base, foretold, setting
-from bayes_asv.model.effects import EFFECTS, Site
+from bayes_asv.diagnosis.denoised_model import clear, on_quiet_wheels
+from bayes_asv.diagnosis.engine_force import without_engine
+from bayes_asv.diagnosis.free_force_test import push_p, with_pushes
+from bayes_asv.diagnosis.max_score_test import family_p, one_sided
+from bayes_asv.diagnosis.model_search import asked, without
+from bayes_asv.diagnosis.score_test import ScoreTest, signatures
+from bayes_asv.diagnosis.timing_jitter_test import jitter
+from bayes_asv.models.effects import EFFECTS, Site
+from bayes_asv.posterior.effect_candidates import Candidate, candidates
+from bayes_asv.posterior.effects import rows
+from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, foretold, setting
+from bayes_asv.posterior.map_fit import lay_out
 from tests.battery.cases import case
 
 
 @cache
-def fitted(name: str) -> tuple[Setting, Stage]:
+def fitted(name: str) -> tuple[Dataset, FittedModel]:
     one = case(name, 5, 0)
     lines, reasons, _ = lay_out(one.recordings, one.vehicle)
     assert not reasons
@@ -36,7 +36,7 @@ def fitted(name: str) -> tuple[Setting, Stage]:
     return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
 
 
-def _edges(count: int, rng: np.random.Generator) -> Signatures:
+def _edges(count: int, rng: np.random.Generator) -> ScoreTest:
     """Signatures of edges at both axles of one run: a kernel that dies away, whitened noise."""
     effect = EFFECTS["external_force"]
     wanted, signature = [], []
@@ -51,8 +51,8 @@ def _edges(count: int, rng: np.random.Generator) -> Signatures:
     found = np.array(signature)
     n = found.shape[1]
     none = np.zeros((0, n))
-    here = Slopes(np.zeros(n), np.zeros(n), none, none, 0.0, none[:, 0])
-    return Signatures(tuple(wanted), found, np.zeros(len(found)), found @ found.T, here, none)
+    here = ScoreAndInformation(np.zeros(n), np.zeros(n), none, none, 0.0, none[:, 0])
+    return ScoreTest(tuple(wanted), found, np.zeros(len(found)), found @ found.T, here, none)
 
 
 def test_the_best_push_is_the_best_of_all_pairs() -> None:
@@ -89,7 +89,7 @@ def test_a_push_is_as_rare_as_the_best_of_all_pairs_is_large() -> None:
     rng = np.random.default_rng(5)
     edges = _edges(8, rng)
 
-    def largest() -> tuple[float, Signatures]:
+    def largest() -> tuple[float, ScoreTest]:
         pull = edges.rows @ rng.standard_normal(edges.rows.shape[1])
         there = replace(edges, pull=pull)
         return float(np.max(with_pushes(there).score ** 2)), there

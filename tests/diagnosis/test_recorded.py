@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis import workflow
-from bayes_asv.diagnosis.answer import effect_draws
-from bayes_asv.diagnosis.clear import clear
-from bayes_asv.diagnosis.engine import Engine, without_engine
-from bayes_asv.diagnosis.model import Model, asked, elsewhere
-from bayes_asv.diagnosis.proof import Recorded, proof
-from bayes_asv.diagnosis.pulses import pulses
+from bayes_asv.diagnosis.denoised_model import clear
+from bayes_asv.diagnosis.engine_force import Engine, without_engine
+from bayes_asv.diagnosis.holdout_validation import Recorded, proof
+from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.model_averaging import effect_draws
+from bayes_asv.diagnosis.model_search import Model, asked, elsewhere
+from bayes_asv.diagnosis.pulse_scan import pulses
 from bayes_asv.diagnosis.results import Diagnosis, Named
-from bayes_asv.diagnosis.slack import Unexplained
 from bayes_asv.diagnosis.workflow import diagnose, named_in
-from bayes_asv.inference.adding import read_site, with_effects
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.stage import base, setting
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.posterior.fitted_model import base, setting
+from bayes_asv.posterior.map_fit import lay_out
 from tests.battery.cases import Case, case
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.workflow import diagnose
-from bayes_asv.recording import Recording
-from tests.inference.cases import DECLARED, as_recording, vehicle
+from bayes_asv.domain.recording import Recording
+from tests.posterior.cases import DECLARED, as_recording, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, drive
 
 SLOW: dict[str, Any] = {"bandwidth": (50.0, 12.5, 50.0, 50.0)}

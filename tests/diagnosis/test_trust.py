@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayes_asv.diagnosis.misspecification_test import Unexplained
 from bayes_asv.diagnosis.results import Diagnosis
-from bayes_asv.diagnosis.slack import Unexplained
 from tests.battery.cases import case
 
 CLEAN = Unexplained(score=-3.0, axle="front", p_memory=0.4, swollen=())

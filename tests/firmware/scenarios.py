@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.recording import COUNTS, Recording, acceleration_factor
-from bayes_asv.vehicle import Vehicle
+from bayes_asv.domain.recording import COUNTS, Recording, acceleration_factor
+from bayes_asv.domain.vehicle import Vehicle
 from tests.firmware.emulated import EMULATOR, FIRMWARE, make
 
 __all__ = [

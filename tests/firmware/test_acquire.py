@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.formats import read_recording
+from bayes_asv.io import read_recording
 from tests.firmware.bridge import Bridge
 from tests.firmware.emulated import Emulated, Terminal
 from tests.firmware.logger import why_not
 from tests.firmware.scenarios import Setup, build_firmware, system_1, system_2, write_inputs
-from tests.inference.cases import DECLARED
+from tests.posterior.cases import DECLARED
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,

@@ -13,11 +13,11 @@ import pytest
 
 from bayes_asv.acquire import emulated
 from bayes_asv.acquire.emulated import EVERY, built, default_drive, write_voltages
-from bayes_asv.errors import InputError
-from bayes_asv.formats import read_recording
-from bayes_asv.recording import Recording
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.io import read_recording
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import read_vehicle
 from tests.firmware.logger import why_not
 
 REASON = why_not()

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.formats import read_recording
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.io import read_recording
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
-from bayes_asv.vehicle import read_vehicle
 from tests.firmware.checks import ROWS, check_rows
 from tests.firmware.emulated import Emulated, Pyserial, Terminal
 from tests.firmware.frames import (

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.live.pump import Pump
-from bayes_asv.live.scene import scene
-from bayes_asv.live.show import Show
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.live.metadata import scene
+from bayes_asv.live.session import Show
 from bayes_asv.live.sources import About, RecordingSource
-from bayes_asv.online.frames import Frames, nothing
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Vehicle, read_vehicle
+from bayes_asv.live.worker import Pump
+from bayes_asv.tracking.frames import Frames, nothing
 
 __all__ = [
     "BAJA", "Curves", "MadeUp", "Time", "at", "frames", "recording", "show", "shown", "wait_for",

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from bayes_asv.live.animation import animation, write_animation
 from bayes_asv.live.history import History
-from bayes_asv.live.scene import scene
+from bayes_asv.live.metadata import scene
 from tests.live.made_up import BAJA, shown
 
 

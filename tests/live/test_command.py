@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 
-from bayes_asv.formats import read_recording
-from bayes_asv.online.track import track
-from bayes_asv.vehicle import read_vehicle
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.io import read_recording
+from bayes_asv.tracking.track import track
 
 ROOT = Path(__file__).parents[2]
 STOPS = ROOT / "data" / "recordings" / "stops-400hz.csv"

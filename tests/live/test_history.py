@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bayes_asv.live.history import RUN_POINTS, SIDES, TRACES, History
-from bayes_asv.live.scene import scene
-from bayes_asv.online.frames import nothing
+from bayes_asv.live.metadata import scene
+from bayes_asv.tracking.frames import nothing
 from tests.live.made_up import BAJA, frames, recording
 
 SCENE = scene(BAJA, "made-up.csv", None)

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayes_asv.errors import InputError
-from bayes_asv.formats import read_recording, write_csv, write_logger
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording
+from bayes_asv.io import read_recording, write_csv, write_logger
 from bayes_asv.live.lines import RESTART_GAP, LineReader, Piece
-from bayes_asv.recording import Recording
 from tests.live.made_up import recording
 
 COUNTS = ("counts",) * 4

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from bayes_asv.cli.live_options import followed, live_options, wishes
-from bayes_asv.online.frames import Frames, joined
+from bayes_asv.tracking.frames import Frames, joined
 from tests.live.made_up import BAJA, MadeUp, frames, recording
 
 NOTHING: dict[str, Any] = {

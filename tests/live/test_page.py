@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.live.pump import Pump
-from bayes_asv.live.scene import scene
+from bayes_asv.live.metadata import scene
 from bayes_asv.live.server import LiveServer
-from bayes_asv.live.show import Show
+from bayes_asv.live.session import Show
 from bayes_asv.live.sources import RecordingSource
+from bayes_asv.live.worker import Pump
 from tests.live.made_up import BAJA, MadeUp, at, frames, recording, show, wait_for
 
 

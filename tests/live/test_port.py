@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.errors import InputError
-from bayes_asv.formats import read_recording, write_csv
+from bayes_asv.domain.errors import InputError
+from bayes_asv.io import read_recording, write_csv
+from bayes_asv.live.metadata import scene
 from bayes_asv.live.port import PortReader
-from bayes_asv.live.pump import Pump
-from bayes_asv.live.scene import scene
-from bayes_asv.live.show import Show
+from bayes_asv.live.session import Show
 from bayes_asv.live.sources import About, PortSource
+from bayes_asv.live.worker import Pump
 from tests.live.made_up import BAJA, MadeUp, recording, wait_for
 
 Line = tuple[int, str]

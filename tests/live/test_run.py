@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.errors import InputError
-from bayes_asv.live.pump import Pump
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Sensor
+from bayes_asv.live.metadata import scene
 from bayes_asv.live.run import follow
-from bayes_asv.live.scene import scene
 from bayes_asv.live.sources import About, RecordingSource
-from bayes_asv.online.frames import Frames, joined
-from bayes_asv.recording import Recording
-from bayes_asv.vehicle import Sensor
+from bayes_asv.live.worker import Pump
+from bayes_asv.tracking.frames import Frames, joined
 from tests.live.made_up import BAJA, MadeUp, frames, recording
 
 ROOT = Path(__file__).parents[2]
@@ -82,7 +82,7 @@ def test_ctrl_c_ends_the_page_cleanly() -> None:
     script = (
         "import sys\n"
         "from bayes_asv.live.run import follow\n"
-        "from bayes_asv.live.scene import scene\n"
+        "from bayes_asv.live.metadata import scene\n"
         "from bayes_asv.live.sources import RecordingSource\n"
         "from tests.live.made_up import BAJA, MadeUp, recording\n"
         "source = RecordingSource(recording(3.0), BAJA)\n"

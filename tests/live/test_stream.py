@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bayes_asv.live.downsampling import bucket_rows, thinned
 from bayes_asv.live.history import SIDES, TRACES
-from bayes_asv.live.scene import scene
-from bayes_asv.live.show import Show
+from bayes_asv.live.metadata import scene
+from bayes_asv.live.session import Show
 from bayes_asv.live.stream import POINTS, Viewer, scene_message
-from bayes_asv.live.thin import bucket_rows, thinned
 from tests.live.made_up import BAJA, Curves, Time, frames, recording
 
 

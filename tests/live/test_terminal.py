@@ -18,8 +18,8 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from bayes_asv.live.braille import gauge, plotted, round_limits
-from bayes_asv.live.scene import scene
-from bayes_asv.live.show import Show
+from bayes_asv.live.metadata import scene
+from bayes_asv.live.session import Show
 from bayes_asv.live.terminal import picture
 from tests.live.made_up import BAJA, Time, frames, recording
 

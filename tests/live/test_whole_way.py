@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.formats import read_recording
+from bayes_asv.io import read_recording
+from bayes_asv.live.metadata import scene
 from bayes_asv.live.run import follow
-from bayes_asv.live.scene import scene
 from bayes_asv.live.sources import RecordingSource
 from bayes_asv.live.stream import Viewer
-from bayes_asv.online.frames import Frames, joined
-from bayes_asv.online.tracker import tracker_for
+from bayes_asv.tracking.frames import Frames, joined
+from bayes_asv.tracking.tracker import tracker_for
 from tests.live.made_up import BAJA
 
 RECORDINGS = Path(__file__).parents[2] / "data" / "recordings"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from bayes_asv.live.bands import Z95, normal_below
-from bayes_asv.live.scene import scene
+from bayes_asv.live.metadata import scene
 from bayes_asv.live.words import card, consistency, travel
 from tests.live.made_up import BAJA
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from bayes_asv.inference.bestfit import lay_out
-from bayes_asv.inference.coordinates import space
-from bayes_asv.inference.likelihood import WHITE, Target, shared_work
-from bayes_asv.inference.mode import derivatives
 from bayes_asv.planning.information import SEEN, information
 from bayes_asv.planning.widths import known, widths
-from tests.inference.cases import DECLARED, case, vehicle
+from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
+from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.newton import derivatives
+from bayes_asv.posterior.parameter_space import space
+from tests.posterior.cases import DECLARED, case, vehicle
 
 
 @pytest.mark.parametrize("terrain", ["bump", "rough"])
@@ -35,7 +35,7 @@ def test_it_is_the_curvature_of_the_posterior_at_the_truth(terrain: str) -> None
     z[where.names.index("filtered share 0")] = ndtri(0.98)
     scale = np.full(where.dimension, 0.3)
     scale[: where.car_dimension] = 0.003
-    with shared_work(Target(where, (WHITE,))) as target:
+    with shared_work(Posterior(where, (WHITE,))) as target:
         _, _, hessian = derivatives(target, z, scale)
     covariance = np.asarray(np.linalg.inv(-hessian) * np.outer(scale, scale), dtype=np.float64)
     found = widths(information(lines[0], car), 1, known(car))

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.errors import InputError
-from bayes_asv.model.discrete import simulate_linear
-from bayes_asv.model.halfcar import HalfCar, deflection_form
+from bayes_asv.domain.errors import InputError
+from bayes_asv.models.discretization import simulate_linear
+from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.planning.grounds import Ground
 from bayes_asv.planning.motion import LEAD, Pass, Tyres, assumed_tyres, drive_all
 from tests.rig import RigCar, baja, drive

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bayes_asv.domain.vehicle import Given, Sensor, Travel, Vehicle, read_vehicle
 from bayes_asv.planning.document import PASSES, plan_document
 from bayes_asv.planning.plan import Plan, plan
 from bayes_asv.planning.widths import ANSWERS, widths
 from bayes_asv.planning.words import plan_lines
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import Given, Sensor, Travel, Vehicle, read_vehicle
 
 MPH = 0.44704
 BAJA = read_vehicle(shipped("vehicles", "baja2008.toml"))

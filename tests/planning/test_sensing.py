@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayes_asv.domain.recording import accelerations
+from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.planning.motion import Motion
 from bayes_asv.planning.sensing import ASSUMED_NOISE, extremes, feel, record, with_assumed_noise
-from bayes_asv.recording import accelerations
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import Sensor, Vehicle, read_vehicle
 
 FREQUENCY, AMPLITUDE = 6.0, 20.0  # Hz, m/s²
 

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bayes_asv.inference.coordinates import space
+from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
 from bayes_asv.planning.information import SEEN
 from bayes_asv.planning.limits import limit
 from bayes_asv.planning.pairs import pairs
 from bayes_asv.planning.widths import ANSWERS, GIVEN, Known, floors, known, passes_needed, widths
+from bayes_asv.posterior.parameter_space import space
 from bayes_asv.shipped import shipped
-from bayes_asv.vehicle import Given, Vehicle, read_vehicle
 
 Array = NDArray[np.float64]
 

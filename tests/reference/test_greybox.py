@@ -7,16 +7,16 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.formats import read_recording
-from bayes_asv.model.halfcar import position_form
-from bayes_asv.recording import Recording
+from bayes_asv.domain.recording import Recording
+from bayes_asv.io import read_recording
+from bayes_asv.models.half_car import position_form
 from bayes_asv.reference.greybox import grey_box, nominal_car
 from bayes_asv.reference.integrated import integrate, simulate_states
 from bayes_asv.reference.printed import car_of_table_51, car_of_table_71
 from bayes_asv.reference.roundtrip import exact_states, found_of, in_states, round_trip
 from bayes_asv.reference.runs import shipped_vehicle
 from bayes_asv.shipped import shipped
-from tests.inference.cases import EXACT, case, vehicle
+from tests.posterior.cases import EXACT, case, vehicle
 
 SIMULATED = shipped_vehicle("thesis_simulation.toml")
 BAJA = shipped_vehicle("baja2008.toml")

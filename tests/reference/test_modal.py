@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_asv.model.halfcar import HalfCar, position_form
-from bayes_asv.model.modes import modes
-from bayes_asv.model.second_order import second_order_modes
+from bayes_asv.models.half_car import HalfCar, position_form
+from bayes_asv.models.modes import modes
+from bayes_asv.models.second_order import second_order_modes
 from bayes_asv.reference.modal import (
     axle_matrices,
     closed_form,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from bayes_asv.model.discrete import exact_step
-from bayes_asv.model.modes import modes
+from bayes_asv.models.discretization import exact_step
+from bayes_asv.models.modes import modes
 from bayes_asv.reference.printed import car_of_table_41, car_of_table_71
 from bayes_asv.reference.spectral import spectral_study, wilson
 from bayes_asv.reference.subspace import poles_from_covariances, subspace_modes

@@ -14,7 +14,7 @@ import numpy as np
 import pymupdf
 import pytest
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from bayes_asv.report.content import content, limits
 from bayes_asv.report.diagnose_figures import diagnose_figures
 from bayes_asv.report.diagnose_tables import effect_table, gap_table, model_table, moved_table

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bayes_asv.errors import InputError
+from bayes_asv.domain.errors import InputError
 from bayes_asv.report.content import content, limits
 from bayes_asv.report.html import Document, html_report
 from bayes_asv.report.readable import number

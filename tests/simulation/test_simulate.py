@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.recording import accelerations
+from bayes_asv.domain.recording import accelerations
+from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation import ROADS
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
-from bayes_asv.vehicle import Sensor, Vehicle, read_vehicle
 
 G = 9.80665
 

@@ -1,0 +1,1 @@
+"""What a posterior says: predictive checks, consistency of runs, the uncertainty budget."""

@@ -1,0 +1,313 @@
+"""One run against another: each run's own posterior, and whether the runs tell of one car.
+
+A joint posterior takes for granted that c_f, c_r and i are the same in every run.  Here every run
+is asked alone and the answers are held against each other, with what the runs share (the given
+values and their errors) taken out: see :mod:`bayes_asv.analysis.random_effects`.  Runs that do not
+agree get an answer of their own, the mean car with the spread from run to run in its interval; a
+joint fit would hide the difference in swollen noise and a coloured residual."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.analysis.random_effects import (
+    Contrast,
+    Population,
+    Site,
+    contrast,
+    own_values,
+    population,
+    site_of,
+)
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.fit_checks import misfit
+from bayes_asv.posterior.importance import Weighted, importance
+from bayes_asv.posterior.likelihood import shared_work
+from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.map_fit import MapFit, best_fit
+from bayes_asv.posterior.parameters import CAR, ParameterSpace
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = [
+    "COMPARED",
+    "DISAGREE_BELOW",
+    "RunConsistency",
+    "SingleRunFit",
+    "compare_runs",
+    "run_alone",
+]
+
+Array = NDArray[np.float64]
+
+COMPARED = ("c_f", "c_r", "i")
+"""What may differ from run to run; everything else of the car is given."""
+
+DISAGREE_BELOW = 0.01
+"""Probability of so much difference among equal runs, below which runs are said to disagree.
+
+How often equal runs of the rig fall below it is measured in ``benchmarks/agreement.py``.
+"""
+_SURELY = 0.9  # probability of differing beyond which a quantity is named
+
+_WEIGHTED = 512  # draws of a run alone before, and
+_KEPT = 1024  # after resampling to equal weights
+_FEWEST = 60.0  # effective draws without which a run's mean and deviation are not trusted
+
+
+@dataclass(frozen=True)
+class SingleRunFit:
+    """What one run says by itself.
+
+    Parameters
+    ----------
+    fit : MapFit
+        Its mode; the posterior's target with the colour that this run has.
+    z : (S, D) array
+        Draws of its posterior, equally weighted, in the coordinates of a single run.
+    effective : float
+        Effective number of the weighted draws that they come from.
+    site : Site
+        Its likelihood over the car's coordinates.
+    faults : tuple of str
+        Why the half car explains too little of this run, if it does.
+    """
+
+    fit: MapFit
+    z: Array
+    effective: float
+    site: Site
+    faults: tuple[str, ...]
+
+    @property
+    def trusted(self) -> bool:
+        """Whether mean and covariance of its posterior may be believed."""
+        return self.fit.mode.converged and self.effective >= _FEWEST
+
+
+@dataclass(frozen=True)
+class RunConsistency:
+    """Whether the runs of one car agree.
+
+    Parameters
+    ----------
+    verdict : str
+        ``agree``, ``disagree``, or ``unknown`` where a run alone cannot be summarised or
+        nothing can be compared.
+    whole : Contrast
+        Test of all of :data:`COMPARED` together.
+    each : dict of str to Contrast
+        Test of one quantity, with the others free to differ.
+    runs : tuple of SingleRunFit
+        One a recording.
+    population : Population
+        Mean car, spread and a run to come; meaningful whatever the verdict.
+    shift, sd : (R, 3) arrays
+        What each run says when the given values are held at their estimate: logarithm against
+        the mean car, and its deviation; nan and infinite where a run says nothing.
+    """
+
+    verdict: str
+    whole: Contrast
+    each: dict[str, Contrast]
+    runs: tuple[SingleRunFit, ...]
+    population: Population
+    shift: Array
+    sd: Array
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """Quantities that surely differ, or the likeliest one when none surely does."""
+        chance = np.mean(self.population.spread > 0.0, axis=0)
+        sure = [name for name, p in zip(COMPARED, chance, strict=True) if p > _SURELY]
+        return tuple(sure) or (COMPARED[int(np.argmax(chance))],)
+
+    def spread_percent(self, name: str) -> tuple[float, float, float]:
+        """Quantiles 2.5, 50 and 97.5 % of one deviation from run to run, in percent."""
+        k = COMPARED.index(name)
+        spread = 100.0 * np.expm1(self.population.spread[:, k])
+        low, middle, high = np.quantile(spread, [0.025, 0.5, 0.975])
+        return float(low), float(middle), float(high)
+
+    def own_percent(self, name: str) -> float:
+        """Root mean square of the runs' own deviations of a quantity, in percent."""
+        sd = self.sd[:, COMPARED.index(name)]
+        there = sd[np.isfinite(sd)]
+        return 100.0 * float(np.sqrt(np.mean(there**2))) if len(there) else math.nan
+
+    def own_values(self, name: str) -> tuple[Array, Array]:
+        """Tell what every run says with the given values held: values and deviations (R,).
+
+        SI units; nan and infinite where a run says nothing.
+        """
+        k = COMPARED.index(name)
+        z = np.zeros((1, self.space.dimension))
+        z[0, : self.space.car_dimension] = self.population.centre.mean(axis=0)
+        middle = float(self.space.cars(z)[0, CAR.index(name)])
+        value = middle * np.exp(self.shift[:, k])
+        return value, value * self.sd[:, k]
+
+    @property
+    def apart(self) -> bool:
+        """Whether a joint fit is idle: the runs disagree, or one is explained by no half car."""
+        return self.verdict == "disagree" or any(run.faults for run in self.runs)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the runs cannot answer even apart: one is not of this car, or none tells enough."""
+        faults = [why for run in self.runs for why in run.faults]
+        silent = [
+            why for why in self.runs[0].fit.reasons if all(why in r.fit.reasons for r in self.runs)
+        ]
+        return tuple(dict.fromkeys([*faults, *silent]))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know of the runs: that they disagree, if so, and what each has on its own."""
+        told = [self.sentence()] if self.verdict == "disagree" else []
+        own = [note for run in self.runs for note in run.fit.warnings]
+        return tuple(dict.fromkeys([*told, *own]))
+
+    @property
+    def space(self) -> ParameterSpace:
+        """Coordinates of a single run; those of the car come first and are the same in all."""
+        return self.runs[0].fit.space
+
+    def quantities(self, car: Array, seed: int) -> dict[str, Array]:
+        """Quantities of the car by name, SI units, for coordinates (N, n) of cars."""
+        z = np.zeros((len(car), self.space.dimension))
+        z[:, : self.space.car_dimension] = car
+        return self.space.quantities(z, seed)
+
+    def joint(self, count: int, seed: int) -> Array:
+        """Coordinates (N, n) of the car if all runs were alike, from the runs' own likelihoods."""
+        sites = [run.site for run in self.runs]
+        precision = np.eye(self.space.car_dimension) + sum(site.precision for site in sites)
+        root = np.linalg.cholesky(precision)
+        mean = np.linalg.solve(precision, np.asarray(sum(site.linear for site in sites)))
+        rng = np.random.default_rng([seed, 6])
+        return np.asarray(mean + np.linalg.solve(root.T, rng.standard_normal((len(mean), count))).T)
+
+    def nuisance(self, shape: tuple[int, int], seed: int) -> dict[str, Array]:
+        """Draws of every run's noise deviations (m/s²) and filtered shares, by joint names."""
+        rng = np.random.default_rng([seed, 7])
+        out = {}
+        for r, run in enumerate(self.runs):
+            pick = rng.integers(len(run.z), size=shape)
+            for name, value in run.fit.space.nuisance(run.z).items():
+                out[f"{name.rsplit(' ', 1)[0]} {r}"] = value[pick]
+        return out
+
+    def sentence(self) -> str:
+        """Say that the runs do not agree, what differs and by how much."""
+        words = {
+            "c_f": "the front damping rate",
+            "c_r": "the rear damping rate",
+            "i": "the pitch inertia",
+        }
+        parts = []
+        for name in self.differing:
+            low, middle, high = self.spread_percent(name)
+            own = self.own_percent(name)
+            parts.append(
+                f"{words[name]} differs from run to run by {_two(middle)} % (95 %: {_two(low)} to "
+                f"{_two(high)} %), more than their own uncertainty of {_two(own)} %"
+            )
+        few = " (two runs say little about a spread, so it is wide)" if len(self.runs) == 2 else ""
+        return (
+            f"the runs do not agree: {'; '.join(parts)}; the interval allows for that{few}; "
+            "something changes between the runs, or the half car does not know it"
+        )
+
+
+def run_alone(line: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRunFit:
+    """Posterior of one run by itself, by weighted draws.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        The run.
+    vehicle : Vehicle
+        Gives the priors.
+    seed : int
+        Same seed, same draws.
+
+    Returns
+    -------
+    SingleRunFit
+    """
+    fit = best_fit((line,), vehicle)
+    with shared_work(fit.target) as shared:
+        weighted = importance(shared, fit.mode, _WEIGHTED, seed)
+    w = weighted.weight
+    rng = np.random.default_rng([seed, 8])
+    # Systematic: every draw is kept as often as its weight says, give or take one.
+    at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_KEPT)) / _KEPT)
+    z = weighted.z[rng.permutation(np.minimum(at, len(w) - 1))]
+    line = fit.space.timelines[0]
+    best = fit.space.cars(fit.mode.z[None])[0]
+    faults, _ = misfit(vehicle, line, simulate_free(line, best), bool(fit.shares))
+    return SingleRunFit(fit, z, weighted.effective, _site(fit, weighted), tuple(faults))
+
+
+def _site(fit: MapFit, weighted: Weighted) -> Site:
+    """Likelihood of a run by its posterior's moments, or by its mode where they are worth little.
+
+    The second happens to runs whose verdict is open anyway; it only must not get in the way.
+    """
+    n = fit.space.car_dimension
+    if weighted.effective >= _FEWEST:
+        car, w = weighted.z[:, :n], weighted.weight
+        mean = w @ car
+        return site_of(mean, (car - mean).T @ ((car - mean) * w[:, None]))
+    mean, covariance = fit.mode.z[:n], fit.mode.covariance[:n, :n]
+    if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
+        return Site(np.zeros((n, n)), np.zeros(n))
+    return site_of(mean, covariance)
+
+
+def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunConsistency:
+    """Hold runs against each other.
+
+    Parameters
+    ----------
+    runs : sequence of SingleRunFit
+        Two or more.
+    count : int
+        Draws of the mean car.
+    seed : int
+        Same seed, same draws.
+
+    Returns
+    -------
+    RunConsistency
+    """
+    where = runs[0].fit.space
+    n = where.car_dimension
+    way = np.stack([where.from_logs({name: 1.0})[:n] for name in COMPARED], axis=1)
+    sites = [run.site for run in runs]
+    whole = contrast(sites, way)
+    if not all(run.trusted for run in runs) or whole.freedom == 0:
+        verdict = "unknown"
+    else:
+        verdict = "disagree" if whole.p < DISAGREE_BELOW else "agree"
+    found = population(sites, way, count, seed)
+    own = [own_values(site, way, found.centre.mean(axis=0)) for site in sites]
+    return RunConsistency(
+        verdict=verdict,
+        whole=whole,
+        each={name: contrast(sites, way, [k]) for k, name in enumerate(COMPARED)},
+        runs=tuple(runs),
+        population=found,
+        shift=np.stack([shift for shift, _ in own]),
+        sd=np.stack([sd for _, sd in own]),
+    )
+
+
+def _two(value: float) -> str:
+    """Two significant digits without a power of ten."""
+    return f"{float(f'{value:.2g}'):.10g}"

@@ -1,0 +1,205 @@
+"""The width of each answer of a posterior: its error budget, its remedies, its blind spots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.analysis.uncertainty_budget.budget import Budget, Remedy
+from bayes_asv.analysis.uncertainty_budget.noise_sources import (
+    Source,
+    found_again,
+    lost_readings,
+    sources,
+)
+from bayes_asv.analysis.uncertainty_budget.sensitivity import (
+    in_logs,
+    information,
+    jacobian,
+    parameters,
+    prior_sd,
+)
+from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, Shift, find_shifts
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.parameters import CAR
+
+__all__ = ["ANSWERS", "GIVEN", "Answer", "UncertaintyBudget", "by_answer", "find_width"]
+
+Array = NDArray[np.float64]
+
+GIVEN = ("m", "l", "wdf", "k_f", "k_r")
+# Each answer's logarithm by those of the parameters.
+ANSWERS: dict[str, dict[str, float]] = {
+    "c_f": {"c_f": 1.0},
+    "c_r": {"c_r": 1.0},
+    "i": {"i": 1.0},
+    "k_g": {"i": 0.5, "m": -0.5},
+}
+_NUDGE = 0.1  # in the logarithm of a variance, for derivatives
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What makes one answer as wide as it is.  All deviations are relative.
+
+    Parameters
+    ----------
+    sd : float
+        Deviation now.
+    shares : dict of str to float
+        Shares of the variance, adding up to one: a given value by its name, ``prior`` for what
+        was believed of c_f, c_r and i, and ``data``.
+    noises : dict of str to float
+        What ``data`` is made of, by noise; empty where the innovations have a colour, because
+        then it is not the sensors' noise that limits.
+    exact : dict of str to float
+        Deviation if one given value were exact.
+    better : dict of str to float
+        Deviation if one noise were better (half of a sensor's noise, no steps, nothing missed
+        between samples) or no chassis reading were clipped or missing (``lost readings``);
+        the noises are left out like ``noises``.
+    twice : float
+        Deviation with twice the runs.
+    remedies : tuple of Remedy
+        What would halve the deviation; sources index CAR, −1 is more runs.
+    runs_to_halve : int or None
+        Further runs like these that would halve it alone, None where no number would.
+    """
+
+    sd: float
+    shares: dict[str, float]
+    noises: dict[str, float]
+    exact: dict[str, float]
+    better: dict[str, float]
+    twice: float
+    remedies: tuple[Remedy, ...]
+    runs_to_halve: int | None
+
+
+@dataclass(frozen=True)
+class UncertaintyBudget:
+    """Error budget of a posterior.
+
+    Parameters
+    ----------
+    answers : dict of str to Answer
+        For c_f, c_r, i and k_g.
+    shifts : tuple of Shift
+        What undeclared faults would do.
+    white : bool
+        The innovations had no colour, so that the data's part is the sensors' noise.
+    runs : int
+        Number of runs it stands on.
+    parameters : tuple of str
+        What remedies and shifts count: CAR, and ``gain <channel>`` where a scale is uncertain.
+    given_sd : (P,) array
+        Relative deviation of each beforehand; zero where it is exact.
+    """
+
+    answers: dict[str, Answer]
+    shifts: tuple[Shift, ...]
+    white: bool
+    runs: int
+    parameters: tuple[str, ...]
+    given_sd: Array
+
+
+def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBudget:
+    """Draw up the error budget of each answer.
+
+    Parameters
+    ----------
+    target : Posterior
+        The posterior.
+    mode : Mode
+        Its mode and curvature.
+    vehicle : Vehicle
+        As given.
+
+    Returns
+    -------
+    UncertaintyBudget
+    """
+    runs = range(len(target.space.timelines))
+    logs, z = in_logs(target, mode.z)
+    slopes = [jacobian(logs, z, run) for run in runs]
+    budget = Budget(prior_sd(target, mode.z), information(slopes))
+    known = parameters(logs)
+    car = target.space.car_dimension + len(known) - len(CAR)
+    noise_precision = np.asarray(np.linalg.inv(mode.covariance), np.float64)[car:, car:]
+    white = all(colour.order == 0 for colour in target.colours)
+    noises = sources(logs) if white else []
+    nudged = {source.name: _slope(source, logs, z) for source in noises}
+    bettered = {
+        source.name: _informed(source, logs, z, source.better)
+        for source in noises
+        if source.better is not None
+    }
+    if any(lost_readings(line).any() for line in logs.space.timelines):
+        bettered["lost readings"] = _all(found_again(logs, z), z)
+    answers = {}
+    for name, parts in ANSWERS.items():
+        g = np.array([parts.get(parameter, 0.0) for parameter in known])
+        answers[name] = _answer(g, known, budget, nudged, bettered, len(runs))
+    shifts = find_shifts(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
+    return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd)
+
+
+def by_answer(moved: Array) -> dict[str, float]:
+    """Relative shift of each answer from those of the parameters (8,) in the order of CAR."""
+    return {
+        name: sum(weight * float(moved[CAR.index(part)]) for part, weight in parts.items())
+        for name, parts in ANSWERS.items()
+    }
+
+
+def _informed(source: Source, logs: Posterior, z: Array, factor: float) -> Array:
+    """Information (8, 8) of all runs with one noise's variance multiplied."""
+    return _all(*source.scaled(logs, z, factor))
+
+
+def _all(logs: Posterior, z: Array) -> Array:
+    return information([jacobian(logs, z, run) for run in range(len(logs.space.timelines))])
+
+
+def _slope(source: Source, logs: Posterior, z: Array) -> Array:
+    """Differentiate the information by the logarithm of one noise's variance."""
+    more = _informed(source, logs, z, math.exp(_NUDGE))
+    less = _informed(source, logs, z, math.exp(-_NUDGE))
+    return np.asarray((more - less) / (2.0 * _NUDGE))
+
+
+def _answer(
+    g: Array,
+    known: tuple[str, ...],
+    budget: Budget,
+    nudged: dict[str, Array],
+    bettered: dict[str, Array],
+    runs: int,
+) -> Answer:
+    """Budget of one answer."""
+    names = [*GIVEN, *known[len(CAR) :]]
+    given = {n: known.index(n) for n in names if budget.sd[known.index(n)] > 0.0}
+    prior, data = budget.shares(g)
+    shares = {name: float(prior[k]) for name, k in given.items()}
+    shares["prior"] = float(prior[:3].sum())
+    shares["data"] = data
+    alone = budget.halving(g, [-1])
+    return Answer(
+        sd=math.sqrt(budget.variance(g)),
+        shares=shares,
+        noises={name: budget.elasticity(g, slope) for name, slope in nudged.items()},
+        exact={n: math.sqrt(budget.variance(g, {k: math.inf})) for n, k in given.items()},
+        better={
+            name: math.sqrt(Budget(budget.sd, informed).variance(g))
+            for name, informed in bettered.items()
+        },
+        twice=math.sqrt(budget.variance(g, data=2.0)),
+        remedies=tuple(budget.halving(g, [*given.values(), -1])),
+        runs_to_halve=math.ceil((alone[0].times - 1.0) * runs - 1e-2) if alone else None,
+    )

@@ -1,0 +1,185 @@
+"""Reading a whole file and writing a whole file, with faults that a person can mend."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import os
+import secrets
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from bayes_asv.domain.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["check_target", "closest", "decode", "read_bytes", "write_whole"]
+
+PathLike = str | os.PathLike[str]
+
+_MOST_NEIGHBOURS: Final = 2000
+_LONGEST_NAME: Final = 120
+
+# First bytes of what people hand over instead of a text file.
+_KINDS: Final = (
+    (b"\x1f\x8b", "is gzip-compressed", "decompress it first (gunzip)"),
+    (b"PK\x03\x04", "is a workbook or a zip archive", "save the sheet as CSV UTF-8, or unzip it"),
+    (b"\xd0\xcf\x11\xe0", "is an old Excel workbook", "save the sheet as CSV UTF-8"),
+    (b"MDF ", "is an MDF measurement file", "export it as CSV"),
+    (b"\xff\xfe", "is UTF-16 text", "save it as UTF-8"),
+    (b"\xfe\xff", "is UTF-16 text", "save it as UTF-8"),
+)
+
+
+def closest(name: str, names: Iterable[str]) -> str | None:
+    """Return the one of `names` nearest in spelling to `name`, or None when none is near."""
+    near = difflib.get_close_matches(name[:_LONGEST_NAME], list(names), n=1, cutoff=0.6)
+    return near[0] if near else None
+
+
+def read_bytes(path: PathLike, limit: int) -> bytes:
+    """Read all bytes of a regular file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file.
+    limit : int
+        Most bytes it may hold.
+
+    Returns
+    -------
+    bytes
+        Its content, not empty.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is not a regular file, it may not be read, or it is empty or
+        longer than `limit`.
+    """
+    where = os.fspath(path)
+    try:
+        status = os.stat(path)
+        if stat.S_ISDIR(status.st_mode):
+            raise InputError(where, "is a folder", "name a file in it")
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(where, "is not an ordinary file", "save it to a file first")
+        with open(path, "rb") as file:
+            data = file.read(limit + 1)
+    except FileNotFoundError:
+        raise InputError(where, "no such file", _neighbour(Path(path))) from None
+    except PermissionError:
+        raise InputError(where, "may not be read", "check its permissions") from None
+    except (OSError, ValueError, MemoryError) as exc:
+        reason = getattr(exc, "strerror", None) or str(exc)
+        raise InputError(where, f"cannot be read ({reason})", "check the name") from None
+    if not data:
+        raise InputError(where, "is empty", "export or copy it again")
+    if len(data) > limit:
+        raise InputError(where, f"is longer than {limit} bytes", "split it or check what it is")
+    return data
+
+
+def decode(data: bytes, where: str) -> str:
+    """Decode UTF-8 text with or without a byte order mark.
+
+    Raises
+    ------
+    InputError
+        If the bytes are another kind of file or another encoding, naming the line.
+    """
+    for magic, what, mend in _KINDS:
+        if data.startswith(magic):
+            raise InputError(where, what, mend)
+    if b"\0" in data:
+        raise InputError(where, "is not a text file", "export it as text, CSV UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as exc:
+        line = data.count(b"\n", 0, exc.start) + 1
+        raise InputError(f"{where}:{line}", "is not UTF-8 text", "save it as UTF-8") from None
+
+
+def check_target(path: PathLike) -> None:
+    """Say now that a file could not be written, not after a minute of work.
+
+    Raises
+    ------
+    InputError
+        As `write_whole` would.
+    """
+    where = os.fspath(path)
+    try:
+        target = Path(os.path.realpath(path))  # a link stays a link
+        _check_kind(target, where)
+        if not target.parent.is_dir():
+            raise FileNotFoundError
+        if not os.access(target.parent, os.W_OK | os.X_OK):
+            raise PermissionError
+    except (OSError, ValueError) as exc:
+        raise _unwritable(where, exc) from None
+
+
+def write_whole(path: PathLike, data: bytes | Iterable[bytes]) -> None:
+    """Write a file whole or not at all, from one piece of bytes or from many.
+
+    The bytes go to a temporary file in the same folder, which then takes the name in one step: a
+    full disk or a cut cable leaves the old file as it was.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or may not be written, or `path` is not a regular file.
+    """
+    where = os.fspath(path)
+    temporary = None
+    try:
+        target = Path(os.path.realpath(path))  # a link stays a link
+        _check_kind(target, where)
+        # open() and not mkstemp(): a new file then has the permissions the user asks for
+        beside = target.with_name(f".{secrets.token_hex(8)}.part")
+        with open(beside, "xb") as file:
+            temporary = beside
+            file.writelines([data] if isinstance(data, bytes) else data)
+            file.flush()
+            os.fsync(file.fileno())
+        if target.exists():
+            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
+        os.replace(temporary, target)
+        temporary = None
+    except (OSError, ValueError) as exc:
+        raise _unwritable(where, exc) from None
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+
+
+def _check_kind(target: Path, where: str) -> None:
+    if target.is_dir():
+        raise InputError(where, "is a folder", "name a file in it")
+    if target.exists() and not target.is_file():
+        raise InputError(where, "is not an ordinary file", "name another file")
+
+
+def _unwritable(where: str, fault: OSError | ValueError) -> InputError:
+    if isinstance(fault, FileNotFoundError | NotADirectoryError):
+        return InputError(where, "its folder does not exist", "make the folder first")
+    if isinstance(fault, PermissionError):
+        return InputError(where, "may not be written", "check the folder's permissions")
+    reason = getattr(fault, "strerror", None) or str(fault)
+    return InputError(where, f"cannot be written ({reason})", "name another file")
+
+
+def _neighbour(path: Path) -> str:
+    """Name the file beside `path` that may have been meant."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = [entry.name for _, entry in zip(range(_MOST_NEIGHBOURS), entries, strict=False)]
+    except (OSError, ValueError):
+        return "its folder does not exist either; check the path"
+    near = closest(path.name, names)
+    return f"did you mean {path.with_name(near)}?" if near else "check the name"

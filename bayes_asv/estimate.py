@@ -1,0 +1,342 @@
+"""The main job: recordings and a vehicle in, a posterior out."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.analysis.predictive_checks import Check, predictive_checks
+from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, run_alone
+from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.likelihood import Posterior, ResidualAR
+from bayes_asv.posterior.linear_simulation import FreeRun, freely, simulate_free
+from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = ["ANSWERS", "DERIVED", "LIKELIHOODS", "Estimate", "RunFit", "estimate"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+ANSWERS = ("c_f", "c_r", "i")
+DERIVED = ("k_g", "zeta_f", "zeta_r")
+LIKELIHOODS = ("innovations", "output-error")
+
+_APART = (4, 2500)  # draws where runs do not agree: independent, in as many rows as ensembles
+
+
+@dataclass(frozen=True)
+class RunFit:
+    """How one recording was explained at the centre of the posterior.
+
+    Parameters
+    ----------
+    recording : Recording
+        As read.
+    line : PreparedRecording
+        The same, laid out.
+    free : FreeRun
+        Simulation from the wheels alone at the mean of the posterior's coordinates.
+    ensemble : (S, E, 2) array
+        Outputs of the simulation for S draws of the posterior, m/s².
+    travel : (S, E, 2) array
+        Deflections for the same draws, m.
+    innovations : (E, 2) array
+        Normalised innovations after the colour was taken out; nan where there was no reading.
+    colour : ResidualAR
+        Colour that the innovations had.
+    checks : tuple of Check
+        Posterior predictive checks.
+    """
+
+    recording: Recording
+    line: PreparedRecording
+    free: FreeRun
+    ensemble: Array
+    travel: Array
+    innovations: Array
+    colour: ResidualAR
+    checks: tuple[Check, ...]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A posterior and what it stands on.
+
+    Parameters
+    ----------
+    verdict : str
+        ``ok``, ``not_converged`` or ``refused``.
+    reasons, warnings : tuple of str
+        Why it was refused; what to know otherwise.
+    vehicle : Vehicle
+        The car as given.
+    draws : dict of str to (4, S) array
+        Draws of every sampled car parameter and of k_g, zeta_f, zeta_r, SI units, one row an
+        ensemble; empty when refused.
+    nuisance : dict of str to (4, S) array
+        Draws of noise deviations (m/s²) and of the filtered share of the noise's variance.
+    log_posterior : (4, S) array
+        Not normalised.
+    rhat_max, ess_bulk_min, ess_tail_min : float
+        Worst of all coordinates; nan when refused.
+    runs : tuple of RunFit
+        One a recording; empty when refused.
+    space : ParameterSpace or None
+        Coordinates and priors.
+    width : UncertaintyBudget or None
+        What makes each answer as wide as it is; only with an answer, and only when runs agree.
+    agreement : RunConsistency or None
+        One run against another; None with a single run.  Where it says ``disagree`` the draws
+        are those of its mean car, and each run is explained at its own posterior.
+    joint : dict of str to array
+        Draws of the same car if all runs were alike; empty unless they disagree.
+    likelihood : str
+        Which likelihood was used: ``coloured`` in a band where the sensors' noise does not
+        explain what is left.
+    below : float or None
+        Upper edge of the band that was used, Hz; None at full band.
+    effects : dict of Site to dict of str to array
+        Draws of the parameters of every effect in the model, SI units.
+    seconds : float
+        Time it took.
+    seed : int
+        Seed of the ensembles.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+    vehicle: Vehicle
+    recordings: tuple[Recording, ...]
+    likelihood: str
+    seed: int
+    seconds: float
+    draws: dict[str, Array] = field(default_factory=dict)
+    nuisance: dict[str, Array] = field(default_factory=dict)
+    log_posterior: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    rhat_max: float = math.nan
+    ess_bulk_min: float = math.nan
+    ess_tail_min: float = math.nan
+    acceptance: float = math.nan
+    runs: tuple[RunFit, ...] = ()
+    space: ParameterSpace | None = None
+    width: UncertaintyBudget | None = None
+    agreement: RunConsistency | None = None
+    joint: dict[str, Array] = field(default_factory=dict)
+    below: float | None = None
+    effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of draws in all."""
+        return int(next(iter(self.draws.values())).size) if self.draws else 0
+
+
+def estimate(
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    *,
+    likelihood: str = "innovations",
+    below: float | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+    sites: tuple[Site, ...] = (),
+) -> Estimate:
+    """Posterior of c_f, c_r and i from one or several recordings of one car.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Runs of the same car; each has its own biases, initial state and noise.
+    vehicle : Vehicle
+        Nominal and known values with their deviations.
+    likelihood : {'innovations', 'output-error'}
+        With the noise of the wheel sensors in the covariance, or with white residuals.
+    below : float, optional
+        Use the motion below this frequency (Hz) alone.
+    seed : int
+        Same seed, same answer.
+    progress : callable, optional
+        Told the share done and a few words.
+    sites : tuple of Site
+        Effects that the car and its sensors have.
+
+    Returns
+    -------
+    Estimate
+        Refusal and lack of convergence are verdicts in it, not exceptions.
+
+    Raises
+    ------
+    InputError
+        When a channel is in counts and the vehicle lacks its calibration, or the car's own
+        motion is not below the frequency.
+    ValueError
+        For an unknown likelihood or no recording.
+    """
+    if likelihood not in LIKELIHOODS:
+        raise ValueError(f"likelihood must be one of {', '.join(LIKELIHOODS)}")
+    if not recordings:
+        raise ValueError("at least one recording is needed")
+    began = time.perf_counter()
+    tell = progress or (lambda share, words: None)
+    lines, reasons, warnings = lay_out(recordings, vehicle, below)
+    found, agreement = None, None
+    if not reasons:
+        tell(0.0, "looking for the best fit")
+        with ThreadPoolExecutor(1) as other:
+            # emcee takes a second to load, most of it while compiled code climbs to the mode
+            loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
+            if (
+                len(lines) > 1 and likelihood == "innovations" and not sites
+            ):  # the other form claims too much
+                alone = [run_alone(line, vehicle, seed) for line in lines]
+                agreement = compare_runs(alone, math.prod(_APART), seed)
+            if agreement is not None and agreement.apart:
+                reasons, warnings = agreement.reasons, warnings + agreement.warnings
+            else:
+                found = best_fit(lines, vehicle, likelihood, sites)
+                reasons, warnings = found.reasons, warnings + found.warnings
+            run_ensembles = loading.result().run_ensembles
+    if agreement is not None and found is None and not reasons:
+        tell(0.9, "the runs do not agree")
+        told = _apart(agreement, recordings, vehicle, warnings, seed)
+        tell(1.0, "done")
+        return replace(told, seconds=time.perf_counter() - began)
+    if reasons or found is None:
+        return Estimate(
+            "refused", reasons, warnings, vehicle, tuple(recordings),
+            likelihood, seed, time.perf_counter() - began, agreement=agreement, below=below,
+        )  # fmt: skip
+    where, target = found.space, found.target
+    tell(0.1, "sampling")
+    ensembles = run_ensembles(
+        target,
+        found.mode,
+        seed,
+        None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
+    )
+    flat = ensembles.draws.reshape(-1, where.dimension)
+    by_ensemble = ensembles.log_posterior.shape
+    draws = {n: x.reshape(by_ensemble) for n, x in where.quantities(flat, seed).items()}
+    nuisance = {n: x.reshape(by_ensemble) for n, x in where.nuisance(flat).items()}
+    if not ensembles.converged:
+        warnings += (
+            f"the ensembles had not agreed after {ensembles.draws.shape[1]} draws each "
+            f"(R̂ {ensembles.rhat_max:.3f}, effective draws "
+            f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
+            "intervals: the recordings may hold something the half car does not know",
+        )
+    runs = tuple(
+        _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
+    )
+    width = find_width(target, found.mode, vehicle) if ensembles.converged and not sites else None
+    tell(1.0, "done")
+    return Estimate(
+        verdict="ok" if ensembles.converged else "not_converged",
+        reasons=(),
+        warnings=warnings,
+        vehicle=vehicle,
+        recordings=tuple(recordings),
+        likelihood=where.likelihood,
+        seed=seed,
+        seconds=time.perf_counter() - began,
+        draws=draws,
+        nuisance=nuisance,
+        log_posterior=ensembles.log_posterior,
+        rhat_max=ensembles.rhat_max,
+        ess_bulk_min=ensembles.ess_bulk_min,
+        ess_tail_min=ensembles.ess_tail_min,
+        acceptance=ensembles.acceptance,
+        runs=runs,
+        space=where,
+        width=width,
+        agreement=agreement,
+        below=below,
+        effects={
+            site: {n: x.reshape(by_ensemble) for n, x in values.items()}
+            for site, values in where.effect_draws(flat).items()
+        },
+    )
+
+
+def _apart(
+    agreement: RunConsistency,
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    warnings: tuple[str, ...],
+    seed: int,
+) -> Estimate:
+    """Answer where runs do not agree: the mean car, and each run at its own posterior."""
+    from bayes_asv.posterior.sampler import diagnose
+
+    found = agreement.population
+    together = agreement.joint(math.prod(_APART), seed)
+    rhat, bulk, tail = diagnose(found.centre.reshape(_APART[0], _APART[1], 1, -1))
+    return Estimate(
+        verdict="ok",
+        reasons=(),
+        warnings=warnings,
+        vehicle=vehicle,
+        recordings=tuple(recordings),
+        likelihood=agreement.space.likelihood,
+        seed=seed,
+        seconds=math.nan,
+        draws={n: x.reshape(_APART) for n, x in agreement.quantities(found.centre, seed).items()},
+        nuisance=agreement.nuisance(_APART, seed),
+        log_posterior=found.log_density.reshape(_APART),
+        rhat_max=rhat,
+        ess_bulk_min=bulk,
+        ess_tail_min=tail,
+        runs=tuple(
+            _run_fit(recording, alone.fit.target, alone.z, 0, seed + run)
+            for run, (recording, alone) in enumerate(zip(recordings, agreement.runs, strict=True))
+        ),
+        space=agreement.space,
+        agreement=agreement,
+        below=agreement.space.timelines[0].below,
+        joint=agreement.quantities(together, seed),
+    )
+
+
+def _simulated(target: Posterior, z: Array, run: int) -> FreeRun:
+    """Run the car at coordinates (D,) over one recording."""
+    if target.space.sites:
+        return freely(target, z, run)
+    return simulate_free(target.space.timelines[run], target.space.cars(z[None])[0])
+
+
+def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, seed: int) -> RunFit:
+    """Simulate one recording at the posterior's centre and at a few of its draws."""
+    line = target.space.timelines[run]
+    centre = flat.mean(axis=0)
+    picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
+    each = [_simulated(target, z, run) for z in picked]
+    innovations = target.innovations(centre, run)
+    innovations[line.kind != 1] = np.nan
+    return RunFit(
+        recording=recording,
+        line=line,
+        free=_simulated(target, centre, run),
+        ensemble=np.stack([one.output for one in each]),
+        travel=np.stack([one.states[:, [0, 2]] for one in each]),
+        innovations=innovations,
+        colour=target.colours[run],
+        # Replicates know the sensors' noise alone; where it explains little there is nothing
+        # to check.
+        checks=()
+        if target.space.likelihood == "coloured" or target.space.sites
+        else predictive_checks(target, flat, run, seed),
+    )

@@ -1,1 +1,0 @@
-"""From recordings to a posterior: timeline, parameters, likelihood, mode, ensembles."""

@@ -1,0 +1,158 @@
+"""The logger's text format: whitespace columns of integers, one row a sample.
+
+Columns are index (from 1), front wheel, front chassis, rear wheel and rear chassis, in counts of
+a 10-bit converter. There are no stamps: row ``index`` was taken at (index - 1) / rate, so a
+missing row leaves a gap in time. The rate comes from outside or from ``# sample_rate = 400 Hz``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.recording import COUNTS, declared_rate, parse_rate
+from bayes_asv.io.text import check_cells, finish, metadata_lines
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from bayes_asv.domain.files import PathLike
+    from bayes_asv.domain.recording import Recording
+    from bayes_asv.io.text import Text
+
+__all__ = ["read", "recognises", "write_logger"]
+
+_WIDTH: Final = 1 + len(CHANNELS)
+_FULL_SCALE: Final = 1023
+_LARGEST: Final = 2**31 - 1
+_ROW: Final = re.compile(r"\s*[+-]?\d{1,10}(?:\s+[+-]?\d{1,10}){4}\s*", re.ASCII)
+_UNITS: Final = (COUNTS, COUNTS, COUNTS, COUNTS)
+
+
+def recognises(text: Text) -> bool:
+    """Whether the first line of data is five integers between white space."""
+    return bool(text.lines) and _ROW.fullmatch(text.lines[0]) is not None
+
+
+def read(text: Text, rate: float | None) -> Recording:
+    """Read a recording from the lines of a logger file.
+
+    Parameters
+    ----------
+    text : Text
+        Lines, with their numbers.
+    rate : float or None
+        Rows a second, Hz; it comes before the metadata's ``sample_rate``.
+
+    Returns
+    -------
+    Recording
+        In counts; its metadata state the rate that was used.
+
+    Raises
+    ------
+    InputError
+        With the line and the mend.
+    """
+    warnings: list[str] = []
+    metadata = [(key.strip(), value.strip()) for key, value in text.metadata]
+    rate = _rate(text, rate, metadata, warnings)
+    if len(text.lines) < 2:
+        raise InputError(text.source, "has one row of data", "a recording needs two at least")
+    check_cells(len(text.lines), _WIDTH, text.source)
+    table = _table(text)
+    index = table[:, 0]
+    steps = np.diff(index, prepend=0)
+    if (steps < 1).any():
+        row = int(np.argmax(steps < 1))
+        raise InputError(
+            text.at(row),
+            f"index {index[row]} does not come after {index[row - 1] if row else 0}",
+            "sort the rows, delete repeated ones, and count from 1",
+        )
+    values = table[:, 1:].T.astype(np.float64)
+    outside = (values < 0) | (values > _FULL_SCALE)
+    if outside.any():
+        warnings.append(f"{int(outside.sum())} readings lie outside 0 to {_FULL_SCALE} counts")
+    time = (index - 1) / rate
+    return finish(text, time, values, _UNITS, metadata, None, warnings)
+
+
+def write_logger(recording: Recording, path: PathLike) -> None:
+    """Write a recording in counts in the logger's format; reading it gives identical arrays.
+
+    Raises
+    ------
+    InputError
+        If the recording holds what the format cannot (other units, missing cells, fractions of a
+        count, stamps off the grid of its ``sample_rate``), or the file cannot be written.
+    """
+    where, mend = recording.source or "recording", "write it as CSV"
+    rate = declared_rate(recording)
+    if rate is None:
+        raise InputError(where, "states no sample_rate, and the format has no stamps", mend)
+    if recording.units != _UNITS:
+        raise InputError(where, "is not in counts", mend)
+    with np.errstate(invalid="ignore"):
+        whole = np.abs(recording.values) <= _LARGEST
+        whole &= recording.values == np.round(recording.values)
+    if not whole.all():
+        raise InputError(where, "has readings that are missing or not whole counts", mend)
+    index = np.round(recording.time * rate) + 1
+    on_grid = np.array_equal((index - 1) / rate, recording.time)
+    if not on_grid or index[0] < 1 or index[-1] > _LARGEST:
+        raise InputError(where, f"has stamps off the grid of {rate:g} Hz", mend)
+    table = np.vstack((index, recording.values)).astype(np.int64).T
+    rows = [" ".join(map(str, row)) for row in table.tolist()]
+    write_whole(path, "\n".join([*metadata_lines(recording), *rows, ""]).encode("utf-8"))
+
+
+def _rate(
+    text: Text, rate: float | None, metadata: list[tuple[str, str]], warnings: list[str]
+) -> float:
+    """Return the rate to use; `metadata` and `warnings` are brought in line with it."""
+    said = [place for place, (key, _) in enumerate(metadata) if key == "sample_rate"]
+    where = f"{text.source}: # sample_rate"
+    declared = parse_rate(metadata[said[-1]][1], where) if said else None
+    if rate is None:
+        if declared is None:
+            raise InputError(
+                text.source,
+                "has no time stamps and no rate",
+                "give the rate (--rate 400) or add a line '# sample_rate = 400 Hz'",
+            )
+        return declared
+    used = ("sample_rate", f"{rate!r} Hz")
+    if declared is None:
+        metadata.append(used)
+    elif declared != rate:
+        warnings.append(f"sample_rate is {declared:g} Hz but {rate:g} Hz was asked for and used")
+        metadata[said[-1]] = used
+    return rate
+
+
+def _table(text: Text) -> NDArray[np.int64]:
+    """Return the integers, shape (N, 5)."""
+    joined = " ".join(text.lines)
+    if joined.isascii() and "_" not in joined:
+        try:
+            rows = [line.split() for line in text.lines]
+            if all(len(row) == _WIDTH for row in rows):
+                table = np.array([list(map(int, row)) for row in rows], dtype=np.int64)
+                if np.abs(table).max() <= _LARGEST:
+                    return table
+        except (ValueError, OverflowError):
+            pass
+    for row, line in enumerate(text.lines):
+        if _ROW.fullmatch(line) is None:
+            raise InputError(
+                text.at(row),
+                "is not a row of five integers (index and four channels)",
+                "correct or delete the line",
+            )
+    raise InputError(text.source, f"holds numbers beyond {_LARGEST}", "check what wrote it")

@@ -1,0 +1,57 @@
+"""Effects: what the linear half car leaves out, one file a law.
+
+To add one: write a file with its :class:`Effect`, list it here, and give its force a branch in
+:func:`bayes_asv.filters.force_laws.excess`; a test holds the branch against the readable form.
+"""
+
+from __future__ import annotations
+
+from bayes_asv.models.effects import (
+    bound_rebound,
+    coulomb_friction,
+    damper_fade,
+    digressive_damper,
+    external_force,
+    given_values,
+    progressive_spring,
+    sensors,
+    stops,
+)
+from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter, Scale, Site
+
+__all__ = ["AXLES", "BOTH", "EFFECTS", "Effect", "Parameter", "Scale", "Site", "site"]
+
+EFFECTS: dict[str, Effect] = {
+    effect.name: effect
+    for effect in (
+        bound_rebound.EFFECT,
+        digressive_damper.EFFECT,
+        coulomb_friction.EFFECT,
+        progressive_spring.EFFECT,
+        stops.BUMP,
+        stops.DROOP,
+        damper_fade.EFFECT,
+        external_force.EFFECT,
+        given_values.SPRING_RATE,
+        given_values.WEIGHT_DISTRIBUTION,
+        sensors.GAIN,
+        sensors.LAG,
+        sensors.BANDWIDTH,
+        sensors.DRIFT,
+    )
+}
+
+
+def site(text: str) -> Site:
+    """Read an effect and its place from ``name`` or ``name@where``.
+
+    Raises
+    ------
+    KeyError
+        When there is no such effect or place.
+    """
+    name, _, where = text.partition("@")
+    effect = EFFECTS[name]
+    if where not in effect.sites:
+        raise KeyError(where)
+    return Site(effect, where)

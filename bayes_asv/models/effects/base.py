@@ -1,0 +1,217 @@
+"""What an effect is: a law with its parameters, their priors and how much of it every car has.
+
+A *tolerance* is the deviation of an effect that nobody would call a fault: data sheets allow
+it, and a real car has a little of everything.  Naming an effect means that its main parameter
+is given the wide prior instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["AXLES", "BOTH", "Effect", "Form", "Parameter", "Scale", "Site"]
+
+Array = NDArray[np.float64]
+
+AXLES = ("front", "rear")
+BOTH = "both"
+Form = Literal["linear", "log", "positive", "sinh"]
+Acts = Literal["suspension", "car", "reading"]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes of one car that priors are given in.
+
+    Parameters
+    ----------
+    load : float
+        Static load of the mean axle, N.
+    spring : float
+        Mean spring rate, N/m.
+    """
+
+    load: float
+    spring: float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect and what is believed of it once the effect is named.
+
+    Parameters
+    ----------
+    name, unit : str
+        As in ``interfaces.md``; the unit is SI.
+    form : {'linear', 'log', 'positive', 'sinh'}
+        The value is ``centre + wide z``, ``centre exp(wide z)``, ``wide |z|`` or
+        ``centre + wide sinh(z)`` of a standard normal z; the third is a half-normal prior, the
+        last one has long tails, for what may be many times its usual size.
+    centre, wide : float
+        See ``form``.
+    starts : tuple of float
+        Values from which a fit begins.
+    per : {'', 'load', 'spring'}
+        What ``centre``, ``wide`` and ``starts`` are shares of; nothing when empty.
+    shape : bool
+        It only says how sharply a law bends, and is not reported.
+    """
+
+    name: str
+    unit: str
+    form: Form
+    centre: float
+    wide: float
+    starts: tuple[float, ...]
+    per: str = ""
+    shape: bool = False
+
+    def size(self, scale: Scale) -> float:
+        """Return what the prior's numbers are multiplied by for one car."""
+        return float(getattr(scale, self.per)) if self.per else 1.0
+
+    def value(self, z: Array | float, scale: Scale) -> Array:
+        """Value for standard normal coordinates."""
+        size = self.size(scale)
+        if self.form == "log":
+            return np.asarray(size * self.centre * np.exp(self.wide * np.asarray(z)))
+        if self.form == "positive":
+            return np.asarray(size * self.wide * np.abs(z))
+        if self.form == "sinh":
+            return np.asarray(size * (self.centre + self.wide * np.sinh(np.asarray(z))))
+        return np.asarray(size * (self.centre + self.wide * np.asarray(z)))
+
+    def coordinate(self, value: float, scale: Scale) -> float:
+        """Coordinate of a value; the inverse of :meth:`value`."""
+        value = value / self.size(scale)
+        if self.form == "log":
+            return math.log(value / self.centre) / self.wide
+        if self.form == "positive":
+            return abs(value) / self.wide
+        if self.form == "sinh":
+            return math.asinh((value - self.centre) / self.wide)
+        return (value - self.centre) / self.wide
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """Something that a car or a sensor may do and the linear half car does not.
+
+    Parameters
+    ----------
+    name : str
+        As in ``interfaces.md``.
+    title : str
+        In words, for reports.
+    acts : {'suspension', 'car', 'reading'}
+        On the force of an axle, on a given value, or on what a sensor says.
+    sites : tuple of str
+        Where it can be: axles, both of them alike, channels, or an empty string.
+    parameters : tuple of Parameter
+        The first is the one that vanishes with the effect.
+    slight : mapping or None
+        Values of the parameters (times their ``per``) that are one deviation of what every car
+        may have; None when nobody has a little of it.
+    straight : callable or None
+        From the values that are a little of it, the travel (m) and the speed (m/s) that were used:
+        the values of a law that is as straight over those, where they are less than usual.
+    times : callable or None
+        From values and the values that are a little of it: how many times that they are, where
+        that is not a matter of the first parameter alone.
+    code : int
+        Branch of :func:`bayes_asv.filters.force_laws.excess`; −1 for other effects.
+    packed : callable or None
+        From the parameters' values to the branch's p0 … p3.
+    force : callable or None
+        The readable form: what the law adds to −k δ − c δ̇ (N), as a function of the parameters'
+        values, c, k, δ, δ̇ and the share of the recording that has gone by.
+    drive : str
+        The drive that shows it best, in words.
+    halved : bool
+        On both axles each gets half of the first parameter, in place of all of it.
+    travel : bool
+        The law depends on where the suspension is, so that it matters where that is at rest.
+    """
+
+    name: str
+    title: str
+    acts: Acts
+    sites: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    slight: Mapping[str, float] | None = None
+    straight: Callable[[Mapping[str, float], float, float], dict[str, float]] | None = None
+    times: Callable[[Mapping[str, float], Mapping[str, float]], float] | None = None
+    code: int = -1
+    packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
+    force: Callable[..., Array] | None = None
+    drive: str = ""
+    halved: bool = False
+    travel: bool = False
+
+    def slightly(self, scale: Scale) -> dict[str, float]:
+        """Values at one tolerance, for one car."""
+        assert self.slight is not None
+        return {p.name: self.slight[p.name] * p.size(scale) for p in self.parameters}
+
+    def tolerances(self, values: Mapping[str, float], little: Mapping[str, float]) -> float:
+        """Say how many times a little of it some values are.
+
+        Parameters
+        ----------
+        values, little : mapping
+            Values of its parameters, SI units, and those that are one tolerance.
+        """
+        if self.times is not None:
+            return self.times(values, little)
+        first = self.parameters[0]
+        value, one = values[first.name], little[first.name]
+        return math.log(value) / math.log(one) if first.form == "log" else value / one
+
+
+@dataclass(frozen=True)
+class Site:
+    """An effect at one place.
+
+    Parameters
+    ----------
+    effect : Effect
+        What.
+    where : str
+        An axle, ``both``, a channel, or an empty string.
+    run : int or None
+        The only recording in which it acts; None for all.
+    """
+
+    effect: Effect
+    where: str
+    run: int | None = None
+
+    def __str__(self) -> str:
+        """Name and place as the command line takes them."""
+        return f"{self.effect.name}@{self.where}" if self.where else self.effect.name
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """What tells it from every other site."""
+        return str(self), self.run
+
+    @property
+    def axles(self) -> tuple[str, ...]:
+        """Axles at which it acts; none for a sensor or the car."""
+        return AXLES if self.where == BOTH else tuple(a for a in AXLES if a == self.where)
+
+    def meets(self, other: Site) -> bool:
+        """Whether it is the same effect on an axle in common, or at the same place."""
+        alike = self.where == other.where or bool(set(self.axles) & set(other.axles))
+        return self.effect.name == other.effect.name and alike
+
+    def coordinate_name(self, parameter: Parameter) -> str:
+        """Name of a parameter among the coordinates of a posterior."""
+        own = f" {self.run}" if self.run is not None else ""
+        return f"effect {self} {parameter.name}{own}"

@@ -1,0 +1,45 @@
+"""A damper that fades: c at the start of a run, ``loss`` the share gone at its end.
+
+In between, (1 − e^{−b s}) / (1 − e^{−b}) of the loss has come when the share s of the run has gone
+by: straight in time for b = 0, levelling off as oil that has warmed for b > 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bayes_asv.filters.force_laws import FADE
+from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
+
+__all__ = ["EFFECT"]
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return values["loss"], values["bend"]
+
+
+def _force(
+    values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
+) -> Array:
+    b = values["bend"]
+    come = share if abs(b) < 1e-6 else np.expm1(-b * share) / np.expm1(-b)
+    return np.asarray(c * rate * values["loss"] * come)
+
+
+EFFECT = Effect(
+    name="damper_fade",
+    title="a damper that fades during the run",
+    acts="suspension",
+    sites=(*AXLES, BOTH),
+    parameters=(
+        Parameter("loss", "", "linear", 0.0, 0.3, (0.1, 0.4)),
+        Parameter("bend", "", "linear", 0.0, 1.5, (0.0,), shape=True),
+    ),
+    slight={"loss": 0.015, "bend": 0.0},
+    code=FADE,
+    packed=_packed,
+    force=_force,
+    drive="a long run with bumps from its beginning to its end",
+)

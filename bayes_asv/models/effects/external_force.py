@@ -1,0 +1,35 @@
+"""A force from outside that pushes the chassis for a while, in one run only.
+
+It acts at an axle line, or half at each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bayes_asv.filters.force_laws import OUTSIDE
+from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter
+
+__all__ = ["EFFECT"]
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return values["force"], values["start"], values["duration"], values["rise"]
+
+
+EFFECT = Effect(
+    name="external_force",
+    title="a push from outside",
+    acts="suspension",
+    sites=(*AXLES, BOTH),
+    parameters=(
+        Parameter("force", "N", "linear", 0.0, 0.15, (0.05, -0.05), per="load"),
+        Parameter("start", "s", "linear", 1.0, 1.0, ()),
+        Parameter("duration", "s", "log", 0.4, 0.8, ()),
+        Parameter("rise", "s", "log", 0.03, 0.6, (0.03,), shape=True),
+    ),
+    code=OUTSIDE,
+    packed=_packed,
+    halved=True,
+    drive="the same drive again: a push will not come back",
+)

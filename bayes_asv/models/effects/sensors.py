@@ -1,0 +1,51 @@
+"""Sensors that are not as declared: scale, lag, corner frequency and drift of a channel.
+
+``factor``: reads that many times too much.  ``lag``: samples that much later than declared.
+``bandwidth``: corner of its filter, Hz.  ``slope``: drift of its zero, m/s² a second.
+"""
+
+from __future__ import annotations
+
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.models.effects.base import Effect, Parameter
+
+__all__ = ["BANDWIDTH", "DRIFT", "GAIN", "LAG"]
+
+GAIN = Effect(
+    name="sensor_gain",
+    title="a scale that is not the given one",
+    acts="reading",
+    sites=CHANNELS,
+    parameters=(Parameter("factor", "", "log", 1.0, 0.1, (1.0,)),),
+    slight={"factor": 1.003},
+    drive="turn the sensor over on a level table: it must read plus and minus one g",
+)
+# A board may be late by a sample or two at 400 Hz: under a prior of 1 ms a lag of 5 ms had been two
+# half as large, of the wheel and of the chassis above it.
+LAG = Effect(
+    name="sensor_lag",
+    title="a lag that is not declared",
+    acts="reading",
+    sites=CHANNELS,
+    parameters=(Parameter("lag", "s", "linear", 0.0, 2.5e-3, (0.0,)),),
+    slight={"lag": 1.5e-5},
+    drive="shake all sensors on one plate",
+)
+BANDWIDTH = Effect(
+    name="sensor_bandwidth",
+    title="a filter whose corner is not the declared one",
+    acts="reading",
+    sites=CHANNELS,
+    parameters=(Parameter("bandwidth", "share", "log", 1.0, 0.4, (1.0,)),),
+    slight={"bandwidth": 1.02},
+    drive="shake all sensors on one plate",
+)
+DRIFT = Effect(
+    name="sensor_drift",
+    title="a zero that drifts",
+    acts="reading",
+    sites=CHANNELS,
+    parameters=(Parameter("slope", "m/s^3", "linear", 0.0, 0.5, (0.0,)),),
+    slight={"slope": 0.005},
+    drive="leave the car parked for a minute",
+)

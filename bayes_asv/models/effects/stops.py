@@ -1,0 +1,72 @@
+"""Travel stops: beyond a gap from rest a second spring acts, its onset rounded over a width.
+
+F = −rate · w (d/w)ᵖ against the motion, with d = ½ (e + √(e² + w²)) and e the travel beyond the
+gap, less what that leaves at rest.  Steel has p = 1, rubber that is squeezed more than that; where
+a stop is just touched, the power says how it comes in.  A bump stop acts in compression, a droop
+stop in extension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from bayes_asv.filters.force_laws import BUMP_STOP, DROOP_STOP
+from bayes_asv.models.effects.base import AXLES, Array, Effect, Parameter
+
+__all__ = ["BUMP", "DROOP"]
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return values["gap"], values["rate"], values["onset"], values["power"]
+
+
+def _force(sign: float) -> Callable[..., Array]:
+    def force(
+        values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
+    ) -> Array:
+        gap, width = values["gap"], values["onset"]
+        deep, at_rest = (
+            width * (0.5 * (beyond + np.hypot(beyond, width)) / width) ** values["power"]
+            for beyond in (sign * delta - gap, np.asarray(-gap))
+        )
+        return np.asarray(-sign * values["rate"] * (deep - at_rest))
+
+    return force
+
+
+def _stop(name: str, title: str, code: int, sign: float, drive: str) -> Effect:
+    return Effect(
+        name=name,
+        title=title,
+        acts="suspension",
+        sites=AXLES,
+        parameters=(
+            Parameter("rate", "N/m", "log", 4.0, 1.2, (2.0, 10.0), per="spring"),
+            Parameter("gap", "m", "log", 0.04, 0.8, ()),
+            Parameter("onset", "m", "log", 0.002, 0.9, (0.002,), shape=True),
+            Parameter("power", "", "log", 1.0, 0.25, (1.0,), shape=True),
+        ),
+        code=code,
+        packed=_packed,
+        force=_force(sign),
+        drive=drive,
+        travel=True,
+    )
+
+
+BUMP = _stop(
+    "bump_stop",
+    "a bump stop that is reached",
+    BUMP_STOP,
+    -1.0,
+    "a higher bump, so that the stop is met more than once",
+)
+DROOP = _stop(
+    "droop_stop",
+    "a droop stop that is reached",
+    DROOP_STOP,
+    1.0,
+    "a drop off a kerb, so that the wheel hangs down",
+)

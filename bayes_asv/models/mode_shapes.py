@@ -1,0 +1,110 @@
+"""Modes of the cars in heights, and what each of them mostly is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.models.assembly import CORNERS, corners
+from bayes_asv.models.full_car import FullCar7
+from bayes_asv.models.half_car_wheels import HalfCar4
+from bayes_asv.models.modes import Mode
+from bayes_asv.models.quarter_car import QuarterCar
+from bayes_asv.models.roll_car import RollCar
+from bayes_asv.models.second_order import second_order_modes
+
+__all__ = ["Car", "CarMode", "car_modes", "places"]
+
+Array = NDArray[np.float64]
+Car = QuarterCar | HalfCar4 | FullCar7 | RollCar
+
+
+class CarMode(NamedTuple):
+    """A mode of a car.
+
+    Parameters
+    ----------
+    mode : Mode
+        Its shape in heights at :func:`places`, the largest one 1.
+    kind : str
+        Motion with the largest share: ``bounce``, ``pitch``, ``roll``, ``hop`` of both wheels of an
+        axle together, ``tramp`` of one against the other.
+    share : float
+        Share of the kinetic energy that is in it.
+    """
+
+    mode: Mode
+    kind: str
+    share: float
+
+
+def places(car: Car) -> tuple[tuple[str, ...], Array]:
+    """Where heights are told, and the matrix that gives them from the coordinates."""
+    if isinstance(car, QuarterCar):
+        return ("body", "wheel"), np.eye(2)
+    if isinstance(car, HalfCar4):
+        body = np.array([[1.0, car.l_f, 0.0, 0.0], [1.0, -car.l_r, 0.0, 0.0]])
+        names = ("body front", "body rear", "wheels front", "wheels rear")
+        return names, np.vstack([body, np.eye(4)[2:]])
+    over = corners(car.l_f, car.l_r, car.t_f, car.t_r)
+    chassis = tuple(f"body {corner}" for corner in CORNERS)
+    if isinstance(car, RollCar):
+        return chassis, over
+    wheels = tuple(f"wheel {corner}" for corner in CORNERS)
+    zero = np.zeros((4, 4))
+    return (*chassis, *wheels), np.block([[over, zero], [np.zeros((4, 3)), np.eye(4)]])
+
+
+def car_modes(car: Car, damped: bool = True) -> list[CarMode]:
+    """Modes of a car over its inputs held still, slowest first.
+
+    Parameters
+    ----------
+    car : QuarterCar, HalfCar4, FullCar7 or RollCar
+        In SI units.
+    damped : bool
+        False leaves all damping out, as textbooks do.
+
+    Returns
+    -------
+    list of CarMode
+        An oscillating mode is one entry, each real pole one of its own.
+    """
+    system = car.system()
+    _, heights = places(car)
+    kinds, parts = _kinds(car)
+    out = []
+    for mode in second_order_modes(system.M, system.C if damped else 0.0 * system.C, system.K):
+        shape = heights @ mode.shape
+        energy = np.abs(parts @ mode.shape) ** 2
+        largest = int(np.argmax(energy))
+        out.append(
+            CarMode(
+                mode._replace(shape=shape / shape[int(np.argmax(np.abs(shape)))]),
+                kinds[largest],
+                float(energy[largest] / energy.sum()),
+            )
+        )
+    return out
+
+
+def _kinds(car: Car) -> tuple[tuple[str, ...], Array]:
+    """Motions that share the kinetic energy: their names, and roots of it by coordinate.
+
+    The two wheels of an axle are taken together and against each other; where they weigh the same
+    nothing is left between the two.
+    """
+    root = np.sqrt(car.system().M)
+    if isinstance(car, QuarterCar):
+        return ("bounce", "hop"), root
+    if isinstance(car, HalfCar4):
+        return ("bounce", "pitch", "front hop", "rear hop"), root
+    if isinstance(car, RollCar):
+        return ("bounce", "pitch", "roll"), root
+    pair = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+    turn = np.eye(7)
+    turn[3:5, 3:5] = turn[5:7, 5:7] = pair
+    names = ("bounce", "pitch", "roll", "front hop", "front tramp", "rear hop", "rear tramp")
+    return names, turn @ root

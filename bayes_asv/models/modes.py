@@ -1,0 +1,67 @@
+"""Eigenvalue modes of the half car."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.models.half_car import HalfCar, deflection_form
+
+__all__ = ["Mode", "modes"]
+
+
+class Mode(NamedTuple):
+    """One mode of the chassis on its suspension.
+
+    Parameters
+    ----------
+    natural : float
+        Undamped natural frequency |λ|/2π, Hz.
+    damped : float
+        Frequency of oscillation ω√(1−ζ²)/2π, Hz; zero when the mode does not oscillate.
+    ratio : float
+        Damping ratio ζ = −Re λ/|λ|; one for each real pole of an overdamped mode.
+    shape : (2,) complex array
+        Displacement at the front and at the rear axle, the larger one scaled to 1.
+    """
+
+    natural: float
+    damped: float
+    ratio: float
+    shape: NDArray[np.complex128]
+
+
+def modes(car: HalfCar) -> list[Mode]:
+    """Modes of the car with its wheels held still, slowest first.
+
+    An oscillating mode is one entry, an overdamped one two real poles with an entry each.
+
+    Parameters
+    ----------
+    car : HalfCar
+        Parameters in SI units.
+
+    Returns
+    -------
+    list of Mode
+        The nominal car of Table 7.1 gives 2.03 Hz at ζ 0.54 and 2.99 Hz at ζ 0.82.
+    """
+    values, vectors = np.linalg.eig(deflection_form(car).A)
+    found = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag < 0.0:
+            continue  # the conjugate says the same
+        shape = vector[[0, 2]]
+        shape = shape / shape[int(np.argmax(np.abs(shape)))]
+        natural = abs(value) / (2.0 * np.pi)
+        found.append(
+            Mode(
+                natural=float(natural),
+                damped=float(value.imag / (2.0 * np.pi)),
+                ratio=float(-value.real / abs(value)),
+                shape=shape.astype(np.complex128),
+            )
+        )
+    return sorted(found, key=lambda mode: mode.natural)

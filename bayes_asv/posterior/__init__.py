@@ -1,0 +1,1 @@
+"""Parameters, likelihood, optimisation and sampling of the posterior."""

@@ -1,0 +1,158 @@
+"""The mode in a band, where what is left over is the car's own doing and not the sensors'.
+
+On the road a half car leaves ten or a hundred times more than its sensors' noise: the other
+side of the road, friction, the body.  A filter that takes all of it for noise of the wheels
+lets the spectrum of what is left speak about dampers, which it knows nothing of.  So where the
+sensors do not explain what is left, the wheels are taken as they are read, what is left is an
+autoregression of its own (its coefficients plugged in, of low order: a high one follows every
+dip of the spectrum and puts all its trust there), and the parts of each recording say how much
+of it counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.modes import modes
+from bayes_asv.posterior.composite_likelihood import FEWEST_PARTS, PERIODS, share
+from bayes_asv.posterior.fit_checks import swollen_noise
+from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
+from bayes_asv.posterior.newton import Mode, find_mode
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.residual_ar import find_colour
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = ["InBand", "fit_in_band", "notes"]
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 3
+_MOST_LAGS = 4
+_TOLD = 0.8  # share below which it is worth a word
+
+
+class InBand(NamedTuple):
+    """A mode in a band.
+
+    Parameters
+    ----------
+    mode : Mode
+        Mode and curvature.
+    target : Posterior
+        The posterior; its likelihood is ``innovations`` where the sensors' noise explains what
+        is left, ``coloured`` where it does not.
+    shares : tuple of float or None
+        Share of its readings that each run counts for; None where it is too short to tell.
+        Empty where the sensors explain what is left.
+    """
+
+    mode: Mode
+    target: Posterior
+    shares: tuple[float | None, ...] = ()
+
+
+def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> InBand:
+    """Climb to the mode of recordings of which a band is left.
+
+    Parameters
+    ----------
+    lines : tuple of PreparedRecording
+        From :func:`bayes_asv.preprocessing.band.limited`.
+    vehicle : Vehicle
+        Gives the priors.
+
+    Returns
+    -------
+    InBand
+    """
+    if all(noise is not None for line in lines for noise in line.noise):
+        mode, target = _climb(Posterior(space(vehicle, lines), (WHITE,) * len(lines)), None)
+        if _sensors_explain(target, mode):
+            return InBand(mode, target)
+    mode, target = _climb(Posterior(space(vehicle, lines, "coloured"), (WHITE,) * len(lines)), None)
+    # The colour has the scale of what is left, so that the noise levels are but units.
+    where = space(vehicle, lines, "coloured", frozenset(range(len(lines))))
+    for _ in range(_ROUNDS):
+        colours = tuple(_colour(target, mode.z, run) for run in range(len(lines)))
+        start = np.zeros(where.dimension)
+        start[: where.car_dimension] = mode.z[: where.car_dimension]
+        mode, target = _climb(Posterior(where, colours), start)
+    slowest = _slowest(vehicle)
+    shares = tuple(share(target, mode, run, slowest) for run in range(len(lines)))
+    counted = tuple(
+        colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
+        for colour, part in zip(target.colours, shares, strict=True)
+    )
+    mode, target = _climb(Posterior(where, counted), mode.z)
+    return InBand(mode, target, shares)
+
+
+def notes(line: PreparedRecording, part: float | None, vehicle: Vehicle) -> list[str]:
+    """Say how much wider the intervals are for what the parts of a recording say.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        The recording.
+    part : float or None
+        Its share.
+    vehicle : Vehicle
+        Its slowest mode says how long a recording it takes.
+
+    Returns
+    -------
+    list of str
+    """
+    if part is None:
+        needed = FEWEST_PARTS * PERIODS / _slowest(vehicle)
+        return [
+            f"what is left over in {line.source} is not the sensors' noise, and the recording is "
+            f"too short to tell from its parts whether the intervals are wide enough; that takes "
+            f"{math.ceil(needed)} s"
+        ]
+    if part >= _TOLD:
+        return []
+    return [
+        f"the parts of {line.source} differ {1.0 / math.sqrt(part):.1f} times as much as what is "
+        "left over lets expect, and the intervals are wider by as much"
+    ]
+
+
+def _climb(target: Posterior, start: Array | None) -> tuple[Mode, Posterior]:
+    with shared_work(target) as shared:
+        return find_mode(shared, start), replace(target, pool=None)
+
+
+def _sensors_explain(target: Posterior, mode: Mode) -> bool:
+    """Whether what is left is as white and as small as the sensors' noise that was given."""
+    noise = {n: float(x[0]) for n, x in target.space.nuisance(mode.z[None]).items()}
+    for run, line in enumerate(target.space.timelines):
+        nu = line.paired(target.innovations(mode.z, run))
+        if swollen_noise(line, noise, run) or find_colour(nu).order > 0:
+            return False
+    return mode.converged
+
+
+def _colour(target: Posterior, z: Array, run: int) -> ResidualAR:
+    """Colour and scale of what one run leaves."""
+    line = target.space.timelines[run]
+    nu = line.paired(target.innovations(z, run, WHITE))
+    found = find_colour(nu, 1, _MOST_LAGS)
+    if found.order > 0:
+        return found
+    whole = nu[np.isfinite(nu).all(axis=1)]
+    root = np.linalg.inv(np.linalg.cholesky(whole.T @ whole / len(whole)))
+    return ResidualAR(np.zeros((1, 2, 2)), np.ascontiguousarray(root))
+
+
+def _slowest(vehicle: Vehicle) -> float:
+    """Natural frequency of the slowest nominal mode, Hz."""
+    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
+    return modes(car)[0].natural

@@ -1,0 +1,307 @@
+"""Fisher scoring: climbing to a mode with first derivatives of the innovations alone.
+
+For innovations ν with log variances s the log-likelihood is −½ Σ (ν² + s).  With dν and ds their
+differences along a coordinate, the change of the prediction in units of its deviation is
+dm = −(dν + ½ ν ds), the slope is −Σ (ν dν + ½ ds), and the expected curvature Σ dm dmᵀ + ½ ds dsᵀ.
+A coordinate costs one pass, not one a pair, and a poor start cannot turn the curvature round.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.posterior.likelihood import Posterior
+
+__all__ = ["LaplaceFit", "ScoreAndInformation", "climb", "slopes", "taught"]
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-4  # of a prior deviation
+_FIRST, _ROUNDS = 8, 20  # with noise held, and with everything free
+_ENOUGH = 5e-3  # nats that the next step would gain
+_SHARES = (1.0, 0.4, 0.15)  # of a step: a bent ridge is followed further than damping would go
+_FURTHER = 10.0  # times what the next step would gain, beyond which no climb goes
+_LEARNT = 4  # steps whose changes of slope are believed
+_SEEN = 0.1  # of the expected curvature, below which a change of slope teaches nothing
+_HARDLY = 1.0  # nats expected of a step, beyond which no learnt curvature may end a climb
+_WRONG = 1.3  # mean square of innovations beyond which a model is wrong
+
+
+@dataclass(frozen=True)
+class ScoreAndInformation:
+    """Where a target stands and how its innovations change.
+
+    Parameters
+    ----------
+    nu : (N,) array
+        Normalised innovations of all runs, readings without a value left out.
+    logs : (N,) array
+        Logarithms of their variances.
+    means : (D, N) array
+        Changes of the predictions along each coordinate, in deviations; zero for a run that does
+        not know the coordinate.
+    scales : (D, N) array
+        Changes of the log variances.
+    log_posterior : float
+        Its value, not normalised.
+    given_back : (D,) array
+        Slope of what bands that were cut out give back.
+    """
+
+    nu: Array
+    logs: Array
+    means: Array
+    scales: Array
+    log_posterior: float
+    given_back: Array
+
+    def only(self, kept: NDArray[np.bool_] | slice) -> ScoreAndInformation:
+        """Return the slopes along some of the coordinates."""
+        return replace(
+            self,
+            means=self.means[kept],
+            scales=self.scales[kept],
+            given_back=self.given_back[kept],
+        )
+
+    def gradient(self, z: Array) -> Array:
+        """Slope (D,) of the log-posterior."""
+        of_data = self.means @ self.nu + 0.5 * self.scales @ (self.nu**2 - 1.0)
+        return of_data + self.given_back - z
+
+    def precision(self) -> Array:
+        """Return the expected curvature (D, D) of minus the log-posterior."""
+        data = self.means @ self.means.T + 0.5 * self.scales @ self.scales.T
+        return data + np.eye(len(data))
+
+
+@dataclass(frozen=True)
+class LaplaceFit:
+    """A mode found by scoring.
+
+    Parameters
+    ----------
+    z : (D,) array
+        Where.
+    slopes : ScoreAndInformation
+        The last that were taken, at or within a negligible step of the mode.
+    converged : bool
+        Whether the next step would have gained next to nothing.
+    """
+
+    z: Array
+    slopes: ScoreAndInformation
+    converged: bool
+
+    @property
+    def log_posterior(self) -> float:
+        """Value at the mode, not normalised."""
+        return self.slopes.log_posterior
+
+    @property
+    def covariance(self) -> Array:
+        """Inverse (D, D) of the expected curvature."""
+        return np.asarray(np.linalg.inv(self.slopes.precision()))
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace's logarithm of the integral of the posterior."""
+        _, log_det = np.linalg.slogdet(self.slopes.precision())
+        volume = 0.5 * len(self.z) * math.log(2.0 * math.pi) - 0.5 * float(log_det)
+        return self.log_posterior + volume
+
+
+def _passes(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
+    """Innovations and log variances (2 E,) of one run."""
+    nu, logs, _ = target.scored(z, run)
+    return nu.ravel(), logs.ravel()
+
+
+def slopes(
+    target: Posterior, z: Array, first: int = 0, last: int | None = None
+) -> ScoreAndInformation:
+    """Take differences along every coordinate, run by run.
+
+    Parameters
+    ----------
+    target : Posterior
+        With patterns.
+    z : (D,) array
+        Where.
+    first, last : int
+        Coordinates before the first and from the last on are held: their differences are zero.
+
+    Returns
+    -------
+    ScoreAndInformation
+    """
+    space = target.space
+    runs = range(len(space.timelines))
+    last = len(z) if last is None else last
+    seen = [space.seen_by(run) for run in runs]
+    along = [own[(own >= first) & (own < last)] for own in seen]
+    moves: list[tuple[int, int | None]] = [(run, None) for run in runs]
+    moves += [(run, k) for run in runs for k in along[run]]
+
+    def one(move: tuple[int, int | None]) -> tuple[Array, Array]:
+        run, k = move
+        return _passes(target, z if k is None else _with_step(z, k), run)
+
+    work = target.pool.map if target.pool else map
+    found = dict(zip(moves, work(one, moves), strict=True))
+    parts = []
+    returned = np.zeros(len(z))
+    for run in runs:
+        nu, logs = found[run, None]
+        there = logs != 0.0
+        n = int(np.count_nonzero(there))
+        own = along[run]
+        means, scales = np.zeros((len(z), n)), np.zeros((len(z), n))
+        for k in own:
+            nu_k, logs_k = found[run, k]
+            ds = (logs_k - logs)[there] / _STEP
+            means[k] = -((nu_k - nu)[there] / _STEP + 0.5 * nu[there] * ds)
+            scales[k] = ds
+        parts.append((nu[there], logs[there], means, scales))
+        if space.timelines[run].cut is not None:
+            moved = z + _STEP * np.eye(len(z))[own]
+            change = target.given_back(moved, run) - target.given_back(z[None], run)
+            returned[own] += change / _STEP
+    nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    value = _value(target, z)
+    means = np.concatenate([p[2] for p in parts], axis=1)
+    scales = np.concatenate([p[3] for p in parts], axis=1)
+    return ScoreAndInformation(nu, logs, means, scales, value, returned)
+
+
+def _with_step(z: Array, k: int) -> Array:
+    out = z.copy()
+    out[k] += _STEP
+    return out
+
+
+def climb(target: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:
+    """Climb from a start to the mode.
+
+    Parameters
+    ----------
+    target : Posterior
+        With patterns.
+    start : (D,) array
+        Coordinates.
+    floor : float
+        A log-posterior; the climb ends early where it is out of reach, some nats short of a mode
+        that is far below.
+
+    Returns
+    -------
+    LaplaceFit
+        Not converged when it did not settle in twenty rounds: a value, not an error.
+    """
+    lasting = target.space.lasting_dimension
+    # noise held: it cannot swell on the way
+    z, _ = _ascend(target, start, lasting, _FIRST, 1.0, tempered=True)
+    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH, floor=floor)
+    return LaplaceFit(z, here, settled)
+
+
+def _ascend(
+    target: Posterior,
+    start: Array,
+    last: int,
+    rounds: int,
+    enough: float,
+    *,
+    tempered: bool = False,
+    floor: float = -math.inf,
+) -> tuple[Array, tuple[ScoreAndInformation, bool]]:
+    """Climb in the coordinates before ``last`` until a step gains less than ``enough`` nats.
+
+    Far from the data the misfit counts as noise where ``tempered``: what the data hardly know
+    would otherwise go to any length to mend what a damper is to mend, and nothing else would move.
+    """
+    z = start.copy()
+    here = slopes(target, z, last=last)
+    gradient = here.gradient(z)[:last]
+    before: Array = np.zeros(last)
+    damping, doubted = 0.0, False
+    learnt: list[tuple[Array, Array]] = []
+    for _ in range(rounds):
+        precision = here.precision()[:last, :last]
+        hot = max(float(np.mean(here.nu**2)), 1.0) if tempered else 1.0
+        slope = (gradient + z[:last]) / hot - z[:last]
+        expected = precision = (precision - np.eye(last)) / hot + np.eye(last)
+        for taken, change in learnt if doubted else ():
+            precision = taught(precision, taken, change)
+        while True:
+            ridge = precision + damping * np.diag(np.diag(precision))
+            step: Array = np.asarray(np.linalg.solve(ridge, slope), np.float64)
+            gain = 0.5 * float(gradient @ step)
+            if gain < enough and precision is not expected and _gain(expected, gradient) > _HARDLY:
+                precision, learnt = expected, []  # what was learnt elsewhere holds no longer
+                continue
+            # Where the model is wrong its noise has no sharp optimum, and needs none.
+            if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
+                return z, (here, damping < 2.0)
+            if here.log_posterior + _FURTHER * gain < floor:
+                return z, (here, False)
+            step = np.asarray(step * min(1.0, 3.0 / float(np.max(np.abs(step)))), np.float64)
+            tried = (_moved(z, share * step) for share in _SHARES)
+            ahead = next((x for x in tried if _value(target, x) > here.log_posterior), None)
+            if ahead is not None:
+                break
+            damping = max(4.0 * damping, 0.03)
+            if damping > 1e6:
+                return z, (here, False)
+        step, z = ahead[:last] - z[:last], ahead
+        # A step back shows that the last one went too far: the curvature is steeper than expected.
+        # From then on what the slope did along the last steps is believed before what it should.
+        turned = float(step @ before) < -0.3 * float(np.linalg.norm(step) * np.linalg.norm(before))
+        doubted = doubted or (turned and not tempered)
+        damping = max(damping, 1.0) if turned else 0.0 if damping < 0.05 else 0.3 * damping
+        before = step
+        here = slopes(target, z, last=last)
+        earlier, gradient = gradient, here.gradient(z)[:last]
+        learnt = [*learnt[1 - _LEARNT :], (step, earlier - gradient)]
+    return z, (here, False)
+
+
+def _gain(precision: Array, gradient: Array) -> float:
+    return 0.5 * float(gradient @ np.linalg.solve(precision, gradient))
+
+
+def taught(precision: Array, step: Array, change: Array) -> Array:
+    """Correct an expected curvature by how a slope changed along a step.
+
+    Broyden, Fletcher, Goldfarb & Shanno's update.  A climb that had to turn back believes it: half
+    steps to and fro took a fifth more rounds where a model is wrong.
+
+    Parameters
+    ----------
+    precision : (D, D) array
+        Expected curvature of minus the log-posterior.
+    step : (D,) array
+        What was taken.
+    change : (D,) array
+        By how much the slope of minus the log-posterior grew along it.
+    """
+    expected = precision @ step
+    along, seen = float(step @ expected), float(step @ change)
+    if seen < _SEEN * along:
+        return precision
+    new = np.outer(change, change) / seen - np.outer(expected, expected) / along
+    return np.asarray(precision + new, np.float64)
+
+
+def _moved(z: Array, step: Array) -> Array:
+    out = z.copy()
+    out[: len(step)] += step
+    return out
+
+
+def _value(target: Posterior, z: Array) -> float:
+    return float(target.log_posterior(z[None])[0])

@@ -1,0 +1,101 @@
+"""Checks after the fit: does the model explain the recording, and did the noise stay plausible?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.linear_simulation import FreeRun, left_in_band
+from bayes_asv.preprocessing.data_checks import DOUBTFUL, PLAIN, nominal_modes
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = ["meant_for", "misfit", "swollen_noise"]
+
+_BAND = 2.5  # times the fastest mode: where the half car has to explain what is measured
+_NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is not this half car
+_FARTHEST = 0.4  # m of suspension travel that no small car has
+_SWOLLEN = 3.0  # times the given noise beyond which something else hides in it
+
+
+def misfit(
+    vehicle: Vehicle, line: PreparedRecording, free: FreeRun, widened: bool = False
+) -> tuple[list[str], list[str]]:
+    """Look whether the fitted half car explains the motion it is meant for.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Its fastest nominal mode says up to which frequency the half car has to hold.
+    line, free : PreparedRecording and FreeRun
+        One recording and its best simulation.
+    widened : bool
+        Whether the intervals account for what is left over.
+
+    Returns
+    -------
+    reasons, warnings : lists of str
+    """
+    reasons: list[str] = []
+    warnings: list[str] = []
+    top = meant_for(vehicle, line)
+    for axle, left in zip(("front", "rear"), left_in_band(line, free, top), strict=True):
+        share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
+        words = (
+            f"the fitted half car explains only {share:.0f} % of the {axle} chassis' motion below "
+            f"{top:.0f} Hz in {line.source}"
+        )
+        if left > _NOT_EXPLAINED:
+            reasons.append(
+                f"{words}, too little to trust any answer; check channels, signs, units and "
+                "clocks, and that the sensors sit on hubs and frame above the axles; if all that "
+                "is right, this car does something that a linear half car cannot"
+            )
+        elif left > DOUBTFUL:
+            words += "; something that it does not know is at work"
+            warnings.append(
+                words if widened else f"{words}, and the intervals do not account for it"
+            )
+    travel = float(np.max(np.abs(free.states[:, [0, 2]])))
+    if travel > _FARTHEST:
+        warnings.append(
+            f"{line.source} would mean {travel:.1f} m of suspension travel; check the units and "
+            "scales of the sensors"
+        )
+    return reasons, warnings
+
+
+def meant_for(vehicle: Vehicle, line: PreparedRecording) -> float:
+    """Frequency (Hz) up to which the half car has to explain a recording."""
+    top = _BAND * nominal_modes(vehicle)[-1].natural
+    return top if line.below is None else min(top, line.below)
+
+
+def swollen_noise(line: PreparedRecording, found: dict[str, float], run: int) -> list[str]:
+    """Warn where noise had to grow far beyond what is given for the sensor.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        One recording.
+    found : dict of str to float
+        Noise deviations by name, m/s².
+    run : int
+        Which recording.
+
+    Returns
+    -------
+    list of str
+    """
+    out = []
+    for c, name in enumerate(CHANNELS):
+        given = line.noise[c]
+        level = found.get(f"noise {name} {run}")
+        if given is not None and level is not None and level > _SWOLLEN * given:
+            out.append(
+                f"the noise of the {PLAIN[name]} sensor in {line.source} came out "
+                f"{level / given:.0f} times what the vehicle file says: a value given as exact is "
+                "off, or something moves that a half car does not know; give mass, springs and "
+                "weight fraction an sd"
+            )
+    return out

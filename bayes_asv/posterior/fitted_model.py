@@ -1,0 +1,179 @@
+"""A model on the way: which effects it has, and its mode on the recordings at hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.denoised_inputs import above, calm
+from bayes_asv.posterior.effects import SensorPatterns, patterns
+from bayes_asv.posterior.fisher_scoring import LaplaceFit, climb
+from bayes_asv.posterior.free_simulation import beginning
+from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.preprocessing.input_bias import levelled
+from bayes_asv.preprocessing.quantization import still_wheels_doubted, without_waiting
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = [
+    "Dataset", "FittedModel", "base", "carried", "fitted", "foretold", "foretold_at", "refitted",
+    "setting",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+_START = 4.0  # times the mean square of where a simulation begins: variance of where a filter does
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Recordings and the car they were taken with.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        As given.
+    lines : tuple of PreparedRecording
+        Recordings.
+    patterns : tuple of SensorPatterns
+        What sensors that are not as declared would change in each.
+    quiet : bool
+        The wheels have lost most of their noise already.
+    """
+
+    vehicle: Vehicle
+    lines: tuple[PreparedRecording, ...]
+    patterns: tuple[SensorPatterns, ...]
+    quiet: bool = False
+
+    def target(self, sites: tuple[Site, ...], hold: bool = False) -> Posterior:
+        """Posterior of a model with some effects, noise levels near what is given or held there."""
+        held = frozenset(range(len(self.lines))) if hold else frozenset()
+        where = space(self.vehicle, self.lines, hold=held, sites=sites, near=True)
+        return Posterior(where, (WHITE,) * len(self.lines), patterns=self.patterns)
+
+
+def setting(vehicle: Vehicle, lines: tuple[PreparedRecording, ...]) -> Dataset:
+    """Set recordings up, with patterns that stand on the readings themselves."""
+    lines = tuple(levelled(still_wheels_doubted(line)) for line in lines)
+    found = tuple(patterns(line, vehicle, line.reading) for line in lines)
+    where = Dataset(vehicle, lines, found)
+    begun = [_begun(where, run) for run in range(len(lines))]  # a wait tells where a car begins
+    return replace(where, lines=tuple(without_waiting(line) for line in begun))
+
+
+def _begun(where: Dataset, run: int) -> PreparedRecording:
+    """Return a recording that begins no further from rest than the whole of it shows.
+
+    A linear car may begin anywhere.  A law that bends is drawn as a line at wherever the filter
+    believes the car to be, and beliefs of a decimetre would bend it out of shape for a second; a
+    filter that takes a zero of a sensor for travel meets stops that are far away.
+    """
+    target = where.target(())
+    begin, sd = beginning(target, np.zeros(target.space.dimension), run)
+    start = where.lines[run].start.copy()
+    start[:4] = np.minimum(start[:4], _START * (begin**2 + sd**2)[:4])
+    return replace(where.lines[run], start=start)
+
+
+def foretold(where: Dataset, stage: FittedModel) -> Dataset:
+    """Return the setting with patterns that stand on what a stage foretells from quiet wheels."""
+    return foretold_at(where, stage.target, stage.mode.z)
+
+
+def foretold_at(where: Dataset, target: Posterior, z: Array) -> Dataset:
+    """Return the setting with patterns that stand on what a model foretells at coordinates (D,)."""
+
+    def one(run: int) -> SensorPatterns:
+        declared = (
+            above(target, z, run) if where.quiet else calm(target, z, run, where.vehicle).after
+        )
+        return patterns(where.lines[run], where.vehicle, declared)
+
+    with shared_work(target) as shared:
+        assert shared.pool is not None
+        found = list(shared.pool.map(one, range(len(where.lines))))
+    return replace(where, patterns=tuple(found))
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A model and its mode.
+
+    Parameters
+    ----------
+    sites : tuple of Site
+        Its effects, in the order in which they were added.
+    target : Posterior
+        Its posterior.
+    mode : LaplaceFit
+        Where it is highest.
+    """
+
+    sites: tuple[Site, ...]
+    target: Posterior
+    mode: LaplaceFit
+
+    @property
+    def space(self) -> ParameterSpace:
+        """Coordinates and priors."""
+        return self.target.space
+
+    def carried_to(self, new: ParameterSpace) -> Array:
+        """Coordinates of the mode in a larger or smaller model, everything in common kept."""
+        return carried(self.space, self.mode.z, new, None, {})
+
+
+def carried(
+    old: ParameterSpace,
+    z: Array,
+    new: ParameterSpace,
+    site: Site | None,
+    values: Mapping[str, float],
+) -> Array:
+    """Coordinates of a larger or smaller model, everything in common kept.
+
+    Parameters
+    ----------
+    old, z : ParameterSpace, (D,) array
+        Where one stands.
+    new : ParameterSpace
+        Where to go.
+    site, values
+        What is new, and the values (SI units) at which it begins; others begin at their centre.
+    """
+    known = dict(zip(old.names, z, strict=True))
+    out = np.array([known.get(name, 0.0) for name in new.names])
+    if site is not None:
+        assert new.sizes is not None
+        for parameter in site.effect.parameters:
+            k = new.names.index(site.coordinate_name(parameter))
+            if parameter.name in values:
+                out[k] = parameter.coordinate(values[parameter.name], new.sizes)
+    return out
+
+
+def fitted(target: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
+    """Climb to the mode of a model; some of the way where a floor (nats) is out of reach."""
+    with shared_work(target) as shared:
+        mode = climb(shared, start, floor)
+    return FittedModel(target.space.sites, replace(target, pool=None), mode)
+
+
+def refitted(where: Dataset, stage: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
+    """Fit a model with some effects to recordings, from where a stage has its mode."""
+    target = where.target(sites)
+    return fitted(target, stage.carried_to(target.space))
+
+
+def base(where: Dataset) -> FittedModel:
+    """Fit the linear half car to a setting's recordings."""
+    target = where.target(())
+    return fitted(target, np.zeros(target.space.dimension))

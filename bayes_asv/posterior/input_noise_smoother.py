@@ -1,0 +1,105 @@
+"""What a wheel's sensor added to its reading, as far as everything that was read tells.
+
+With the noise n of the wheels, e of the chassis and the car's response G, a free run leaves
+r = e − G n.  The reading less the mean of n given r,
+
+    u + σ_n² Gᴴ (σ_e² + G σ_n² Gᴴ)⁻¹ r,
+
+has nothing more to do with r.  What is worked out from it is not moved by the noise that is
+still to be explained; with u itself, the two share n.  This is the statistic of the conditional
+score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), line by line of
+the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.  G is the linear
+car's: what a law adds is left out.  Lines in which r is louder than all noise together hold
+something that is missing from the model; what they hold is shared out among noise and that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
+
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = ["without_noise"]
+
+Array = NDArray[np.float64]
+
+_FINER = 2  # points of the even grid to a sample
+_LINES = 17  # of a spectrum whose power is averaged
+_CHANCE = 1.5  # times the noise's power, which so many lines hardly reach without anything in them
+
+
+def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
+    """Return a recording whose wheels' readings have lost what the chassis show to be noise.
+
+    Parameters
+    ----------
+    target : Posterior
+        With patterns.
+    z : (D,) array
+        Coordinates.
+    run : int
+        Which recording.
+
+    Returns
+    -------
+    PreparedRecording
+        With other :attr:`wheels`; their moments are as they were.
+    """
+    line = target.space.timelines[run]
+    time = np.arange(line.instants[0], line.instants[-1], line.reading_step / _FINER)
+    added = _noise(target, z, run, time)
+    wheels = []
+    for wheel, noise in zip(line.wheels, added, strict=True):
+        value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
+        wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
+    return replace(line, wheels=(wheels[0], wheels[1]))
+
+
+def _noise(target: Posterior, z: Array, run: int, time: Array) -> Array:
+    """Mean noise (2, T) of both wheels' sensors at even instants (T,), m/s²."""
+    line = target.space.timelines[run]
+    left = line.reading - free_run(target, z, run)[0]
+    there = [line.kind[:, axle] == VALUE for axle in range(2)]
+    even = np.stack([np.interp(time, line.instants[t], left[t, a]) for a, t in enumerate(there)])
+    even -= even.mean(axis=1, keepdims=True)
+    n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
+    frequency = np.fft.rfftfreq(n, time[1] - time[0])
+    spectrum = np.fft.rfft(even, n).T[..., None]
+    response = _response(target.space.measured(z[None], run)[0], frequency)
+    back = np.conj(np.swapaxes(response, 1, 2))
+    power = _power(target.space.noises(z[None], run)[0], frequency, line.reading_step)
+    wheel, chassis = power[:, :2], power[:, 2:]
+    density = chassis[:, :, None] * np.eye(2) + (response * wheel[:, None]) @ back
+    whitened = np.linalg.solve(density, spectrum)
+    # A straight line between two samples has less power than a reading.
+    share = _FINER * np.cos(0.5 * np.pi * frequency * line.reading_step) ** 4 * len(time)
+    loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (2.0 * share + 1e-3 * n)
+    louder = np.maximum(1.0, uniform_filter1d(loud, _LINES) / _CHANCE)
+    noise = -wheel[..., None] * (back @ whitened) / louder[:, None, None]
+    return np.asarray(np.fft.irfft(noise[..., 0].T, n)[:, : len(time)])
+
+
+def _power(noise: Array, frequency: Array, step: float) -> Array:
+    """Power (F, 4) of the noise of wheels and chassis, front and rear, as a sample's variance."""
+    passed = np.exp(-noise[8:] * step)
+    shape = (1.0 - passed**2) / np.maximum(
+        1.0 + passed**2 - 2.0 * passed * np.cos(2.0 * np.pi * frequency[:, None] * step), 1e-12
+    )
+    return np.asarray(noise[:4] + noise[4:8] * shape)
+
+
+def _response(car: Array, frequency: Array) -> Array:
+    """Chassis readings by wheel readings (F, 2, 2) of a car (12,) with its gains, at Hz."""
+    A, B, C, _ = deflection_form(HalfCar(*car[:8]))
+    s = 2j * np.pi * frequency
+    inner = np.linalg.solve(s[:, None, None] * np.eye(4) - A, np.broadcast_to(B, (len(s), 4, 2)))
+    return np.asarray(car[[9, 11]][:, None] * (C @ inner) / car[[8, 10]])

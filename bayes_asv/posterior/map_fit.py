@@ -1,0 +1,280 @@
+"""From recordings to the posterior's mode: what every kind of answer begins with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.band_fit import fit_in_band
+from bayes_asv.posterior.band_fit import notes as band_notes
+from bayes_asv.posterior.effect_fit import with_effects
+from bayes_asv.posterior.fit_checks import meant_for, misfit, swollen_noise
+from bayes_asv.posterior.fitted_model import setting
+from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
+from bayes_asv.posterior.linear_simulation import freely, left_in_band, simulate_free
+from bayes_asv.posterior.newton import Mode, find_mode
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.posterior.residual_ar import find_colour
+from bayes_asv.preprocessing.band import check_band, limited, too_short
+from bayes_asv.preprocessing.coherence import mend
+from bayes_asv.preprocessing.data_checks import (
+    dead_channels,
+    preflight,
+)
+from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.tone_removal import find_tones, main_tones, notched
+
+__all__ = ["MapFit", "best_fit", "lay_out"]
+
+Array = NDArray[np.float64]
+
+_COLOUR_ROUNDS = 3
+# A parameter whose posterior is hardly narrower than its prior was not measured.
+_UNMEASURED = 0.7
+
+
+@dataclass(frozen=True)
+class MapFit:
+    """The mode of a posterior, and whether the data can answer at all.
+
+    Parameters
+    ----------
+    target : Posterior
+        The posterior with the colour of each run's innovations.
+    mode : Mode
+        Its mode and curvature.
+    reasons, warnings : tuple of str
+        Why no answer may be given; what to know otherwise.
+    faults : tuple of str
+        Those of the reasons that say that a recording is not of this half car.
+    shares : tuple of float or None
+        In a band, the share of its readings that each run counts for; see
+        :class:`bayes_asv.posterior.band_fit.InBand`.
+    """
+
+    target: Posterior
+    mode: Mode
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+    shares: tuple[float | None, ...] = ()
+    faults: tuple[str, ...] = ()
+
+    @property
+    def space(self) -> ParameterSpace:
+        """Coordinates and priors."""
+        return self.target.space
+
+
+def lay_out(
+    recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None
+) -> tuple[tuple[PreparedRecording, ...], tuple[str, ...], tuple[str, ...]]:
+    """Lay recordings out in time and look at them before anything is fitted.
+
+    Parameters
+    ----------
+    recordings, vehicle : sequence of Recording, Vehicle
+        As read.
+    below : float, optional
+        Keep the motion below this frequency (Hz) alone.
+
+    Returns
+    -------
+    lines : tuple of PreparedRecording
+        Empty when a channel has nothing to lay out.
+    reasons, warnings : tuple of str
+        Any reason means that the data cannot answer.
+
+    Raises
+    ------
+    InputError
+        When a channel is in counts and the vehicle lacks its calibration, or the car's own
+        motion is not in the band.
+    """
+    if below is not None:
+        check_band(below, vehicle)
+    reasons = [why for recording in recordings for why in dead_channels(recording, vehicle)]
+    warnings = [w for recording in recordings for w in recording.warnings]
+    if reasons:
+        return (), tuple(reasons), tuple(warnings)
+    lines = tuple(build(recording, vehicle) for recording in recordings)
+    for line in lines:
+        why, notes = preflight(vehicle, line)
+        reasons += why
+        warnings += notes
+    if below is not None and not reasons:
+        short = [too_short(line, below) for line in lines]
+        reasons += [why for why in short if why is not None]
+        if not reasons:
+            lines = tuple(limited(line, vehicle, below) for line in lines)
+            warnings.append(f"only the motion below {below:g} Hz was used")
+    return lines, tuple(reasons), tuple(warnings)
+
+
+def best_fit(
+    lines: tuple[PreparedRecording, ...],
+    vehicle: Vehicle,
+    likelihood: str = "innovations",
+    sites: tuple[Site, ...] = (),
+) -> MapFit:
+    """Climb to the mode, with the colour that the innovations have there.
+
+    Parameters
+    ----------
+    lines : tuple of PreparedRecording
+        Recordings that passed :func:`lay_out`.
+    vehicle : Vehicle
+        Gives the priors.
+    likelihood : str
+        ``innovations`` or ``output-error``.
+    sites : tuple of Site
+        Effects that the car and its sensors have; innovations are then taken to be white.
+
+    Returns
+    -------
+    MapFit
+        Its reasons say when the mode answers nothing or explains too little.
+    """
+    shares: tuple[float | None, ...] = ()
+    if likelihood == "innovations" and lines[0].below is not None:
+        mode, target, shares = fit_in_band(lines, vehicle)
+    elif sites:
+        mode, target = _with_sites(lines, vehicle, sites)
+    else:
+        mode, target = _at_full_band(lines, vehicle, likelihood)
+    where = target.space
+    # A mode that has not settled leaves the word to the ensembles.
+    reasons = _unmeasured(where, mode) if mode.converged else []
+    faults: list[str] = []
+    warnings: list[str] = []
+    best = where.cars(mode.z[None])[0]
+    noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
+    for run, line in enumerate(where.timelines):
+        free = simulate_free(line, best) if not sites else freely(target, mode.z, run)
+        why, notes = misfit(vehicle, line, free, bool(shares))
+        if line.below is None and (why or notes):
+            top = meant_for(vehicle, line)
+            why += mend(line, vehicle, left_in_band(line, free, top) ** 2, top)
+        faults += why
+        warnings += notes + swollen_noise(line, noise, run) + _cut_out(line)
+        if shares:
+            warnings += band_notes(line, shares[run], vehicle)
+    return MapFit(target, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
+
+
+def _at_full_band(
+    lines: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
+) -> tuple[Mode, Posterior]:
+    """Climb to the mode, cut tones out, and climb again with the colour that is left."""
+    mode, target = _climb(space(vehicle, lines, likelihood), None)
+    if likelihood != "innovations":
+        return mode, target
+    quiet = _without_tones(target, mode, vehicle)
+    if quiet is not None:
+        mode, target = _climb(space(vehicle, quiet, likelihood), None)
+    return _with_colour(target, mode, vehicle)
+
+
+def _with_sites(
+    lines: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
+) -> tuple[Mode, Posterior]:
+    """Climb to the mode of a model with effects, its noise levels free."""
+    where, stage = with_effects(setting(vehicle, lines), sites)
+    whole = space(vehicle, lines, sites=stage.sites)
+    target = Posterior(whole, (WHITE,) * len(lines), patterns=where.patterns)
+    start = stage.carried_to(whole)
+    start[whole.lasting_dimension :] = 0.0
+    with shared_work(target) as shared:
+        return find_mode(shared, start), target
+
+
+def _cut_out(line: PreparedRecording) -> list[str]:
+    """Say which tones were cut out of a run."""
+    if not line.notches:
+        return []
+    tones = [f"{frequency:.0f}" for frequency in main_tones(line.notches)]
+    several = " and ".join([", ".join(tones[:-1]), tones[-1]] if len(tones) > 1 else tones)
+    return [
+        f"something shakes the frame at {several} Hz in {line.source}, an engine perhaps; the "
+        "motion at these frequencies was cut out of all channels"
+    ]
+
+
+def _climb(where: ParameterSpace, start: Array | None) -> tuple[Mode, Posterior]:
+    """Climb to the mode of a space, all innovations taken to be white."""
+    with shared_work(Posterior(where, (WHITE,) * len(where.timelines))) as target:
+        return find_mode(target, start), replace(target, pool=None)
+
+
+def _without_tones(
+    target: Posterior, mode: Mode, vehicle: Vehicle
+) -> tuple[PreparedRecording, ...] | None:
+    """Cut the tones of an engine out of every run; None where there are none."""
+    out, any_found = [], False
+    for run, line in enumerate(target.space.timelines):
+        nu = line.paired(target.innovations(mode.z, run))
+        tones = find_tones(nu, 1.0 / line.reading_step)
+        any_found |= bool(tones)
+        out.append(notched(line, vehicle, tones) if tones else line)
+    return tuple(out) if any_found else None
+
+
+def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode, Posterior]:
+    """Look at the colour of what is left, and climb again until it settles.
+
+    Under a colour a run's noise levels are held: left free they swell, since a colour makes
+    good for whatever filter they stand for.
+    """
+    whole = target.space
+    colours: tuple[ResidualAR, ...] = target.colours
+    for _ in range(_COLOUR_ROUNDS):
+        found = tuple(_colour_of(target, mode, run) for run in range(len(target.space.timelines)))
+        if all(c.order == 0 for c in (*found, *colours)):
+            break
+        colours = found
+        hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
+        where = space(vehicle, whole.timelines, whole.likelihood, hold)
+        start = np.zeros(where.dimension)
+        start[: where.lasting_dimension] = mode.z[: where.lasting_dimension]
+        with shared_work(Posterior(where, found)) as shared:
+            mode = find_mode(shared, start)
+        target = Posterior(where, found)
+    return mode, target
+
+
+def _colour_of(target: Posterior, mode: Mode, run: int) -> ResidualAR:
+    """Colour of one run's innovations, scaled for what a filter took out of them."""
+    line = target.space.timelines[run]
+    found = find_colour(line.paired(target.innovations(mode.z, run, WHITE)))
+    if found.order == 0:
+        return WHITE
+    left = 1.0 if line.cut is None else line.cut.left
+    return found._replace(root=found.root * math.sqrt(left))
+
+
+def _unmeasured(where: ParameterSpace, mode: Mode) -> list[str]:
+    """Refuse when the drive taught next to nothing about an answer."""
+    words = {"c_f": "front damping", "c_r": "rear damping", "i": "pitch inertia"}
+    drives = {
+        "c_f": "drive the front wheels over a bump",
+        "c_r": "drive the rear wheels over a bump",
+        "i": "drive over a bump that pitches the car, such as a parking stop",
+    }
+    reasons = []
+    for name in words:
+        before = where.log_prior_of(name)[1]
+        # Only a wide prior can tell: a narrow one given by the user is an answer already.
+        after = where.log_deviation(mode.covariance, name)
+        if before > 0.3 and after > _UNMEASURED * before:
+            reasons.append(
+                f"the recording says next to nothing about the {words[name]} ({name}): "
+                f"{drives[name]}, faster or over a higher one"
+            )
+    return reasons

@@ -1,0 +1,210 @@
+"""The motion below a frequency, and nothing else, as a timeline of its own.
+
+An engine, a body that bends, a seat: above some frequency a car does what no half car does.
+One filter on all four channels leaves the linear relation between wheels and chassis as it is,
+so the motion below a frequency obeys the same half car.  The filter is symmetric, so nothing
+is delayed; what it cannot know at the ends is left out.  Filtered readings repeat each other:
+the chassis keeps two readings a period of the band's edge, which is all there is below it,
+while the wheels, which are inputs, keep every sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.modes import modes
+from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
+from bayes_asv.preprocessing.wheel_spline import WheelSignal
+
+__all__ = ["ABOVE_MODES", "check_band", "limited", "low_pass", "too_short"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ABOVE_MODES = 1.2  # times the fastest mode: below it a rate is no longer in the band
+_REACH = 2.0  # periods of the band's edge that the filter looks back and ahead
+_KAISER = 4.55  # 50 dB in the stop band (Kaiser 1974), which then begins at 1.37 times the edge
+_SHORT = 0.125  # of a period: a gap that a spline crosses without harm in the band
+_STEPS = 16.0  # at least, in a period: what drives the car is smooth
+_FEWEST = 32  # pairs of chassis readings
+# What the half car leaves unexplained in a band is not the sensors' noise; before the fit it is
+# taken to be a tenth of the motion, to within the usual factor for a level that nobody gave.
+_LEFT = 0.1
+
+
+def check_band(below: float, vehicle: Vehicle) -> None:
+    """Refuse a band that the car's own motion does not fit in.
+
+    Parameters
+    ----------
+    below : float
+        Upper edge, Hz.
+    vehicle : Vehicle
+        Nominal car.
+
+    Raises
+    ------
+    InputError
+        When the edge is not above the fastest nominal mode.
+    """
+    fastest = modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))[-1]
+    least = ABOVE_MODES * fastest.natural
+    if not below >= least:
+        raise InputError(
+            f"--below {below:g}",
+            f"leaves out motion of this car, which moves at up to {fastest.natural:.2g} Hz",
+            f"give at least {math.ceil(10.0 * least) / 10.0:g}",
+        )
+
+
+def low_pass(below: float, rate: float) -> Array:
+    """Weights of a symmetric low-pass filter that add up to one.
+
+    Parameters
+    ----------
+    below : float
+        Where half of the amplitude is left, Hz.
+    rate : float
+        Samples a second, Hz.
+
+    Returns
+    -------
+    (2M + 1,) array
+        A windowed sinc: its gain is within 0.005 of 1 up to 0.63 of the edge, and below 0.004
+        from 1.37 of it on.
+    """
+    reach = max(math.ceil(_REACH * rate / below), 1)
+    lag = np.arange(-reach, reach + 1)
+    weights = np.sinc(2.0 * below / rate * lag) * np.kaiser(2 * reach + 1, _KAISER)
+    return np.asarray(weights / weights.sum())
+
+
+def too_short(line: PreparedRecording, below: float) -> str | None:
+    """Say that too little of a recording is left once the filter has been fed, or None.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        A recording, laid out at full band.
+    below : float
+        Upper edge of the band, Hz.
+    """
+    span = float(line.times[0, -1] - line.times[0, 0])
+    lost = 2.0 * _REACH / below
+    needed = lost + _FEWEST / (2.0 * below)
+    if span >= needed:
+        return None
+    return (
+        f"{line.source} is too short for the motion below {below:g} Hz alone: {span:.1f} s, of "
+        f"which the filter takes {lost:.1f}; record {needed:.1f} s or more, or take a wider band"
+    )
+
+
+def limited(line: PreparedRecording, vehicle: Vehicle, below: float) -> PreparedRecording:
+    """Keep the motion below a frequency.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        A recording, laid out at full band, not :func:`too_short`.
+    vehicle : Vehicle
+        The car; it sets the longest step.
+    below : float
+        Upper edge of the band, Hz.
+
+    Returns
+    -------
+    PreparedRecording
+        All channels filtered, on one even grid in true time; chassis readings at twice the
+        band's edge (or the sampling rate, where that is lower).  Readings that the filter mixes
+        with clipped samples, or with a gap longer than an eighth of a period, are missing.
+        Noise levels are those after the filter.
+    """
+    rate = 1.0 / float(np.median(np.diff(line.times[0])))
+    weights = low_pass(below, rate)
+    reach = len(weights) // 2
+    usable = np.isfinite(line.acceleration) & ~line.clipped
+    first = max(line.times[c, usable[c]][0] for c in range(4))
+    last = min(line.times[c, usable[c]][-1] for c in range(4))
+    grid = first + np.arange(math.floor((last - first) * rate + 1e-6) + 1) / rate
+    time = grid[reach : len(grid) - reach]
+    acc = np.empty((4, len(time)))
+    mixed = np.empty((4, len(time)), bool)
+    for c in range(4):
+        at = line.times[c, usable[c]]
+        if c in (0, 2):
+            curve = line.wheels[c // 2].spline
+        else:
+            curve = CubicSpline(at, line.acceleration[c, usable[c]])
+        acc[c] = np.convolve(curve(grid), weights, "valid")
+        guessed = _guessed(grid, at, line.times[c, line.clipped[c]], _SHORT / below)
+        mixed[c] = np.convolve(guessed, np.ones(len(weights)), "valid") > 0.5
+    left_out = mixed | mixed[0] | mixed[2]
+    kept = np.arange(0, len(time), max(int(rate / (2.0 * below) + 1e-6), 1))
+    left_out[:, np.setdiff1d(np.arange(len(time)), kept)] = True
+    step = 1.0 / (_STEPS * below)
+    wheels = (
+        _wheel(line.wheels[0], time, acc[0], step),
+        _wheel(line.wheels[1], time, acc[2], step),
+    )
+    times = np.tile(time, (4, 1))
+    railed = np.zeros(acc.shape, bool)
+    reading = np.where(left_out, np.nan, acc)
+    plan = schedule(reading, times, (railed, railed), wheels, vehicle, step)
+    # The wheels keep every sample and with it the density of their noise; a filtered chassis
+    # reading has what is left of it.
+    passed = float(np.sqrt(np.sum(weights**2)))
+    share = np.array([1.0, passed, 1.0, passed])
+    level = share * _at_rest(line.poles, rate)
+    return PreparedRecording(
+        **plan._asdict(),
+        wheels=wheels,
+        acceleration=acc,
+        times=times,
+        clipped=railed,
+        noise=tuple(None if n is None else n * s for n, s in zip(line.noise, level, strict=True)),
+        steps=line.steps * share,
+        poles=np.zeros(4),
+        source=line.source,
+        scale_sd=line.scale_sd,
+        below=below,
+        quiet=_LEFT * np.std(acc, axis=1) / passed * share,
+    )
+
+
+def _guessed(grid: Array, at: Array, clipped: Array, longest: float) -> Flags:
+    """Points of a grid between usable readings that are too far apart or have a clipped one."""
+    far = np.diff(at) > longest
+    if len(clipped):
+        far[np.clip(np.searchsorted(at, clipped) - 1, 0, len(far) - 1)] = True
+    inside = np.clip(np.searchsorted(at, grid, "right") - 1, 0, len(far) - 1)
+    return np.asarray(far[inside] & (grid > at[inside]) & (grid < at[inside + 1]))
+
+
+def _at_rest(poles: Array, rate: float) -> Array:
+    """Deviation of white noise as dense below a sensor's pole as noise of deviation one.
+
+    How much of that noise passed the pole is not known: half of it, as the prior says.
+    """
+    rho = np.exp(-poles / rate)
+    dense = np.where(poles > 0.0, (1.0 + rho) / np.maximum(1.0 - rho, 1e-9), 1.0)
+    return np.asarray(np.sqrt(0.5 * (1.0 + dense)))
+
+
+def _wheel(whole: WheelSignal, time: Array, filtered: Array, step: float) -> WheelSignal:
+    """Interpolate a filtered wheel; what the full band left unknown between samples stays.
+
+    It is averaged over a step, since a step looks at its middle alone.
+    """
+    middle = 0.5 * (time[1:] + time[:-1])
+    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.deviation) - 1)
+    count = max(round(step / (time[1] - time[0])), 1)
+    power = np.convolve(whole.deviation[at] ** 2, np.full(count, 1.0 / count), "same")
+    return WheelSignal(CubicSpline(time, filtered), time, np.sqrt(power))

@@ -1,0 +1,247 @@
+"""Tones of an engine: found by their peaks, and cut out of all four channels alike.
+
+An engine shakes the frame at the multiples of half its speed.  Its tones are not only noise of
+the chassis: through dampers and tyres they are in the wheels' readings as well, where no road
+made them, so that the half car would explain a tone by a tone.  No colour of the chassis' noise
+mends that; what the data say in the band of a tone must not count at all.  A filter common to
+all channels leaves the linear relation between wheels and chassis as it is (so a notch does),
+and the noise in the notch is gone with the tone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.half_car import HalfCar
+from bayes_asv.preprocessing.missing_band import cut_by
+from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
+from bayes_asv.preprocessing.wheel_spline import WheelSignal, between_samples
+
+__all__ = ["Notch", "find_tones", "main_tones", "notch_filter", "notch_of", "notched", "passing"]
+
+Array = NDArray[np.float64]
+
+_MOST = 16
+_NARROWEST, _WIDEST = 2.0, 8.0  # Hz, half-width of a notch: it rings as long as it is narrow
+_WANDER = 0.05  # of its frequency that a tone wanders to either side
+_LOWEST = 5.0  # Hz: below it the car itself moves
+_SEGMENT = 2.5  # s of a spectrum
+_NEIGHBOURS = 41  # lines of a spectrum whose median is the floor of the middle one
+_ALARM = 1e-4  # false tones a spectrum of white noise
+_LINES = 256  # of the filter's power, from zero to half the rate
+_SETTLES = 3.0  # time constants of the narrowest notch until it has forgotten its beginning
+
+
+class Notch(NamedTuple):
+    """A band that is cut out.
+
+    Parameters
+    ----------
+    frequency, half_width : float
+        Hz; at half a width from the middle half of the power is left.
+    """
+
+    frequency: float
+    half_width: float
+
+
+def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
+    """Second-order sections of a cascade of notches with unit gain at rest.
+
+    Parameters
+    ----------
+    notches : sequence of Notch
+        Bands to cut out.
+    rate : float
+        Samples a second, Hz.
+
+    Returns
+    -------
+    (T, 6) array
+        As :func:`scipy.signal.sosfilt` takes them: zeros on the unit circle, poles behind them.
+    """
+    out = np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (len(notches), 1))
+    for k, notch in enumerate(notches):
+        if notch.frequency >= 0.5 * rate:  # filtered away, or folded to where nobody looks
+            continue
+        angle = 2.0 * math.pi * notch.frequency / rate
+        radius = math.exp(-2.0 * math.pi * notch.half_width / rate)
+        zeros = np.array([1.0, -2.0 * math.cos(angle), 1.0])
+        poles = np.array([1.0, -2.0 * radius * math.cos(angle), radius**2])
+        out[k] = [*(zeros * poles.sum() / zeros.sum()), *poles]
+    return out
+
+
+def passing(notch: Notch, rate: float) -> Array:
+    """Second-order sections (T, 6) that pass the band of a notch, at ``rate`` samples a second."""
+    from scipy.signal import butter
+
+    edges = np.array([notch.frequency - notch.half_width, notch.frequency + notch.half_width])
+    inside = np.clip(edges, 0.5, [0.47 * rate, 0.49 * rate])
+    band = butter(2, inside, "bandpass", fs=rate, output="sos")
+    return np.asarray(band, np.float64)
+
+
+def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ...]:
+    """Find tones in the innovations of one run.
+
+    The line that stands out most of its neighbourhood is cut out, and what is left is searched
+    again.
+
+    Parameters
+    ----------
+    nu : (R, 2) array
+        Normalised innovations of one run, in time order; nan where a reading was missing.
+    rate : float
+        Pairs of readings a second, Hz.
+    alarm : float
+        False tones that a white record may show.
+
+    Returns
+    -------
+    tuple of Notch
+        Empty when no line stands out by more than white records show that often.
+    """
+    from scipy.signal import sosfilt
+
+    signal = np.nan_to_num(nu)
+    notches: list[Notch] = []
+    while len(notches) < _MOST:
+        left = sosfilt(notch_filter(notches, rate), signal, axis=0) if notches else signal
+        frequency = _peak(left, rate, alarm)
+        if frequency is None:
+            break
+        notches.append(notch_of(frequency))
+    return tuple(notches)
+
+
+def notch_of(frequency: float) -> Notch:
+    """Return a notch as wide as a tone at a frequency (Hz) may wander."""
+    return Notch(frequency, min(max(_WANDER * frequency, _NARROWEST), _WIDEST))
+
+
+def main_tones(notches: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+    """Frequencies (Hz) of the tones, rising, each once however many notches it took."""
+    kept: list[float] = []
+    for frequency, half_width in notches:  # the strongest came first
+        if all(abs(frequency - other) > 2.0 * half_width for other in kept):
+            kept.append(frequency)
+    return tuple(sorted(kept))
+
+
+def notched(
+    line: PreparedRecording, vehicle: Vehicle, notches: Sequence[Notch]
+) -> PreparedRecording:
+    """Cut bands out of all channels of a recording.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        A recording, laid out at full band.
+    vehicle : Vehicle
+        The car; it sets the longest step.
+    notches : sequence of Notch
+        Bands to cut out.
+
+    Returns
+    -------
+    PreparedRecording
+        What is left once the filters have forgotten where the record began; what went by since
+        then is counted from there all the same.  A clipped chassis
+        reading is missing: a bound does not pass a filter.
+    """
+    from scipy.signal import sosfreqz
+
+    acc = np.full_like(line.acceleration, np.nan)
+    rate = 1.0 / float(np.median(np.diff(line.times[0])))
+    sections = notch_filter(notches, rate)
+    usable = np.isfinite(line.acceleration) & ~line.clipped
+    for c in range(4):
+        if c in (0, 2):
+            curve = line.wheels[c // 2].spline
+            at = line.wheels[c // 2].knots
+        else:
+            at = line.times[c, usable[c]]
+            curve = CubicSpline(at, line.acceleration[c, usable[c]])
+        acc[c, np.isin(line.times[c], at)] = _cut(curve, at, rate, sections)
+    narrowest = min(notch.half_width for notch in notches)
+    settled = max(line.times[:, 0]) + _SETTLES / (2.0 * math.pi * narrowest)
+    wheels = (
+        _wheel(line.wheels[0], acc[0], line.times[0], line.clipped[0], settled),
+        _wheel(line.wheels[1], acc[2], line.times[2], line.clipped[2], settled),
+    )
+    railed = np.zeros(acc.shape, bool)
+    acc[:, np.all(line.times < settled, axis=0)] = np.nan
+    plan = schedule(acc, line.times, (railed, railed), wheels, vehicle)
+    step = 1.0 / rate
+    lines = (np.arange(_LINES) + 0.5) * math.pi / _LINES
+    _, response = sosfreqz(sections, lines)
+    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
+    return replace(
+        line,
+        **plan._asdict(),
+        wheels=wheels,
+        acceleration=acc,
+        cut=cut_by(np.abs(response) ** 2, len(plan.pairs), step, car),
+        notches=tuple(notches),
+        doubt=None,
+        began=line.instants[0] if line.began is None else line.began,
+    )
+
+
+def _peak(left: Array, rate: float, alarm: float) -> float | None:
+    """Frequency (Hz) of the line that stands out most, if any does."""
+    from scipy.ndimage import median_filter
+    from scipy.signal import welch
+    from scipy.stats import f, gamma
+
+    n = min(len(left), round(_SEGMENT * rate))
+    # Half of a segment is the next one's: a Hann window makes that 0.55 of an independent one.
+    segments = max(1.0, 0.55 * (2.0 * len(left) / n - 1.0))
+    frequency, power = welch(left, rate, nperseg=n, noverlap=n // 2, axis=0)
+    lines = min(_NEIGHBOURS, len(power) // 2 * 2 - 1)
+    floor = median_filter(power, size=(lines, 1))
+    half = lines // 2  # near its ends a spectrum has neighbours on one side only
+    floor[:half], floor[-half:] = floor[half], floor[-half - 1]
+    ratio = power / np.maximum(floor, 1e-12) * gamma(segments).median() / segments
+    ratio[(frequency < _LOWEST) | (frequency > 0.5 * rate - 1.0)] = 0.0
+    best, axle = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    # The floor is uncertain as well: a median is worth 0.64, Hann lines 0.67 of as many lines.
+    degrees = 2.0 * segments
+    limit = float(f(degrees, 0.4 * lines * degrees).isf(alarm / power.size))
+    return float(frequency[best]) if ratio[best, axle] > limit else None
+
+
+def _cut(curve: CubicSpline, at: Array, rate: float, sections: Array) -> Array:
+    """Filter a curve sampled at any times; at even ones nothing is interpolated."""
+    from scipy.signal import sosfilt, sosfilt_zi
+
+    grid = at[0] + np.arange(round((at[-1] - at[0]) * rate) + 1) / rate
+    even = len(grid) == len(at) and bool(np.max(np.abs(grid - at)) < 1e-6 / rate)
+    value = curve(at if even else grid)
+    rest = float(np.mean(value[: max(round(0.05 * rate), 2)]))
+    filtered, _ = sosfilt(sections, value, zi=rest * sosfilt_zi(sections))
+    return filtered if even else np.asarray(CubicSpline(grid, filtered)(at))
+
+
+def _wheel(
+    whole: WheelSignal, filtered: Array, times: Array, clipped: NDArray[np.bool_], settled: float
+) -> WheelSignal:
+    """Interpolate a filtered wheel once the filter has settled."""
+    there = np.isfinite(filtered) & (times >= settled)
+    knots, value = times[there], filtered[there]
+    deviation = between_samples(knots, value)
+    middle = 0.5 * (knots[1:] + knots[:-1])
+    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.deviation) - 1)
+    # Beside a clipped sample more is unknown than the sharpness of the curve tells.
+    beside = clipped[there][1:] | clipped[there][:-1]
+    deviation = np.where(beside, np.maximum(deviation, whole.deviation[at]), deviation)
+    return WheelSignal(CubicSpline(knots, value), knots, deviation)

@@ -1,0 +1,86 @@
+"""A wheel's signal without most of its noise, for what follows from the signal itself.
+
+What a lag, a corner or a bracket would change follows from the wheel's own reading; worked out from
+the raw one it would share the reading's noise, which drives the innovations as well, and a smooth
+drive would show lags that are not there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from bayes_asv.preprocessing.noise_level import noise_level
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = ["clear_wheel", "denoised", "sample_noise"]
+
+Array = NDArray[np.float64]
+
+_LINES = 9  # of a spectrum that are averaged
+_CERTAIN = 2.0  # times the noise that a line has to hold before any of it passes
+
+
+def clear_wheel(line: PreparedRecording, axle: int, corner: float | None) -> tuple[Array, Array]:
+    """Knots (K,) of a wheel's signal, s, and its readings there without most of their noise.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        A recording.
+    axle : {0, 1}
+        Front or rear.
+    corner : float or None
+        Of the wheel's sensor, Hz.
+    """
+    wheel = line.wheels[axle]
+    noise = sample_noise(line, 2 * axle)
+    return wheel.knots, denoised(wheel.knots, wheel.spline(wheel.knots), noise, corner)
+
+
+def sample_noise(line: PreparedRecording, c: int) -> float:
+    """Deviation of one sample of a channel, m/s²: noise as given, or heard, and its steps."""
+    given = line.noise[c]
+    return math.hypot(
+        noise_level(line, c) if given is None else given, float(line.steps[c]) / math.sqrt(12.0)
+    )
+
+
+def denoised(time: Array, signal: Array, noise: float, corner: float | None) -> Array:
+    """Pass a signal where its spectrum stands above that of its noise (Wiener 1949).
+
+    Parameters
+    ----------
+    time : (N,) array
+        Stamps, s; next to even.
+    signal : (N,) array
+        Readings.
+    noise : float
+        Deviation of one reading.
+    corner : float or None
+        Of the sensor's filter, Hz; its noise may have passed it or not, and the larger
+        density of the two counts.
+
+    Returns
+    -------
+    (N,) array
+    """
+    n = len(signal)
+    even = np.linspace(time[0], time[-1], n)
+    values = np.interp(even, time, signal)
+    trend = np.linspace(values[0], values[-1], n)
+    left = values - trend
+    # Turned round at both ends, a record that begins and ends at zero has no edges.
+    spectrum = np.fft.rfft(np.concatenate([left, -left[::-1]]))
+    frequency = np.fft.rfftfreq(2 * n, even[1] - even[0])
+    floor = np.full(len(frequency), noise**2)
+    if corner is not None:
+        shape = 1.0 / (1.0 + (frequency / corner) ** 2)
+        floor = np.maximum(floor, noise**2 * shape / shape.mean())
+    power = uniform_filter1d(np.abs(spectrum) ** 2 / (2 * n), _LINES)
+    passed = np.clip(1.0 - _CERTAIN * floor / np.maximum(power, 1e-300), 0.0, None)
+    quiet = np.fft.irfft(spectrum * passed, 2 * n)[:n] + trend
+    return np.asarray(signal + np.interp(time, even, quiet - values))

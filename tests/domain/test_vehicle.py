@@ -1,0 +1,391 @@
+"""Vehicle files: what is read is what was meant, and what is wrong is said in one line."""
+
+import dataclasses
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.vehicle import (
+    Given,
+    Nominal,
+    Sensor,
+    Travel,
+    Vehicle,
+    read_vehicle,
+    to_toml,
+    write_vehicle,
+)
+
+VEHICLES = Path(__file__).parents[2] / "data" / "vehicles"
+BAJA = re.sub(r"(?m)^#.*\n|#.*$", "", (VEHICLES / "baja2008.toml").read_text(encoding="utf-8"))
+INCH = 0.0254
+LBF = 0.45359237 * 9.80665
+
+per_test = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Callable[[str], Vehicle]:
+    def read_text(text: str) -> Vehicle:
+        path = tmp_path / "car.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_vehicle(path)
+
+    return read_text
+
+
+def test_baja_is_table_7_1() -> None:
+    car = read_vehicle(VEHICLES / "baja2008.toml")
+    assert car.m.value == pytest.approx(1.294 * LBF / INCH)
+    assert car.m.sd == pytest.approx(0.01 * car.m.value)
+    assert car.l == Given(68 * INCH)
+    assert (car.wdf.value, car.wdf.sd) == pytest.approx((0.47, 0.0047))
+    assert car.k_f.value == pytest.approx(100 * LBF / INCH)
+    assert car.k_r.sd == pytest.approx(5 * LBF / INCH)
+    assert car.c_f.value == pytest.approx(7.2 * LBF / INCH)
+    assert car.c_f.sd is None
+    assert car.i.value == pytest.approx(626 * LBF * INCH)
+    assert car.l_f == pytest.approx(36.04 * INCH)
+    assert car.l_r == pytest.approx(31.96 * INCH)
+    assert car.k_g == pytest.approx(22 * INCH, rel=3e-4)
+    # the table rounds down in its last digit
+    assert (car.zeta_f, car.zeta_r) == pytest.approx((0.461, 0.603), abs=1.1e-3)
+    assert car.travel.rear_bump == pytest.approx(4 * INCH)
+    assert car.travel.rear_droop == pytest.approx(6 * INCH)
+    assert car.travel.front_bump is car.travel.front_droop is None
+
+
+def test_baja_sensors_are_those_of_the_reference() -> None:
+    car = read_vehicle(VEHICLES / "baja2008.toml")
+    factors = (7.87, 3.27, 7.93, 3.25)
+    for name, sensor, factor in zip(CHANNELS, car.sensors, factors, strict=True):
+        assert sensor is car.sensor(name)
+        assert sensor.zero_counts is not None
+        assert sensor.resolution is not None
+        scale = 24 * 32.2 / 1023 * factor * INCH
+        assert sensor.counts_scale == pytest.approx(scale, rel=2e-4)
+        assert sensor.resolution == sensor.counts_scale
+        assert sensor.low == pytest.approx(-sensor.zero_counts * sensor.resolution)
+        assert sensor.high == pytest.approx((1023 - sensor.zero_counts) * sensor.resolution)
+        assert sensor.bandwidth == 50.0
+        density = 250e-6 if "wheel" in name else 150e-6
+        rms = density * 9.80665 * math.sqrt(50 * math.pi / 2)
+        assert sensor.noise == pytest.approx(rms, rel=1e-3)
+        assert sensor.delay == (0.0 if "wheel" in name else 0.000675)
+
+
+def test_simulated_car_is_table_5_1() -> None:
+    car = read_vehicle(VEHICLES / "thesis_simulation.toml")
+    assert (car.zeta_f, car.zeta_r) == pytest.approx((0.7, 0.5), rel=1e-12)
+    assert car.k_g == pytest.approx(10 * INCH, rel=1e-12)
+    assert car.m.value == pytest.approx(1.3587 * LBF / INCH)
+    assert car.m.sd == 0.0
+    assert car.sensors == (Sensor(),) * 4
+
+
+def test_ways_to_write_a_quantity(read: Callable[[str], Vehicle]) -> None:
+    usual = read(BAJA)
+    same = BAJA.replace('{ value = 68, unit = "in" }', '"68 in"')
+    same = same.replace('{ value = 0.47, sd = "1 %" }', '{ value = 47, unit = "%", sd = "1%" }')
+    same = same.replace(
+        '{ value = 100, unit = "lbf/in", sd = "5 %" }',
+        '{ value = 100, unit = "lbf/in", sd = "5 lbf/in" }',
+    )
+    other = read(same)
+    assert other.l == usual.l
+    assert other.wdf.value == pytest.approx(usual.wdf.value)
+    assert other.wdf.sd == pytest.approx(usual.wdf.sd)
+    assert other.k_f.sd == pytest.approx(usual.k_f.sd)
+
+
+def test_range_of_one_value_is_both_ways(read: Callable[[str], Vehicle]) -> None:
+    text = re.sub(r"range .*", 'range = { value = 5, unit = "g" }', BAJA, count=1)
+    sensor = read(text).sensor("front_wheel")
+    assert (sensor.low, sensor.high) == pytest.approx((-5 * 9.80665, 5 * 9.80665))
+
+
+def test_nominal_may_carry_a_deviation(read: Callable[[str], Vehicle]) -> None:
+    text = BAJA.replace('7.2, unit = "lbf*s/in"', '7.2, unit = "lbf*s/in", sd = "40 %"')
+    assert read(text).c_f.sd == pytest.approx(0.4 * 7.2 * LBF / INCH)
+    assert read(text).c_r.sd is None
+
+
+def test_byte_order_mark_and_windows_lines(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + BAJA.replace("\n", "\r\n").encode())
+    assert read_vehicle(path) == read_vehicle(VEHICLES / "baja2008.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("wheelbase ", "wheelbas ", r"\[known\] wheelbas: .*did you mean wheelbase"),
+        ("value = 68", "value = -68", r"\[known\] wheelbase: .*above zero"),
+        ("value = 68", "value = 0", r"\[known\] wheelbase: .*above zero"),
+        ("value = 68", "value = nan", r"\[known\] wheelbase: .*finite"),
+        ("value = 68", "value = inf", r"\[known\] wheelbase: .*finite"),
+        ("value = 68", "value = 68e40", r"\[known\] wheelbase: .*not believable"),
+        ("value = 68", f"value = {'9' * 400}", r"\[known\] wheelbase: .*finite"),
+        ("value = 68", "value = true", r"\[known\] wheelbase: .*not a number"),
+        ("value = 68", 'value = "68"', r"\[known\] wheelbase: .*without quotes"),
+        ("value = 68", "vlaue = 68", r"\[known\] wheelbase: .*did you mean value"),
+        ('{ value = 68, unit = "in" }', "68", r"\[known\] wheelbase: has no unit"),
+        ('{ value = 68, unit = "in" }', "{ value = 68 }", r"\[known\] wheelbase: has no unit"),
+        ('{ value = 68, unit = "in" }', "[68]", r"\[known\] wheelbase: "),
+        ('{ value = 68, unit = "in" }', '"68 lb"', r"\[known\] wheelbase: .*lbf"),
+        ('68, unit = "in"', '68, unit = "kg"', r"\[known\] wheelbase: .*not a unit of length"),
+        ('68, unit = "in"', "68, unit = 3", r"\[known\] wheelbase: unit is not a text"),
+        ('"1 %"', '"-1 %"', r"\[known\] sprung_mass: sd"),
+        ('"1 %"', "-1", r"\[known\] sprung_mass: sd"),
+        ('"1 %"', "nan", r"\[known\] sprung_mass: sd"),
+        ('"1 %"', '"300 %"', r"\[known\] sprung_mass: sd is 3 times"),
+        ('"1 %"', '"some"', r"\[known\] sprung_mass: "),
+        ("value = 0.47", "value = 1.47", r"front_weight_fraction: .*between 0 and 1"),
+        ("value = 0.47", "value = 0", r"front_weight_fraction: .*between 0 and 1"),
+        ("value = 1.294", "value = 0", r"\[known\] sprung_mass: .*above zero"),
+        ("[travel]", "[travels]", r"travels: unknown key; did you mean travel"),
+        ("[known]", "[meta]\nx = 1\n[known]", r"meta: unknown key; known are name, units"),
+        ("front_damping", "front_spring_rate", r"front_spring_rate: .*move it to \[known\]"),
+        ("low = -3385.6775", "low = 9000", r"\[sensors.front_wheel\] range: low is not below"),
+        ("{ value = 0.855", "{ value = 0", r"\[sensors.front_wheel\] noise: .*above zero"),
+        ("{ value = 0.855", "{ value = -1", r"\[sensors.front_wheel\] noise: .*above zero"),
+        ("resolution   = { value = 5.945", "resolution = { value = 0", r"resolution: .*above"),
+        ("bandwidth    = { value = 50", "bandwidth = { value = 0", r"bandwidth: .*above zero"),
+        ("bandwidth ", "bandwith ", r"bandwith: .*did you mean bandwidth"),
+        ("[sensors.front_wheel]", "[sensors.frontwheel]", r"did you mean front_wheel"),
+        ("zero_counts  = 569.5", 'zero_counts = "a"', r"zero_counts: .*not a number"),
+        ("value = 0, ", "value = 3600, ", r"\[sensors.front_wheel\] delay: .*not believable"),
+        ('1.294, unit = "lbf*s^2/in"', '1.294, unit = "kg"', r"bounce at 26 Hz.*check the units"),
+        ('68, unit = "in"', '68, unit = "ft"', r"0\.0029 times .*check the units of wheelbase"),
+        ('units = "US"', 'units = "us"', r'units: .*"US" or units = "SI"'),
+        ('units = "US"', "", r"units: is missing"),
+        ("[nominal]", "[known2]", r"known2: unknown key"),
+        ("[known]", "[known", r"not TOML.*line"),
+        ("[known]", "x = " + "[" * 100_000, r"not TOML"),
+        ("[known]", f"x = {'9' * 5000}\n[known]", r"not TOML"),
+    ],
+)
+def test_faults_name_file_key_and_mend(
+    read: Callable[[str], Vehicle], old: str, new: str, said: str
+) -> None:
+    assert old in BAJA
+    with pytest.raises(InputError, match=said) as caught:
+        read(BAJA.replace(old, new, 1))
+    message = str(caught.value)
+    assert "car.toml: " in message
+    assert "\n" not in message
+    assert caught.value.mend
+
+
+def test_unknown_channel_is_an_input_error() -> None:
+    with pytest.raises(InputError, match="did you mean rear_wheel"):
+        read_vehicle(VEHICLES / "baja2008.toml").sensor("rear_weel")
+
+
+def test_missing_file_names_its_neighbour() -> None:
+    with pytest.raises(InputError, match=r"did you mean .*baja2008\.toml"):
+        read_vehicle(VEHICLES / "baja2007.toml")
+
+
+sizes = st.floats(1e-2, 1e4)
+shares = st.floats(0.0, 0.99)
+maybe_size = st.none() | sizes
+
+
+@st.composite
+def sensors(draw: st.DrawFn) -> Sensor:
+    scale = draw(st.none() | st.floats(1e-3, 1e2) | st.floats(-1e2, -1e-3))
+    low = draw(st.just(-math.inf) | st.floats(-1e4, -1.0))
+    high = draw(st.just(math.inf) | st.floats(1.0, 1e4))
+    return Sensor(
+        zero_counts=draw(st.none() | st.floats(-1e5, 1e5)),
+        counts_scale=scale,
+        low=low,
+        high=high,
+        noise=draw(maybe_size),
+        resolution=draw(maybe_size),
+        bandwidth=draw(maybe_size),
+        delay=draw(st.floats(-0.5, 0.5)),
+        counts_scale_sd=abs(scale) * draw(shares) if scale is not None else 0.0,
+    )
+
+
+@st.composite
+def vehicles(draw: st.DrawFn) -> Vehicle:
+    def given_value() -> Given:
+        value = draw(sizes)
+        return Given(value, value * draw(shares))
+
+    def nominal() -> Nominal:
+        value = draw(sizes)
+        return Nominal(value, draw(st.none() | st.floats(1e-3, 9.0).map(lambda x: x * value)))
+
+    # numbers that go together: a bounce of 0.7 to 12 Hz, and an inertia near that on the axles
+    m, l, wdf = given_value(), draw(st.floats(0.1, 100.0)), draw(st.floats(0.01, 0.99))
+    rates = [0.5 * m.value * (2.0 * math.pi * draw(st.floats(1.0, 12.0))) ** 2 for _ in range(2)]
+    inertia = m.value * l**2 * wdf * (1.0 - wdf) * draw(st.floats(0.02, 50.0))
+    return Vehicle(
+        name=draw(st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=30)),
+        units=draw(st.sampled_from(["US", "SI"])),
+        m=m,
+        l=Given(l),
+        wdf=Given(wdf, draw(st.floats(0.0, 0.009))),
+        k_f=Given(rates[0], rates[0] * draw(shares)),
+        k_r=Given(rates[1], rates[1] * draw(shares)),
+        c_f=nominal(),
+        c_r=nominal(),
+        i=Nominal(inertia, draw(st.none() | st.floats(1e-3, 9.0).map(lambda x: x * inertia))),
+        travel=Travel(*(draw(st.none() | st.floats(1e-3, 10.0)) for _ in range(4))),
+        sensors=(draw(sensors()), draw(sensors()), draw(sensors()), draw(sensors())),
+    )
+
+
+def numbers(item: object) -> list[object]:
+    """Every leaf of nested dataclasses and tuples."""
+    if isinstance(item, dict):
+        return [leaf for value in item.values() for leaf in numbers(value)]
+    if isinstance(item, tuple | list):
+        return [leaf for value in item for leaf in numbers(value)]
+    return [item]
+
+
+@given(vehicle=vehicles())
+@per_test
+def test_reading_what_was_written_gives_it_back(tmp_path: Path, vehicle: Vehicle) -> None:
+    path = tmp_path / "written.toml"
+    write_vehicle(vehicle, path)
+    again = read_vehicle(path)
+    plain = dataclasses.replace(again, source="", sha256="")
+    for a, b in zip(
+        numbers(dataclasses.asdict(vehicle)), numbers(dataclasses.asdict(plain)), strict=True
+    ):
+        assert a == (pytest.approx(b, rel=1e-12) if isinstance(b, float) else b)
+    # what was read once is stable
+    assert to_toml(again) == to_toml(read_vehicle(path))
+
+
+def test_shipped_files_come_back_to_the_last_bit(tmp_path: Path) -> None:
+    for path in VEHICLES.glob("*.toml"):
+        vehicle = read_vehicle(path)
+        write_vehicle(vehicle, tmp_path / "again.toml")
+        assert read_vehicle(tmp_path / "again.toml") == vehicle
+
+
+def test_written_numbers_stay_short() -> None:
+    text = to_toml(read_vehicle(VEHICLES / "baja2008.toml"))
+    assert 'wheelbase = { value = 68, unit = "in" }' in text
+    assert 'front_spring_rate = { value = 100, unit = "lbf/in", sd = 5 }' in text
+
+
+def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text("old")
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_vehicle(read_vehicle(VEHICLES / "baja2008.toml"), path)
+    assert path.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["car.toml"]
+
+
+@pytest.mark.parametrize("name", ["nowhere/car.toml", ".", "a\0b"])
+def test_places_that_cannot_be_written(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError):
+        write_vehicle(read_vehicle(VEHICLES / "baja2008.toml"), f"{tmp_path}/{name}")
+
+
+PIECES = [*BAJA.split(), "nan", "inf", "-1", "0", "[", "]", "{", "}", '"', "'", "\\", "\0", "true"]
+
+
+@given(
+    edits=st.lists(
+        st.tuples(st.integers(0, len(BAJA)), st.integers(0, 40), st.sampled_from(PIECES)),
+        min_size=1,
+        max_size=4,
+    )
+)
+@settings(per_test, max_examples=200)
+def test_mutated_files_are_read_or_refused(
+    tmp_path: Path, edits: list[tuple[int, int, str]]
+) -> None:
+    text = BAJA
+    for at, cut, piece in edits:
+        text = text[:at] + piece + text[at + cut :]
+    assert read_or_refuse(tmp_path / "car.toml", text.encode())
+
+
+@given(data=st.binary(max_size=300))
+@per_test
+def test_any_bytes_are_refused(tmp_path: Path, data: bytes) -> None:
+    assert read_or_refuse(tmp_path / "car.toml", data)
+
+
+def read_or_refuse(path: Path, data: bytes) -> bool:
+    """Whether a file is refused in one line with its name and a mend, or read in order."""
+    path.write_bytes(data)
+    try:
+        vehicle = read_vehicle(path)
+    except InputError as refusal:
+        return "\n" not in str(refusal) and path.name in str(refusal) and bool(refusal.mend)
+    to_toml(vehicle)
+    return vehicle.m.value > 0 and 0 < vehicle.wdf.value < 1
+
+
+def test_reading_loads_neither_pint_nor_scipy() -> None:
+    code = (
+        "import sys, bayes_asv.domain.vehicle as v, bayes_asv.domain.recording, bayes_asv.io;"
+        "assert not {'pint', 'scipy', 'pydantic'} & set(sys.modules);"
+        "v.read_vehicle(sys.argv[1]); assert 'pint' not in sys.modules"
+    )
+    path = str(VEHICLES / "baja2008.toml")
+    subprocess.run([sys.executable, "-c", code, path], check=True)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions and links are POSIX's here")
+def test_written_file_keeps_permissions_and_links(tmp_path: Path) -> None:
+    vehicle = read_vehicle(VEHICLES / "baja2008.toml")
+    plain, new, link = tmp_path / "plain", tmp_path / "new.toml", tmp_path / "link.toml"
+    plain.touch()
+    write_vehicle(vehicle, new)
+    assert new.stat().st_mode == plain.stat().st_mode
+    new.chmod(0o640)
+    link.symlink_to(new)
+    write_vehicle(vehicle, link)
+    assert link.is_symlink()
+    assert new.stat().st_mode & 0o777 == 0o640
+
+
+def test_two_sides_are_read_and_written_back(tmp_path: Path) -> None:
+    text = (VEHICLES / "baja2008_roll.toml").read_text(encoding="utf-8")
+    text = text.replace(
+        "[sensors.front_wheel]",
+        "[sensors.rear_left_wheel]\nzero_counts = 500\ncounts_scale = '6 in/s^2'\n\n"
+        "[sensors.front_wheel]",
+        1,
+    ).replace("[roll]\n", "[roll]\nfront_bar = '20 lbf/in'\nfront_sensors = '30 in'\n")
+    path = tmp_path / "car.toml"
+    path.write_text(text, encoding="utf-8")
+    car = read_vehicle(path)
+    assert car.roll is not None
+    assert car.roll.front_track.value == pytest.approx(52 * 0.0254)
+    assert car.roll.front_bar == pytest.approx(20 * 175.12683524647636)
+    assert car.sensor("rear_left_wheel").zero_counts == 500
+    alike = car.sensor("front_right_wheel")  # like its axle's, but for counts
+    assert alike.noise == car.sensor("front_wheel").noise
+    assert (alike.zero_counts, alike.counts_scale) == (None, None)
+    assert alike.resolution == pytest.approx(5.945 * 0.0254)
+    path.write_text(to_toml(car), encoding="utf-8")
+    assert read_vehicle(path) == car

@@ -1,0 +1,196 @@
+"""The compiled filter against a linear Kalman filter, dense Gaussians and matrix exponentials."""
+
+import math
+from typing import cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from bayes_asv.filters import kalman as innovations
+from bayes_asv.filters import ukf as unscented
+from bayes_asv.filters.cholesky_update import follow, leverage, take, wander
+from bayes_asv.filters.discretization import TAYLOR
+from bayes_asv.filters.simd_batch import begin_cars, moved, place_cars, step, structure_of
+from bayes_asv.filters.simd_layout import BLOCK, blocks
+from bayes_asv.filters.ukf_state import COLUMNS, INNOVATION, LOG_P, Model, Rules, State, Steps
+from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.tracking.prior_state import beginning
+from tests.filters.test_kalman import CAR, LaidOut, recursion_case
+
+Array = NDArray[np.float64]
+
+NEVER = Rules(
+    gate=math.inf, trust=1e300, window=500.0, quick=32.0, sudden=math.inf, broken=math.inf,
+    patience=math.inf, coloured=math.inf, learned=math.inf, look=math.inf,
+)  # fmt: skip
+SCALE = np.array([1.1, 1.1, 0.7])
+
+
+def _model(noise: Array, start: Array) -> Model:
+    base = np.append(np.array(CAR, float), np.ones(4))
+    return Model(
+        base, np.array([0, 1, 2]), np.ones(3, bool), np.log(base[:3]), SCALE, noise, start,
+        np.zeros(3), np.zeros(3),
+    )  # fmt: skip
+
+
+def _steps(laid: LaidOut) -> Steps:
+    h, moments, spread, kind, reading, _, _ = laid
+    return Steps(h, moments, spread, kind, reading, np.zeros(len(h), bool))
+
+
+@given(seed=st.integers(0, 10_000), bounds=st.booleans(), fixed=st.booleans())
+def test_with_known_parameters_it_is_the_linear_filter(
+    seed: int, bounds: bool, fixed: bool
+) -> None:
+    _, _, noise, laid = recursion_case(seed, n=40)
+    laid[5][:] = 0.0  # the filter knows no variance of single readings
+    if bounds:
+        rng = np.random.default_rng(seed)
+        at = rng.uniform(size=laid[3].shape) < 0.1
+        laid[3][at & (laid[3] == 1)] = rng.integers(2, 4)
+    kept = np.zeros((40, 2))
+    expected = innovations.residuals(np.array(CAR), noise, *laid, kept)
+    model = _model(noise, laid[6])
+    state = beginning(model)
+    state.D[:] = 0.0
+    state.Pi[range(6), range(6)] = laid[6]
+    out = np.zeros((40, COLUMNS))
+    unscented.run(0, fixed, state, model, NEVER, _steps(laid), out)
+    assert state.memory[LOG_P] == pytest.approx(expected, rel=1e-11, abs=1e-9)
+    if not fixed:
+        np.testing.assert_allclose(out[:, INNOVATION : INNOVATION + 2], kept, atol=1e-9)
+
+
+def _random_belief(rng: np.random.Generator, p: int) -> tuple[Array, Array, Array, Array, Array]:
+    """μ, D, x, J, Π of the form θ = μ + Dᵀ d, s = x + Jᵀ d + η."""
+    D = np.triu(0.3 * rng.normal(size=(p, p)))
+    D[range(p), range(p)] = rng.uniform(0.2, 1.0, p)
+    root = rng.normal(size=(10, 10))
+    Pi = root @ root.T
+    return rng.normal(size=p), D, rng.normal(size=10), rng.normal(size=(p, 10)), Pi
+
+
+def _joint(mu: Array, D: Array, x: Array, J: Array, Pi: Array) -> tuple[Array, Array]:
+    """Mean and covariance of (θ, s)."""
+    p = len(mu)
+    covariance = np.zeros((p + 10, p + 10))
+    both = np.hstack([D, J])
+    covariance[:] = both.T @ both
+    covariance[p:, p:] += Pi
+    return np.concatenate([mu, x]), covariance
+
+
+@given(seed=st.integers(0, 10_000), p=st.integers(1, 7))
+def test_a_reading_is_taken_up_as_bayes_says(seed: int, p: int) -> None:
+    rng = np.random.default_rng(seed)
+    mu, D, x, J, Pi = _random_belief(rng, p)
+    mean, covariance = _joint(mu, D, x, J, Pi)
+    # y = a θ-part through d, a part through s, and noise
+    by_d, by_s, noise, y = rng.normal(size=p), rng.normal(size=10), 0.3, float(rng.normal())
+    g = by_d + J @ by_s
+    row = np.concatenate([np.linalg.solve(D, by_d), by_s])
+    variance = row @ covariance @ row + noise
+    gain = covariance @ row / variance
+    nu = y - (row @ mean - np.linalg.solve(D, by_d) @ mu)
+    wanted_mean = mean + gain * nu
+    wanted = covariance - np.outer(gain, gain) * variance
+    m, F, weight = np.zeros(p), np.eye(p), np.zeros(p)
+    PC = Pi @ by_s
+    rest = float(by_s @ PC + noise)
+    assert leverage(g, F, weight) + rest == pytest.approx(variance)
+    take(y, float(by_s @ x), g, PC, rest, x, J, m, F, Pi, weight, np.zeros(p), True)
+    follow(mu, D, x, J, m, F)
+    found_mean, found = _joint(mu, D, x, J, Pi)
+    np.testing.assert_allclose(found_mean, wanted_mean, atol=1e-9)
+    np.testing.assert_allclose(found, wanted, atol=1e-9)
+    np.testing.assert_array_equal(F, np.eye(p))
+    assert np.all(np.tril(D, -1) == 0.0)
+
+
+@given(seed=st.integers(0, 10_000), p=st.integers(1, 7))
+def test_a_walk_adds_its_variance_and_nothing_else(seed: int, p: int) -> None:
+    rng = np.random.default_rng(seed)
+    mu, D, x, J, Pi = _random_belief(rng, p)
+    _, covariance = _joint(mu, D, x, J, Pi)
+    before = np.sum(np.log(np.diag(D)))
+    variance = rng.uniform(size=p) * (rng.uniform(size=p) < 0.7)
+    grown = wander(D, J, Pi, variance)
+    _, found = _joint(mu, D, x, J, Pi)
+    wanted = covariance + np.diag(np.append(variance, np.zeros(10)))
+    np.testing.assert_allclose(found, wanted, atol=1e-9)
+    assert grown == pytest.approx(np.sum(np.log(np.diag(D))) - before, abs=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_lanes_carry_sigma_points_exactly(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    _, _, noise, laid = recursion_case(seed, n=2, missing=False)
+    model = _model(noise, laid[6])
+    p, reach, h = 3, math.sqrt(3.0), float(laid[0][1])
+    mu, D = 0.2 * rng.normal(size=p), np.triu(0.2 * rng.normal(size=(p, p)))
+    x, J = 0.1 * rng.normal(size=10), 0.05 * rng.normal(size=(p, 10))
+    wanted = []
+    for sign, i in [(0, 0), *((s, i) for i in range(p) for s in (1, -1))]:
+        theta = mu + sign * reach * D[i]
+        state = x + sign * reach * J[i]
+        car = model.base[:8].copy()
+        car[:3] = np.exp(model.centre + model.scale * theta)
+        system = deflection_form(HalfCar(*car))
+        after = expm(system.A * h) @ state[:4]
+        drive, steady = system.B, -system.B @ state[6:8]
+        for j in range(TAYLOR + 1):
+            if j < laid[1].shape[2]:
+                after = after + drive @ laid[1][1, :, j]
+            after = after + steady * h ** (j + 1) / math.factorial(j + 1)
+            drive, steady = system.A @ drive, system.A @ steady
+        wanted.append(after)
+    points = np.array(wanted)
+    W = np.zeros(blocks(p) * BLOCK)
+    begin_cars(W, p, model.base)
+    fastest = place_cars(W, mu, D, reach, model.which, model.log, model.centre, model.scale)
+    step(W, p, reach, x, J, h, laid[1][1], np.zeros((2, TAYLOR + 1)), fastest, True)
+    phi, gamma, qf, qr = (np.zeros(s) for s in ((4, 4), (4, 2), (4, 4), (4, 4)))
+    structure_of(W, p, h, phi, gamma, qf, qr)
+    bent = np.zeros((4, 4))
+    moved(W, p, reach, x, J, bent, np.empty((2, 4)))
+    even = 0.5 * (points[1::2] + points[2::2]) - points[0]
+    np.testing.assert_allclose(J[:, :4], (points[1::2] - points[2::2]) / (2 * reach), atol=1e-11)
+    np.testing.assert_allclose(x[:4], points[0] + even.sum(axis=0) / 3.0, atol=1e-11)
+    np.testing.assert_allclose(bent, even.T @ even / 3.0, atol=1e-11)
+    car = model.base[:8].copy()
+    car[:3] = np.exp(model.centre + model.scale * mu)
+    np.testing.assert_allclose(phi, expm(deflection_form(HalfCar(*car)).A * h), atol=1e-12)
+
+
+def test_a_run_in_two_is_the_same_as_a_run_in_one() -> None:
+    _, _, noise, laid = recursion_case(5, n=60)
+    model = _model(noise, laid[6])
+    steps = _steps(laid)
+    whole, halves = beginning(model), beginning(model)
+    out, other = np.zeros((60, COLUMNS)), np.zeros((60, COLUMNS))
+    unscented.run(0, False, whole, model, NEVER, steps, out)
+    first = Steps(*(cast(Array, part)[:23] for part in steps))  # type: ignore[arg-type]
+    unscented.run(0, False, halves, model, NEVER, first, other)
+    unscented.run(23, False, halves, model, NEVER, steps, other)
+    np.testing.assert_array_equal(out, other)
+    for one, two in zip(whole, halves, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_it_comes_back_when_it_has_learnt_enough() -> None:
+    _, _, noise, laid = recursion_case(5, n=400, missing=False)
+    model = _model(noise, laid[6])
+    state: State = beginning(model)
+    out = np.zeros((400, COLUMNS))
+    rules = NEVER._replace(learned=0.5)
+    event, at = unscented.run(0, False, state, model, rules, _steps(laid), out)
+    assert event == unscented.LEARNED
+    assert 0 < at < 400
+    volume = np.sum(np.log(np.diag(state.D)))
+    assert volume == pytest.approx(-state.memory[9], abs=1e-9)
+    assert volume < -0.5

@@ -1,0 +1,36 @@
+"""One more effect in a model, where a law's shape has more than one hill."""
+
+from __future__ import annotations
+
+import pytest
+
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.filters.kalman import MISSING
+from bayes_asv.io import read_recording
+from bayes_asv.posterior.effect_candidates import candidates
+from bayes_asv.posterior.effect_fit import added
+from bayes_asv.posterior.fitted_model import base, fitted, setting
+from bayes_asv.posterior.map_fit import lay_out
+from tests.cli.conftest import ROOT
+
+
+@pytest.mark.parametrize("silent", [0, 38])
+def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent: int) -> None:
+    """A bump whose first tenth of a second is silent: a climb from the usual rounding ends on the
+    hill of hardly any, where no step along the rounding alone is a gain and the other hill, 17 nats
+    higher, is four deviations off."""
+    data = ROOT / "data"
+    vehicle = read_vehicle(data / "vehicles" / "baja2008.toml")
+    run = read_recording(data / "recordings" / "valved-bump-400hz.csv")
+    lines, reasons, _ = lay_out([run], vehicle)
+    assert not reasons
+    where = setting(vehicle, lines)
+    where.lines[0].kind[:silent] = MISSING
+    linear = base(where)
+    group = [c for c in candidates(linear, vehicle) if str(c.site) == "bound_rebound@front"]
+    found = added(where, linear, group)
+    k = found.space.names.index("effect bound_rebound@front rounding")
+    for end in (-2.0, 0.0, 2.5):
+        start = found.mode.z.copy()
+        start[k] = end
+        assert fitted(found.target, start).mode.log_posterior < found.mode.log_posterior + 0.1

@@ -1,0 +1,81 @@
+"""Effects among the coordinates: sensors that are off, and the scoring that fits them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.posterior.fisher_scoring import slopes
+from bayes_asv.posterior.fitted_model import Dataset, setting
+from bayes_asv.posterior.map_fit import lay_out
+from tests.posterior.cases import EXACT, as_recording, vehicle
+from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
+
+
+def driven(terrain: str, spec: SensorSpec) -> tuple[RigCar, Vehicle, Recording]:
+    car = draw(baja(), np.random.default_rng([11, 3]), EXACT)
+    run = drive(car, TERRAINS[terrain](5), DEFAULT_SPEEDS[terrain], 400.0, 2.5, spec, 6)
+    return car, vehicle(EXACT), as_recording(run, "run.csv")
+
+
+def laid(recording: Recording, car: Vehicle) -> Dataset:
+    lines, reasons, _ = lay_out((recording,), car)
+    assert not reasons
+    return setting(car, lines)
+
+
+def test_the_slopes_are_those_of_the_log_posterior() -> None:
+    _, car, recording = driven("bump", SensorSpec())
+    where = laid(recording, car)
+    target = where.target((read_site("bound_rebound@front"), read_site("sensor_lag@rear_wheel")))
+    z = np.random.default_rng(1).normal(0.0, 0.05, target.space.dimension)
+    found = slopes(target, z).gradient(z)
+    h = 1e-4
+    away = np.concatenate([z + h * np.eye(len(z)), z - h * np.eye(len(z))])
+    up, down = np.split(target.log_posterior(away), 2)
+    np.testing.assert_allclose(found, (up - down) / (2 * h), rtol=2e-3, atol=0.05)
+
+
+DECLARED_DELAY = (0.0, 6.75e-4, 0.0, 6.75e-4)
+SENSORS = {
+    "sensor_gain@front_chassis": ({"gain": (1.0, 1.03, 1.0, 1.0)}, "factor", 1.03),
+    "sensor_gain@rear_wheel": ({"gain": (1.0, 1.0, 0.97, 1.0)}, "factor", 0.97),
+    "sensor_lag@front_wheel": ({"delay": (4e-4, *DECLARED_DELAY[1:])}, "lag", 4e-4),
+    "sensor_lag@rear_chassis": ({"delay": (*DECLARED_DELAY[:3], 2.75e-4)}, "lag", -4e-4),
+    "sensor_bandwidth@front_wheel": ({"bandwidth": (40.0, 50.0, 50.0, 50.0)}, "bandwidth", 0.8),
+    "sensor_bandwidth@rear_chassis": ({"bandwidth": (50.0, 50.0, 50.0, 65.0)}, "bandwidth", 1.3),
+    "sensor_bandwidth@front_chassis": ({"bandwidth": (50.0, 12.5, 50.0, 50.0)}, "bandwidth", 0.25),
+    "sensor_bandwidth@rear_wheel": ({"bandwidth": (50.0, 50.0, 15.0, 50.0)}, "bandwidth", 0.3),
+    "sensor_lag@front_chassis": ({"delay": (0.0, 5.675e-3, 0.0, 6.75e-4)}, "lag", 5e-3),
+    "sensor_drift@front_chassis": ({"drift": (0.0, 0.2, 0.0, 0.0)}, "slope", 0.2),
+}
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_sensor_that_is_off_is_measured(name: str) -> None:
+    wrong, parameter, truth = SENSORS[name]
+    _, car, recording = driven("bump", replace(SensorSpec(), **wrong))  # type: ignore[arg-type]
+    _, stage = with_effects(laid(recording, car), (read_site(name),))
+    assert stage.mode.converged
+    site = stage.sites[0]
+    k = stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))
+    sd = np.sqrt(np.linalg.inv(stage.mode.slopes.precision())[k, k])
+    z = site.effect.parameters[0].coordinate(truth, stage.space.sizes)  # type: ignore[arg-type]
+    assert abs(stage.mode.z[k] - z) < 3.0 * sd
+    assert abs(z) > 6.0 * sd  # and it is measured, not merely allowed for
+    assert site.effect.parameters[0].name == parameter
+
+
+@pytest.mark.parametrize(
+    ("text", "mend"),
+    [("rust", "there are bound_rebound"), ("bound_rebound@left", "say bound_rebound@front")],
+)
+def test_an_effect_that_is_none_gets_one_sentence(text: str, mend: str) -> None:
+    with pytest.raises(InputError, match=mend):
+        read_site(text)

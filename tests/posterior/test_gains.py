@@ -1,0 +1,106 @@
+"""Sensor scales that are uncertain: coordinates like any given value."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayes_asv.analysis.uncertainty_budget import find_width
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.parameters import CAR
+from tests.posterior.cases import DECLARED, EXACT, vehicle
+from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
+
+
+def declared(sds: dict[str, float], share: float) -> Vehicle:
+    """The nominal baja whose scales are known to a share of themselves."""
+    car = vehicle(sds)
+    one, two, three, four = (
+        replace(s, counts_scale_sd=share * abs(s.counts_scale or 0.0)) for s in car.sensors
+    )
+    return replace(car, sensors=(one, two, three, four))
+
+
+def counted(gain: tuple[float, float, float, float]) -> tuple[RigCar, Recording]:
+    """A drive in counts whose sensors read too much or too little, seed 7."""
+    rng = np.random.default_rng([7, 46])
+    car = draw(baja(), rng, DECLARED)
+    road, noise = (int(v) for v in rng.integers(2**31, size=2))
+    spec = replace(SensorSpec(), gain=gain)
+    run = drive(car, TERRAINS["bump"](road), DEFAULT_SPEEDS["bump"], 400.0, 2.0, spec, noise)
+    assert run.counts is not None
+    return car, Recording(run.time, run.counts.astype(float), ("counts",) * 4, (), "counts.csv")
+
+
+def fitted(car: Vehicle, recording: Recording) -> MapFit:
+    lines, reasons, warnings = lay_out((recording,), car)
+    assert not reasons
+    assert warnings == ()
+    fit = best_fit(lines, car)
+    assert fit.mode.converged
+    return fit
+
+
+@pytest.fixture(scope="module")
+def off() -> tuple[RigCar, Recording]:
+    return counted((1.0, 1.012, 0.995, 0.99))
+
+
+def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:
+    """A wheel that reads g times too much does the same as moments divided by g."""
+    fit = fitted(declared(EXACT, 0.01), counted((1.0, 1.0, 1.0, 1.0))[1])
+    z = fit.mode.z.copy()
+    z[fit.space.names.index("gain front_wheel")] = 1.5
+    z[fit.space.names.index("gain rear_wheel")] = 0.0
+    plain = z.copy()
+    plain[fit.space.names.index("gain front_wheel")] = 0.0
+    line = fit.space.timelines[0]
+    moments = line.moments.copy()
+    moments[:, 0] /= math.exp(1.5 * 0.01)
+    shrunk = replace(fit.space, timelines=(replace(line, moments=moments),))
+    np.testing.assert_allclose(
+        fit.target.innovations(z, 0),
+        replace(fit.target, space=shrunk).innovations(plain, 0),
+        atol=1e-9,
+    )
+
+
+def test_scales_that_are_off_are_allowed_for(off: tuple[RigCar, Recording]) -> None:
+    truth, recording = off
+    wide = fitted(declared(DECLARED, 0.01), recording)
+    narrow = fitted(declared(DECLARED, 0.0), recording)
+    missed = {}
+    for fit, share in ((wide, "wide"), (narrow, "narrow")):
+        best = dict(zip(CAR, fit.space.cars(fit.mode.z[None])[0], strict=True))
+        missed[share] = [
+            abs(math.log(best[n] / getattr(truth, n)))
+            / fit.space.log_deviation(fit.mode.covariance, n)
+            for n in ("c_f", "c_r", "i")
+        ]
+    assert max(missed["wide"]) < 2.0
+    assert max(missed["narrow"]) > 2.5  # what is declared exact and is not
+    width = find_width(wide.target, wide.mode, declared(DECLARED, 0.01))
+    for name, answer in width.answers.items():
+        assert sum(answer.shares.values()) == pytest.approx(1.0, abs=1e-6)
+        if name != "k_g":
+            sd = wide.space.log_deviation(wide.mode.covariance, name)
+            assert answer.sd == pytest.approx(sd, rel=0.04)
+    gains = [s for n, s in width.answers["c_f"].shares.items() if n.startswith("gain ")]
+    assert 0.15 < sum(gains) < 0.4
+
+
+def test_a_recording_that_is_not_in_counts_has_no_scale() -> None:
+    _, recording = counted((1.0, 1.0, 1.0, 1.0))
+    car = declared(DECLARED, 0.01)
+    values = (recording.values - np.array([[s.zero_counts] for s in car.sensors])) * np.array(
+        [[s.counts_scale] for s in car.sensors]
+    )
+    told = Recording(recording.time, values, ("m/s^2",) * 4, (), "told.csv")
+    lines, _, warnings = lay_out((told,), car)
+    assert not np.any(lines[0].scale_sd)
+    assert sum("is not in counts" in w for w in warnings) == 4

@@ -1,0 +1,47 @@
+"""Climbing to the mode."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.newton import derivatives, find_mode
+from bayes_asv.posterior.parameter_space import space
+from bayes_asv.preprocessing.timeline import build
+from tests.posterior.cases import DECLARED, case, vehicle
+
+
+@pytest.fixture(scope="module")
+def target() -> Posterior:
+    car = vehicle(DECLARED)
+    lines = tuple(build(case(terrain, 31, DECLARED)[2], car) for terrain in ("bump", "rough"))
+    return Posterior(space(car, lines), (WHITE, WHITE))
+
+
+def test_derivatives_run_by_run_are_those_of_the_whole(target: Posterior) -> None:
+    mode = find_mode(target)
+    scale = mode.sd
+    _, gradient, hessian = derivatives(target, mode.z, scale)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        u = rng.normal(size=len(scale))
+        line = mode.z + np.outer([-1e-1, 0.0, 1e-1], u * scale)
+        low, middle, high = target.log_posterior(line)
+        assert (high - low) / 0.2 == pytest.approx(gradient @ u, abs=0.05)
+        assert (high - 2 * middle + low) / 0.01 == pytest.approx(u @ hessian @ u, rel=0.05)
+
+
+def test_the_mode_is_higher_than_its_surroundings(target: Posterior) -> None:
+    mode = find_mode(target)
+    assert mode.converged
+    rng = np.random.default_rng(1)
+    around = mode.z + 0.2 * rng.normal(size=(200, len(mode.z))) * mode.sd
+    assert np.max(target.log_posterior(around)) < mode.log_posterior + 0.05
+
+
+def test_a_start_some_deviations_away_comes_back(target: Posterior) -> None:
+    mode = find_mode(target)
+    rng = np.random.default_rng(2)
+    again = find_mode(target, mode.z + 4.0 * rng.normal(size=len(mode.z)) * mode.sd)
+    assert np.max(np.abs(again.z - mode.z) / mode.sd) < 0.1

@@ -1,0 +1,91 @@
+"""Ensembles on posteriors whose answer is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import skewnorm
+
+from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.sampler import diagnose, run_ensembles
+
+Array = NDArray[np.float64]
+
+
+class Known:
+    """A stand-in for a target: a log density of (W, D) points."""
+
+    def __init__(self, log_density: Callable[[Array], Array]) -> None:
+        self.log_density = log_density
+
+    def log_posterior(self, z: Array) -> Array:
+        return self.log_density(z)
+
+
+def _mode(d: int, sd: float = 1.0) -> Mode:
+    return Mode(np.zeros(d), sd**2 * np.eye(d), 0.0, True)
+
+
+def test_a_correlated_normal_is_recovered() -> None:
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(5, 5))
+    covariance = root @ root.T + 0.1 * np.eye(5)
+    precision = np.linalg.inv(covariance)
+    target = Known(lambda z: -0.5 * np.einsum("wi,ij,wj->w", z, precision, z))
+    result = run_ensembles(target, Mode(np.zeros(5), covariance, 0.0, True), seed=1)
+    assert result.converged
+    flat = result.draws.reshape(-1, 5)
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(flat.mean(axis=0)) < 5.0 * sd / np.sqrt(result.ess_bulk_min))
+    np.testing.assert_allclose(flat.std(axis=0), sd, rtol=0.1)
+
+
+def test_a_skewed_posterior_keeps_its_tails() -> None:
+    target = Known(lambda z: np.sum(skewnorm.logpdf(z, 6.0), axis=1))
+    result = run_ensembles(target, _mode(3), seed=2)
+    assert result.converged
+    low, high = np.quantile(result.draws.reshape(-1, 3), [0.025, 0.975], axis=0)
+    np.testing.assert_allclose(low, skewnorm.ppf(0.025, 6.0), atol=0.08)
+    np.testing.assert_allclose(high, skewnorm.ppf(0.975, 6.0), atol=0.15)
+
+
+def test_a_start_far_too_narrow_is_outgrown() -> None:
+    target = Known(lambda z: -0.5 * np.sum((z - 0.5) ** 2, axis=1))
+    result = run_ensembles(target, _mode(2, 0.05), seed=3)
+    assert result.converged
+    np.testing.assert_allclose(result.draws.reshape(-1, 2).std(axis=0), 1.0, rtol=0.12)
+
+
+def test_two_separate_modes_are_admitted_as_not_converged() -> None:
+    def log_density(z: Array) -> Array:
+        far, near = -0.5 * np.sum((z - 60.0) ** 2, axis=1), -0.5 * np.sum(z**2, axis=1)
+        return np.asarray(np.logaddexp(far, near))
+
+    wide = run_ensembles(Known(log_density), _mode(2, 20.0), seed=4, most=60)
+    assert not wide.converged
+
+
+def test_ensembles_that_disagree_show_in_rhat() -> None:
+    rng = np.random.default_rng(0)
+    chains = rng.normal(size=(4, 100, 32, 1))
+    fine = diagnose(chains)[0]
+    chains[2] += 0.5
+    assert fine < 1.01 < diagnose(chains)[0]
+
+
+def test_effective_size_of_independent_draws_is_their_number() -> None:
+    chains = np.random.default_rng(1).normal(size=(4, 60, 32, 2))
+    _, bulk, tail = diagnose(chains)
+    assert 0.7 * 7680 < bulk < 1.4 * 7680
+    assert 0.6 * 7680 < tail < 1.4 * 7680
+
+
+def test_progress_is_told() -> None:
+    told: list[tuple[float, str]] = []
+    target = Known(lambda z: -0.5 * np.sum(z**2, axis=1))
+    run_ensembles(target, _mode(2), 0, lambda share, words: told.append((share, words)))
+    assert told
+    assert all(0.0 <= share <= 1.0 and "R̂" in words for share, words in told)
+    assert told[-1][0] == 1.0

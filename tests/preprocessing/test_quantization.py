@@ -1,0 +1,132 @@
+"""Coarse converters while nothing moves, on the rig's own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bayes_asv.diagnosis.model_search import asked
+from bayes_asv.diagnosis.whiteness_test import memory
+from bayes_asv.filters.kalman import MISSING
+from bayes_asv.posterior.fitted_model import base, setting
+from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.preprocessing.quantization import (
+    crawling,
+    offset,
+    standing,
+    still_wheels_doubted,
+    without_waiting,
+)
+from bayes_asv.preprocessing.timeline import PreparedRecording
+from tests.posterior.cases import DECLARED, INCH, case, vehicle
+from tests.rig import SensorSpec
+
+_LOUD = (4.0 * INCH, 2.0 * INCH, 4.0 * INCH, 2.0 * INCH)
+# what the data sheets of the 2008 car's sensors say; its converter has ten bits
+_REAL = replace(SensorSpec(), noise=(0.855 * INCH, 0.513 * INCH, 0.855 * INCH, 0.513 * INCH))
+
+
+def _line(terrain: str, seed: int, sensors: SensorSpec, seconds: float = 2.5) -> PreparedRecording:
+    _, _, recording = case(terrain, seed, DECLARED, seconds=seconds, sensors=sensors)
+    lines, reasons, _ = lay_out([recording], vehicle(DECLARED, sensors))
+    assert not reasons
+    return lines[0]
+
+
+@given(noise=st.floats(0.1, 0.8), seed=st.integers(0, 50))
+def test_the_mean_error_of_a_standing_reading_stays_within_its_offset(
+    noise: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    level = rng.uniform(-0.5, 0.5)
+    read = np.round(level + noise * rng.standard_normal(20_000))
+    assert abs(read.mean() - level) < offset(1.0, noise) + 0.06 * noise + 0.01
+
+
+def test_a_car_that_waits_on_a_coarse_converter_has_nothing_missing() -> None:
+    """On ten such drives p was below 0.05 in six while every reading was believed."""
+    ps, memories = [], []
+    for seed in range(1000, 1010):
+        line = _line("stops" if seed % 2 == 0 else "bump", seed, _REAL)
+        where = setting(vehicle(DECLARED, _REAL), (line,))
+        model = asked(where, base(where), 0)
+        ps.append(model.p)
+        memories.append(memory(model.stage)[1])
+    assert np.mean(np.array(ps) < 0.05) <= 0.2
+    assert min(memories) > 1e-3
+
+
+def test_the_longer_a_car_waits_the_less_it_says() -> None:
+    """Of twenty such drives five had p below 0.05 while their waits were listened to."""
+    for seed in (1004, 1009):  # 0.0021 and 0.0001
+        line = _line("stops", seed, _REAL, seconds=6.0)
+        where = setting(vehicle(DECLARED, _REAL), (line,))
+        assert asked(where, base(where), 0).p > 0.05
+
+
+def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
+    line = _line("stops", 1000, _REAL)
+    doubted = still_wheels_doubted(line)
+    assert doubted.doubt is not None
+    front = np.abs(line.wheels[0].spline(line.instants))
+    moving = np.convolve(front > 100.0 * INCH, np.ones(9), "same") > 8
+    assert np.count_nonzero(moving) > 20
+    assert np.all(doubted.doubt[moving, 0] == 0.0)
+    assert np.mean(doubted.doubt[: len(front) // 20, 0] > 0.0) > 0.9
+    assert doubted.noise_spread == pytest.approx(line.spread)
+    assert still_wheels_doubted(doubted).spread == pytest.approx(doubted.spread)
+
+
+def test_a_car_is_not_listened_to_while_it_waits() -> None:
+    line = _line("bump", 1000, _REAL, seconds=6.0)
+    heard = np.any(without_waiting(line).kind != MISSING, axis=1)
+    still = np.all([standing(line, c) for c in range(4)], axis=0)
+    assert 0.2 < np.mean(heard) < 0.7
+    assert np.all(still[~heard])
+    first, last = line.instants[heard][[0, -1]]
+    inside = (line.instants >= first) & (line.instants <= last)
+    assert np.array_equal(without_waiting(line).kind[inside], line.kind[inside])
+    assert 0.45 < last - line.instants[~still][-1] < 0.51
+    fine = _line("stops", 1000, SensorSpec(noise=_LOUD))
+    assert without_waiting(fine) is fine
+
+
+@pytest.mark.parametrize(
+    ("slope", "remembers"), [(0.05, True), (0.2, True), (0.5, True), (3.0, False)]
+)
+def test_errors_of_a_converter_remember_while_little_moves(slope: float, remembers: bool) -> None:
+    """Saw teeth: the errors of readings one after the other go together, unlike those of a quick
+    motion, whose speed is never the same."""
+    rng = np.random.default_rng(0)
+    n = 40_000
+    speed = slope * (1.0 + 0.4 * np.sin(0.01 * np.arange(n)))
+    motion = np.cumsum(speed)
+    error = np.round(motion + 0.19 * rng.standard_normal(n)) - motion
+    error -= error.mean()
+    largest = max(
+        abs(float(error[lag:] @ error[:-lag])) / float(error @ error) for lag in range(1, 4)
+    )
+    assert (largest > 0.05) == remembers
+
+
+def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = _line("bump", 1001, _REAL)
+    slow = crawling(line, 1)
+    assert np.all(slow[standing(line, 1)])
+    assert 0.1 < np.mean(slow & ~standing(line, 1)) < 0.9
+    stage = base(setting(vehicle(DECLARED, _REAL), (line,)))
+    monkeypatch.setattr(
+        "bayes_asv.diagnosis.whiteness_test.crawling",
+        lambda line, c: np.ones(len(line.instants), bool),
+    )
+    assert memory(stage) == (0.0, 1.0)
+
+
+def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:
+    line = _line("stops", 1000, SensorSpec(noise=_LOUD))
+    same = still_wheels_doubted(line)
+    assert np.array_equal(same.spread, line.spread)
