@@ -36,7 +36,7 @@ from bayes_asv import __version__
 from bayes_asv.analysis.predictive_checks import predictive_checks
 from bayes_asv.analysis.random_effects import Site, contrast, population
 from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, run_alone
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.map_fit import lay_out
 from tests.posterior.cases import DECLARED, EXACT, as_recording, vehicle
@@ -258,7 +258,7 @@ def main() -> int:
         print(f"{number + 1} of {given.cars} cars", file=sys.stderr, flush=True)
         # After every car, so that hours of work may be stopped.
         whole = {"about": {**about, "cars": number + 1}, "summary": summary(rows), "rows": rows}
-        write_whole(RESULTS, json.dumps(whole, indent=1).encode())
+        write_atomically(RESULTS, json.dumps(whole, indent=1).encode())
     print(json.dumps(summary(rows), indent=1))
     return 0
 

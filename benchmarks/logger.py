@@ -35,7 +35,7 @@ from bayes_asv import __version__
 from bayes_asv.acquire.job import acquire
 from bayes_asv.acquire.messages import Settings
 from bayes_asv.acquire.run import Request
-from bayes_asv.domain.recording import Recording, declared_rate, sample_offsets
+from bayes_asv.domain.recording import Recording, declared_rate, sample_times
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.shipped import shipped
 from tests.firmware.emulated import FIRMWARE, Emulated, VirtualPort, build
@@ -87,7 +87,7 @@ def held_against_truth(emulated: Emulated, recording: Recording, since: float, p
     rows = np.round(recording.time * rate).astype(int) + int(recording.get("first row") or 1) - 1
     got = recording.values
     wrong = int((np.abs(got - counts[:, rows]) > 0.5).sum())  # NaN compares false
-    said = sample_offsets(recording, VEHICLE) / (1 + ppm * 1e-6) - instants[:, rows]
+    said = sample_times(recording, VEHICLE) / (1 + ppm * 1e-6) - instants[:, rows]
     apart = said[2:] - said[:2]
     start = truths[1].time[0] - truths[0].time[0]
     return {

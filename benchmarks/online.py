@@ -32,7 +32,7 @@ import numpy as np
 from scipy.stats import beta, chi2
 
 from bayes_asv import __version__
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.online_runs import (
     KNOWLEDGE,
     after_crossing,
@@ -232,7 +232,7 @@ def main() -> int:
                 "cores": os.cpu_count(),
             }
             kept[name] = {"about": about, **PARTS[name](given)}
-            write_whole(RESULTS, (json.dumps(kept, indent=1) + "\n").encode())
+            write_atomically(RESULTS, (json.dumps(kept, indent=1) + "\n").encode())
             told = {k: v for k, v in kept[name].items() if k not in ("rows", "parts")}
             print(name, json.dumps(told, indent=1, default=str)[:3000], file=sys.stderr, flush=True)
     if set(PARTS) <= set(kept):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.online_picture import draw_picture
 
 __all__ = ["PAGE", "page", "write_page"]
@@ -25,7 +25,7 @@ def write_page(kept: Row) -> None:
         All parts of :mod:`benchmarks.online`.
     """
     draw_picture(kept)
-    write_whole(PAGE, page(kept).encode())
+    write_atomically(PAGE, page(kept).encode())
 
 
 def page(kept: Row) -> str:

@@ -22,7 +22,7 @@ from bayes_asv.domain.recording import (
     acceleration_factor,
     accelerations,
     nominal_rate,
-    sample_offsets,
+    sample_times,
 )
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.simulation.roads import road
@@ -157,7 +157,7 @@ def write_voltages(recording: Recording, vehicle: Vehicle, folder: Path) -> tupl
         If a sensor has no zero or no scale.
     """
     values = accelerations(recording, vehicle)
-    instants = sample_offsets(recording, vehicle)
+    instants = sample_times(recording, vehicle)
     instants -= instants.min()
     period = max(EVERY, float(instants.max()) + 2.0)
     lines = []

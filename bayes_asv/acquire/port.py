@@ -145,8 +145,8 @@ class KeptPort:
             return serial.serial_for_url(self._name, baudrate=self._baud, write_timeout=5.0)
         except (OSError, ValueError) as fault:
             reason = getattr(fault, "strerror", None) or str(fault)
-            mend = "check the cable and the name; on Linux the group dialout may open it"
-            raise InputError(self._name, f"cannot be opened ({reason})", mend) from None
+            fix = "check the cable and the name; on Linux the group dialout may open it"
+            raise InputError(self._name, f"cannot be opened ({reason})", fix) from None
 
     def _wait(self) -> None:
         """Wait until the port can be opened again."""

@@ -65,8 +65,8 @@ class _LazyGroup(click.Group):
             from bayes_asv.domain.files import closest
 
             near = closest(args[0], COMMANDS)
-            mend = f"did you mean '{near}'?" if near else f"there are {', '.join(COMMANDS)}"
-            raise click.UsageError(f"no command '{args[0]}'; {mend}")
+            fix = f"did you mean '{near}'?" if near else f"there are {', '.join(COMMANDS)}"
+            raise click.UsageError(f"no command '{args[0]}'; {fix}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -55,7 +55,7 @@ def read_inputs(
     paths: tuple[str, ...], vehicle: str, rate: float | None, rolls: bool = False
 ) -> tuple[list[Recording], Vehicle]:
     """Read the vehicle first, then every recording; of single corners where the car rolls."""
-    from bayes_asv.domain.recording import corners_only, half_car_only
+    from bayes_asv.domain.recording import require_half_car, require_roll_car
     from bayes_asv.domain.vehicle import read_vehicle
     from bayes_asv.io import read_recording
 
@@ -63,7 +63,7 @@ def read_inputs(
     runs: list[Recording] = []
     for path in paths:
         run = read_recording(path, rate=rate)
-        (corners_only if rolls else half_car_only)(run)
+        (require_roll_car if rolls else require_half_car)(run)
         twin = next((r for r in runs if r.sha256 == run.sha256), None)
         if twin is not None:  # it would be counted as twice the evidence
             raise InputError(path, f"holds the same as {twin.source}", "give each recording once")
@@ -81,13 +81,13 @@ def check_outputs(inputs: Iterable[str | None], *outputs: str | None) -> None:
     *outputs : str or None
         Files that will be written; None and ``-`` are nothing to check.
     """
-    from bayes_asv.domain.files import check_target
+    from bayes_asv.domain.files import check_writable
 
     taken = {os.path.realpath(path): "is read by this command" for path in inputs if path}
     for path in outputs:
         if path is None or path == "-":
             continue
-        check_target(path)
+        check_writable(path)
         place = os.path.realpath(path)
         if place in taken:
             raise InputError(path, f"{taken[place]} and would be replaced", "name another file")
@@ -104,9 +104,9 @@ def write_json(document: dict[str, Any], file: str | None) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
         return
-    from bayes_asv.domain.files import write_whole
+    from bayes_asv.domain.files import write_atomically
 
-    write_whole(file, text.encode("utf-8", "replace"))  # a file's name need not be Unicode
+    write_atomically(file, text.encode("utf-8", "replace"))  # a file's name need not be Unicode
 
 
 def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:

@@ -32,14 +32,14 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     page, data = str(target / "reproduce.html"), str(target / "reproduce.json")
     common.check_outputs((), page, data, json_file)
     with common.progress_bar() as progress:
-        from bayes_asv.domain.files import write_whole
+        from bayes_asv.domain.files import write_atomically
         from bayes_asv.reference.page import reproduction_page
         from bayes_asv.reference.reproduce import reproduce
         from bayes_asv.reference.words import reproduction_lines
 
         found = reproduce(seed, progress)
         text = reproduction_page(found.document, found.figures)
-    write_whole(page, text.encode("utf-8"))
+    write_atomically(page, text.encode("utf-8"))
     common.write_json(found.document, data)
     common.write_json(found.document, json_file)
     quiet = json_file == "-"

@@ -99,13 +99,13 @@ def command(
                 runs[0].warnings if runs else (),
                 time.perf_counter() - began,
             )
-    from bayes_asv.domain.files import write_whole
+    from bayes_asv.domain.files import write_atomically
     from bayes_asv.report.track_document import track_document
     from bayes_asv.report.track_words import track_lines
 
     document = track_document(result, trace, seed)
     if trace is not None and rows is not None:
-        write_whole(trace, rows.pieces())
+        write_atomically(trace, rows.pieces())
     common.write_json(document, json_file)
     click.echo("\n".join(track_lines(document)), err=json_file == "-")
     return common.EXIT_STATUS[result.verdict]

@@ -1,4 +1,4 @@
-"""The accelerometer channels, in the one order used everywhere."""
+"""Names of the accelerometer channels, in the order used throughout the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 __all__ = ["CHANNELS", "ROLL_CHANNELS"]
 
 CHANNELS: Final = ("front_wheel", "front_chassis", "rear_wheel", "rear_chassis")
-"""Order of the rows of every (4, N) array: wheel before chassis, front before rear."""
+"""Row order of every (4, N) array: front before rear, wheel before chassis."""
 
 ROLL_CHANNELS: Final = (
     "front_left_wheel",
@@ -18,4 +18,4 @@ ROLL_CHANNELS: Final = (
     "front_right_chassis",
     "rear_chassis",
 )
-"""Order of the rows of every (7, N) array of a car that rolls: wheels before chassis."""
+"""Row order of every (7, N) array of the roll car: wheels before chassis."""

@@ -1,4 +1,4 @@
-"""One small family of exceptions: what a person can mend, said in one sentence."""
+"""Exceptions: faults in the input that the user can correct, each with a one-line message."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ __all__ = ["BayesAsvError", "InputError"]
 
 
 class BayesAsvError(Exception):
-    """Base class of everything this package raises on purpose."""
+    """Base class of all exceptions that this package raises deliberately."""
 
 
 class InputError(BayesAsvError):
-    """Something the user gave cannot be read or does not make sense.
+    """An input cannot be read or is implausible.
 
-    The message is one line: where (file, line or key), what is wrong, and the mend.
-    The command line prints it on standard error and leaves with status 2.
+    The message is one line, ``where: what; fix``.  The command line prints it on standard error and
+    exits with status 2.
 
     Parameters
     ----------
     where : str
-        File, ``file:line`` or ``file: [table] key`` where the fault stands.
+        Place of the fault: a file, ``file:line`` or ``file: [table] key``.
     what : str
-        What is wrong there, in words.
-    mend : str
-        What to do about it.
+        What is wrong.
+    fix : str, optional
+        How to correct it.
     """
 
-    def __init__(self, where: str, what: str, mend: str = "") -> None:
+    def __init__(self, where: str, what: str, fix: str = "") -> None:
         self.where = _one_line(where)
         self.what = _one_line(what)
-        self.mend = _one_line(mend)
+        self.fix = _one_line(fix)
         text = f"{self.where}: {self.what}"
-        super().__init__(f"{text}; {self.mend}" if self.mend else text)
+        super().__init__(f"{text}; {self.fix}" if self.fix else text)
 
 
 def _one_line(text: str) -> str:
-    """Fold white space and control characters, so that a message stays on its line."""
+    """Collapse white space and control characters, so that the message stays on one line."""
     printable = "".join(ch if ch.isprintable() else " " for ch in text)
     folded = " ".join(printable.split())
-    return folded if len(folded) <= _LONGEST else folded[: _LONGEST - 1] + "…"
+    return folded if len(folded) <= _MAX_LENGTH else folded[: _MAX_LENGTH - 1] + "…"
 
 
-_LONGEST = 300  # a quoted piece of a broken file must not flood a terminal
+_MAX_LENGTH = 300  # characters; a quoted piece of a broken file must not fill the terminal

@@ -1,4 +1,4 @@
-"""Reading a whole file and writing a whole file, with faults that a person can mend."""
+"""Read and write whole files; every failure is an `InputError` with a fix."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from bayes_asv.domain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["check_target", "closest", "decode", "read_bytes", "write_whole"]
+__all__ = ["check_writable", "closest", "decode", "read_bytes", "write_atomically"]
 
 PathLike = str | os.PathLike[str]
 
-_MOST_NEIGHBOURS: Final = 2000
-_LONGEST_NAME: Final = 120
+_MAX_NEIGHBOURS: Final = 2000
+_MAX_NAME_LENGTH: Final = 120
 
-# First bytes of what people hand over instead of a text file.
-_KINDS: Final = (
+# First bytes of common files that are not text in UTF-8.
+_MAGIC_NUMBERS: Final = (
     (b"\x1f\x8b", "is gzip-compressed", "decompress it first (gunzip)"),
     (b"PK\x03\x04", "is a workbook or a zip archive", "save the sheet as CSV UTF-8, or unzip it"),
     (b"\xd0\xcf\x11\xe0", "is an old Excel workbook", "save the sheet as CSV UTF-8"),
@@ -34,8 +34,8 @@ _KINDS: Final = (
 
 
 def closest(name: str, names: Iterable[str]) -> str | None:
-    """Return the one of `names` nearest in spelling to `name`, or None when none is near."""
-    near = difflib.get_close_matches(name[:_LONGEST_NAME], list(names), n=1, cutoff=0.6)
+    """Return the entry of `names` closest in spelling to `name`, or None if none is close."""
+    near = difflib.get_close_matches(name[:_MAX_NAME_LENGTH], list(names), n=1, cutoff=0.6)
     return near[0] if near else None
 
 
@@ -47,18 +47,18 @@ def read_bytes(path: PathLike, limit: int) -> bytes:
     path : str or os.PathLike
         The file.
     limit : int
-        Most bytes it may hold.
+        Largest size accepted, bytes.
 
     Returns
     -------
     bytes
-        Its content, not empty.
+        The content, never empty.
 
     Raises
     ------
     InputError
-        If there is no such file, it is not a regular file, it may not be read, or it is empty or
-        longer than `limit`.
+        If the file does not exist, is not a regular file, cannot be read, is empty or is longer
+        than `limit`.
     """
     where = os.fspath(path)
     try:
@@ -70,7 +70,7 @@ def read_bytes(path: PathLike, limit: int) -> bytes:
         with open(path, "rb") as file:
             data = file.read(limit + 1)
     except FileNotFoundError:
-        raise InputError(where, "no such file", _neighbour(Path(path))) from None
+        raise InputError(where, "no such file", _similar_name(Path(path))) from None
     except PermissionError:
         raise InputError(where, "may not be read", "check its permissions") from None
     except (OSError, ValueError, MemoryError) as exc:
@@ -89,11 +89,11 @@ def decode(data: bytes, where: str) -> str:
     Raises
     ------
     InputError
-        If the bytes are another kind of file or another encoding, naming the line.
+        If the bytes are another file format or another encoding; the message names the line.
     """
-    for magic, what, mend in _KINDS:
+    for magic, what, fix in _MAGIC_NUMBERS:
         if data.startswith(magic):
-            raise InputError(where, what, mend)
+            raise InputError(where, what, fix)
     if b"\0" in data:
         raise InputError(where, "is not a text file", "export it as text, CSV UTF-8")
     try:
@@ -103,8 +103,8 @@ def decode(data: bytes, where: str) -> str:
         raise InputError(f"{where}:{line}", "is not UTF-8 text", "save it as UTF-8") from None
 
 
-def check_target(path: PathLike) -> None:
-    """Say now that a file could not be written, not after a minute of work.
+def check_writable(path: PathLike) -> None:
+    """Check that a file can be written, before a long computation rather than after it.
 
     Raises
     ------
@@ -113,21 +113,21 @@ def check_target(path: PathLike) -> None:
     """
     where = os.fspath(path)
     try:
-        target = Path(os.path.realpath(path))  # a link stays a link
-        _check_kind(target, where)
+        target = Path(os.path.realpath(path))  # keep a symbolic link a link
+        _check_not_special(target, where)
         if not target.parent.is_dir():
             raise FileNotFoundError
         if not os.access(target.parent, os.W_OK | os.X_OK):
             raise PermissionError
     except (OSError, ValueError) as exc:
-        raise _unwritable(where, exc) from None
+        raise _write_error(where, exc) from None
 
 
-def write_whole(path: PathLike, data: bytes | Iterable[bytes]) -> None:
-    """Write a file whole or not at all, from one piece of bytes or from many.
+def write_atomically(path: PathLike, data: bytes | Iterable[bytes]) -> None:
+    """Write a file atomically, from one or several pieces of bytes.
 
-    The bytes go to a temporary file in the same folder, which then takes the name in one step: a
-    full disk or a cut cable leaves the old file as it was.
+    The bytes go to a temporary file in the same folder, which then replaces `path` in one step.  A
+    failure leaves the old file unchanged.
 
     Raises
     ------
@@ -137,9 +137,9 @@ def write_whole(path: PathLike, data: bytes | Iterable[bytes]) -> None:
     where = os.fspath(path)
     temporary = None
     try:
-        target = Path(os.path.realpath(path))  # a link stays a link
-        _check_kind(target, where)
-        # open() and not mkstemp(): a new file then has the permissions the user asks for
+        target = Path(os.path.realpath(path))  # keep a symbolic link a link
+        _check_not_special(target, where)
+        # open() rather than mkstemp(): the new file then gets the permissions of the umask
         beside = target.with_name(f".{secrets.token_hex(8)}.part")
         with open(beside, "xb") as file:
             temporary = beside
@@ -151,21 +151,21 @@ def write_whole(path: PathLike, data: bytes | Iterable[bytes]) -> None:
         os.replace(temporary, target)
         temporary = None
     except (OSError, ValueError) as exc:
-        raise _unwritable(where, exc) from None
+        raise _write_error(where, exc) from None
     finally:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
 
 
-def _check_kind(target: Path, where: str) -> None:
+def _check_not_special(target: Path, where: str) -> None:
     if target.is_dir():
         raise InputError(where, "is a folder", "name a file in it")
     if target.exists() and not target.is_file():
         raise InputError(where, "is not an ordinary file", "name another file")
 
 
-def _unwritable(where: str, fault: OSError | ValueError) -> InputError:
+def _write_error(where: str, fault: OSError | ValueError) -> InputError:
     if isinstance(fault, FileNotFoundError | NotADirectoryError):
         return InputError(where, "its folder does not exist", "make the folder first")
     if isinstance(fault, PermissionError):
@@ -174,11 +174,11 @@ def _unwritable(where: str, fault: OSError | ValueError) -> InputError:
     return InputError(where, f"cannot be written ({reason})", "name another file")
 
 
-def _neighbour(path: Path) -> str:
-    """Name the file beside `path` that may have been meant."""
+def _similar_name(path: Path) -> str:
+    """Suggest the file in the same folder whose name is closest to that of `path`."""
     try:
         with os.scandir(path.parent) as entries:
-            names = [entry.name for _, entry in zip(range(_MOST_NEIGHBOURS), entries, strict=False)]
+            names = [entry.name for _, entry in zip(range(_MAX_NEIGHBOURS), entries, strict=False)]
     except (OSError, ValueError):
         return "its folder does not exist either; check the path"
     near = closest(path.name, names)

@@ -1,11 +1,11 @@
-"""Names, dimensions and words of everything that is estimated or known."""
+"""Dimension and display name of every parameter, estimated or given."""
 
 from __future__ import annotations
 
 __all__ = ["QUANTITIES"]
 
-# Dimension and words of every quantity that may be shown.
 QUANTITIES = {
+    # name: (dimension, display name)
     "c_f": ("damping", "front damping rate"),
     "c_r": ("damping", "rear damping rate"),
     "i": ("pitch_inertia", "pitch inertia"),

@@ -1,7 +1,7 @@
-"""A recording: accelerometer channels over time, in the units they were read in.
+"""A recording: accelerometer channels over time, in the units of the file.
 
-Nothing is resampled, filtered or filled in here. A missing cell is NaN, a missing row is a step in
-time, and the stamps govern; what is known about clocks and delays is applied only when asked for.
+Nothing is resampled, filtered or interpolated here.  A missing cell is NaN and a missing row is a
+larger time step.  `sample_times` applies the clocks and delays of the channels.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ __all__ = [
     "Recording",
     "Timing",
     "accelerations",
-    "corners_only",
     "declared_rate",
-    "half_car_only",
     "nominal_rate",
-    "sample_offsets",
+    "require_half_car",
+    "require_roll_car",
+    "sample_times",
     "timing",
 ]
 
 COUNTS: Final = "counts"
-"""Unit of a channel that still is in steps of its converter."""
+"""Unit of a channel in counts of its analogue-to-digital converter."""
 
-_LARGEST_CLOCK_PPM: Final = 100_000.0  # a tenth: beyond it the stamps are of another unit
-_LARGEST_DELAY: Final = 1.0  # s, as for a vehicle's sensor
+_MAX_CLOCK_PPM: Final = 100_000.0  # 10 %: beyond it the unit of the stamps is wrong
+_MAX_DELAY: Final = 1.0  # s, as for a vehicle's sensor
 _EXAMPLES: Final = {"Hz": "400 Hz", "s": "0.000675 s", "ppm": "48.3 ppm"}
-_RATES: Final = (1e-2, 1e7)  # Hz
-LARGEST_NUMBER: Final = 1e12
-"""No stamp (s) and no reading lies beyond; some loggers mark a missing cell by a huge number."""
+_RATE_RANGE: Final = (1e-2, 1e7)  # Hz
+MAX_MAGNITUDE: Final = 1e12
+"""Largest accepted stamp, s, or reading: some loggers mark missing cells by huge numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """What was read from one file; arrays are read-only.
+    """The content of one recording file; its arrays are read-only.
 
     Parameters
     ----------
@@ -61,18 +61,18 @@ class Recording:
     units : tuple of C str
         Unit of each channel, an acceleration or ``"counts"``.
     metadata : tuple of (str, str)
-        Keys and values in their order; white space is folded.
+        Keys and values in the order of the file, white space collapsed.
     source, sha256 : str
-        Name and hash of the file; empty when it was made in memory.
+        Name and hash of the file; empty for a recording made in memory.
     warnings : tuple of str
-        What a reader noticed and a person should know.
+        Oddities that the reader accepted.
     channels : tuple of C str
-        `CHANNELS`, or `ROLL_CHANNELS` for a car that rolls.
+        `CHANNELS`, or `ROLL_CHANNELS` for the roll car.
 
     Raises
     ------
     InputError
-        If shapes, stamps, units or metadata break the above.
+        If shapes, stamps, units or metadata violate the above.
     """
 
     time: NDArray[np.float64]
@@ -95,23 +95,25 @@ class Recording:
                 f"give time (N,) and values ({len(self.channels)}, N)",
             )
         if time.size < 2:
-            raise InputError(where, f"has {time.size} rows", "a recording needs two at least")
-        row = unsorted_row(time)
+            raise InputError(where, f"has {time.size} rows", "a recording needs at least two")
+        row = first_unsorted_row(time)
         if row is not None:
             raise InputError(
                 f"{where}: row {row + 1}", "time does not increase", "sort or repair the stamps"
             )
         for numbers, name in ((time, "a stamp"), (values, "a reading")):
-            if (np.abs(numbers) > LARGEST_NUMBER).any():
+            if (np.abs(numbers) > MAX_MAGNITUDE).any():
                 raise InputError(
-                    where, f"{name} is beyond {LARGEST_NUMBER:g}", "leave missing cells as NaN"
+                    where, f"{name} is beyond {MAX_MAGNITUDE:g}", "leave missing cells as NaN"
                 )
         if len(self.units) != len(self.channels):
-            raise InputError(where, f"has {len(self.units)} units", "give one a channel")
+            raise InputError(where, f"has {len(self.units)} units", "give one per channel")
         for channel, unit in zip(self.channels, self.units, strict=True):
             if unit != COUNTS:
                 acceleration_factor(unit, f"{where}: {channel}")
-        pairs = tuple((_folded(key), _folded(value)) for key, value in self.metadata)
+        pairs = tuple(
+            (_collapse_whitespace(key), _collapse_whitespace(value)) for key, value in self.metadata
+        )
         for key, _ in pairs:
             if not key or "=" in key:
                 raise InputError(f"{where}: # {key}", "is not a key", "use words without '='")
@@ -123,7 +125,7 @@ class Recording:
         object.__setattr__(self, "metadata", pairs)
 
     def get(self, key: str) -> str | None:
-        """Last value of a metadata key, or None."""
+        """Return the last value of a metadata key, or None."""
         for name, value in reversed(self.metadata):
             if name == key:
                 return value
@@ -132,22 +134,22 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What a recording's metadata say about its clocks.
+    """Clocks and delays of the channels according to the metadata.
 
     Parameters
     ----------
     delay : tuple of C (float or None)
-        Sampled this much after the stamp, s; None where the metadata do not say.
+        Delay of the sample after the stamp, s; None where the metadata give none.
     clock : tuple of C float
-        How much the channel's clock runs fast, as a ratio (48.3 ppm is 48.3e-6).
+        Relative rate error of the channel's clock, positive when fast (48.3 ppm is 48.3e-6).
     """
 
     delay: tuple[float | None, ...] = (None,) * 4
     clock: tuple[float, ...] = (0.0,) * 4
 
 
-def half_car_only(recording: Recording) -> None:
-    """Refuse a recording of single corners where a half car is meant.
+def require_half_car(recording: Recording) -> None:
+    """Check that a recording has the channels of the half car.
 
     Raises
     ------
@@ -157,13 +159,13 @@ def half_car_only(recording: Recording) -> None:
     if recording.channels != CHANNELS:
         raise InputError(
             recording.source or "recording",
-            f"has {len(recording.channels)} channels, of single corners, and this needs four",
+            f"has the {len(recording.channels)} channels of the roll car, but four are needed",
             "use bayes-asv estimate --car roll",
         )
 
 
-def corners_only(recording: Recording) -> None:
-    """Refuse a recording of a half car where one of single corners is meant.
+def require_roll_car(recording: Recording) -> None:
+    """Check that a recording has the channels of the roll car.
 
     Raises
     ------
@@ -173,22 +175,22 @@ def corners_only(recording: Recording) -> None:
     if recording.channels != ROLL_CHANNELS:
         raise InputError(
             recording.source or "recording",
-            "has the four channels of a half car, and a car that rolls needs seven",
+            "has the four channels of the half car, but the roll car needs seven",
             f"give {', '.join(ROLL_CHANNELS)}, or leave out --car roll",
         )
 
 
 def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:
-    """Return the readings of all channels as accelerations, upward positive.
+    """Convert the readings of all channels to accelerations, upward positive.
 
-    Counts become ``(counts - zero_counts) * counts_scale`` of the vehicle's sensor.
+    A reading in counts becomes ``(counts - zero_counts) * counts_scale`` of the vehicle's sensor.
 
     Parameters
     ----------
     recording : Recording
         N rows.
     vehicle : Vehicle
-        Needed only for channels in counts.
+        Used for channels in counts only.
 
     Returns
     -------
@@ -198,25 +200,25 @@ def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]
     Raises
     ------
     InputError
-        If a channel is in counts and the vehicle's file lacks its zero or its scale.
+        If a channel is in counts and the vehicle file lacks its zero or its scale.
     """
     result = np.empty_like(recording.values)
     for row, (channel, unit) in enumerate(zip(recording.channels, recording.units, strict=True)):
         if unit != COUNTS:
             result[row] = recording.values[row] * si_factor(unit, "acceleration")
             continue
-        zero, scale = _count_scale(vehicle, vehicle.sensor(channel), channel)
+        zero, scale = _zero_and_scale(vehicle, vehicle.sensor(channel), channel)
         result[row] = (recording.values[row] - zero) * scale
     return result
 
 
 def nominal_rate(recording: Recording) -> float:
-    """Rows a second, Hz, from the median step of the stamps: gaps do not move it."""
+    """Return the sampling rate, Hz, from the median time step, which gaps do not change."""
     return 1.0 / max(float(np.median(np.diff(recording.time))), 1e-300)
 
 
 def declared_rate(recording: Recording) -> float | None:
-    """Rate that the metadata declare (``# sample_rate = 400 Hz``), Hz, or None.
+    """Return the sampling rate declared in the metadata (``# sample_rate = 400 Hz``), Hz, or None.
 
     Raises
     ------
@@ -235,17 +237,17 @@ def parse_rate(text: str, where: str) -> float:
 
 
 def check_rate(rate: float, where: str) -> None:
-    """Refuse a rate, Hz, that no logger has."""
-    if not _RATES[0] <= rate <= _RATES[1]:
-        raise InputError(where, f"{rate:g} Hz is not a rate that is believable", "write 400 Hz")
+    """Check that a sampling rate, Hz, is plausible."""
+    if not _RATE_RANGE[0] <= rate <= _RATE_RANGE[1]:
+        raise InputError(where, f"{rate:g} Hz is not a plausible sampling rate", "write 400 Hz")
 
 
 def timing(recording: Recording) -> Timing:
-    """Clocks and delays of the channels, from the metadata.
+    """Read the clocks and delays of the channels from the metadata.
 
-    ``# delay front_chassis = 0.00044 s`` is the delay of one channel. ``# clock rear = 48.3 ppm``
-    says that a clock runs fast; it may name ``front``, ``rear`` (a board with two channels) or one
-    channel, and the channel's own entry wins.
+    ``# delay front_chassis = 0.00044 s`` is the delay of one channel.  ``# clock rear = 48.3 ppm``
+    gives the rate error of a clock that runs fast, of the board ``front`` or ``rear`` or of one
+    channel; the entry of a channel takes precedence over that of its board.
 
     Raises
     ------
@@ -265,35 +267,39 @@ def timing(recording: Recording) -> Timing:
         names = channels if kind == "delay" else (*channels, "front", "rear")
         if name not in names:
             near = closest(name, names)
-            mend = f"did you mean {near}?" if near else f"name one of {', '.join(names)}"
-            raise InputError(where, f"there is no channel '{name}'", mend)
+            fix = f"did you mean {near}?" if near else f"name one of {', '.join(names)}"
+            raise InputError(where, f"there is no channel '{name}'", fix)
         if kind == "delay":
             seconds = _quantity(value, "time", "s", where)
-            if abs(seconds) > _LARGEST_DELAY:
-                raise InputError(where, f"{seconds:g} s is not believable", "write 0.000675 s")
+            if abs(seconds) > _MAX_DELAY:
+                raise InputError(
+                    where, f"{seconds:g} s is not a plausible delay", "write 0.000675 s"
+                )
             delay[channels.index(name)] = seconds
         else:
             ratio = _quantity(value, "dimensionless", "ppm", where)
-            if abs(ratio) > _LARGEST_CLOCK_PPM * 1e-6:
-                raise InputError(where, f"{ratio * 1e6:g} ppm is not believable", "write 48.3 ppm")
+            if abs(ratio) > _MAX_CLOCK_PPM * 1e-6:
+                raise InputError(
+                    where, f"{ratio * 1e6:g} ppm is not a plausible clock error", "write 48.3 ppm"
+                )
             (own if name in channels else board)[name] = ratio
     clock = tuple(own.get(name, board.get(name.split("_")[0], 0.0)) for name in channels)
     return Timing(tuple(delay), clock)
 
 
-def sample_offsets(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:
-    """Time at which each reading was really taken.
+def sample_times(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:
+    """Time at which each reading was sampled.
 
-    With t the stamp, t_0 the first one, e how much the channel's clock runs fast and d its delay,
-    the reading belongs to t_0 + (t - t_0) / (1 + e) + d. The recording's metadata come before the
-    vehicle's delays: two boards have two clocks.
+    With t the stamp, t_0 the first stamp, e the relative rate error of the channel's clock and d
+    its delay, the sample time is t_0 + (t - t_0) / (1 + e) + d.  Delays in the recording's metadata
+    take precedence over those of the vehicle file.
 
     Parameters
     ----------
     recording : Recording
         N rows.
     vehicle : Vehicle
-        Its sensors' delays hold where the metadata name none.
+        Its sensors' delays apply where the metadata give none.
 
     Returns
     -------
@@ -305,39 +311,39 @@ def sample_offsets(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64
     InputError
         As for `timing`.
     """
-    said = timing(recording)
+    declared = timing(recording)
     start = recording.time[0]
     result = np.empty_like(recording.values)
     for row, channel in enumerate(recording.channels):
         sensor = vehicle.sensor(channel)
-        own = said.delay[row]
+        own = declared.delay[row]
         delay = sensor.delay if own is None else own
-        # An ideal clock leaves its stamps as they are, to the last bit.
+        # An ideal clock leaves the stamps unchanged to the last bit.
         elapsed = (
             recording.time
-            if said.clock[row] == 0.0
-            else (start + (recording.time - start) / (1.0 + said.clock[row]))
+            if declared.clock[row] == 0.0
+            else (start + (recording.time - start) / (1.0 + declared.clock[row]))
         )
         result[row] = elapsed + delay
     return result
 
 
 def acceleration_factor(unit: str, where: str) -> float:
-    """`si_factor` of an acceleration, its fault told at `where`."""
+    """Return `si_factor` of an acceleration; an error names `where`."""
     try:
         return si_factor(unit, "acceleration")
     except InputError as exc:
-        raise InputError(where, f"{exc.where} {exc.what}", f"{exc.mend}, or counts") from None
+        raise InputError(where, f"{exc.where} {exc.what}", f"{exc.fix}, or counts") from None
 
 
-def unsorted_row(time: NDArray[np.float64]) -> int | None:
-    """Index of the first stamp that is not finite or not after the one before it."""
+def first_unsorted_row(time: NDArray[np.float64]) -> int | None:
+    """Index of the first stamp that is not finite or does not exceed its predecessor."""
     good = np.isfinite(time)
     good[1:] &= time[1:] > time[:-1]
     return None if good.all() else int(np.argmin(good))
 
 
-def _count_scale(vehicle: Vehicle, sensor: Sensor, channel: str) -> tuple[float, float]:
+def _zero_and_scale(vehicle: Vehicle, sensor: Sensor, channel: str) -> tuple[float, float]:
     where = f"{vehicle.source or vehicle.name or 'vehicle'}: [sensors.{channel}]"
     if sensor.zero_counts is None:
         raise InputError(
@@ -352,19 +358,19 @@ def _count_scale(vehicle: Vehicle, sensor: Sensor, channel: str) -> tuple[float,
     return sensor.zero_counts, sensor.counts_scale
 
 
-def _quantity(text: str, dimension: str, usual: str, where: str) -> float:
-    """Read a number in SI from ``"400 Hz"``, or from ``"400"`` in the usual unit."""
+def _quantity(text: str, dimension: str, default_unit: str, where: str) -> float:
+    """Read ``"400 Hz"``, or ``"400"`` in the default unit, in SI."""
     try:
         number, unit = parse_quantity(text)
     except InputError as exc:
         what = f"{exc.where} {exc.what}"
-        raise InputError(where, what, f"write it as {_EXAMPLES[usual]}") from None
+        raise InputError(where, what, f"write it as {_EXAMPLES[default_unit]}") from None
     try:
-        return number * si_factor(unit or usual, dimension)
+        return number * si_factor(unit or default_unit, dimension)
     except InputError as exc:
-        raise InputError(where, f"{exc.where} {exc.what}", exc.mend) from None
+        raise InputError(where, f"{exc.where} {exc.what}", exc.fix) from None
 
 
-def _folded(text: str) -> str:
-    """One line, single spaces: what a metadata line can hold and give back."""
+def _collapse_whitespace(text: str) -> str:
+    """Reduce to one line with single spaces, the form that survives writing and reading."""
     return " ".join("".join(ch if ch.isprintable() else " " for ch in text).split())

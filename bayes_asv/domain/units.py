@@ -1,9 +1,9 @@
-"""The unit boundary: everything inside is SI floats, everything outside names its unit.
+"""Conversion of units: SI floats inside the package, named units at its boundary.
 
-A unit text is read by a small grammar of its own (products, quotients, small whole powers,
-parentheses), so nothing a file says is ever evaluated. The units of the field are in a table of
-exact fractions; any other name is looked up in pint, which is imported only then because it costs
-a third of a second.
+A recursive-descent parser reads unit texts (products, quotients, small integer powers,
+parentheses), so no text from a file is ever evaluated.  Common units are in a table of exact
+fractions.  Other names are looked up in pint, which is imported only then because that takes a
+third of a second.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["display_units", "from_si", "parse_quantity", "si_factor", "to_si"]
 
 Powers = tuple[int, int, int]
-"""Whole powers of mass, length and time."""
+"""Integer powers of mass, length and time."""
 
 
 class _Factor(NamedTuple):
@@ -31,7 +31,7 @@ class _Factor(NamedTuple):
 
     scale: Fraction
     powers: Powers
-    angular: bool = False  # holds a radian, a turn or a degree
+    angular: bool = False  # contains a radian, turn or degree
 
 
 class _Dimension(NamedTuple):
@@ -63,8 +63,8 @@ _ACCELERATION, _NONE = (0, 1, -2), (0, 0, 0)
 
 _ONE = _Factor(Fraction(1), _NONE)
 
-# What vehicle files and recordings of the field are written in; a test holds these against pint.
-_KNOWN: Final[Mapping[str, _Factor]] = MappingProxyType(
+# Units common in vehicle files and recordings; a test compares them with pint.
+_UNITS: Final[Mapping[str, _Factor]] = MappingProxyType(
     {
         "m": _Factor(Fraction(1), _LENGTH),
         "mm": _Factor(Fraction(1, 1000), _LENGTH),
@@ -87,7 +87,7 @@ _KNOWN: Final[Mapping[str, _Factor]] = MappingProxyType(
     }
 )
 
-# Accelerometer data sheets write g for gravity; in any other place g is the gram.
+# Accelerometer data sheets write g for standard gravity; elsewhere g is the gram.
 _GRAVITY: Final[Mapping[str, _Factor]] = MappingProxyType(
     {
         "g": _Factor(_G0, _ACCELERATION),
@@ -102,15 +102,15 @@ _GRAVITY: Final[Mapping[str, _Factor]] = MappingProxyType(
 
 _AMBIGUOUS: Final = frozenset({"lb", "lbs", "pound", "pounds"})
 
-_LONGEST: Final = 64
-_LARGEST_POWER: Final = 4
-_LARGEST_TOTAL_POWER: Final = 12
+_MAX_LENGTH: Final = 64
+_MAX_POWER: Final = 4
+_MAX_TOTAL_POWER: Final = 12
 _FOLD: Final = str.maketrans({"·": "*", "⋅": "*", "×": "*", "−": "-", "μ": "µ", "⁻": "-"})
 _SUPERSCRIPT: Final = re.compile(r"(-?)([²³⁴¹])")
 _SUPERSCRIPT_DIGITS: Final = str.maketrans("¹²³⁴", "1234")
 _TOKEN: Final = re.compile(r" *(?:(\*\*|[*/^()])|([A-Za-zµ_][A-Za-z0-9µ_]*|%)|(-?[0-9]+))")
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_LONGEST_NUMBER: Final = 400
+_MAX_NUMBER_LENGTH: Final = 400
 
 _SYSTEMS: Final = ("US", "SI")
 _DISPLAY: Final = {
@@ -131,7 +131,7 @@ _DISPLAY: Final = {
 
 @lru_cache(maxsize=512)
 def si_factor(unit: str, dimension: str) -> float:
-    """Multiplier from `unit` to the SI unit of `dimension`.
+    """Return the factor from `unit` to the SI unit of `dimension`.
 
     Factors are exact (in = 0.0254 m, lbm = 0.45359237 kg, g0 = 9.80665 m/s^2) and rounded to a
     float once, at the end. Only multiplicative units are accepted.
@@ -156,21 +156,23 @@ def si_factor(unit: str, dimension: str) -> float:
     InputError
         If the unit is not known, is ambiguous (a bare ``lb``) or is of another dimension.
     KeyError
-        If `dimension` is not one of the above: a mistake of the caller, not of a file.
+        If `dimension` is not one of the above, an error of the caller.
     """
     wanted = _DIMENSIONS[dimension]
-    factor = _Reader(unit, dimension).read()
+    factor = _UnitParser(unit, dimension).read()
     if factor.powers != wanted.powers:
-        raise _refused(unit, f"is not a unit of {_words(dimension)}", f"use {wanted.examples}")
+        raise _unit_error(
+            unit, f"is not a unit of {_dimension_name(dimension)}", f"use {wanted.examples}"
+        )
     if factor.angular and dimension == "frequency":
-        # 60 rpm would silently become 6.28 per second
-        raise _refused(unit, "counts angle, not cycles", "give the frequency in Hz")
+        # 60 rpm would become 6.28 per second without notice
+        raise _unit_error(unit, "counts angle, not cycles", "give the frequency in Hz")
     try:
         scale = float(factor.scale)
     except OverflowError:
         scale = math.inf
     if not 0.0 < scale < math.inf:
-        raise _refused(unit, "is too large or too small a unit", f"use {wanted.examples}")
+        raise _unit_error(unit, "is too large or too small a unit", f"use {wanted.examples}")
     return scale
 
 
@@ -215,9 +217,11 @@ def parse_quantity(text: str) -> tuple[float, str]:
         If the text does not start with a finite number.
     """
     stripped = text.strip()
-    match = _NUMBER.match(stripped) if len(stripped) <= _LONGEST_NUMBER else None
+    match = _NUMBER.match(stripped) if len(stripped) <= _MAX_NUMBER_LENGTH else None
     if match is None or not math.isfinite(value := float(match.group())):
-        raise InputError(f"'{_shown(text)}'", "is not a number with a unit", 'write "100 lbf/in"')
+        raise InputError(
+            f"'{_truncated(text)}'", "is not a number with a unit", 'write "100 lbf/in"'
+        )
     return value, stripped[match.end() :].strip()
 
 
@@ -241,13 +245,13 @@ def display_units(system: str) -> Mapping[str, str]:
     """
     if system not in _SYSTEMS:
         raise InputError(
-            f"units '{_shown(str(system))}'", "is not a system of units", 'use "US" or "SI"'
+            f"units '{_truncated(str(system))}'", "is not a system of units", 'use "US" or "SI"'
         )
     place = _SYSTEMS.index(system)
     return MappingProxyType({dimension: pair[place] for dimension, pair in _DISPLAY.items()})
 
 
-class _Reader:
+class _UnitParser:
     """Recursive descent over ``product := power (("*" | "/" | " ") power)*``."""
 
     def __init__(self, unit: str, dimension: str) -> None:
@@ -260,16 +264,16 @@ class _Reader:
         if not self.tokens:
             if self.dimension == "dimensionless":
                 return _ONE
-            raise _refused(self.unit, "is empty", f"use {_DIMENSIONS[self.dimension].examples}")
+            raise _unit_error(self.unit, "is empty", f"use {_DIMENSIONS[self.dimension].examples}")
         factor = self._product()
         if self.at < len(self.tokens):
             raise self._malformed()
         return factor
 
     def _split(self) -> list[str]:
-        # Length and alphabet first: whatever follows is then bounded in time and memory.
-        if len(self.unit) > _LONGEST:
-            raise _refused(
+        # Checking length and alphabet first bounds the time and memory of what follows.
+        if len(self.unit) > _MAX_LENGTH:
+            raise _unit_error(
                 self.unit, "is not a unit", f"use {_DIMENSIONS[self.dimension].examples}"
             )
         text = self.unit.translate(_FOLD).strip()
@@ -284,7 +288,7 @@ class _Reader:
         return tokens
 
     def _malformed(self) -> InputError:
-        return _refused(
+        return _unit_error(
             self.unit, "is not written as a unit", f"use {_DIMENSIONS[self.dimension].examples}"
         )
 
@@ -302,7 +306,7 @@ class _Reader:
             if token in ("*", "/"):
                 self.at += 1
             result = _times(result, self._power(), -1 if token == "/" else 1)
-            if max(map(abs, result.powers)) > _LARGEST_TOTAL_POWER:
+            if max(map(abs, result.powers)) > _MAX_TOTAL_POWER:
                 raise self._malformed()
         return result
 
@@ -317,35 +321,35 @@ class _Reader:
             return _ONE
         if not (token[:1].isalpha() or token[:1] in ("_", "%")):
             raise self._malformed()
-        # Only a name may carry a power: a power of a power grows without bound.
+        # Only a name may have a power: powers of powers grow without bound.
         if self._peek() in ("^", "**"):
             self.at += 1
             return _times(_ONE, self._name(token), self._exponent(self._take()))
-        if len(token) > 1 and token[-1] in "23" and token[:-1] in _KNOWN:
+        if len(token) > 1 and token[-1] in "23" and token[:-1] in _UNITS:
             return _times(_ONE, self._name(token[:-1]), int(token[-1]))  # many loggers write m/s2
         return self._name(token)
 
     def _exponent(self, token: str) -> int:
-        if not re.fullmatch(r"-?[0-9]", token) or abs(int(token)) > _LARGEST_POWER:
+        if not re.fullmatch(r"-?[0-9]", token) or abs(int(token)) > _MAX_POWER:
             raise self._malformed()
         return int(token)
 
     def _name(self, name: str) -> _Factor:
         if name in _AMBIGUOUS:
-            raise _refused(
+            raise _unit_error(
                 self.unit,
-                f"holds '{name}', which may be a force or a mass",
-                "say lbf (force) or lbm (mass)",
+                f"contains '{name}', which may be a force or a mass",
+                "write lbf (force) or lbm (mass)",
             )
         if self.dimension == "acceleration" and name in _GRAVITY:
             return _GRAVITY[name]
-        if name in _KNOWN:
-            return _KNOWN[name]
+        if name in _UNITS:
+            return _UNITS[name]
         factor = _from_pint(name)
         if factor is None:
-            raise _refused(
+            raise _unit_error(
                 self.unit,
-                f"holds '{name}', which is not a unit that can be used here",
+                f"contains '{name}', which is not a usable unit",
                 f"use {_DIMENSIONS[self.dimension].examples}",
             )
         return factor
@@ -367,7 +371,7 @@ def _registry() -> Any:
 
 @lru_cache(maxsize=256)
 def _from_pint(name: str) -> _Factor | None:
-    """Look up one unit name in pint; None when it has no multiplicative mechanical meaning."""
+    """Look up a unit in pint; None unless it is a multiple of kg, m and s powers."""
     registry = _registry()
     try:
         unit = registry.Unit(name)
@@ -378,22 +382,24 @@ def _from_pint(name: str) -> _Factor | None:
         bases.pop("count", None)
         if bases or any(p != int(p) for p in powers):
             return None
-        exact = Fraction(scale) / 1000 ** int(powers[0])  # pint's root of mass is the gram
-        # degrees Celsius and decibels have a root unit too, but no factor
+        exact = Fraction(scale) / 1000 ** int(
+            powers[0]
+        )  # the base unit of mass in pint is the gram
+        # degrees Celsius and decibels have a base unit but no factor
         if not registry.Quantity(Fraction(1), unit)._is_multiplicative or exact <= 0:
             return None
-    except Exception:  # pint raises many kinds; here all mean that it is not a usable unit
+    except Exception:  # pint raises many types; each means that the unit is not usable
         return None
     return _Factor(exact, (int(powers[0]), int(powers[1]), int(powers[2])), angular)
 
 
-def _shown(text: str) -> str:
-    return text if len(text) <= _LONGEST else text[:_LONGEST] + "…"
+def _truncated(text: str) -> str:
+    return text if len(text) <= _MAX_LENGTH else text[:_MAX_LENGTH] + "…"
 
 
-def _words(dimension: str) -> str:
-    return "a plain ratio" if dimension == "dimensionless" else dimension.replace("_", " ")
+def _dimension_name(dimension: str) -> str:
+    return "a dimensionless ratio" if dimension == "dimensionless" else dimension.replace("_", " ")
 
 
-def _refused(unit: object, what: str, mend: str) -> InputError:
-    return InputError(f"unit '{_shown(str(unit))}'", what, mend)
+def _unit_error(unit: object, what: str, fix: str) -> InputError:
+    return InputError(f"unit '{_truncated(str(unit))}'", what, fix)

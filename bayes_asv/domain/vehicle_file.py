@@ -1,7 +1,6 @@
-"""The vehicle file as text: its tables, and what is said when they are wrong.
+"""The vehicle file as it is read: its TOML tables, and the messages for faults in them.
 
-Nothing here knows the vehicle itself; `vehicle.py` turns what is read here into its own types.
-Every number that leaves is SI.
+`vehicle.read_vehicle` turns these tables into a `Vehicle`.  All numbers are in SI.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ from bayes_asv.domain.files import closest, decode
 from bayes_asv.domain.vehicle_numbers import (
     Measured,
     RangeSI,
-    count,
     given,
     nominal,
-    plain,
     reading_range,
+    unitless,
+    without_sd,
 )
 
 __all__ = [
@@ -53,50 +52,50 @@ class NominalTable(_Table):
 
 
 class TravelTable(_Table):
-    """``[travel]``: from rest to the stop."""
+    """``[travel]``: distance from rest to each stop."""
 
-    front_bump: Annotated[Measured | None, plain("length")] = None
-    front_droop: Annotated[Measured | None, plain("length")] = None
-    rear_bump: Annotated[Measured | None, plain("length")] = None
-    rear_droop: Annotated[Measured | None, plain("length")] = None
+    front_bump: Annotated[Measured | None, without_sd("length")] = None
+    front_droop: Annotated[Measured | None, without_sd("length")] = None
+    rear_bump: Annotated[Measured | None, without_sd("length")] = None
+    rear_droop: Annotated[Measured | None, without_sd("length")] = None
 
 
 class SensorTable(_Table):
     """``[sensors.<channel>]``."""
 
-    zero_counts: Annotated[float | None, count] = None
+    zero_counts: Annotated[float | None, unitless] = None
     counts_scale: Annotated[Measured | None, given("acceleration", "counts_scale")] = None
     range: Annotated[RangeSI | None, reading_range] = None
-    noise: Annotated[Measured | None, plain("acceleration")] = None
-    resolution: Annotated[Measured | None, plain("acceleration")] = None
-    bandwidth: Annotated[Measured | None, plain("frequency")] = None
-    delay: Annotated[Measured | None, plain("time", "delay")] = None
+    noise: Annotated[Measured | None, without_sd("acceleration")] = None
+    resolution: Annotated[Measured | None, without_sd("acceleration")] = None
+    bandwidth: Annotated[Measured | None, without_sd("frequency")] = None
+    delay: Annotated[Measured | None, without_sd("time", "delay")] = None
 
 
 class UnsprungTable(_Table):
     """``[unsprung]``: wheels and tyres, both sides of an axle together."""
 
-    front_mass: Annotated[Measured, plain("mass")]
-    rear_mass: Annotated[Measured, plain("mass")]
-    front_tyre_rate: Annotated[Measured, plain("stiffness")]
-    rear_tyre_rate: Annotated[Measured, plain("stiffness")]
-    front_tyre_damping: Annotated[Measured | None, plain("damping")] = None
-    rear_tyre_damping: Annotated[Measured | None, plain("damping")] = None
+    front_mass: Annotated[Measured, without_sd("mass")]
+    rear_mass: Annotated[Measured, without_sd("mass")]
+    front_tyre_rate: Annotated[Measured, without_sd("stiffness")]
+    rear_tyre_rate: Annotated[Measured, without_sd("stiffness")]
+    front_tyre_damping: Annotated[Measured | None, without_sd("damping")] = None
+    rear_tyre_damping: Annotated[Measured | None, without_sd("damping")] = None
 
 
 class RollTable(_Table):
-    """``[roll]``: what a car needs to roll."""
+    """``[roll]``: tracks, roll inertia and anti-roll bars."""
 
     front_track: Annotated[Measured, given("length")]
     rear_track: Annotated[Measured, given("length")]
     inertia: Annotated[Measured, nominal("pitch_inertia")]
-    front_bar: Annotated[Measured | None, plain("stiffness")] = None
-    rear_bar: Annotated[Measured | None, plain("stiffness")] = None
-    front_sensors: Annotated[Measured | None, plain("length")] = None
+    front_bar: Annotated[Measured | None, without_sd("stiffness")] = None
+    rear_bar: Annotated[Measured | None, without_sd("stiffness")] = None
+    front_sensors: Annotated[Measured | None, without_sd("length")] = None
 
 
 class SensorsTable(_Table):
-    """``[sensors]``, one table a channel; those of a corner only for a car that rolls."""
+    """``[sensors]``, one table per channel; those of single corners are for the roll car."""
 
     front_wheel: SensorTable = SensorTable()
     front_chassis: SensorTable = SensorTable()
@@ -136,70 +135,70 @@ def parse_vehicle(data: bytes, where: str) -> VehicleTables:
     Returns
     -------
     VehicleTables
-        Its tables, every number in SI.
+        The tables, all numbers in SI.
 
     Raises
     ------
     InputError
-        With the key at fault and the mend.
+        With the key at fault and the fix.
     """
     text = decode(data, where)
     try:
         raw = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as exc:
-        raise InputError(where, f"is not TOML: {exc}", "mend that line") from None
+        raise InputError(where, f"is not TOML: {exc}", "correct that line") from None
     except (ValueError, RecursionError):  # numbers of thousands of digits, brackets without end
-        raise InputError(where, "is not TOML that can be read", "write it anew") from None
+        raise InputError(where, "is not TOML that can be parsed", "write the file again") from None
     try:
         return VehicleTables.model_validate(raw)
     except ValidationError as exc:
-        raise _first_fault(exc, where) from None
+        raise _first_error(exc, where) from None
 
 
-def _first_fault(error: ValidationError, where: str) -> InputError:
-    """One line for all faults: the first in full, the others by name."""
-    # A misspelt key shows twice, as unknown and as missing; the unknown one tells more.
+def _first_error(error: ValidationError, where: str) -> InputError:
+    """Report all faults in one line, the first in full and the others by name."""
+    # A misspelt key is reported as unknown and as missing; the first helps more.
     faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
-    first, others = faults[0], [_key(fault["loc"]) for fault in faults[1:]]
-    what, mend = _explain(first["type"], first["loc"], first["msg"], first.get("ctx", {}))
+    first, others = faults[0], [_key_path(fault["loc"]) for fault in faults[1:]]
+    what, fix = _explain(first["type"], first["loc"], first["msg"], first.get("ctx", {}))
     if others:
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
         what += f" (also at fault: {', '.join(others[:3])}{more})"
-    return InputError(f"{where}: {_key(first['loc'])}", what, mend)
+    return InputError(f"{where}: {_key_path(first['loc'])}", what, fix)
 
 
 def _explain(
     kind: str, place: tuple[int | str, ...], message: str, context: Mapping[str, Any]
 ) -> tuple[str, str]:
     if kind == "quantity":
-        return str(context["what"]), str(context["mend"])
+        return str(context["what"]), str(context["fix"])
     if kind == "extra_forbidden":
-        return "unknown key", _where_it_belongs(place)
+        return "unknown key", _suggest_place(place)
     if kind == "missing":
         return "is missing", f"add {place[-1]}" + (" = ..." if len(place) > 1 else "")
     if place[-1:] == ("units",):
         return "is not a system of units", 'write units = "US" or units = "SI"'
     if kind.startswith("model"):
         return "is not a table", f"write it as [{'.'.join(map(str, place))}]"
-    return message, "mend it as in data/vehicles"
+    return message, "see the examples in data/vehicles"
 
 
-def _where_it_belongs(place: tuple[int | str, ...]) -> str:
+def _suggest_place(place: tuple[int | str, ...]) -> str:
     table: type[BaseModel] = VehicleTables
     for part in place[:-1]:
         inner = table.model_fields[str(part)].annotation
-        for choice in (inner, *get_args(inner)):  # a table, or a table or None
+        for choice in (inner, *get_args(inner)):  # a table, or an optional one
             if isinstance(choice, type) and issubclass(choice, BaseModel):
                 table = choice
     key = str(place[-1])
-    for name, other in _HOMES:
+    for name, other in _TABLE_TYPES:
         if key in other.model_fields and other is not table:
             return f"move it to [{name}]"
     near = closest(key, table.model_fields)
     return f"did you mean {near}?" if near else f"known are {', '.join(table.model_fields)}"
 
 
-def _key(place: tuple[int | str, ...]) -> str:
+def _key_path(place: tuple[int | str, ...]) -> str:
     """``("sensors", "front_wheel", "noise")`` as ``[sensors.front_wheel] noise``."""
     parts = [str(part) for part in place]
     if len(parts) <= 1:
@@ -209,7 +208,7 @@ def _key(place: tuple[int | str, ...]) -> str:
     return f"[{'.'.join(parts[:-1])}] {parts[-1]}"
 
 
-_HOMES: Final[tuple[tuple[str, type[BaseModel]], ...]] = (
+_TABLE_TYPES: Final[tuple[tuple[str, type[BaseModel]], ...]] = (
     ("known", KnownTable), ("nominal", NominalTable), ("travel", TravelTable),
     ("unsprung", UnsprungTable), ("roll", RollTable),
 )  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units
 
@@ -62,4 +62,4 @@ def write_netcdf(result: Estimate, path: str | os.PathLike[str]) -> None:
         for group, dataset in groups.items():
             first = group == "posterior"
             dataset.to_netcdf(draft, mode="w" if first else "a", group=group, engine="h5netcdf")
-        write_whole(path, draft.read_bytes())
+        write_atomically(path, draft.read_bytes())

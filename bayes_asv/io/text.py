@@ -1,8 +1,9 @@
-"""What line-based formats share: lines, ``# key = value`` metadata, and checks of the result."""
+"""Common parts of the line-based formats: lines, ``# key = value`` metadata and checks."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,12 +11,12 @@ import numpy as np
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import (
-    LARGEST_NUMBER,
+    MAX_MAGNITUDE,
     Recording,
     declared_rate,
+    first_unsorted_row,
     nominal_rate,
     timing,
-    unsorted_row,
 )
 
 if TYPE_CHECKING:
@@ -23,25 +24,32 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["LARGEST_FILE", "MOST_CELLS", "Text", "column", "finish", "metadata_lines"]
+__all__ = [
+    "MAX_CELLS",
+    "MAX_FILE_SIZE",
+    "TextFile",
+    "build_recording",
+    "metadata_lines",
+    "parse_column",
+]
 
-LARGEST_FILE: Final = 1_000_000_000
-MOST_CELLS: Final = 50_000_000
+MAX_FILE_SIZE: Final = 1_000_000_000
+MAX_CELLS: Final = 50_000_000
 _RATE_TOLERANCE: Final = 0.01
-_USUAL_RATES: Final = (1.0, 1e5)  # Hz; outside it is likelier that the unit of time is wrong
+_TYPICAL_RATES: Final = (1.0, 1e5)  # Hz; outside this range the unit of time is probably wrong
 
 
-class Text:
-    """Lines of a file, metadata apart from data.
+class TextFile:
+    """Lines of a text file, metadata separate from data.
 
     Attributes
     ----------
     lines : list of str
         Lines that are neither blank nor metadata.
     numbers : list of int
-        Line number in the file of each of them, from 1.
+        Line number of each of them in the file, from 1.
     metadata : list of (str, str)
-        ``# key = value``; a remark without ``=`` has the key ``comment``.
+        Lines ``# key = value``; a remark without ``=`` has the key ``comment``.
     """
 
     def __init__(self, text: str, source: str, sha256: str) -> None:
@@ -50,7 +58,7 @@ class Text:
         self.lines: list[str] = []
         self.numbers: list[int] = []
         self.metadata: list[tuple[str, str]] = []
-        # Not splitlines(): it also breaks at form feeds and at other marks inside a remark.
+        # splitlines() would also break lines at form feeds and other characters in a remark.
         unified = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
         for number, line in enumerate(unified.split("\n"), 1):
             stripped = line.strip()
@@ -67,38 +75,40 @@ class Text:
                 self.numbers.append(number)
 
     def at(self, row: int) -> str:
-        """``file:line`` of one of `lines`."""
+        """Return ``file:line`` of one of `lines`."""
         return f"{self.source}:{self.numbers[row]}"
 
 
-def column(cells: Sequence[str], text: Text, first: int, name: str) -> NDArray[np.float64]:
-    """Convert the cells of one column, the first of which stands in row `first` of `text`.
+def parse_column(
+    cells: Sequence[str], text: TextFile, first: int, name: str
+) -> NDArray[np.float64]:
+    """Convert the cells of one column, which begins in row `first` of `text`, to floats.
 
     Empty cells and ``nan`` become NaN.
 
     Raises
     ------
     InputError
-        Naming the line of the first cell that is not a number, or not a believable one.
+        With the line of the first cell that is not a number or is too large.
     """
     result = None
     try:
-        # float() takes 1_000 and infinity, which no logger means
+        # float() accepts 1_000 and infinity, which no logger writes
         joined = "".join(cells)
         if joined.isascii() and "_" not in joined:
             full = [cell or "nan" for cell in cells] if "" in cells else cells
             result = np.fromiter(map(float, full), np.float64, len(full))
     except ValueError:
         pass
-    if result is None or (np.abs(result) > LARGEST_NUMBER).any():
+    if result is None or (np.abs(result) > MAX_MAGNITUDE).any():
         result = np.array(
-            [_cell(cell, text.at(first + row), name) for row, cell in enumerate(cells)],
+            [_parse_cell(cell, text.at(first + row), name) for row, cell in enumerate(cells)],
             dtype=np.float64,
         )
     return result
 
 
-def _cell(cell: str, where: str, name: str) -> float:
+def _parse_cell(cell: str, where: str, name: str) -> float:
     stripped = cell.strip()
     if not stripped:
         return math.nan
@@ -108,40 +118,44 @@ def _cell(cell: str, where: str, name: str) -> float:
         value = None
     if value is None:
         raise InputError(
-            where, f"{name} is '{stripped[:40]}', not a number", "correct it or leave it empty"
+            where,
+            f"{name} is '{stripped[:40]}', not a number",
+            "correct it or leave the cell empty",
         )
-    if abs(value) > LARGEST_NUMBER:
+    if abs(value) > MAX_MAGNITUDE:
         raise InputError(
-            where, f"{name} is {value:g}, beyond any reading", "leave a missing cell empty"
+            where, f"{name} is {value:g}, which no sensor reads", "leave a missing cell empty"
         )
     return value
 
 
-def check_cells(rows: int, columns: int, source: str) -> None:
-    """Refuse a table that would fill the memory of a laptop."""
-    if rows * columns > MOST_CELLS:
+def check_table_size(rows: int, columns: int, source: str) -> None:
+    """Check that a table fits into the memory of a laptop."""
+    if rows * columns > MAX_CELLS:
         raise InputError(
-            source, f"has {rows} rows of {columns} columns", f"split it below {MOST_CELLS} cells"
+            source,
+            f"has {rows} rows of {columns} columns",
+            f"split it into files of less than {MAX_CELLS} cells",
         )
 
 
-def check_time(time: NDArray[np.float64], text: Text, first: int) -> None:
-    """Refuse stamps that are missing, repeated or out of order, naming the line."""
-    row = unsorted_row(time)
+def check_time(time: NDArray[np.float64], text: TextFile, first: int) -> None:
+    """Check that the time stamps are present and increase; an error names the line."""
+    row = first_unsorted_row(time)
     if row is None:
         return
     where = text.at(first + row)
     if not math.isfinite(time[row]):
-        raise InputError(where, "has no time", "delete the row or give its time")
+        raise InputError(where, "has no time", "delete the row or add its time")
     raise InputError(
         where,
         f"time {float(time[row])!r} s does not come after {float(time[row - 1])!r} s",
-        "sort the rows and delete repeated ones; time needs enough decimals",
+        "sort the rows and delete duplicates; the time column needs enough decimals",
     )
 
 
-def finish(
-    text: Text,
+def build_recording(
+    text: TextFile,
     time: NDArray[np.float64],
     values: NDArray[np.float64],
     units: tuple[str, ...],
@@ -150,42 +164,36 @@ def finish(
     warnings: Sequence[str],
     channels: tuple[str, ...] = CHANNELS,
 ) -> Recording:
-    """Make the recording and look at it as a whole.
+    """Build the recording and check it as a whole.
 
     Raises
     ------
     InputError
-        If a channel holds no reading at all, or metadata on time cannot be read.
+        If a channel has no reading, or metadata about clocks cannot be read.
     """
     for channel, readings in zip(channels, values, strict=True):
         if np.isnan(readings).all():
-            raise InputError(text.source, f"{channel} holds no reading", "check the sensor's wire")
-    noticed = list(warnings)
-    made = Recording(
+            raise InputError(
+                text.source, f"{channel} has no readings", "check the wiring of the sensor"
+            )
+    notes = list(warnings)
+    recording = Recording(
         time, values, units, tuple(metadata), text.source, text.sha256, channels=channels
     )
-    timing(made)  # a clock or delay that cannot be read is told now, not hours later
-    declared = declared_rate(made)
-    actual = nominal_rate(made)
-    if not _USUAL_RATES[0] <= actual <= _USUAL_RATES[1]:
-        noticed.append(f"the rows run at {actual:.6g} Hz; check the unit of the time column")
-    for said, whose in ((declared, "sample_rate"), (rate, "the given rate")):
-        if said is not None and abs(actual - said) > _RATE_TOLERANCE * said:
-            noticed.append(
-                f"{whose} is {said:g} Hz but the stamps run at {actual:.6g} Hz; the stamps govern"
+    timing(recording)  # report an unreadable clock or delay now rather than during an estimate
+    declared = declared_rate(recording)
+    actual = nominal_rate(recording)
+    if not _TYPICAL_RATES[0] <= actual <= _TYPICAL_RATES[1]:
+        notes.append(f"the sampling rate is {actual:.6g} Hz; check the unit of the time column")
+    for expected, name in ((declared, "sample_rate"), (rate, "the given rate")):
+        if expected is not None and abs(actual - expected) > _RATE_TOLERANCE * expected:
+            notes.append(
+                f"{name} is {expected:g} Hz, but the time stamps give {actual:.6g} Hz; "
+                "the stamps are used"
             )
-    return Recording(
-        made.time,
-        made.values,
-        units,
-        made.metadata,
-        text.source,
-        text.sha256,
-        tuple(noticed),
-        channels,
-    )
+    return replace(recording, warnings=tuple(notes))
 
 
 def metadata_lines(recording: Recording) -> list[str]:
-    """Metadata as they are written."""
+    """Return the metadata as lines of text."""
     return [f"# {key} = {value}".rstrip() for key, value in recording.metadata]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import PathLike, check_target, write_whole
+from bayes_asv.domain.files import PathLike, check_writable, write_atomically
 from bayes_asv.live.bands import Z95
 from bayes_asv.live.braille import round_limits
 from bayes_asv.live.downsampling import bucket_rows, thinned
@@ -72,8 +72,8 @@ def write_animation(
         If there is nothing to draw, it would have more than 400 pictures, or the file cannot be
         written.
     """
-    check_target(path)
-    write_whole(path, animation(scene, history, speed, progress))
+    check_writable(path)
+    write_atomically(path, animation(scene, history, speed, progress))
 
 
 def animation(

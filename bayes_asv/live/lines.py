@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import LARGEST_NUMBER, Recording, half_car_only, nominal_rate
+from bayes_asv.domain.recording import MAX_MAGNITUDE, Recording, nominal_rate, require_half_car
 from bayes_asv.io import csv
 from bayes_asv.io import logger_text as logger
-from bayes_asv.io.text import Text
+from bayes_asv.io.text import TextFile
 
 __all__ = ["RESTART_GAP", "LineReader", "Piece"]
 
@@ -169,7 +169,7 @@ class LineReader:
 
     def _begin(self, text: str) -> bool:
         """Take a line as the first; whether it is a row rather than a header."""
-        if logger.recognises(Text(text, self._source, "")):
+        if logger.is_logger_text(TextFile(text, self._source, "")):
             self._probe(1 + len(CHANNELS), " ", None)
             return True
         self.unreadable += 1  # perhaps the rest of a line that was under way when we came
@@ -199,8 +199,8 @@ class LineReader:
         ]
         lines = [*self._preamble, *([] if header is None else [header]), *rows]
         reader = logger.read if header is None else csv.read
-        found = reader(Text("\n".join(lines), self._source, ""), self._asked_rate)
-        half_car_only(found)
+        found = reader(TextFile("\n".join(lines), self._source, ""), self._asked_rate)
+        require_half_car(found)
         start, step = float(found.time[0]), float(found.time[1] - found.time[0])
         if header is None:  # the index counts from one
             separates, place, seconds, origin = None, 0, step / width, 1.0
@@ -268,7 +268,7 @@ def _row(text: str, layout: _Layout) -> Row | None:
             number = float(int(cell)) if counted else float(cell or "nan")
         except ValueError:
             return None
-        if abs(number) > LARGEST_NUMBER:
+        if abs(number) > MAX_MAGNITUDE:
             return None
         numbers.append(number)
     time = 0.0 if layout.time is None else (numbers[0] - layout.origin) * layout.seconds

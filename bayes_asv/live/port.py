@@ -107,8 +107,8 @@ class PortReader:
             if not first:
                 return None
             reason = getattr(fault, "strerror", None) or str(fault)
-            mend = "check the cable and the name; on Linux the group dialout may open it"
-            raise InputError(self._port, f"cannot be opened ({reason})", mend) from None
+            fix = "check the cable and the name; on Linux the group dialout may open it"
+            raise InputError(self._port, f"cannot be opened ({reason})", fix) from None
 
     def _read(self) -> None:
         """Move bytes from the port to the file, then to the queue."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bayes_asv.domain.vehicle_parts import Given, Nominal
+from bayes_asv.domain.vehicle import Given, Nominal
 
 __all__ = [
     "DAMPING_FACTOR", "INERTIA_FACTOR", "NOISE_GIVEN_SD", "NOISE_UNKNOWN_SD", "WORST",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.domain.recording import Recording, accelerations, sample_offsets
+from bayes_asv.domain.recording import Recording, accelerations, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.half_car import HalfCar
 from bayes_asv.models.modes import Mode, modes
@@ -66,7 +66,7 @@ def dead_channels(recording: Recording, vehicle: Vehicle) -> list[str]:
     ]
     if reasons:
         return reasons
-    times = sample_offsets(recording, vehicle)
+    times = sample_times(recording, vehicle)
     plain = np.isfinite(acc)
     first = max(times[c, plain[c]][0] for c in (0, 2))
     last = min(times[c, plain[c]][-1] for c in (0, 2))

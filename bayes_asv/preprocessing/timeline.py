@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import Recording, accelerations, half_car_only, sample_offsets
+from bayes_asv.domain.recording import Recording, accelerations, require_half_car, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
 from bayes_asv.models.half_car import HalfCar, deflection_form
@@ -212,9 +212,9 @@ def build(recording: Recording, vehicle: Vehicle) -> PreparedRecording:
         When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or the
         channels are those of single corners.
     """
-    half_car_only(recording)
+    require_half_car(recording)
     acc = accelerations(recording, vehicle)
-    times = sample_offsets(recording, vehicle)
+    times = sample_times(recording, vehicle)
     low, high = rails(acc, vehicle)
     for c, name in enumerate(CHANNELS):
         if np.count_nonzero(np.isfinite(acc[c]) & ~(low[c] | high[c])) < FEWEST_READINGS:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import detrend
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import Recording, accelerations, nominal_rate, sample_offsets
+from bayes_asv.domain.recording import Recording, accelerations, nominal_rate, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.discretization import Step, exact_step
 from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
@@ -83,7 +83,7 @@ def integrate(recording: Recording, vehicle: Vehicle, removal: str) -> Integrate
     """
     if removal not in REMOVALS:
         raise ValueError(f"removal must be one of {', '.join(REMOVALS)}")
-    readings, times = accelerations(recording, vehicle), sample_offsets(recording, vehicle)
+    readings, times = accelerations(recording, vehicle), sample_times(recording, vehicle)
     there = np.isfinite(readings)
     if np.any(np.count_nonzero(there, axis=1) < 2):
         raise InputError(recording.source, "has a channel without readings", "check the wiring")

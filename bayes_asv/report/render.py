@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 
 __all__ = ["check_suffix", "write_report"]
 
@@ -81,4 +81,4 @@ def write_report(document: Document, path: str | os.PathLike[str]) -> None:
             f"the document to be told is broken ({type(fault).__name__}: {fault})",
             f"make it again with 'bayes-asv {kind} --json'",
         ) from fault
-    write_whole(path, data)
+    write_atomically(path, data)

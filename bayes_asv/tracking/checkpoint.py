@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import PathLike, read_bytes, write_whole
+from bayes_asv.domain.files import PathLike, read_bytes, write_atomically
 from bayes_asv.filters.ukf_state import State, Steps
 
 __all__ = ["FORMAT", "packed", "read_packed", "taken_up", "write_packed"]
@@ -148,7 +148,7 @@ def write_packed(path: PathLike, made_with: dict[str, Any], tracker: object) -> 
     text = json.dumps({"format": FORMAT, "made_with": made_with, "plain": plain})
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, json=np.frombuffer(text.encode(), np.uint8), **arrays)
-    write_whole(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue())
 
 
 def read_packed(path: PathLike) -> tuple[dict[str, Any], Any, Arrays]:

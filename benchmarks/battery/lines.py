@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 
 __all__ = ["append", "pack", "read", "write"]
 
@@ -54,7 +54,7 @@ def write(path: Path, lines: Iterable[Mapping[str, Any]]) -> bytes:
     """Write lines into a packed file, whole or not at all; return them unpacked."""
     data = "".join(_line(one) for one in lines).encode("utf-8")
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(str(path), gzip.compress(data, 9, mtime=0))
+    write_atomically(str(path), gzip.compress(data, 9, mtime=0))
     return data
 
 

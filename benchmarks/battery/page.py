@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.battery import pictures
 from benchmarks.battery.ablations import ABLATIONS
 from benchmarks.battery.cells import CELLS
@@ -85,7 +85,7 @@ def write_page(folder: Path, docs: Path, sealed: Mapping[Key, Answer]) -> None:
     parts += [*shown, *_tables(cases)]
     parts += [HOW, _ablations(folder, sealed, cases), _sizes(cases), LIMITS + _fewer(cases)]
     parts.append(_origin(results, sealed))
-    write_whole(str(docs / "battery.md"), "\n".join(p for p in parts if p).encode("utf-8"))
+    write_atomically(str(docs / "battery.md"), "\n".join(p for p in parts if p).encode("utf-8"))
 
 
 def _pictures(cases: Sequence[Judged], beside: Path) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.calibration import pictures
 from benchmarks.calibration.cells import (
     CELLS,
@@ -80,8 +80,8 @@ def write_page(folder: Path, docs: Path) -> None:
         parts += _model_parts(results, beside)
     parts += [BOUND, HOW + _sampling(found, results)]
     parts += ["## What falls short\n\n" + _falls_short(found) + LIMITS, _origin(results)]
-    write_whole(str(docs / "calibration.md"), "\n".join(parts).encode("utf-8"))
-    write_whole(str(folder / "coverage.csv"), csv(found).encode("utf-8"))
+    write_atomically(str(docs / "calibration.md"), "\n".join(parts).encode("utf-8"))
+    write_atomically(str(folder / "coverage.csv"), csv(found).encode("utf-8"))
 
 
 def _rig_parts(found: dict[str, Summary], results: dict[str, Results], beside: Path) -> list[str]:

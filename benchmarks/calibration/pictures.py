@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.calibration.cells import GROUPS, NAMES, TERRAIN_NAMES
 from benchmarks.calibration.summary import Summary
 from benchmarks.calibration.uniformity import bands, differences, histogram_band, points
@@ -50,7 +50,7 @@ def save(figure: Figure, path: Path) -> None:
     small = io.BytesIO()
     with Image.open(buffer) as drawn:
         drawn.convert("RGB").quantize(256).save(small, "PNG", optimize=True)
-    write_whole(str(path), small.getvalue())
+    write_atomically(str(path), small.getvalue())
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.calibration.run import Row
 
 __all__ = ["About", "Results", "append", "drop", "load", "pack"]
@@ -119,7 +119,7 @@ def _write(folder: Path, results: dict[str, Results]) -> None:
     ]
     folder.mkdir(parents=True, exist_ok=True)
     data = gzip.compress("".join(line + "\n" for line in lines).encode("utf-8"), 9, mtime=0)
-    write_whole(str(folder / _PACKED), data)
+    write_atomically(str(folder / _PACKED), data)
     (folder / _LOOSE).unlink(missing_ok=True)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bayes_asv.domain.files import write_whole
+from bayes_asv.domain.files import write_atomically
 from benchmarks.roomster.drives import HELD_OUT, WORKED_ON
 
 __all__ = ["PAGE", "tables", "write_tables"]
@@ -35,7 +35,7 @@ def write_tables(result: Row) -> None:
             raise ValueError(f"{PAGE}: mark {name} is there {len(found)} times")
         marks = (f"<!-- {name} -->\n", f"<!-- end {name} -->")
         text = text.replace(f"{marks[0]}{found[0]}{marks[1]}", f"{marks[0]}{table}{marks[1]}")
-    write_whole(PAGE, text.encode("utf-8"))
+    write_atomically(PAGE, text.encode("utf-8"))
 
 
 def tables(result: Row) -> dict[str, str]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bayes_asv.acquire.blocks import Block
 from bayes_asv.acquire.frames import Frame
 from bayes_asv.acquire.merge import Merged, merged, ranges
-from bayes_asv.domain.recording import sample_offsets
+from bayes_asv.domain.recording import sample_times
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording, write_recording
 from bayes_asv.shipped import shipped
@@ -60,7 +60,7 @@ def test_every_reading_stands_at_its_instant(
     assert made.faults == ()
     assert made.drift == pytest.approx(1e-6 * (ppm[1] - ppm[0]), abs=4e-6)
     recording = made.recording
-    got = sample_offsets(recording, VEHICLE) - recording.time[0]
+    got = sample_times(recording, VEHICLE) - recording.time[0]
     expected = np.concatenate([true_instants(front, ppm[0]), true_instants(rear, ppm[0])])
     values = np.concatenate([front.rows.T, rear.rows.T])
     # Which row of a board stands where is known by how many are missing before it.
@@ -103,8 +103,8 @@ def test_leading_rows_that_came_from_neither_do_not_shift_the_clocks(tmp_path: o
     assert gap is not None
     assert full is not None
     assert gap.get("first row") == "31"
-    late = sample_offsets(gap, VEHICLE) - gap.time[0] + 30 / 400
-    assert np.abs(late - sample_offsets(full, VEHICLE)[:, 30:]).max() < 2e-9  # as written
+    late = sample_times(gap, VEHICLE) - gap.time[0] + 30 / 400
+    assert np.abs(late - sample_times(full, VEHICLE)[:, 30:]).max() < 2e-9  # as written
 
 
 def test_it_can_be_read_back(tmp_path_factory: pytest.TempPathFactory) -> None:

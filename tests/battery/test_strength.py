@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
-from bayes_asv.domain.recording import Recording, accelerations, sample_offsets
+from bayes_asv.domain.recording import Recording, accelerations, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from benchmarks.calibration.dense import Noise, respond
 from tests.battery.cases import declared
@@ -37,7 +37,7 @@ def quiet(world: World, how: Drive, rows: slice = slice(None)) -> Recording:
 
 def dense(recording: Recording, vehicle: Vehicle) -> float:
     """Least distance by whole covariance matrices: shares no code with the product's filter."""
-    acc, times = accelerations(recording, vehicle), sample_offsets(recording, vehicle)
+    acc, times = accelerations(recording, vehicle), sample_times(recording, vehicle)
     use = times[1] <= times[0, -1]
     samples, readings = times[0], times[1, use]
     y = acc[[1, 3]][:, use].ravel()

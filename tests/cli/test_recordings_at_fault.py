@@ -1,4 +1,4 @@
-"""Recordings as people hand them over by mistake: one line that names file, line and mend."""
+"""Recordings as people hand them over by mistake: one line that names file, line and fix."""
 
 from __future__ import annotations
 
@@ -70,19 +70,19 @@ FAULTS: dict[str, tuple[Edit, tuple[str, ...]]] = {
     ),
     "channel twice": (
         _replace(HEADER, "rear_wheel", "front_wheel"),
-        (":3:", "front_wheel stands twice", "keep one"),
+        (":3:", "front_wheel occurs twice", "keep one"),
     ),
     "text cell": (_cell(20, 2, "n/a"), (":21:", "front_chassis", "n/a")),
     "infinite cell": (_cell(20, 2, "inf"), (":21:", "front_chassis")),
     "huge cell": (_cell(20, 2, "1e30"), (":21:", "front_chassis")),
     "decimal comma": (_replace(20, "0.", "0,"), (":21:", "has 6 cells, the header 5")),
-    "only NaN": (_emptied(3), ("rear_wheel holds no reading", "wire")),
+    "only NaN": (_emptied(3), ("rear_wheel has no readings", "wiring")),
     "no stamp": (_cell(20, 0, ""), (":21:", "has no time", "delete the row")),
     "same stamp": (_cell(20, 0, "0.040000"), (":21:", "does not come after", "sort the rows")),
     "unsorted": (_cell(20, 0, "-3"), (":21:", "does not come after", "sort the rows")),
-    "one row": (lambda x: x.__delitem__(slice(HEADER + 2, None)), ("1 rows", "two at least")),
+    "one row": (lambda x: x.__delitem__(slice(HEADER + 2, None)), ("1 rows", "at least two")),
     "header only": (lambda x: x.__delitem__(slice(HEADER + 1, None)), ("0 rows",)),
-    "metadata only": (lambda x: x.__delitem__(slice(HEADER, None)), ("holds no data",)),
+    "metadata only": (lambda x: x.__delitem__(slice(HEADER, None)), ("contains no data",)),
     "cut line": (_line(-1, lambda s: s[:14]), (":803:", "complete the row or delete it")),
     "open quote": (_line(20, lambda s: '"' + s), (":21:",)),
     "no rate": (_replace(0, "400 Hz", "fast"), ("# sample_rate", "400 Hz")),
@@ -92,7 +92,7 @@ FAULTS: dict[str, tuple[Edit, tuple[str, ...]]] = {
     ),
     "absurd delay": (
         lambda x: x.insert(0, "# delay front_wheel = 8 s"),
-        ("# delay front_wheel", "not believable"),
+        ("# delay front_wheel", "not a plausible delay"),
     ),
 }
 
@@ -111,7 +111,7 @@ def test_a_faulty_table(
 
 BYTES: dict[str, tuple[bytes, tuple[str, ...]]] = {
     "empty": (b"", ("is empty",)),
-    "blank": (b"\n\n  \n", ("holds no data",)),
+    "blank": (b"\n\n  \n", ("contains no data",)),
     "binary": (bytes(range(256)) * 8, ("is not a text file",)),
     "gzip": (gzip.compress(b"time [s]", mtime=0), ("gunzip",)),
     "xlsx": (b"PK\x03\x04" + bytes(100), ("save the sheet as CSV UTF-8",)),

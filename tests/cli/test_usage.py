@@ -1,4 +1,4 @@
-"""Wrong usage: status 2 and one line that names the fault and the mend."""
+"""Wrong usage: status 2 and one line that names the fault and the fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicle files with a fault: one line that names file, key and mend."""
+"""Vehicle files with a fault: one line that names file, key and fix."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ FAULTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "bare lb": (
         MASS,
         'sprung_mass = { value = 500, unit = "lb" }',
-        ("[known] sprung_mass", "say lbf (force) or lbm (mass)"),
+        ("[known] sprung_mass", "write lbf (force) or lbm (mass)"),
     ),
     "force as a mass": (MASS, 'sprung_mass = "500 lbf"', ("[known] sprung_mass", "lbm")),
     "negative mass": ("value = 1.294", "value = -1.294", ("[known] sprung_mass", "above zero")),
@@ -61,7 +61,7 @@ FAULTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         '{ value = 7.2, unit = "lbf*s/in", sd = 0 }',
         ("[nominal] front_damping", "leave sd out"),
     ),
-    "unbelievable": ("value = 68", "value = 68e9", ("wheelbase", "not believable")),
+    "unbelievable": ("value = 68", "value = 68e9", ("wheelbase", "not plausible")),
     "unknown channel": (
         "[sensors.front_wheel]",
         "[sensors.front_weel]",

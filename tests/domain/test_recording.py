@@ -13,7 +13,7 @@ from bayes_asv.domain.recording import (
     accelerations,
     declared_rate,
     nominal_rate,
-    sample_offsets,
+    sample_times,
     timing,
 )
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
@@ -105,14 +105,14 @@ def test_rates_that_are_none(text: str) -> None:
 
 def test_vehicle_delays_hold_unless_the_recording_says_otherwise(baja: Vehicle) -> None:
     recording = make(metadata=(("delay front_chassis", "0.44 ms"),))
-    stamps = sample_offsets(recording, baja)
+    stamps = sample_times(recording, baja)
     for row, delay in enumerate((0.0, 0.00044, 0.0, 0.000675)):
         np.testing.assert_array_equal(stamps[row], recording.time + delay)
 
 
 def test_recording_may_say_zero_delay(baja: Vehicle) -> None:
     recording = make(metadata=(("delay rear_chassis", "0 s"),))
-    np.testing.assert_array_equal(sample_offsets(recording, baja)[3], recording.time)
+    np.testing.assert_array_equal(sample_times(recording, baja)[3], recording.time)
 
 
 def test_fast_clock_is_slowed_from_the_first_stamp(baja: Vehicle) -> None:
@@ -124,7 +124,7 @@ def test_fast_clock_is_slowed_from_the_first_stamp(baja: Vehicle) -> None:
         ("g",) * 4,
         (("clock rear", "48.3 ppm"), ("clock rear_wheel", "-20 ppm")),
     )
-    front_wheel, front_chassis, rear_wheel, rear_chassis = sample_offsets(recording, car)
+    front_wheel, front_chassis, rear_wheel, rear_chassis = sample_times(recording, car)
     np.testing.assert_array_equal(front_wheel, time)
     np.testing.assert_array_equal(front_chassis, time)
     # a clock that is fast by 48.3 ppm says 1000 s when 999.9517 s have gone
@@ -147,10 +147,10 @@ def test_front_clock_moves_both_front_channels() -> None:
         ("delay rear", "0 s", "there is no channel 'rear'"),
         ("delay front_wheel", "0 m", "not a unit of time"),
         ("delay front_wheel", "soon", "not a number"),
-        ("delay front_wheel", "3 hours", "not believable"),
+        ("delay front_wheel", "3 hours", "not a plausible delay"),
         ("clock middle", "3 ppm", "there is no channel"),
-        ("clock rear", "3 s", "not a unit of a plain ratio"),
-        ("clock rear", "1e9 ppm", "not believable"),
+        ("clock rear", "3 s", "not a unit of a dimensionless ratio"),
+        ("clock rear", "1e9 ppm", "not a plausible clock error"),
     ],
 )
 def test_timing_that_cannot_be_read(key: str, value: str, said: str) -> None:
@@ -172,7 +172,7 @@ def test_other_metadata_are_left_alone() -> None:
         ([0.0, math.nan, 1.0], (4, 3), "row 2: time"),
         ([0.0, math.inf], (4, 2), "row 2: time"),
         ([0.0, 1e300], (4, 2), "a stamp is beyond"),
-        ([0.0], (4, 1), "two at least"),
+        ([0.0], (4, 1), "at least two"),
         ([0.0, 1.0], (4, 3), "do not match"),
         ([0.0, 1.0], (3, 2), "do not match"),
     ],

@@ -143,8 +143,8 @@ def test_g_is_the_gram_for_a_mass() -> None:
 
 
 @pytest.mark.parametrize("unit", ["lb", "lbs", "lb/in", "pound", "lb*s/in"])
-def test_bare_pound_is_refused_with_the_mend(unit: str) -> None:
-    with pytest.raises(InputError, match=r"say lbf .* or lbm"):
+def test_bare_pound_is_refused_with_the_fix(unit: str) -> None:
+    with pytest.raises(InputError, match=r"write lbf .* or lbm"):
         si_factor(unit, "stiffness")
 
 

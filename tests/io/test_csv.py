@@ -126,7 +126,7 @@ def test_without_stamps_the_rate_is_needed(read: Read) -> None:
 def test_stamps_govern_and_the_rate_is_a_check(read: Read) -> None:
     assert read(USUAL, rate=400.0).warnings == ()
     (warning,) = read(USUAL.replace("400 Hz", "800 Hz")).warnings
-    assert warning.startswith("sample_rate is 800 Hz but the stamps run at 400 Hz")
+    assert warning.startswith("sample_rate is 800 Hz, but the time stamps give 400 Hz")
     (warning,) = read(USUAL, rate=100.0).warnings
     assert warning.startswith("the given rate is 100 Hz")
 
@@ -137,13 +137,13 @@ def test_stamps_govern_and_the_rate_is_a_check(read: Read) -> None:
         ("-1.5,", "-1.5x,", 5, "front_wheel is '-1.5x', not a number"),
         ("-1.5,", "1_5,", 5, "not a number"),
         ("-1.5,", "٣,", 5, "not a number"),
-        ("-1.5,", "inf,", 5, "front_wheel is inf, beyond any reading"),
-        ("-1.5,", "1e999,", 5, "front_wheel is inf, beyond any reading"),
+        ("-1.5,", "inf,", 5, "front_wheel is inf, which no sensor reads"),
+        ("-1.5,", "1e999,", 5, "front_wheel is inf, which no sensor reads"),
         ("0.0025", "", 5, "has no time"),
         ("0.0025", "nan", 5, "has no time"),
         ("0.0025", "0.0000", 5, "does not come after"),
         ("0.0050", "0.0001", 6, "does not come after 0.0025"),
-        ("-1.5,", "1e30,", 5, r"front_wheel is 1e\+30, beyond any reading"),
+        ("-1.5,", "1e30,", 5, r"front_wheel is 1e\+30, which no sensor reads"),
         ("0.0050", "soon", 6, "time is 'soon'"),
         ("-1.5,,nan,4e1", "-1.5,", 5, "has 3 cells, the header 5"),
         ("-1.5,,", "-1.5,1,1,1,", 5, "cells, the header 5"),
@@ -152,7 +152,7 @@ def test_stamps_govern_and_the_rate_is_a_check(read: Read) -> None:
         ("front_wheel [in/s^2]", "front_wheel", 3, "front_wheel has no unit"),
         ("front_wheel [in/s^2]", "front_wheel []", 3, "front_wheel has no unit"),
         ("front_wheel [in/s^2]", "front_weel [in/s^2]", 3, "rename front_weel .* to front_wheel"),
-        ("front_wheel [in/s^2]", "rear_wheel [in/s^2]", 3, "rear_wheel stands twice"),
+        ("front_wheel [in/s^2]", "rear_wheel [in/s^2]", 3, "rear_wheel occurs twice"),
         ("time [s]", "time [m]", 3, "not a unit of time"),
         ("time [s]", "time", 3, "time has no unit"),
         (HEADER + "\n", "", 3, "not the header of a recording; write: time"),
@@ -163,15 +163,15 @@ def test_faults_name_the_line(read: Read, old: str, new: str, line: int, said: s
     with pytest.raises(InputError, match=said) as caught:
         read(USUAL.replace(old, new, 1))
     assert f"run.csv:{line}: " in str(caught.value)
-    assert caught.value.mend
+    assert caught.value.fix
 
 
 @pytest.mark.parametrize(
     ("data", "said"),
     [
         (b"", "is empty"),
-        (b"\n\n", "holds no data"),
-        (b"# a = b\n", "holds no data"),
+        (b"\n\n", "contains no data"),
+        (b"# a = b\n", "contains no data"),
         (gzip.compress(USUAL.encode()), "gzip"),
         (b"PK\x03\x04rest", "workbook or a zip"),
         (USUAL.encode("utf-16"), "UTF-16"),
@@ -179,7 +179,7 @@ def test_faults_name_the_line(read: Read, old: str, new: str, line: int, said: s
         (USUAL.replace("two", "zw\u00f6lf").encode("latin-1"), "run.csv:2: is not UTF-8"),
         (HEADER.encode(), "has 0 rows"),
         (f"{HEADER}\n0,1,1,1,1\n".encode(), "has 1 rows"),
-        (f"{HEADER}\n0,,1,1,1\n1,nan,1,1,1\n".encode(), "front_wheel holds no reading"),
+        (f"{HEADER}\n0,,1,1,1\n1,nan,1,1,1\n".encode(), "front_wheel has no readings"),
         (USUAL.replace("400 Hz", "fast").encode(), "# sample_rate"),
         (b"# clock reer = 3 ppm\n" + USUAL.encode(), "did you mean rear"),
     ],
@@ -188,17 +188,17 @@ def test_files_that_are_no_recording(read: Read, data: bytes, said: str) -> None
     with pytest.raises(InputError, match=said) as caught:
         read(data)
     assert "run.csv" in str(caught.value)
-    assert caught.value.mend
+    assert caught.value.fix
 
 
 def test_too_many_cells(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bayes_asv.io.text.MOST_CELLS", 10)
-    with pytest.raises(InputError, match="split it below"):
+    monkeypatch.setattr("bayes_asv.io.text.MAX_CELLS", 10)
+    with pytest.raises(InputError, match="split it into files"):
         read(USUAL)
 
 
 def test_too_many_bytes(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bayes_asv.io.LARGEST_FILE", 100)
+    monkeypatch.setattr("bayes_asv.io.MAX_FILE_SIZE", 100)
     with pytest.raises(InputError, match="longer than 100 bytes"):
         read(USUAL)
 
@@ -375,13 +375,13 @@ def test_any_bytes_are_read_or_refused(tmp_path: Path, data: bytes) -> None:
 
 
 def read_or_refused(folder: Path, data: bytes, rate: float | None) -> bool:
-    """Read to what a written copy gives again, or refused in one sentence with file and mend."""
+    """Read to what a written copy gives again, or refused in one sentence with file and fix."""
     path = folder / "fuzz.csv"
     path.write_bytes(data)
     try:
         recording = read_recording(path, rate)
     except InputError as error:
-        return "\n" not in str(error) and "fuzz.csv" in str(error) and bool(error.mend)
+        return "\n" not in str(error) and "fuzz.csv" in str(error) and bool(error.fix)
     write_recording(recording, folder / "again.csv")
     rising = bool((np.diff(recording.time) > 0).all())
     return rising and same(read_recording(folder / "again.csv"), recording)

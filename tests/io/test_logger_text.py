@@ -55,7 +55,7 @@ def test_given_rate_comes_first_and_is_told(read: Read) -> None:
     recording = read("# sample_rate = 800 Hz\n" + USUAL, rate=400.0)
     assert recording.time[-1] == 4 / 400
     assert recording.metadata == (("sample_rate", "400.0 Hz"),)
-    assert recording.warnings == ("sample_rate is 800 Hz but 400 Hz was asked for and used",)
+    assert recording.warnings == ("the file declares 800 Hz, but the given rate of 400 Hz is used",)
 
 
 def test_run_may_start_late(read: Read) -> None:
@@ -69,7 +69,7 @@ def test_windows_lines_blank_lines_and_mark(read: Read) -> None:
 
 def test_readings_beyond_ten_bits_are_told(read: Read) -> None:
     (warning,) = read(USUAL.replace("1023", "4095"), rate=400.0).warnings
-    assert warning == "2 readings lie outside 0 to 1023 counts"
+    assert warning == "2 readings are outside 0 to 1023 counts"
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_faults_name_the_line(read: Read, old: str, new: str, said: str) -> None
     assert old in USUAL
     with pytest.raises(InputError, match=said) as caught:
         read(USUAL.replace(old, new, 1), rate=400.0)
-    assert caught.value.mend
+    assert caught.value.fix
 
 
 def test_rate_is_needed(read: Read) -> None:
@@ -134,7 +134,7 @@ def test_reading_what_was_written_gives_it_back(
 @pytest.mark.parametrize(
     ("time", "values", "units", "metadata", "said"),
     [
-        ([0, 0.01], 1.0, "counts", (), "states no sample_rate"),
+        ([0, 0.01], 1.0, "counts", (), "has no sample_rate"),
         ([0, 0.01], 1.0, "g", (("sample_rate", "100 Hz"),), "not in counts"),
         ([0, 0.01], np.nan, "counts", (("sample_rate", "100 Hz"),), "missing or not whole"),
         ([0, 0.01], 1.5, "counts", (("sample_rate", "100 Hz"),), "missing or not whole"),
@@ -199,7 +199,7 @@ def test_mutated_files_are_read_or_refused(
     if refusal is not None:
         assert "\n" not in str(refusal)
         assert "fuzz.txt" in str(refusal)
-        assert refusal.mend
+        assert refusal.fix
     else:
         assert (np.diff(recording.time) > 0).all()
         assert recording.units == COUNTS

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import Recording, Timing, accelerations, sample_offsets, timing
+from bayes_asv.domain.recording import Recording, Timing, accelerations, sample_times, timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.ukf_state import Steps
@@ -142,8 +142,8 @@ def test_clocks_and_delays_are_those_of_the_recording() -> None:
     _, _, recording = case("bump", 1, EXACT, seconds=1.0)
     told = replace(recording, metadata=(("clock rear", "400 ppm"), ("delay front_chassis", "1 ms")))
     steps, rows = _laid(told, [len(told.time)])
-    instants = float(sample_offsets(told, CAR)[1:4:2, 0].min()) + np.cumsum(steps.step)
-    true = sample_offsets(told, CAR)
+    instants = float(sample_times(told, CAR)[1:4:2, 0].min()) + np.cumsum(steps.step)
+    true = sample_times(told, CAR)
     row = 300
     assert instants[rows.step[row, 0]] == pytest.approx(true[1, row], abs=1e-9)
     assert instants[rows.step[row, 1]] == pytest.approx(true[3, row], abs=1e-9)

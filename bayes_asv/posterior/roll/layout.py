@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import ROLL_CHANNELS
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import Recording, accelerations, corners_only, sample_offsets
+from bayes_asv.domain.recording import Recording, accelerations, require_roll_car, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.discretization import ORDER
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, VALUE
@@ -91,9 +91,9 @@ def lay_out(recording: Recording, vehicle: Vehicle) -> RollLayout:
         When the channels are others, the vehicle does not roll, or a channel has fewer than
         :data:`~bayes_asv.preprocessing.timeline.FEWEST_READINGS` readings inside its range.
     """
-    corners_only(recording)
+    require_roll_car(recording)
     car = roll_car(vehicle)
-    acc, times = accelerations(recording, vehicle), sample_offsets(recording, vehicle)
+    acc, times = accelerations(recording, vehicle), sample_times(recording, vehicle)
     low, high = rails(acc, vehicle, ROLL_CHANNELS)
     for c, name in enumerate(ROLL_CHANNELS):
         if np.count_nonzero(np.isfinite(acc[c]) & ~(low[c] | high[c])) < FEWEST_READINGS:
