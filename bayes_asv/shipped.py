@@ -1,4 +1,4 @@
-"""Vehicles and recordings that travel with the package."""
+"""Vehicles and recordings shipped with the package."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ __all__ = ["shipped"]
 
 
 def shipped(*parts: str) -> Path:
-    """Path of a shipped file, inside an installed wheel or in a source checkout.
+    """Return the path of a shipped file, in an installed wheel or in a source checkout.
 
     Parameters
     ----------
     *parts : str
-        Below the data folder, such as ``("vehicles", "baja2008.toml")``.
+        Path below the data folder, such as ``("vehicles", "baja2008.toml")``.
 
     Returns
     -------
@@ -22,7 +22,7 @@ def shipped(*parts: str) -> Path:
     Raises
     ------
     FileNotFoundError
-        When the package was taken apart.
+        If the file is not in the installation.
     """
     here = Path(__file__).resolve().parent
     for root in (here / "data", here.parent / "data"):

@@ -72,9 +72,8 @@ def command(
     from bayes_asv.io import write_recording
     from bayes_asv.models.from_vehicle import roll_car
     from bayes_asv.models.half_car import HalfCar
-    from bayes_asv.simulation.cars import simulate_roll
     from bayes_asv.simulation.roads import road
-    from bayes_asv.simulation.simulate import simulate
+    from bayes_asv.simulation.simulate import simulate, simulate_roll
 
     if not (math.isfinite(rate) and math.isfinite(seconds)):
         raise click.UsageError("--rate and --seconds have to be numbers")

@@ -1,5 +1,11 @@
-"""Recordings made from a road and a vehicle: for planning, teaching and trying things out."""
+"""Simulated recordings from a road and a vehicle."""
 
 __all__ = ["ROADS"]
 
-ROADS = ("bump", "stops", "rough", "rollers", "noise")  # here, so that help needs no numpy
+ROADS = (
+    "bump",
+    "stops",
+    "rough",
+    "rollers",
+    "noise",
+)  # here, because the command line lists them without importing numpy

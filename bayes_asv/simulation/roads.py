@@ -1,8 +1,8 @@
-"""Roads as the wheel hub follows them: smooth enough to have an acceleration.
+"""Road profiles as wheel hubs follow them, smooth enough to have an acceleration.
 
-A tyre rolls over an edge along an arc of its own, so every corner here is rounded over the
-length of a contact patch; the hub follows that line.  What tyre and unsprung mass add is not
-modelled: the half car takes the hub's motion as its input, whatever made it.
+A tyre rolls over an edge along an arc, so every corner is rounded over the length of a contact
+patch.  The dynamics of tyre and unsprung mass are not modelled, because the half car takes the
+motion of the hubs as its input.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ MPH = 0.44704
 
 @dataclass(frozen=True)
 class Road:
-    """A road and how it is driven.
+    """A road profile and the speed of the car.
 
     Parameters
     ----------
     name : str
-        Which of :data:`bayes_asv.simulation.ROADS`.
+        One of :data:`bayes_asv.simulation.ROADS`.
     speed : float
-        m/s.
+        Speed, m/s.
     height : callable
-        Hub height (m) at distances (m); zero and flat before distance 0.
+        Hub height, m, at distances (N,), m; zero before distance 0.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Road:
 
 
 def _blend(s: Array) -> Array:
-    """Rise from 0 to 1 with two continuous derivatives (a quintic)."""
+    """Rise from 0 to 1 as a quintic, with two continuous derivatives."""
     t = np.clip(s, 0.0, 1.0)
     return np.asarray(t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
 
@@ -57,10 +57,10 @@ def _bump(x: Array) -> Array:
 
 
 def _stops(x: Array) -> Array:
-    """Two parking stops 12 in apart as the hub crosses them on a soft tyre.
+    """Two parking stops 12 in apart, as a hub crosses them on a soft tyre.
 
-    Of the 4 in of concrete a soft 22 in tyre swallows one; the hub climbs the rest over 14 in
-    and has come down half way when the second stop lifts it again.
+    A soft 22 in tyre absorbs 1 in of the 4 in of concrete.  The hub climbs the remaining 3 in over
+    a distance of 14 in and has come down half way when the second stop lifts it again.
     """
     height, ramp = 3 * INCH, 14 * INCH
     pitch = 18 * INCH  # 6 in of stop and 12 in between
@@ -79,7 +79,7 @@ def _rollers(x: Array) -> Array:
 
 
 def _waves(rng: np.random.Generator, low: float, high: float, power: float) -> Shape:
-    """Sum of 120 sines between two wavenumbers (1/m), amplitudes falling with their power."""
+    """Sum of 120 sines with wavenumbers k from low to high, 1/m, and spectral density k^-power."""
     k = np.exp(np.linspace(math.log(low), math.log(high), 121))
     middle, width = np.sqrt(k[1:] * k[:-1]), np.diff(k)
     amplitude = middle ** (-0.5 * power) * np.sqrt(2.0 * width)
@@ -93,14 +93,14 @@ def _waves(rng: np.random.Generator, low: float, high: float, power: float) -> S
 
 
 def _rough(rng: np.random.Generator) -> Shape:
-    """Random road of ISO 8608 class E: spectrum n⁻² from waves of 10 m down to 0.4 m."""
+    """Random road of ISO 8608 class E: displacement density n⁻², wavelengths 10 m to 0.4 m."""
     shape = _waves(rng, 0.1, 2.5, 2.0)
     density = 1024e-6 * 0.1**2  # Gd(n₀) n₀², m; class E at n₀ = 0.1 1/m
     return lambda x: math.sqrt(density) * shape(x)
 
 
 def _noise(rng: np.random.Generator) -> Shape:
-    """Hub acceleration with a flat spectrum from 0.5 to 20 Hz at the default speed."""
+    """Road whose hub acceleration is white from 0.5 to 20 Hz at the default speed."""
     speed = _SPEEDS["noise"]
     shape = _waves(rng, 0.5 / speed, 20.0 / speed, 4.0)
     rms = 8.0  # m/s²
@@ -126,9 +126,9 @@ def road(name: str, rng: np.random.Generator, speed: float | None = None) -> Roa
     name : str
         One of :data:`ROADS`: ``bump``, ``stops``, ``rough``, ``rollers``, ``noise``.
     rng : numpy Generator
-        Draws random roads.
+        Source of the random roads.
     speed : float, optional
-        m/s; each road has a default a small car can take.
+        Speed, m/s; each road has a default suitable for a small car.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def road(name: str, rng: np.random.Generator, speed: float | None = None) -> Roa
     Raises
     ------
     ValueError
-        For an unknown name.
+        If the name is unknown.
     """
     if name not in _SPEEDS:
         raise ValueError(f"no road {name!r}; there are {', '.join(ROADS)}")

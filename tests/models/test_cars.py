@@ -17,7 +17,7 @@ from bayes_asv.models.mode_shapes import Car, car_modes, places
 from bayes_asv.models.modes import modes
 from bayes_asv.models.quarter_car import QuarterCar
 from bayes_asv.models.roll_car import RollCar, deflections, sensor_places, warp
-from bayes_asv.simulation.cars import follow
+from bayes_asv.simulation.simulate import response
 
 # Barton & Fieldhouse, Automotive Chassis Engineering (Springer 2018), section 3.13, p. 209: rear
 # corner of a saloon car.
@@ -252,7 +252,7 @@ def test_a_car_follows_a_slow_road_and_a_sine_as_theory_says() -> None:
     omega = 12.0
     time = np.arange(0.0, 9.0, 2e-4)
     u, rate = np.sin(omega * time)[:, None], omega * np.cos(omega * time)[:, None]
-    position, acceleration = follow(car.system(), time, u, rate)
+    position, acceleration = response(car.system(), time, u, rate)
     s = 1j * omega  # both masses by hand, after the start has died away
     strut, tyre = 2e4 + 1500.0 * s, 2e5 + 60.0 * s
     matrix = np.array([[300.0 * s**2 + strut, -strut], [-strut, 40.0 * s**2 + strut + tyre]])
