@@ -13,13 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
-from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, run_alone
+from bayes_asv.analysis.run_consistency import (
+    MOST_COMPARED,
+    RunConsistency,
+    compare_runs,
+    run_alone,
+)
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
-from bayes_asv.posterior.linear_simulation import FreeRun, freely, simulate_free
+from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -48,11 +53,11 @@ class RunFit:
         The same, laid out.
     free : FreeRun
         Simulation from the wheels alone at the mean of the posterior's coordinates.
-    ensemble : (S, E, 2) array
+    ensemble : (S, E, ny) array
         Outputs of the simulation for S draws of the posterior, m/s².
-    travel : (S, E, 2) array
+    travel : (S, E, ne) array
         Deflections for the same draws, m.
-    innovations : (E, 2) array
+    innovations : (E, ny) array
         Normalised innovations after the colour was taken out; nan where there was no reading.
     colour : ResidualAR
         Colour that the innovations had.
@@ -153,8 +158,9 @@ def estimate(
     seed: int = 0,
     progress: Progress | None = None,
     sites: tuple[Site, ...] = (),
+    car: str = "half",
 ) -> Estimate:
-    """Posterior of c_f, c_r and i from one or several recordings of one car.
+    """Posterior of a car's damping rates and inertias from one or several of its recordings.
 
     Parameters
     ----------
@@ -172,6 +178,8 @@ def estimate(
         Told the share done and a few words.
     sites : tuple of Site
         Effects that the car and its sensors have.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
 
     Returns
     -------
@@ -192,7 +200,7 @@ def estimate(
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
     tell = progress or (lambda share, words: None)
-    lines, reasons, warnings = lay_out(recordings, vehicle, below)
+    lines, reasons, warnings = lay_out(recordings, vehicle, below, car)
     found, agreement = None, None
     if not reasons:
         tell(0.0, "looking for the best fit")
@@ -200,7 +208,10 @@ def estimate(
             # emcee takes a second to load, most of it while compiled code climbs to the mode
             loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
             if (
-                len(lines) > 1 and likelihood == "innovations" and not sites
+                len(lines) > 1
+                and likelihood == "innovations"
+                and not sites
+                and len(lines[0].car.estimated) <= MOST_COMPARED
             ):  # the other form claims too much
                 alone = [run_alone(line, vehicle, seed) for line in lines]
                 agreement = compare_runs(alone, math.prod(_APART), seed)
@@ -313,9 +324,7 @@ def _apart(
 
 def _simulated(target: Posterior, z: Array, run: int) -> FreeRun:
     """Run the car at coordinates (D,) over one recording."""
-    if target.space.sites:
-        return freely(target, z, run)
-    return simulate_free(target.space.timelines[run], target.space.cars(z[None])[0])
+    return free_run(target, z, run)
 
 
 def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, seed: int) -> RunFit:
@@ -323,6 +332,7 @@ def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, see
     line = target.space.timelines[run]
     centre = flat.mean(axis=0)
     picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
+    elements = len(line.car.elements)
     each = [_simulated(target, z, run) for z in picked]
     innovations = target.innovations(centre, run)
     innovations[line.kind != 1] = np.nan
@@ -331,7 +341,7 @@ def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, see
         line=line,
         free=_simulated(target, centre, run),
         ensemble=np.stack([one.output for one in each]),
-        travel=np.stack([one.states[:, [0, 2]] for one in each]),
+        travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),
         innovations=innovations,
         colour=target.colours[run],
         # Replicates know the sensors' noise alone; where it explains little there is nothing

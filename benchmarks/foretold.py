@@ -26,7 +26,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.posterior.newton import Mode, find_mode
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.parameters import CAR, ParameterSpace
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 

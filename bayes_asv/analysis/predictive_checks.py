@@ -25,12 +25,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters.free_response import free_run
-from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, VALUE
-from bayes_asv.filters.noise_simulation import NORMALS, noise_path
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.filters.free_response import free_response
+from bayes_asv.filters.kalman import (
+    AT_LEAST, AT_MOST, VALUE, Measurements, SensorNoise, StateSpace,
+)  # fmt: skip
+from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.linear_simulation import simulate_free
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
 
@@ -58,7 +59,7 @@ class Check(NamedTuple):
     Parameters
     ----------
     axle : int
-        0 front, 1 rear.
+        Number of the output.
     of : str
         ``reading`` or ``residual``.
     quantity : str
@@ -119,19 +120,24 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
     cars = min(_CARS, max(_MOST_VALUES // (paths * count), 8), len(draws))
     picked = draws[np.linspace(0, len(draws) - 1, cars).astype(int)]
     noises = target.space.noises(_believed(target, picked), run)
-    views = [_View.of(line, axle) for axle in (0, 1)]
-    low, high = _rails(line)
+    views = [_View.of(line, y) for y in range(len(line.outputs))]
+    low, high = _rails(line, views)
     observed, replicated = [], []
-    for car, noise in zip(target.space.cars(picked), noises, strict=True):
-        fitted, basis = _fitted(line, car, views)
-        noisy = np.empty((count, paths, 2))
-        normals = rng.standard_normal((count, paths, NORMALS))
-        noise_path(car, noise, line.step, line.spread, line.extra, normals, noisy)
-        for axle, view in enumerate(views):
-            noisy[view.rows, :, axle] = _notched(noisy[view.rows, :, axle], line, view)
+    ny = len(views)
+    normal_count = normals_needed(len(line.wheels), ny)
+    data = line.measurements
+    systems = target.space.state_space(picked, run)
+    for k, point in enumerate(picked):
+        system = _one(systems, k)
+        fitted = free_run(target, point, run).output
+        basis = _basis(system, data, views)
+        normals = rng.standard_normal((count, paths, normal_count))
+        noisy = simulate_noise(system, SensorNoise(*(x[k : k + 1] for x in noises)), data, normals)
+        for y, view in enumerate(views):
+            noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], line, view)
         measured = _stacked(line.reading[:, None, :], views)
         made = np.clip(_stacked(fitted[:, None, :] + noisy, views), low, high)
-        residual = [y - _stacked(fitted[:, None, :], views) for y in (measured, made)]
+        residual = [x - _stacked(fitted[:, None, :], views) for x in (measured, made)]
         left = [e - basis @ (basis.T @ e) for e in residual]
         observed.append(_statistics(measured, left[0], views))
         replicated.append(_statistics(made, left[1], views))
@@ -147,7 +153,7 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
 def _believed(target: Posterior, draws: Array) -> Array:
     """Draws (S, D) with noise levels no farther from the given ones than is believed."""
     out = draws.copy()
-    levels = [k for k, name in enumerate(target.space.names) if name.startswith("noise ")]
+    levels = [k for k, one in enumerate(target.space.coordinates) if one.kind == "noise"]
     out[:, levels] = np.clip(out[:, levels], -_BELIEVED, _BELIEVED)
     return out
 
@@ -244,33 +250,32 @@ class _View:
 
 
 def _stacked(values: Array, views: list[_View]) -> Array:
-    """Take readings (M_f + M_r, K) out of values at instants (E, K, 2), front before rear."""
+    """Take readings (M, K) out of values at instants (E, K, ny), output after output."""
     return np.concatenate([values[view.rows, :, axle] for axle, view in enumerate(views)])
 
 
 def _statistics(reading: Array, residual: Array, views: list[_View]) -> Array:
-    """All statistics (T, K) of records (M_f + M_r, K) and of what is left of them."""
-    split = len(views[0].rows)
+    """All statistics (T, K) of records (M, K) and of what is left of them."""
+    ends = np.cumsum([len(view.rows) for view in views])[:-1]
     return np.concatenate(
         [
             view.statistics(part)
             for values in (reading, residual)
-            for view, part in zip(views, (values[:split], values[split:]), strict=True)
+            for view, part in zip(views, np.split(values, ends), strict=True)
         ]
     )
 
 
-def _fitted(line: PreparedRecording, car: Array, views: list[_View]) -> tuple[Array, Array]:
-    """Simulate the record (E, 2); and a basis (M, 6) of what start and biases can explain."""
-    n = len(line.step)
-    system = deflection_form(HalfCar(*(float(v) for v in car)))
-    states = np.empty((n, 4, 4))
-    free_run(system.A, line.step, line.moments, np.eye(4), np.zeros(4), states)
-    design = np.zeros((n, 6, 2))
-    design[:, :4] = np.einsum("oa,nac->nco", system.C, states)
-    design[:, 4, 0] = design[:, 5, 1] = 1.0
-    basis, _ = np.linalg.qr(_stacked(design, views))
-    return simulate_free(line, car).output, basis
+def _one(systems: StateSpace, k: int) -> StateSpace:
+    return StateSpace(*(x[k : k + 1] for x in systems[:-1]), systems.N)
+
+
+def _basis(system: StateSpace, data: Measurements, views: list[_View]) -> Array:
+    """Orthonormal basis (M, U) of what initial state and biases can explain."""
+    still = data._replace(moments=np.zeros_like(data.moments))
+    columns = [free_response(system, still, unit)[0] for unit in np.eye(len(data.start))]
+    basis, _ = np.linalg.qr(_stacked(np.stack(columns, axis=1), views))
+    return np.asarray(basis)
 
 
 def _notched(noise: Array, line: PreparedRecording, view: _View) -> Array:
@@ -283,10 +288,12 @@ def _notched(noise: Array, line: PreparedRecording, view: _View) -> Array:
     return np.asarray(sosfilt(sections, noise, axis=0))
 
 
-def _rails(line: PreparedRecording) -> tuple[float, float]:
-    """Where this recording's readings were cut off; infinite where none was."""
-    top, bottom = line.reading[line.kind == AT_LEAST], line.reading[line.kind == AT_MOST]
-    return (
-        float(bottom.max()) if len(bottom) else -np.inf,
-        float(top.min()) if len(top) else np.inf,
-    )
+def _rails(line: PreparedRecording, views: list[_View]) -> tuple[Array, Array]:
+    """Where each output of this recording was cut off (M, 1); infinite where none was."""
+    low, high = [], []
+    for y, view in enumerate(views):
+        top = line.reading[line.kind[:, y] == AT_LEAST, y]
+        bottom = line.reading[line.kind[:, y] == AT_MOST, y]
+        low.append(np.full(len(view.rows), bottom.max() if len(bottom) else -np.inf))
+        high.append(np.full(len(view.rows), top.min() if len(top) else np.inf))
+    return np.concatenate(low)[:, None], np.concatenate(high)[:, None]

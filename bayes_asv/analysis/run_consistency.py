@@ -24,18 +24,19 @@ from bayes_asv.analysis.random_effects import (
     population,
     site_of,
 )
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fit_checks import misfit
 from bayes_asv.posterior.importance import Weighted, importance
 from bayes_asv.posterior.likelihood import shared_work
-from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.map_fit import MapFit, best_fit
-from bayes_asv.posterior.parameters import CAR, ParameterSpace
+from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
-    "COMPARED",
     "DISAGREE_BELOW",
+    "MOST_COMPARED",
     "RunConsistency",
     "SingleRunFit",
     "compare_runs",
@@ -44,8 +45,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-COMPARED = ("c_f", "c_r", "i")
-"""What may differ from run to run; everything else of the car is given."""
+MOST_COMPARED = 3
+"""Parameters that may differ from run to run: spreads of so many are integrated on a grid."""
 
 DISAGREE_BELOW = 0.01
 """Probability of so much difference among equal runs, below which runs are said to disagree.
@@ -99,7 +100,7 @@ class RunConsistency:
         ``agree``, ``disagree``, or ``unknown`` where a run alone cannot be summarised or
         nothing can be compared.
     whole : Contrast
-        Test of all of :data:`COMPARED` together.
+        Test of all of :attr:`compared` together.
     each : dict of str to Contrast
         Test of one quantity, with the others free to differ.
     runs : tuple of SingleRunFit
@@ -120,22 +121,27 @@ class RunConsistency:
     sd: Array
 
     @property
+    def compared(self) -> tuple[str, ...]:
+        """What may differ from run to run: whatever is estimated."""
+        return self.space.car.estimated
+
+    @property
     def differing(self) -> tuple[str, ...]:
         """Quantities that surely differ, or the likeliest one when none surely does."""
         chance = np.mean(self.population.spread > 0.0, axis=0)
-        sure = [name for name, p in zip(COMPARED, chance, strict=True) if p > _SURELY]
-        return tuple(sure) or (COMPARED[int(np.argmax(chance))],)
+        sure = [name for name, p in zip(self.compared, chance, strict=True) if p > _SURELY]
+        return tuple(sure) or (self.compared[int(np.argmax(chance))],)
 
     def spread_percent(self, name: str) -> tuple[float, float, float]:
         """Quantiles 2.5, 50 and 97.5 % of one deviation from run to run, in percent."""
-        k = COMPARED.index(name)
+        k = self.compared.index(name)
         spread = 100.0 * np.expm1(self.population.spread[:, k])
         low, middle, high = np.quantile(spread, [0.025, 0.5, 0.975])
         return float(low), float(middle), float(high)
 
     def own_percent(self, name: str) -> float:
         """Root mean square of the runs' own deviations of a quantity, in percent."""
-        sd = self.sd[:, COMPARED.index(name)]
+        sd = self.sd[:, self.compared.index(name)]
         there = sd[np.isfinite(sd)]
         return 100.0 * float(np.sqrt(np.mean(there**2))) if len(there) else math.nan
 
@@ -144,10 +150,10 @@ class RunConsistency:
 
         SI units; nan and infinite where a run says nothing.
         """
-        k = COMPARED.index(name)
+        k = self.compared.index(name)
         z = np.zeros((1, self.space.dimension))
         z[0, : self.space.car_dimension] = self.population.centre.mean(axis=0)
-        middle = float(self.space.cars(z)[0, CAR.index(name)])
+        middle = float(self.space.values(z)[name][0])
         value = middle * np.exp(self.shift[:, k])
         return value, value * self.sd[:, k]
 
@@ -204,17 +210,12 @@ class RunConsistency:
 
     def sentence(self) -> str:
         """Say that the runs do not agree, what differs and by how much."""
-        words = {
-            "c_f": "the front damping rate",
-            "c_r": "the rear damping rate",
-            "i": "the pitch inertia",
-        }
         parts = []
         for name in self.differing:
             low, middle, high = self.spread_percent(name)
             own = self.own_percent(name)
             parts.append(
-                f"{words[name]} differs from run to run by {_two(middle)} % (95 %: {_two(low)} to "
+                f"the {QUANTITIES[name][1]} differs from run to run by {_two(middle)} % (95 %: {_two(low)} to "
                 f"{_two(high)} %), more than their own uncertainty of {_two(own)} %"
             )
         few = " (two runs say little about a spread, so it is wide)" if len(self.runs) == 2 else ""
@@ -249,8 +250,7 @@ def run_alone(line: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRun
     at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_KEPT)) / _KEPT)
     z = weighted.z[rng.permutation(np.minimum(at, len(w) - 1))]
     line = fit.space.timelines[0]
-    best = fit.space.cars(fit.mode.z[None])[0]
-    faults, _ = misfit(vehicle, line, simulate_free(line, best), bool(fit.shares))
+    faults, _ = misfit(line, free_run(fit.target, fit.mode.z, 0), bool(fit.shares))
     return SingleRunFit(fit, z, weighted.effective, _site(fit, weighted), tuple(faults))
 
 
@@ -288,7 +288,7 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     """
     where = runs[0].fit.space
     n = where.car_dimension
-    way = np.stack([where.from_logs({name: 1.0})[:n] for name in COMPARED], axis=1)
+    way = np.stack([where.from_logs({name: 1.0})[:n] for name in where.car.estimated], axis=1)
     sites = [run.site for run in runs]
     whole = contrast(sites, way)
     if not all(run.trusted for run in runs) or whole.freedom == 0:
@@ -300,7 +300,7 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     return RunConsistency(
         verdict=verdict,
         whole=whole,
-        each={name: contrast(sites, way, [k]) for k, name in enumerate(COMPARED)},
+        each={name: contrast(sites, way, [k]) for k, name in enumerate(where.car.estimated)},
         runs=tuple(runs),
         population=found,
         shift=np.stack([shift for shift, _ in own]),

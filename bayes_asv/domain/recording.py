@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
+from bayes_asv.domain.channels import channel as known_channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest
 from bayes_asv.domain.units import parse_quantity, si_factor
@@ -29,6 +30,7 @@ __all__ = [
     "Recording",
     "Timing",
     "accelerations",
+    "check_unit",
     "declared_rate",
     "nominal_rate",
     "require_half_car",
@@ -109,8 +111,7 @@ class Recording:
         if len(self.units) != len(self.channels):
             raise InputError(where, f"has {len(self.units)} units", "give one per channel")
         for channel, unit in zip(self.channels, self.units, strict=True):
-            if unit != COUNTS:
-                acceleration_factor(unit, f"{where}: {channel}")
+            check_unit(channel, unit, f"{where}: {channel}")
         pairs = tuple(
             (_collapse_whitespace(key), _collapse_whitespace(value)) for key, value in self.metadata
         )
@@ -181,7 +182,7 @@ def require_roll_car(recording: Recording) -> None:
 
 
 def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:
-    """Convert the readings of all channels to accelerations, upward positive.
+    """Convert the readings of all channels to SI units.
 
     A reading in counts becomes ``(counts - zero_counts) * counts_scale`` of the vehicle's sensor.
 
@@ -195,7 +196,7 @@ def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]
     Returns
     -------
     ndarray of float, shape (C, N)
-        m/s^2 in the order of the recording's channels; NaN where a cell is missing.
+        m/s^2, m or rad/s, in the order of the recording's channels; NaN where a cell is missing.
 
     Raises
     ------
@@ -205,7 +206,7 @@ def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]
     result = np.empty_like(recording.values)
     for row, (channel, unit) in enumerate(zip(recording.channels, recording.units, strict=True)):
         if unit != COUNTS:
-            result[row] = recording.values[row] * si_factor(unit, "acceleration")
+            result[row] = recording.values[row] * si_factor(unit, known_channel(channel).dimension)
             continue
         zero, scale = _zero_and_scale(vehicle, vehicle.sensor(channel), channel)
         result[row] = (recording.values[row] - zero) * scale
@@ -328,8 +329,28 @@ def sample_times(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:
     return result
 
 
+def check_unit(name: str, unit: str, where: str) -> None:
+    """Check that a unit is one of the channel's quantity, or counts.
+
+    Raises
+    ------
+    InputError
+        At `where`, if it is not, or if there is no such channel.
+    """
+    try:
+        dimension = known_channel(name).dimension
+    except KeyError:
+        raise InputError(where, "is no channel", f"name one of {', '.join(CHANNELS)}") from None
+    if unit == COUNTS:
+        return
+    try:
+        si_factor(unit, dimension)
+    except InputError as exc:
+        raise InputError(where, f"{exc.where} {exc.what}", f"{exc.fix}, or counts") from None
+
+
 def acceleration_factor(unit: str, where: str) -> float:
-    """Return `si_factor` of an acceleration; an error names `where`."""
+    """Return `si_factor` of an acceleration unit, with errors reported at `where`."""
     try:
         return si_factor(unit, "acceleration")
     except InputError as exc:

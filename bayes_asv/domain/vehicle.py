@@ -13,7 +13,8 @@ import os
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
+from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS, Channel
+from bayes_asv.domain.channels import channel as known_channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, read_bytes, write_atomically
 from bayes_asv.domain.vehicle_writer import to_toml
@@ -184,7 +185,9 @@ class Vehicle:
     sensors : tuple of 4 Sensor
         Sensors in the order of `CHANNELS`.
     corner_sensors : tuple of (str, Sensor)
-        Sensors of single corners by channel, in the order of `ROLL_CHANNELS`.
+        Sensors of all other channels by name.
+    channels : tuple of Channel
+        Channels that the vehicle file describes; others are as their name says.
     unsprung : Unsprung or None
         Wheels and tyres.
     roll : Roll or None
@@ -208,6 +211,7 @@ class Vehicle:
         default_factory=lambda: (Sensor(), Sensor(), Sensor(), Sensor())
     )
     corner_sensors: tuple[tuple[str, Sensor], ...] = ()
+    channels: tuple[Channel, ...] = ()
     unsprung: Unsprung | None = None
     roll: Roll | None = None
     source: str = field(default="", compare=False)
@@ -222,22 +226,41 @@ class Vehicle:
         Raises
         ------
         InputError
-            If `name` is not one of `CHANNELS` or `ROLL_CHANNELS`.
+            If there is no channel of that name.
         """
-        if name in ROLL_CHANNELS and name not in CHANNELS:
+        if name in CHANNELS:
+            return self.sensors[CHANNELS.index(name)]
+        own = dict(self.corner_sensors).get(name)
+        if own is not None:
+            return own
+        if name in ROLL_CHANNELS:
             axle, _, place = name.split("_")
             of_axle = self.sensors[CHANNELS.index(f"{axle}_{place}")]
             scale = of_axle.counts_scale
             step = of_axle.resolution or (abs(scale) if scale else None)
-            of_axle = replace(
+            return replace(
                 of_axle, zero_counts=None, counts_scale=None, counts_scale_sd=0.0, resolution=step
             )
-            return dict(self.corner_sensors).get(name, of_axle)
-        if name not in CHANNELS:
+        self.channel(name)
+        return Sensor()
+
+    def channel(self, name: str) -> Channel:
+        """Return what a channel measures, and where.
+
+        Raises
+        ------
+        InputError
+            If there is no channel of that name.
+        """
+        for one in self.channels:
+            if one.name == name:
+                return one
+        try:
+            return known_channel(name)
+        except KeyError:
             near = closest(name, CHANNELS)
             fix = f"did you mean {near}?" if near else f"channels are {', '.join(CHANNELS)}"
-            raise InputError(f"channel '{name}'", "there is no such channel", fix)
-        return self.sensors[CHANNELS.index(name)]
+            raise InputError(f"channel '{name}'", "there is no such channel", fix) from None
 
     @property
     def l_f(self) -> float:

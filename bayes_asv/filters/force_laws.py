@@ -1,6 +1,6 @@
 """What a suspension adds to its linear spring and damper: one branch a law.
 
-A row of the table is ``(axle, code, p0, p1, p2, p3)``.  Spring and damper laws multiply what
+A row of the table is ``(element, code, p0, p1, p2, p3)``.  Spring and damper laws multiply what
 they change, so that they compose; stops, friction and outside forces add.  Every branch keeps
 the value and both slopes.  The readable forms stand in :mod:`bayes_asv.models.effects`.
 """
@@ -54,7 +54,8 @@ def _rounded(beyond: float, width: float) -> tuple[float, float]:
 @njit(**INLINE)
 def excess(
     table: Array,
-    axle: int,
+    lane: int,
+    element: int,
     c: float,
     k: float,
     delta: float,
@@ -62,14 +63,14 @@ def excess(
     time: float,
     share: float,
 ) -> tuple[float, float, float]:
-    """Return an axle's force beyond −k δ − c δ̇ (N), and its slopes in δ and δ̇.
+    """Return an element's force beyond −k δ − c δ̇ (N), and its slopes in δ and δ̇.
 
     Parameters
     ----------
-    table : (K, 6) array
-        The laws; see the module.
-    axle : int
-        0 front, 1 rear.
+    table : (L, K, 6) array
+        The laws of L parameter sets; see the module.
+    lane, element : int
+        Which set, and which suspension element.
     c, k : float
         Damping rate (N s/m) and spring rate (N/m).
     delta, rate : float
@@ -80,11 +81,11 @@ def excess(
     damper, damper_v = c * rate, c
     spring, spring_d = k * delta, k
     added, added_d, added_v = 0.0, 0.0, 0.0
-    for row in range(table.shape[0]):
-        if table[row, 0] != axle:
+    for row in range(table.shape[1]):
+        if table[lane, row, 0] != element:
             continue
-        code = table[row, 1]
-        p0, p1, p2 = table[row, 2], table[row, 3], table[row, 4]
+        code = table[lane, row, 1]
+        p0, p1, p2 = table[lane, row, 2], table[lane, row, 3], table[lane, row, 4]
         if code == BOUND_REBOUND:  # p0 = (ratio − 1)/(ratio + 1), p1 = rounding, m/s
             root = math.sqrt(rate * rate + p1 * p1)
             factor = 1.0 + p0 * rate / root
@@ -111,7 +112,7 @@ def excess(
             spring *= factor
         elif code in (BUMP_STOP, DROOP_STOP):
             # p0 = gap, m, p1 = rate, N/m, p2 = rounding, m, p3 = power
-            sign, power = -1.0 if code == BUMP_STOP else 1.0, table[row, 5]
+            sign, power = -1.0 if code == BUMP_STOP else 1.0, table[lane, row, 5]
             deep, slope = _rounded(sign * delta - p0, p2)
             at_rest, _ = _rounded(-p0, p2)
             force = p1 * p2 * (deep / p2) ** power
@@ -122,7 +123,7 @@ def excess(
             damper_v *= 1.0 - p0 * come
             damper *= 1.0 - p0 * come
         elif code == OUTSIDE:  # p0 = force, N, p1 = start, p2 = duration, p3 = rise, s
-            rise = table[row, 5]
+            rise = table[lane, row, 5]
             up = min(max((time - p1) / rise + 0.5, 0.0), 1.0)
             down = min(max((time - p1 - p2) / rise + 0.5, 0.0), 1.0)
             added += p0 * (up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down))
@@ -132,10 +133,18 @@ def excess(
 
 @njit(**OPTIONS)
 def excess_many(
-    table: Array, axle: int, c: float, k: float, delta: Array, rate: Array, time: Array, end: float
+    table: Array,
+    element: int,
+    c: float,
+    k: float,
+    delta: Array,
+    rate: Array,
+    time: Array,
+    end: float,
 ) -> Array:
-    """Return :func:`excess` at N points (N, 3); ``end`` is when ``share`` reaches one, s."""
+    """Return :func:`excess` of a table (K, 6) at N points (N, 3); ``share`` is one at ``end``, s."""
+    laws = table.reshape((1, *table.shape))
     out = np.empty((len(delta), 3))
     for n in range(len(delta)):
-        out[n] = excess(table, axle, c, k, delta[n], rate[n], time[n], time[n] / end)
+        out[n] = excess(laws, 0, element, c, k, delta[n], rate[n], time[n], time[n] / end)
     return out

@@ -1,86 +1,145 @@
-"""The free-running response of the half car, compiled.
+"""Free-running response of a car, linear or not: its measured inputs alone drive it.
 
-Readable reference: ``bayes_asv.models.half_car.deflection_form`` with a matrix exponential, in
-the tests.
+The same step as that of the filter (see :mod:`.prediction` and :mod:`.suspension_forces`) without
+its measurement updates.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["free_run"]
+from bayes_asv.filters.kalman import NO_LAWS, Laws, Measurements, StateSpace
+from bayes_asv.filters.prediction import (
+    OPTIONS,
+    ORDER,
+    TAYLOR,
+    advance_mean,
+    discretize,
+    power_series,
+)
+from bayes_asv.filters.suspension_forces import advance_forces, force_weights
 
-_TAYLOR = 14
+__all__ = ["free_response"]
+
+Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def free_run(
-    A: NDArray[np.float64],
-    step: NDArray[np.float64],
-    moments: NDArray[np.float64],
-    start: NDArray[np.float64],
-    driven: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """Fill ``out`` with the states of several trajectories at once.
+@lru_cache(maxsize=64)
+def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
+    rows = nx + ne
+    coupled = rows + nd + nu
+
+    @njit(**OPTIONS)
+    def run(
+        A: Array,
+        B: Array,
+        C: Array,
+        E: Array,
+        rates: Array,
+        N: Array,
+        step: Array,
+        moments: Array,
+        table: Array,
+        pole: float,
+        inputs: Array,
+        elapsed: Array,
+        added: Array,
+        begin: Array,
+        output: Array,
+        states: Array,
+    ) -> None:
+        powers = np.empty((TAYLOR + 1, nx, nx, 1))
+        drive = np.empty((nu, ORDER, nx, 1))
+        power_series(nx, nu, 1, A, B, powers, drive)
+        base = np.zeros((rows, coupled, 1))
+        Q = np.zeros((nu, nx, nx, 1))
+        work = np.empty((nx, nx, 1))
+        impulse = np.empty((nx, nu, 1))
+        W0 = np.zeros((rows, ne, 1))
+        W1 = np.zeros((rows, ne, 1))
+        now = np.zeros((ne, 1))
+        then = np.zeros((ne, 1))
+        early = np.zeros((ne, coupled, 1))
+        late = np.zeros((ne, coupled, 1))
+        bent = table.shape[1] > 0
+        ahead = np.empty((rows, 1))
+        room = np.empty((rows, 2, 1))
+        mean = np.zeros((coupled, 1))
+        for a in range(nx):
+            mean[a, 0] = begin[a]
+        for d in range(nd):
+            mean[rows + d, 0] = begin[nx + d]
+        h_known = -1.0
+        for k in range(step.shape[0]):
+            h = step[k]
+            if h > 0.0:
+                if abs(h - h_known) > 1e-12:
+                    h_known = h
+                    discretize(nx, nd, nu, rows, 1, h, powers, B, N, base, Q, work, impulse)
+                    if ne > 0:
+                        force_weights(
+                            nx, ne, 1, h, powers, E, pole, base, W0, W1, room[:, 0], room[:, 1]
+                        )
+                advance_mean(nx, nu, rows, coupled, 1, base, drive, k, moments, mean, ahead)
+                if ne > 0:
+                    advance_forces(
+                        nx, ne, nd, nu, 1, bent, table, rates, powers, B, E, N, pole, mean, k,
+                        inputs, elapsed, added, W0, W1, now, then, early, late, ahead,
+                    )  # fmt: skip
+                for a in range(rows):
+                    mean[a, 0] = ahead[a, 0]
+            for y in range(ny):
+                value = begin[nx + nd + y]
+                for a in range(rows):
+                    value += C[y, a, 0] * mean[a, 0]
+                output[k, y] = value
+            for a in range(rows):
+                states[k, a] = mean[a, 0]
+
+    return run  # type: ignore[no-any-return]
+
+
+def free_response(
+    system: StateSpace, data: Measurements, begin: Array, laws: Laws | None = None
+) -> tuple[Array, Array]:
+    """Simulate one recording from its measured inputs.
 
     Parameters
     ----------
-    A : (4, 4) array
-        System matrix in deflection coordinates.
-    step : (N,) array
-        Time since the instant before, s.
-    moments : (N, 2, J) array
-        Moments of the wheel accelerations over each step.
-    start : (4, C) array
-        States at the first instant.
-    driven : (C,) array
-        Share of the wheels' input that each trajectory gets, 1 or 0.
-    out : (N, 4, C) array
-        States (δ_f, δ̇_f, δ_r, δ̇_r) at the instants, in metres and m/s.
+    system : StateSpace
+        One parameter set.
+    data : Measurements
+        Its steps and the moments of its inputs; readings play no part.
+    begin : (nx + nd + ny,) array
+        States at the first instant, input biases, and biases of the outputs.
+    laws : Laws, optional
+        Force laws of the suspension.
+
+    Returns
+    -------
+    output : (N, ny) array
+        Predicted readings.
+    states : (N, nx + ne) array
+        States of the car and, with laws, filtered excess forces.
     """
-    n, order, columns = step.shape[0], moments.shape[2], start.shape[1]
-    powers = np.zeros((_TAYLOR + 1, 4, 4))
-    for a in range(4):
-        powers[0, a, a] = 1.0
-    for j in range(1, _TAYLOR + 1):
-        for a in range(4):
-            for b in range(4):
-                acc = 0.0
-                for e in range(4):
-                    acc += A[a, e] * powers[j - 1, e, b]
-                powers[j, a, b] = acc / j
-    phi = np.zeros((4, 4))
-    known = -1.0
-    forced = np.zeros(4)
-    for a in range(4):
-        for c in range(columns):
-            out[0, a, c] = start[a, c]
-    for k in range(1, n):
-        h = step[k]
-        if abs(h - known) > 1e-12:
-            known = h
-            for a in range(4):
-                for b in range(4):
-                    acc = powers[_TAYLOR, a, b]
-                    for j in range(_TAYLOR - 1, -1, -1):
-                        acc = acc * h + powers[j, a, b]
-                    phi[a, b] = acc
-        for a in range(4):
-            acc = 0.0
-            factorial = 1.0
-            for j in range(order):
-                if j > 0:
-                    factorial *= j
-                acc -= factorial * (
-                    powers[j, a, 1] * moments[k, 0, j] + powers[j, a, 3] * moments[k, 1, j]
-                )
-            forced[a] = acc
-        for a in range(4):
-            for c in range(columns):
-                acc = forced[a] * driven[c]
-                for b in range(4):
-                    acc += phi[a, b] * out[k - 1, b, c]
-                out[k, a, c] = acc
+    _, nx, nu = system.B.shape
+    ny = system.C.shape[1]
+    ne = 0 if laws is None else system.E.shape[2]
+    C = system.C if laws is None else np.concatenate([system.C, system.G], axis=2)
+    laws = NO_LAWS if laws is None else laws
+    run = _compiled(nx, ne, system.N.shape[1], nu, ny)
+    one = [
+        np.ascontiguousarray(x[0, ..., None])
+        for x in (system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne])
+    ]
+    output, states = np.empty((len(data.step), ny)), np.empty((len(data.step), nx + ne))
+    run(
+        *one, system.N, data.step, data.moments, np.ascontiguousarray(laws.table[:1]), laws.pole,
+        laws.inputs, laws.elapsed, laws.added, begin, output, states,
+    )  # fmt: skip
+    return output, states

@@ -1,115 +1,150 @@
-"""What the sensors' noise makes of the half car's output, drawn at random; compiled.
+"""Random draws of what the sensors' noise makes of a car's outputs, compiled.
 
-The same model of noise as in :mod:`.innovations`, run forwards: noise of the wheel sensors
-drives the car, noise of the chassis sensors adds to what it puts out::
-
-    x⁺ = Φ x + Γ w + white, intensity q      w⁺ = ρ w + …      v⁺ = ρ v + …
-    y  = C x + v + white, variance r
-
-It starts at x = 0 and adds no bias, so what comes out is noise alone.  The tests pass it
-through the innovations recursion, which has to find white noise of variance one.
+The model of noise of :mod:`.prediction`, run forwards: noise of the input sensors drives the car,
+noise of the output sensors adds to what it puts out.  It starts at x = 0 and adds no bias, so what
+comes out is noise alone.  The tests pass it through the Kalman filter, which has to find white
+innovations of variance one.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS, ORDER, TAYLOR, series, transition
+from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace
+from bayes_asv.filters.prediction import OPTIONS, ORDER, TAYLOR, decays, discretize, power_series
 
-__all__ = ["NORMALS", "noise_path"]
-
-NORMALS = 10  # that an instant takes: 4 for the car, 4 for filtered noise, 2 for white
+__all__ = ["normals_needed", "simulate_noise"]
 
 Array = NDArray[np.float64]
 
 
-@njit(**OPTIONS)
-def noise_path(
-    car: Array,
-    noise: Array,
-    step: Array,
-    spread: Array,
-    extra: Array,
-    normals: Array,
-    out: Array,
-) -> None:
-    """Fill ``out`` with K records of noise.
+def normals_needed(nu: int, ny: int) -> int:
+    """Standard normal numbers that an instant takes: car, filtered noise, white noise."""
+    return 2 * nu + (nu + ny) + ny
+
+
+@lru_cache(maxsize=64)
+def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
+    coupled = nx + nu
+    n = coupled + 2 * ny
+
+    @njit(**OPTIONS)
+    def run(
+        A: Array,
+        B: Array,
+        C: Array,
+        white: Array,
+        filtered: Array,
+        poles: Array,
+        step: Array,
+        spread: Array,
+        extra: Array,
+        normals: Array,
+        out: Array,
+    ) -> None:
+        powers = np.empty((TAYLOR + 1, nx, nx, 1))
+        drive = np.empty((nu, ORDER, nx, 1))
+        power_series(nx, nu, 1, A, B, powers, drive)
+        carry = np.zeros((nx, coupled, 1))
+        Q = np.zeros((nu, nx, nx, 1))
+        decay = np.ones((n, 1))
+        work = np.empty((nx, nx, 1))
+        impulse = np.empty((nx, nu, 1))
+        N = np.zeros((nu, 0))
+        node = np.zeros((nx, 2, nu))  # Φ(s) B at the Gauss nodes, whose squares add to Q
+        kick = np.zeros((2, nu))
+        rest = np.zeros(nu + ny)
+        keep = np.ones(nu + ny)
+        ahead = np.empty(nx)
+        paths = normals.shape[1]
+        x = np.zeros((paths, nx))
+        slow = np.empty((paths, nu + ny))
+        for p in range(paths):
+            for c in range(nu + ny):
+                slow[p, c] = math.sqrt(filtered[c, 0]) * normals[0, p, 2 * nu + c]
+        known = -1.0
+        for k in range(step.shape[0]):
+            h = step[k]
+            if h > 0.0:
+                if abs(h - known) > 1e-12:
+                    known = h
+                    discretize(nx, 0, nu, nx, 1, h, powers, B, N, carry, Q, work, impulse)
+                    decays(coupled, nu, ny, 1, h, poles, decay)
+                    for g in range(2):
+                        s = h * (0.5 + (g - 0.5) / math.sqrt(3.0))
+                        for a in range(nx):
+                            for u in range(nu):
+                                total = 0.0
+                                for c in range(nx):
+                                    value = powers[TAYLOR, a, c, 0]
+                                    for j in range(TAYLOR - 1, -1, -1):
+                                        value = value * s + powers[j, a, c, 0]
+                                    total += value * B[c, u, 0]
+                                node[a, g, u] = total
+                    for u in range(nu):
+                        keep[u] = decay[nx + u, 0]
+                    for y in range(ny):
+                        keep[nu + y] = decay[coupled + ny + y, 0]
+                    for c in range(nu + ny):
+                        rest[c] = math.sqrt(filtered[c, 0] * (1.0 - keep[c] ** 2))
+                for u in range(nu):
+                    intensity = white[u, 0] * spread[k, u] + spread[k, nu + u]
+                    for g in range(2):
+                        kick[g, u] = math.sqrt(0.5 * h * intensity)
+                for p in range(paths):
+                    for a in range(nx):
+                        total = 0.0
+                        for b in range(nx):
+                            total += carry[a, b, 0] * x[p, b]
+                        for u in range(nu):
+                            total += carry[a, nx + u, 0] * slow[p, u]
+                            for g in range(2):
+                                total += node[a, g, u] * kick[g, u] * normals[k, p, 2 * u + g]
+                        ahead[a] = total
+                    for a in range(nx):
+                        x[p, a] = ahead[a]
+                    for c in range(nu + ny):
+                        slow[p, c] = keep[c] * slow[p, c] + rest[c] * normals[k, p, 2 * nu + c]
+            for y in range(ny):
+                deviation = math.sqrt(white[nu + y, 0] + extra[k, y])
+                for p in range(paths):
+                    total = slow[p, nu + y] + deviation * normals[k, p, 3 * nu + ny + y]
+                    for a in range(nx):
+                        total += C[y, a, 0] * x[p, a]
+                    out[k, p, y] = total
+
+    return run  # type: ignore[no-any-return]
+
+
+def simulate_noise(
+    system: StateSpace, noise: SensorNoise, data: Measurements, normals: Array
+) -> Array:
+    """Draw K records of noise.
 
     Parameters
     ----------
-    car : (8,) array
-        c_f, c_r, i, m, l, wdf, k_f, k_r in SI units.
-    noise : (12,) array
-        As in :func:`bayes_asv.filters.kalman.log_likelihood`.
-    step : (N,) array
-        Time since the instant before, s; zero for the first.
-    spread : (N, 4) array
-        As in the same place.
-    extra : (N, 2) array
-        Variance added to single readings, m²/s⁴.
-    normals : (N, K, NORMALS) array
+    system, noise : StateSpace and SensorNoise
+        Of one parameter set.
+    data : Measurements
+        Steps of the recording.
+    normals : (N, K, normals_needed(nu, ny)) array
         Independent standard normal numbers.
-    out : (N, K, 2) array
-        Noise of the chassis readings at the instants, m/s².
+
+    Returns
+    -------
+    (N, K, ny) array
+        Noise of the outputs at the instants.
     """
-    C = np.empty((2, 4))
-    powers = np.empty((TAYLOR + 1, 4, 4))
-    drive = np.empty((2, ORDER, 4))
-    series(car, C, powers, drive)
-    phi = np.zeros((4, 4))
-    gamma = np.zeros((4, 2))
-    qf = np.zeros((4, 4))
-    qr = np.zeros((4, 4))
-    decay = np.ones(6)
-    poles = noise[8:12].copy()
-    node = np.zeros((4, 4))  # Φ(s) e at the two Gauss nodes of each axle, whose squares add to q
-    kick = np.zeros(4)
-    rest = np.zeros(4)
-    fresh = np.empty(4)
-    n, paths = normals.shape[0], normals.shape[1]
-    x = np.zeros((paths, 4))
-    slow = np.empty((paths, 4))
-    for p in range(paths):
-        for c in range(4):
-            slow[p, c] = math.sqrt(noise[4 + c]) * normals[0, p, 4 + c]
-    known = -1.0
-    for k in range(n):
-        h = step[k]
-        if h > 0.0:
-            if abs(h - known) > 1e-12:
-                known = h
-                transition(h, powers, poles, phi, gamma, qf, qr, decay)
-                for b in range(4):
-                    s = h * (0.5 + (b % 2 - 0.5) / math.sqrt(3.0))
-                    for a in range(4):
-                        acc = powers[TAYLOR, a, 2 * (b // 2) + 1]
-                        for j in range(TAYLOR - 1, -1, -1):
-                            acc = acc * s + powers[j, a, 2 * (b // 2) + 1]
-                        node[a, b] = acc
-                for c in range(4):
-                    rest[c] = math.sqrt(noise[4 + c] * (1.0 - decay[2 + c] ** 2))
-            for b in range(4):
-                intensity = noise[b // 2] * spread[k, b // 2] + spread[k, 2 + b // 2]
-                kick[b] = math.sqrt(0.5 * h * intensity)
-            for p in range(paths):
-                for a in range(4):
-                    acc = gamma[a, 0] * slow[p, 0] + gamma[a, 1] * slow[p, 1]
-                    for b in range(4):
-                        acc += phi[a, b] * x[p, b]
-                        acc += node[a, b] * kick[b] * normals[k, p, b]
-                    fresh[a] = acc
-                for a in range(4):
-                    x[p, a] = fresh[a]
-                for c in range(4):
-                    slow[p, c] = decay[2 + c] * slow[p, c] + rest[c] * normals[k, p, 4 + c]
-        for axle in range(2):
-            white = math.sqrt(noise[2 + axle] + extra[k, axle])
-            for p in range(paths):
-                acc = slow[p, 2 + axle] + white * normals[k, p, 8 + axle]
-                for b in range(4):
-                    acc += C[axle, b] * x[p, b]
-                out[k, p, axle] = acc
+    _, nx, nu = system.B.shape
+    ny = system.C.shape[1]
+    run = _compiled(nx, nu, ny)
+    one = [np.ascontiguousarray(x[0, ..., None]) for x in (system.A, system.B, system.C, *noise)]
+    out = np.empty((*normals.shape[:2], ny))
+    run(*one, data.step, data.spread, data.extra, normals, out)
+    return out

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.models.car_model import CarModel, state_space
 from bayes_asv.models.half_car import HalfCar, deflection_form
 
-__all__ = ["Mode", "modes"]
+__all__ = ["Mode", "modes", "nominal_modes"]
 
 
 class Mode(NamedTuple):
@@ -48,12 +49,27 @@ def modes(car: HalfCar) -> list[Mode]:
     list of Mode
         The nominal car of Table 7.1 gives 2.03 Hz at ζ 0.54 and 2.99 Hz at ζ 0.82.
     """
-    values, vectors = np.linalg.eig(deflection_form(car).A)
+    return _modes_of(deflection_form(car).A)
+
+
+def nominal_modes(car: CarModel) -> list[Mode]:
+    """Modes of a car as the vehicle file gives it, slowest first.
+
+    What is no motion of the body, such as a twist of the wheels that it cannot follow, is left out.
+    """
+    return _modes_of(state_space(car, car.nominal, ()).A[0])
+
+
+def _modes_of(A: NDArray[np.float64]) -> list[Mode]:
+    values, vectors = np.linalg.eig(A)
+    fastest = float(np.max(np.abs(values)))
     found = []
     for value, vector in zip(values, vectors.T, strict=True):
         if value.imag < 0.0:
             continue  # the conjugate says the same
-        shape = vector[[0, 2]]
+        if abs(value) < 1e-6 * fastest:
+            continue
+        shape = vector[0::2]
         shape = shape / shape[int(np.argmax(np.abs(shape)))]
         natural = abs(value) / (2.0 * np.pi)
         found.append(

@@ -20,7 +20,7 @@ from scipy.special import ndtri
 
 from bayes_asv.domain.vehicle import Given, Vehicle
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["SEEN", "information"]

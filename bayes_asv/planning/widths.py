@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.information import SEEN
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 
 __all__ = ["ANSWERS", "GIVEN", "MOST_PASSES", "Known", "floors", "known", "passes_needed", "widths"]
 

@@ -19,13 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.modes import modes
+from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.composite_likelihood import FEWEST_PARTS, PERIODS, share
 from bayes_asv.posterior.fit_checks import swollen_noise
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import Mode, find_mode
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import find_colour
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
@@ -84,7 +83,7 @@ def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> InBan
         start = np.zeros(where.dimension)
         start[: where.car_dimension] = mode.z[: where.car_dimension]
         mode, target = _climb(Posterior(where, colours), start)
-    slowest = _slowest(vehicle)
+    slowest = _slowest(lines[0])
     shares = tuple(share(target, mode, run, slowest) for run in range(len(lines)))
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
@@ -94,7 +93,7 @@ def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> InBan
     return InBand(mode, target, shares)
 
 
-def notes(line: PreparedRecording, part: float | None, vehicle: Vehicle) -> list[str]:
+def notes(line: PreparedRecording, part: float | None) -> list[str]:
     """Say how much wider the intervals are for what the parts of a recording say.
 
     Parameters
@@ -103,15 +102,13 @@ def notes(line: PreparedRecording, part: float | None, vehicle: Vehicle) -> list
         The recording.
     part : float or None
         Its share.
-    vehicle : Vehicle
-        Its slowest mode says how long a recording it takes.
 
     Returns
     -------
     list of str
     """
     if part is None:
-        needed = FEWEST_PARTS * PERIODS / _slowest(vehicle)
+        needed = FEWEST_PARTS * PERIODS / _slowest(line)
         return [
             f"what is left over in {line.source} is not the sensors' noise, and the recording is "
             f"too short to tell from its parts whether the intervals are wide enough; that takes "
@@ -149,10 +146,9 @@ def _colour(target: Posterior, z: Array, run: int) -> ResidualAR:
         return found
     whole = nu[np.isfinite(nu).all(axis=1)]
     root = np.linalg.inv(np.linalg.cholesky(whole.T @ whole / len(whole)))
-    return ResidualAR(np.zeros((1, 2, 2)), np.ascontiguousarray(root))
+    return ResidualAR(np.zeros((1, nu.shape[1], nu.shape[1])), np.ascontiguousarray(root))
 
 
-def _slowest(vehicle: Vehicle) -> float:
+def _slowest(line: PreparedRecording) -> float:
     """Natural frequency of the slowest nominal mode, Hz."""
-    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    return modes(car)[0].natural
+    return nominal_modes(line.car)[0].natural

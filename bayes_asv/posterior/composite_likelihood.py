@@ -83,7 +83,7 @@ def share(target: Posterior, mode: Mode, run: int, slowest: float) -> float | No
     def innovations(z: Array) -> Array:
         return np.nan_to_num(line.paired(target.innovations(z, run)))
 
-    slope = np.empty((len(time), 2, n))
+    slope = np.empty((len(time), len(line.outputs), n))
     for k in range(n):
         step = np.zeros(len(mode.z))
         step[k] = _STEP * sd[k]

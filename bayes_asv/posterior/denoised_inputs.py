@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import ORDER
 from bayes_asv.posterior.free_simulation import free_run, simulated
@@ -62,10 +61,10 @@ def calm(target: Posterior, z: Array, run: int, vehicle: Vehicle) -> DenoisedInp
     """
     line = without_noise(target, z, run)
     driven = line.moments.copy()
-    for axle, wheel in enumerate(line.wheels):
-        knots, signal = clear_wheel(line, axle, vehicle.sensor(CHANNELS[2 * axle]).bandwidth)
+    for u, (wheel, c) in enumerate(zip(line.wheels, line.inputs, strict=True)):
+        knots, signal = clear_wheel(line, u, vehicle.sensor(line.channels[c].name).bandwidth)
         quiet = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
-        driven[:, axle] = moments(quiet, line.instants, ORDER)
+        driven[:, u] = moments(quiet, line.instants, ORDER)
     still = replace(line, moments=driven)
     begin = free_run(target, z, run)[2]
     before, after = (

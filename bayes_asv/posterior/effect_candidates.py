@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.effects import AXLES, BOTH, EFFECTS, Effect, Site
-from bayes_asv.posterior.effects import car_scale
+from bayes_asv.models.effects import BOTH, EFFECTS, Effect, Site
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.parameters import car_scale
 
 __all__ = ["Candidate", "candidates"]
 
@@ -61,17 +61,17 @@ class Candidate:
 
 
 def _used(stage: FittedModel) -> Array:
-    """Largest compression, extension (m) and speed (m/s) of front and rear over all runs, (2, 3).
+    """Largest compression, extension (m) and speed (m/s) of each element over all runs, (ne, 3).
 
     All positive.
     """
-    used = np.zeros((2, 3))
+    used = np.zeros((len(stage.space.car.elements), 3))
     for run in range(len(stage.space.timelines)):
         _, states, _ = free_run(stage.target, stage.mode.z, run)
-        for axle in range(2):
-            travel, speed = states[:, 2 * axle], states[:, 2 * axle + 1]
+        for e in range(len(used)):
+            travel, speed = states[:, 2 * e], states[:, 2 * e + 1]
             reached = -travel.min(), travel.max(), np.abs(speed).max()
-            used[axle] = np.maximum(used[axle], reached)
+            used[e] = np.maximum(used[e], reached)
     return used
 
 
@@ -91,22 +91,22 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
     for effect in EFFECTS.values():
         for where in effect.sites:
             site = Site(effect, where)
+            elements = site.elements(stage.space.car)
             known = any(site.meets(other) for other in stage.sites)
-            if known or not _possible(effect, where, vehicle):
+            if known or not _possible(site, stage, vehicle):
                 continue
             if effect.slight is not None:
-                signed = effect.name in ("coulomb_friction", "digressive_damper")
                 # on both axles a tolerance is that of one and of the other
                 tolerance = where != BOTH
                 values = effect.slightly(scale)
                 if effect.straight is not None:
-                    own = used[[AXLES.index(axle) for axle in site.axles]].max(axis=0)
+                    own = used[list(elements)].max(axis=0)
                     values = effect.straight(values, max(own[0], own[1]), own[2])
-                out.append(Candidate(site, values, tolerance, signed))
-            elif effect.name.endswith("stop"):
-                travel = used[AXLES.index(where), 0 if effect.name == "bump_stop" else 1]
+                out.append(Candidate(site, values, tolerance, effect.one_sided))
+            elif effect.stops:
+                travel = used[list(elements), 0 if effect.stops == "compression" else 1].max()
                 out += _stops(site, travel, _SOFT * scale.spring)
-            elif where in AXLES:
+            elif where != BOTH:
                 out += _edges(effect, where, stage, vehicle)
     return out
 
@@ -145,8 +145,15 @@ def _edges(effect: Effect, where: str, stage: FittedModel, vehicle: Vehicle) -> 
     return out
 
 
-def _possible(effect: Effect, where: str, vehicle: Vehicle) -> bool:
-    """Whether a place can have an effect that the model does not have already."""
-    if effect.name == "sensor_bandwidth":
-        return vehicle.sensor(where).bandwidth is not None
-    return True
+def _possible(site: Site, stage: FittedModel, vehicle: Vehicle) -> bool:
+    """Whether a car and its sensors can have an effect."""
+    car = stage.space.car
+    if site.effect.acts == "reading":
+        measured = {channel.name for run in stage.space.timelines for channel in run.channels}
+        corner = site.effect.fault == "bandwidth"
+        return site.where in measured and not (
+            corner and vehicle.sensor(site.where).bandwidth is None
+        )
+    if site.where == BOTH:
+        return len({element.axle for element in car.elements}) > 1
+    return not site.where or bool(site.elements(car))

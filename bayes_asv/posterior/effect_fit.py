@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.models.effects import AXLES, EFFECTS, Site, site
+from bayes_asv.models.effects import EFFECTS, Site, site
 from bayes_asv.posterior.effect_candidates import Candidate, candidates
-from bayes_asv.posterior.effects import car_scale
+from bayes_asv.posterior.parameters import car_scale
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried, fitted, foretold
 
 __all__ = ["added", "read_site", "with_effects"]
@@ -78,10 +78,10 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
 
 def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candidate]]:
     """Values from which to add an effect, one group a run that it may be in."""
-    if site.effect.name != "external_force":
+    if not site.effect.in_one_run:
         return [[c for c in candidates(stage, where.vehicle) if str(c.site) == str(site)]]
     runs = range(len(where.lines)) if site.run is None else (site.run,)
-    edges = [c for c in candidates(stage, where.vehicle) if c.edge and c.site.where == AXLES[0]]
+    edges = [c for c in candidates(stage, where.vehicle) if c.edge and c.site.where == _first_place(stage)]
     return [
         [
             replace(
@@ -96,6 +96,11 @@ def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candida
         ]
         for run in runs
     ]
+
+
+def _first_place(stage: FittedModel) -> str:
+    """Axle of the first suspension element."""
+    return str(stage.space.car.elements[0].axle)
 
 
 def added(

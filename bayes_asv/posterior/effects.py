@@ -22,17 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.filters.one_pole import low_passed
-from bayes_asv.models.effects import AXLES, Scale, Site
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.effects import Site
 from bayes_asv.preprocessing.input_bias import moments_of_one
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 from bayes_asv.preprocessing.wiener_filter import clear_wheel
 
-__all__ = ["SensorPatterns", "Values", "car_scale", "patterns", "rows"]
+__all__ = ["SensorPatterns", "Values", "law_table", "patterns"]
 
 Array = NDArray[np.float64]
 Values = Mapping[Site, Mapping[str, float]]
@@ -42,27 +42,18 @@ _TERMS = 4  # of a Taylor series: a lag of a sample moves 60 Hz by 0.9 rad, and 
 _DEGREE = 7  # of the spline whose fourth derivative is asked for
 
 
-def car_scale(vehicle: Vehicle) -> Scale:
-    """Sizes of a car that the priors of effects are given in."""
-    return Scale(
-        load=0.5 * vehicle.m.value * 9.80665,
-        spring=0.5 * (vehicle.k_f.value + vehicle.k_r.value),
-    )
-
-
-def rows(values: Values, run: int) -> Array:
-    """Table (K, 6) of the laws that act on the suspension in one run."""
+def law_table(car: CarModel, values: Values, run: int) -> Array:
+    """Table (K, 6) of the laws that act on the suspension elements of a car in one run."""
     out = []
     for site, value in values.items():
-        if site.effect.acts != "suspension" or site.run not in (None, run):
+        if site.effect.packed is None or site.run not in (None, run):
             continue
-        assert site.effect.packed is not None
         packed = site.effect.packed(value)
-        if site.effect.halved and len(site.axles) == 2:
-            packed = (0.5 * packed[0], *packed[1:])
-        for axle in site.axles:
-            law = [*packed, *[0.0] * (4 - len(packed))]
-            out.append([AXLES.index(axle), site.effect.code, *law])
+        elements = site.elements(car)
+        if site.effect.halved:
+            packed = (packed[0] / len(elements), *packed[1:])
+        law = [*packed, *[0.0] * (4 - len(packed))]
+        out += [[e, site.effect.code, *law] for e in elements]
     return np.array(out, float).reshape(-1, 6)
 
 
@@ -71,12 +62,12 @@ class NominalReadings(NamedTuple):
 
     Parameters
     ----------
-    moments : (E, 2, ORDER) array
-        Of the wheel accelerations.
-    reading : (E, 2) array
-        Of the chassis, m/s².
-    wheel : (E, 2) array
-        Wheel accelerations at the instants, m/s².
+    moments : (E, nu, ORDER) array
+        Of the measured inputs.
+    reading : (E, ny) array
+        Of the outputs.
+    wheel : (E, nu) array
+        Measured inputs at the instants, m/s².
     """
 
     moments: Array
@@ -110,15 +101,15 @@ class SensorPatterns:
     ----------
     pole : float
         Of the filter that all readings passed, rad/s.
-    wheel : (E, 2) array
-        Wheel accelerations at the instants, m/s².
-    moved : tuple of (4, E, ORDER) or (4, E) arrays
+    wheel : (E, nu) array
+        Measured inputs at the instants, m/s².
+    moved : tuple of (TERMS, E, ORDER) or (TERMS, E) arrays
         One a channel: moments of the k-th derivative of its reading over k!, or that derivative of
-        what a chassis would have read.
-    sharper : tuple of two (E, ORDER) arrays
-        A wheel's signal less its slow part, moments of it.
-    above : tuple of two Above
-        Each chassis sensor, as declared.
+        what an output would have read.
+    sharper : tuple of C (E, ORDER) arrays or None
+        An input's signal less its slow part, moments of it.
+    above : tuple of C Above or None
+        Each output, as declared.
     ramp : tuple of (E, ORDER) or (E,) arrays
         Time since the recording's beginning.
     level : (E, ORDER) array
@@ -128,12 +119,14 @@ class SensorPatterns:
     pole: float
     wheel: Array
     moved: tuple[Array, ...]
-    sharper: tuple[Array, ...]
-    above: tuple[Above, ...]
+    sharper: tuple[Array | None, ...]
+    above: tuple[Above | None, ...]
     ramp: tuple[Array, ...]
     level: Array
 
-    def corrected(self, line: PreparedRecording, values: Values, zeros: Array) -> NominalReadings:
+    def corrected(
+        self, line: PreparedRecording, values: Values, zeros: Array
+    ) -> NominalReadings:
         """Return what sensors that are as declared would have read.
 
         Parameters
@@ -142,51 +135,57 @@ class SensorPatterns:
             The recording.
         values : mapping
             Effects and their values.
-        zeros : (2,) array
-            What the wheels' sensors read at rest, m/s².
+        zeros : (nu,) array
+            What the inputs' sensors read at rest, m/s².
 
         Returns
         -------
         NominalReadings
-            Taken off the wheel and off the chassis above it, a level moves the suspension and
-            nothing else.  The arrays are kept for the next call, and are not to be written to.
+            Taken off a wheel and off the body above it, a level moves the suspension and nothing
+            else.  The arrays are kept for the next call, and are not to be written to.
         """
+        names = [channel.name for channel in line.channels]
         known = tuple(
-            (CHANNELS.index(site.where), *next(iter(value.items())))
+            (names.index(site.where), site.effect.fault, next(iter(value.values())))
             for site, value in values.items()
-            if site.effect.acts == "reading" and site.effect.name != "sensor_gain"
+            if site.effect.fault and site.where in names
         )
-        return _corrected(self, line, known, float(zeros[0]), float(zeros[1]))
+        return _corrected(self, line, known, tuple(float(x) for x in zeros))
 
-    def mended(self, c: int, name: str, value: float) -> Array:
+    def mended(self, c: int, fault: str, value: float) -> Array:
         """Return what to add to one channel to undo one fault of its sensor."""
-        if name == "lag":
-            return _later(self.moved[c], value, of_reading=c % 2 == 0)
-        return self._sharper(c, value) if name == "bandwidth" else -value * self.ramp[c]
+        of_input = self.sharper[c] is not None
+        if fault == "lag":
+            return _later(self.moved[c], value, of_reading=of_input)
+        return self._sharper(c, value) if fault == "bandwidth" else -value * self.ramp[c]
 
     def _sharper(self, c: int, share: float) -> Array:
         """Return what a channel whose corner is a share of the declared one has lost."""
-        if c % 2 == 0:
-            return (1.0 / share - 1.0) * self.sharper[c // 2]
-        there, through, corner = self.above[c // 2]
+        sharper, above = self.sharper[c], self.above[c]
+        if sharper is not None:
+            return (1.0 / share - 1.0) * sharper
+        assert above is not None
+        there, through, corner = above
         lost = through(through.x) - low_passed(through.x, through.c, share * corner)
         return _laid(there, (1.0 - share) * lost)
 
 
-@lru_cache(maxsize=8)  # along all coordinates but a sensor's own and a wheel's zero it stays
+@lru_cache(maxsize=8)  # along all coordinates but a sensor's own and an input's bias it stays
 def _corrected(
     known: SensorPatterns,
     line: PreparedRecording,
     faults: tuple[tuple[int, str, float], ...],
-    *zeros: float,
+    zeros: tuple[float, ...],
 ) -> NominalReadings:
-    """Return what sensors as declared would have read; faults by channel, parameter and value."""
+    """Return what sensors as declared would have read; faults by channel, kind and value."""
     level = np.array(zeros)
     driven = line.moments - level[:, None] * known.level[:, None]
-    reading = line.reading - level
-    for c, name, value in faults:
-        signals = driven if c % 2 == 0 else reading
-        signals[:, c // 2] += known.mended(c, name, value)
+    reading = line.reading - line.rigid_gain @ level
+    for c, fault, value in faults:
+        if c in line.inputs:
+            driven[:, line.inputs.index(c)] += known.mended(c, fault, value)
+        else:
+            reading[:, line.outputs.index(c)] += known.mended(c, fault, value)
     return NominalReadings(driven, reading, known.wheel - level)
 
 
@@ -209,31 +208,36 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         The recording.
     vehicle : Vehicle
         Gives declared bandwidths.
-    declared : (E, 2) array
-        Simulated chassis readings of sensors that are as declared, m/s².
+    declared : (E, ny) array
+        Simulated outputs of sensors that are as declared.
     """
     begin = line.instants[0] - line.elapsed[0]
-    moved, sharper, above, ramp = [], [], [], []
-    for c, channel in enumerate(CHANNELS):
-        axle = c // 2
-        corner = vehicle.sensor(channel).bandwidth
-        if c % 2 == 0:
-            time, signal = clear_wheel(line, axle, corner)
-            laid = partial(_moments, line, time, line.wheels[axle].deviation)
+    moved, ramp = [], []
+    sharper: list[Array | None] = []
+    above: list[Above | None] = []
+    for c, channel in enumerate(line.channels):
+        corner = vehicle.sensor(channel.name).bandwidth
+        if c in line.inputs:
+            u = line.inputs.index(c)
+            time, signal = clear_wheel(line, u, corner)
+            laid = partial(_moments, line, time, line.wheels[u].deviation)
             through = CubicSpline(time, signal)
             slow = signal if corner is None else low_passed(time, through.c, 2.0 * math.pi * corner)
             sharper.append(laid(signal - slow))
+            above.append(None)
         else:
-            there = line.kind[:, axle] != MISSING
-            time, signal = line.instants[there], declared[there, axle]
+            y = line.outputs.index(c)
+            there = line.kind[:, y] != MISSING
+            time, signal = line.instants[there], declared[there, y]
             laid = partial(_laid, there)
             through = CubicSpline(time, signal)
             above.append(Above(there, through, 2.0 * math.pi * (corner or math.inf)))
+            sharper.append(None)
         smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
         moved.append(np.stack([laid(x) for x in found]))
         ramp.append(laid(time - begin))
-    pole = float(line.poles[0]) or 2.0 * math.pi * _NO_FILTER / line.reading_step
+    pole = float(np.max(line.poles)) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
     return SensorPatterns(
         pole, wheel_at, tuple(moved), tuple(sharper), tuple(above), tuple(ramp),
@@ -242,13 +246,13 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
 
 
 def _moments(line: PreparedRecording, time: Array, deviation: Array, samples: Array) -> Array:
-    """Moments (E, ORDER) of what runs through a wheel's samples."""
+    """Moments (E, ORDER) of what runs through an input's samples."""
     through = WheelSignal(CubicSpline(time, samples), time, deviation)
     return np.asarray(moments(through, line.instants, ORDER))
 
 
 def _laid(there: NDArray[np.bool_], samples: Array) -> Array:
-    """Lay samples where a chassis was read, and nothing elsewhere (E,)."""
+    """Lay samples where an output was read, and nothing elsewhere (E,)."""
     out = np.zeros(len(there))
     out[there] = samples
     return out

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.linear_simulation import FreeRun, left_in_band
-from bayes_asv.preprocessing.data_checks import DOUBTFUL, PLAIN, nominal_modes
+from bayes_asv.models.modes import nominal_modes
+from bayes_asv.posterior.free_simulation import FreeRun, left_in_band
+from bayes_asv.preprocessing.data_checks import DOUBTFUL
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["meant_for", "misfit", "swollen_noise"]
@@ -19,14 +18,12 @@ _SWOLLEN = 3.0  # times the given noise beyond which something else hides in it
 
 
 def misfit(
-    vehicle: Vehicle, line: PreparedRecording, free: FreeRun, widened: bool = False
+    line: PreparedRecording, free: FreeRun, widened: bool = False
 ) -> tuple[list[str], list[str]]:
     """Look whether the fitted half car explains the motion it is meant for.
 
     Parameters
     ----------
-    vehicle : Vehicle
-        Its fastest nominal mode says up to which frequency the half car has to hold.
     line, free : PreparedRecording and FreeRun
         One recording and its best simulation.
     widened : bool
@@ -38,25 +35,25 @@ def misfit(
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    top = meant_for(vehicle, line)
-    for axle, left in zip(("front", "rear"), left_in_band(line, free, top), strict=True):
+    top = meant_for(line)
+    for c, left in zip(line.outputs, left_in_band(line, free, top), strict=True):
         share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
         words = (
-            f"the fitted half car explains only {share:.0f} % of the {axle} chassis' motion below "
-            f"{top:.0f} Hz in {line.source}"
+            f"the fitted {line.car.name} car explains only {share:.0f} % of the "
+            f"{line.channels[c].words} signal below {top:.0f} Hz in {line.source}"
         )
         if left > _NOT_EXPLAINED:
             reasons.append(
                 f"{words}, too little to trust any answer; check channels, signs, units and "
                 "clocks, and that the sensors sit on hubs and frame above the axles; if all that "
-                "is right, this car does something that a linear half car cannot"
+                "is right, this car does something that the linear model cannot"
             )
         elif left > DOUBTFUL:
             words += "; something that it does not know is at work"
             warnings.append(
                 words if widened else f"{words}, and the intervals do not account for it"
             )
-    travel = float(np.max(np.abs(free.states[:, [0, 2]])))
+    travel = float(np.max(np.abs(free.states[:, 0 : 2 * len(line.car.elements) : 2])))
     if travel > _FARTHEST:
         warnings.append(
             f"{line.source} would mean {travel:.1f} m of suspension travel; check the units and "
@@ -65,9 +62,9 @@ def misfit(
     return reasons, warnings
 
 
-def meant_for(vehicle: Vehicle, line: PreparedRecording) -> float:
+def meant_for(line: PreparedRecording) -> float:
     """Frequency (Hz) up to which the half car has to explain a recording."""
-    top = _BAND * nominal_modes(vehicle)[-1].natural
+    top = _BAND * nominal_modes(line.car)[-1].natural
     return top if line.below is None else min(top, line.below)
 
 
@@ -88,14 +85,14 @@ def swollen_noise(line: PreparedRecording, found: dict[str, float], run: int) ->
     list of str
     """
     out = []
-    for c, name in enumerate(CHANNELS):
+    for c, channel in enumerate(line.channels):
         given = line.noise[c]
-        level = found.get(f"noise {name} {run}")
+        level = found.get(f"noise {channel.name} {run}")
         if given is not None and level is not None and level > _SWOLLEN * given:
             out.append(
-                f"the noise of the {PLAIN[name]} sensor in {line.source} came out "
+                f"the noise of the {channel.words} sensor in {line.source} came out "
                 f"{level / given:.0f} times what the vehicle file says: a value given as exact is "
-                "off, or something moves that a half car does not know; give mass, springs and "
+                "off, or something moves that the model does not know; give mass, springs and "
                 "weight fraction an sd"
             )
     return out

@@ -16,9 +16,8 @@ from bayes_asv.posterior.effects import SensorPatterns, patterns
 from bayes_asv.posterior.fisher_scoring import LaplaceFit, climb
 from bayes_asv.posterior.free_simulation import beginning
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
-from bayes_asv.posterior.parameter_space import space
-from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.input_bias import levelled
+from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.preprocessing.input_bias import without_mean_input
 from bayes_asv.preprocessing.quantization import still_wheels_doubted, without_waiting
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
@@ -62,7 +61,7 @@ class Dataset:
 
 def setting(vehicle: Vehicle, lines: tuple[PreparedRecording, ...]) -> Dataset:
     """Set recordings up, with patterns that stand on the readings themselves."""
-    lines = tuple(levelled(still_wheels_doubted(line)) for line in lines)
+    lines = tuple(without_mean_input(still_wheels_doubted(line)) for line in lines)
     found = tuple(patterns(line, vehicle, line.reading) for line in lines)
     where = Dataset(vehicle, lines, found)
     begun = [_begun(where, run) for run in range(len(lines))]  # a wait tells where a car begins
@@ -78,9 +77,12 @@ def _begun(where: Dataset, run: int) -> PreparedRecording:
     """
     target = where.target(())
     begin, sd = beginning(target, np.zeros(target.space.dimension), run)
-    start = where.lines[run].start.copy()
-    start[:4] = np.minimum(start[:4], _START * (begin**2 + sd**2)[:4])
-    return replace(where.lines[run], start=start)
+    start = where.lines[run].start
+    states = 2 * len(where.lines[run].car.elements)
+    shrink = np.ones(len(start))
+    variance = _START * (begin**2 + sd**2)
+    shrink[:states] = np.sqrt(np.minimum(1.0, variance / np.diag(start))[:states])
+    return replace(where.lines[run], start=shrink[:, None] * start * shrink)
 
 
 def foretold(where: Dataset, stage: FittedModel) -> Dataset:
@@ -152,9 +154,8 @@ def carried(
     known = dict(zip(old.names, z, strict=True))
     out = np.array([known.get(name, 0.0) for name in new.names])
     if site is not None:
-        assert new.sizes is not None
         for parameter in site.effect.parameters:
-            k = new.names.index(site.coordinate_name(parameter))
+            k = new.index[site.coordinate_name(parameter)]
             if parameter.name in values:
                 out[k] = parameter.coordinate(values[parameter.name], new.sizes)
     return out

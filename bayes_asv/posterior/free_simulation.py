@@ -1,4 +1,4 @@
-"""Measured against simulated, with effects: the car follows its wheel accelerations alone."""
+"""Free-running simulation: the fitted car follows its measured inputs, outputs are not fed back."""
 
 from __future__ import annotations
 
@@ -7,113 +7,108 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters import ekf as extended
-from bayes_asv.filters.kalman import VALUE
-from bayes_asv.posterior.effects import NominalReadings, rows
+from bayes_asv.filters.free_response import free_response
+from bayes_asv.filters.kalman import VALUE, Laws, Measurements, StateSpace
+from bayes_asv.models.car_model import state_space
+from bayes_asv.posterior.effects import NominalReadings, law_table
 from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["beginning", "free_run", "simulated"]
+__all__ = [
+    "FreeRun", "beginning", "free_run", "left_in_band", "simulate_free", "simulated",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 4
-_STEPS = np.array([1e-4, 1e-3, 1e-4, 1e-3, 1e-3, 1e-3])  # m, m/s, …, m/s²
+_ROUNDS = 4  # of Gauss–Newton where forces are not linear
+_WEAK = 1e-3  # power of noise over that of the motion: what the prior weighs next to the record
 
 
-def free_run(target: Posterior, z: Array, run: int) -> tuple[Array, Array, Array]:
-    """Simulate one recording from its wheel accelerations.
+class FreeRun(NamedTuple):
+    """A simulation of one recording.
 
-    Initial state and biases are regressed on the chassis readings under their priors; nothing
-    else is adjusted to them.
+    Parameters
+    ----------
+    output : (E, ny) array
+        Outputs with the fitted biases, as the sensors would have read them.
+    states : (E, nx + ne) array
+        Deflections (m) and their rates (m/s) element by element, body rates, and excess forces (N).
+    begin : (nx + nd + ny,) array
+        States at the first instant, input biases, and biases of the outputs.
+    """
+
+    output: Array
+    states: Array
+    begin: Array
+
+
+def free_run(target: Posterior, z: Array, run: int) -> FreeRun:
+    """Simulate one recording from its measured inputs.
+
+    Initial state and biases are regressed on the outputs under their priors; nothing else is
+    adjusted to them.
 
     Parameters
     ----------
     target : Posterior
-        With patterns.
+        With patterns where it has effects.
     z : (D,) array
         Coordinates; those of noise play no part.
     run : int
         Which recording.
-
-    Returns
-    -------
-    output : (E, 2) array
-        What the chassis sensors would have read, m/s².
-    states : (E, 6) array
-        δ_f, δ̇_f, δ_r, δ̇_r (m, m/s) and both filtered excess forces (N).
-    begin : (6,) array
-        The first four of these (m, m/s) where the recording begins, and the bias of each chassis
-        against its wheel channel, m/s².
     """
-    found = _regressed(target, z, run)
-    line = target.space.timelines[run]
+    recording = target.space.timelines[run]
+    nominal = target.as_declared(z, run)
+    found, _ = _of_posterior(target, z, run, nominal)
     # The simulation is of sensors as declared; what the real ones added is put back.
-    return found.output + (line.reading - found.inputs.reading), found.states, found.begin
+    return found._replace(output=found.output + (recording.reading - nominal.reading))
 
 
 def beginning(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
-    """Where a recording begins, and the deviation of that, (6,) each; as :func:`free_run` has it.
+    """Where a recording begins, and its standard deviation, (nx + nd + ny,) each.
 
     What is left of the recording is taken for white noise.
     """
-    found = _regressed(target, z, run)
-    return found.begin, np.sqrt(np.diag(np.linalg.inv(found.normal)) * np.mean(found.left**2))
+    found, deviation = _of_posterior(target, z, run, target.as_declared(z, run))
+    return found.begin, deviation
 
 
-class _Regressed(NamedTuple):
-    """A simulation whose beginning was regressed on the chassis readings.
+def _of_posterior(
+    target: Posterior, z: Array, run: int, nominal: NominalReadings
+) -> tuple[FreeRun, Array]:
+    recording = target.space.timelines[run]
+    return _regressed(
+        recording,
+        target.space.state_space(z[None], run),
+        recording.measurements._replace(moments=nominal.moments, reading=nominal.reading),
+        _laws(target, z, run, nominal),
+    )
+
+
+def simulate_free(recording: PreparedRecording, car: Array) -> FreeRun:
+    """Simulate one recording with the linear car.
 
     Parameters
     ----------
-    inputs : NominalReadings
-        What sensors as declared would have read.
-    output, states, begin : arrays
-        As :func:`simulated` and :func:`free_run` return them.
-    normal : (6, 6) array
-        Matrix of the regression's normal equations, priors in it.
-    left : (N,) array
-        What it left.
+    recording : PreparedRecording
+        The recording.
+    car : (P,) array
+        Parameters of its car, in their order, SI units.
     """
-
-    inputs: NominalReadings
-    output: Array
-    states: Array
-    begin: Array
-    normal: Array
-    left: Array
-
-
-def _regressed(target: Posterior, z: Array, run: int) -> _Regressed:
-    line = target.space.timelines[run]
-    inputs = target.as_declared(z, run)
-    reading = inputs.reading
-    use = line.kind == VALUE
-    begin = np.zeros(6)
-    # Next to the record the prior weighs as if noise were a thousandth of the motion's power.
-    ridge = max(float(np.var(reading[use])) * 1e-3, 1e-12) / line.start
-    output, states = simulated(target, z, run, inputs, begin)
-    for _ in range(_ROUNDS if target.space.sites else 1):
-        slope = np.stack(
-            [
-                (simulated(target, z, run, inputs, begin + step)[0] - output)[use] / step.max()
-                for step in np.diag(_STEPS)
-            ],
-            axis=1,
-        )
-        left = (reading - output)[use]
-        normal = slope.T @ slope + np.diag(ridge)
-        step = np.linalg.solve(normal, slope.T @ left - ridge * begin)
-        begin = begin + step
-        output, states = simulated(target, z, run, inputs, begin)
-        if np.all(np.abs(step) < _STEPS):
-            break
-    return _Regressed(inputs, output, states, begin, normal, (reading - output)[use])
+    values = {
+        name: np.array([float(x)]) for name, x in zip(recording.car.names, car, strict=True)
+    }
+    system = state_space(
+        recording.car, values, recording.output_models,
+        bias_directions=recording.bias_directions,
+    )  # fmt: skip
+    return _regressed(recording, system, recording.measurements, None)[0]
 
 
 def simulated(
     target: Posterior, z: Array, run: int, inputs: NominalReadings, begin: Array
 ) -> tuple[Array, Array]:
-    """Simulate one recording from wheels and a beginning that are given.
+    """Simulate one recording from inputs and a beginning that are given.
 
     Parameters
     ----------
@@ -121,19 +116,117 @@ def simulated(
         As for :func:`free_run`.
     inputs : NominalReadings
         What sensors as declared would have read.
-    begin : (6,) array
-        As :func:`free_run` returns it.
+    begin : (nx + nd + ny,) array
+        As :class:`FreeRun` has it.
 
     Returns
     -------
-    output, states : (E, 2) and (E, 6) arrays
+    output, states : (E, ny) and (E, nx + ne) arrays
         As there, the output of sensors as declared.
     """
-    line, known = target.space.timelines[run], target.patterns[run]
-    car, table = target.space.measured(z[None], run)[0], rows(target.space.effects(z), run)
-    output, states = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 6))
-    extended.free_run(
-        car, table, known.pole, line.step, inputs.moments, inputs.wheel, line.elapsed, begin,
-        output, states,
-    )  # fmt: skip
+    data = target.space.timelines[run].measurements._replace(moments=inputs.moments)
+    system = target.space.state_space(z[None], run)
+    return _response(system, data, begin, _laws(target, z, run, inputs))
+
+
+def _laws(target: Posterior, z: Array, run: int, nominal: NominalReadings) -> Laws | None:
+    table = law_table(target.space.car, target.space.effects(z), run)[None]
+    if table.shape[1] == 0:
+        return None
+    recording = target.space.timelines[run]
+    none = np.zeros((len(recording.step), len(target.space.car.elements)))
+    pole = target.patterns[run].pole
+    return Laws(table, pole, nominal.wheel, recording.elapsed, none)
+
+
+def _response(
+    system: StateSpace, data: Measurements, begin: Array, laws: Laws | None
+) -> tuple[Array, Array]:
+    output, states = free_response(system, data, begin, laws)
+    if laws is None:
+        states = np.hstack([states, np.zeros((len(states), system.E.shape[2]))])
     return output, states
+
+
+def _regressed(
+    recording: PreparedRecording, system: StateSpace, data: Measurements, laws: Laws | None
+) -> tuple[FreeRun, Array]:
+    """Fit where a recording begins, by Gauss–Newton; return its standard deviation as well."""
+    use = data.kind == VALUE
+    reading = data.reading
+    unknown = len(data.start)
+    nx, nd = system.A.shape[1], system.N.shape[1]
+    steps = np.full(unknown, 1e-3)
+    steps[0 : 2 * system.E.shape[2] : 2] = 1e-4  # m
+    weight = _weights(recording, reading, use)
+    ridge = np.linalg.inv(data.start)
+    begin = np.zeros(unknown)
+    output, states = _response(system, data, begin, laws)
+    normal = np.eye(unknown)
+    for _ in range(_ROUNDS if laws is not None else 1):
+        slopes = np.zeros((*output.shape, unknown))
+        for k in range(nx + nd):
+            moved = begin.copy()
+            moved[k] += steps[k]
+            slopes[:, :, k] = (_response(system, data, moved, laws)[0] - output) / steps[k]
+        for y in range(output.shape[1]):
+            slopes[:, y, nx + nd + y] = 1.0
+        design = slopes[use] * weight[use, None]
+        left = ((reading - output) * weight)[use]
+        normal = design.T @ design + ridge
+        step = np.linalg.solve(normal, design.T @ left - ridge @ begin)
+        begin = begin + step
+        output, states = _response(system, data, begin, laws)
+        if np.all(np.abs(step) < steps):
+            break
+    left = ((reading - output) * weight)[use]
+    # The weights take the noise for a share of the motion; what is left says what it is.
+    deviation = np.sqrt(np.diag(np.linalg.inv(normal)) * np.mean(left**2))
+    return FreeRun(output, states, begin), deviation
+
+
+def _weights(recording: PreparedRecording, reading: Array, use: NDArray[np.bool_]) -> Array:
+    """Inverse standard deviation of each output, next to that of the prior (E, ny)."""
+    quantities = [recording.channels[c].quantity for c in recording.outputs]
+    out = np.empty(reading.shape)
+    for y, quantity in enumerate(quantities):
+        alike = [z for z, other in enumerate(quantities) if other == quantity]
+        power = float(np.var(reading[:, alike][use[:, alike]]))
+        out[:, y] = 1.0 / np.sqrt(max(_WEAK * power, 1e-12))
+    return out
+
+
+def left_in_band(recording: PreparedRecording, free: FreeRun, top: float) -> Array:
+    """Share of the outputs below a frequency that a simulation leaves unexplained.
+
+    Parameters
+    ----------
+    recording : PreparedRecording
+        The recording.
+    free : FreeRun
+        Its simulation.
+    top : float
+        Upper end of the band, Hz: where the car's own modes are, not the engine's.
+
+    Returns
+    -------
+    (ny,) array
+        Root of the ratio of powers: 0 when all is explained, 1 when nothing is.
+    """
+    from scipy.signal import welch
+
+    out = np.zeros(len(recording.outputs))
+    for y in range(len(out)):
+        use = recording.kind[:, y] == VALUE
+        time = recording.instants[use]
+        rate = 1.0 / float(np.median(np.diff(time)))
+        even = np.arange(time[0], time[-1], 1.0 / rate)
+        measured = np.interp(even, time, recording.reading[use, y])
+        left = measured - np.interp(even, time, free.output[use, y])
+        n = min(len(even), int(2.0 * rate))
+        frequency, power = welch(measured, rate, nperseg=n)
+        _, residual = welch(left, rate, nperseg=n)
+        band = (frequency > 0.0) & (frequency <= top)
+        whole = float(power[band].sum())
+        out[y] = np.sqrt(residual[band].sum() / whole) if whole > 0.0 else 1.0
+    return out

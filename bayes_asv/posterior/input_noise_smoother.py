@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
-from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.filters.kalman import VALUE, SensorNoise
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["without_noise"]
@@ -61,45 +61,43 @@ def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
     for wheel, noise in zip(line.wheels, added, strict=True):
         value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
         wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
-    return replace(line, wheels=(wheels[0], wheels[1]))
+    return replace(line, wheels=tuple(wheels))
 
 
 def _noise(target: Posterior, z: Array, run: int, time: Array) -> Array:
-    """Mean noise (2, T) of both wheels' sensors at even instants (T,), m/s²."""
+    """Mean noise (nu, T) of the inputs' sensors at even instants (T,), m/s²."""
     line = target.space.timelines[run]
     left = line.reading - free_run(target, z, run)[0]
-    there = [line.kind[:, axle] == VALUE for axle in range(2)]
-    even = np.stack([np.interp(time, line.instants[t], left[t, a]) for a, t in enumerate(there)])
+    ny = left.shape[1]
+    there = [line.kind[:, y] == VALUE for y in range(ny)]
+    even = np.stack([np.interp(time, line.instants[t], left[t, y]) for y, t in enumerate(there)])
     even -= even.mean(axis=1, keepdims=True)
     n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
     frequency = np.fft.rfftfreq(n, time[1] - time[0])
     spectrum = np.fft.rfft(even, n).T[..., None]
-    response = _response(target.space.measured(z[None], run)[0], frequency)
+    # A body rate answers a constant input without bound; at rest nothing is left of it.
+    response = np.zeros((len(frequency), ny, len(line.wheels)), complex)
+    response[1:] = frequency_response(target.space.state_space(z[None], run), frequency[1:])
+    response[0] = response[1].real
     back = np.conj(np.swapaxes(response, 1, 2))
-    power = _power(target.space.noises(z[None], run)[0], frequency, line.reading_step)
-    wheel, chassis = power[:, :2], power[:, 2:]
-    density = chassis[:, :, None] * np.eye(2) + (response * wheel[:, None]) @ back
+    noise = target.space.noises(z[None], run)
+    power = _power(noise, frequency, line.reading_step)
+    nu = len(line.wheels)
+    inputs, outputs = power[:, :nu], power[:, nu:]
+    density = outputs[:, :, None] * np.eye(ny) + (response * inputs[:, None]) @ back
     whitened = np.linalg.solve(density, spectrum)
     # A straight line between two samples has less power than a reading.
     share = _FINER * np.cos(0.5 * np.pi * frequency * line.reading_step) ** 4 * len(time)
-    loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (2.0 * share + 1e-3 * n)
+    loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (ny * share + 1e-3 * n)
     louder = np.maximum(1.0, uniform_filter1d(loud, _LINES) / _CHANCE)
-    noise = -wheel[..., None] * (back @ whitened) / louder[:, None, None]
-    return np.asarray(np.fft.irfft(noise[..., 0].T, n)[:, : len(time)])
+    found = -inputs[..., None] * (back @ whitened) / louder[:, None, None]
+    return np.asarray(np.fft.irfft(found[..., 0].T, n)[:, : len(time)])
 
 
-def _power(noise: Array, frequency: Array, step: float) -> Array:
-    """Power (F, 4) of the noise of wheels and chassis, front and rear, as a sample's variance."""
-    passed = np.exp(-noise[8:] * step)
+def _power(noise: SensorNoise, frequency: Array, step: float) -> Array:
+    """Power (F, nu + ny) of the noise of inputs and outputs, as a sample's variance."""
+    passed = np.exp(-noise.poles[0] * step)
     shape = (1.0 - passed**2) / np.maximum(
         1.0 + passed**2 - 2.0 * passed * np.cos(2.0 * np.pi * frequency[:, None] * step), 1e-12
     )
-    return np.asarray(noise[:4] + noise[4:8] * shape)
-
-
-def _response(car: Array, frequency: Array) -> Array:
-    """Chassis readings by wheel readings (F, 2, 2) of a car (12,) with its gains, at Hz."""
-    A, B, C, _ = deflection_form(HalfCar(*car[:8]))
-    s = 2j * np.pi * frequency
-    inner = np.linalg.solve(s[:, None, None] * np.eye(4) - A, np.broadcast_to(B, (len(s), 4, 2)))
-    return np.asarray(car[[9, 11]][:, None] * (C @ inner) / car[[8, 10]])
+    return np.asarray(noise.white[0] + noise.filtered[0] * shape)

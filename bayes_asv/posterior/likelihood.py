@@ -1,4 +1,4 @@
-"""The posterior density of a parameter space, many points at a time."""
+"""Posterior density over a parameter space, many points at a time."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from bayes_asv.filters import ekf as extended
-from bayes_asv.filters import kalman as innovations
-from bayes_asv.filters import kalman_ar as coloured
-from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, rows
+from bayes_asv.filters import kalman, kalman_ar
+from bayes_asv.filters.kalman import Laws, Measurements
+from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.missing_band import given_back
+from bayes_asv.preprocessing.missing_band import log_determinant
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["WHITE", "Perturbation", "Posterior", "ResidualAR", "shared_work"]
+__all__ = ["Perturbation", "Posterior", "ResidualAR", "shared_work", "WHITE"]
 
 Array = NDArray[np.float64]
 
@@ -34,9 +33,9 @@ class ResidualAR(NamedTuple):
 
     Parameters
     ----------
-    coefficients : (p, 2, 2) array
+    coefficients : (p, ny, ny) array
         ν_k = Σ_j A_j ν_{k−j} + e_k; p = 0 when the innovations are white.
-    root : (2, 2) array
+    root : (ny, ny) array
         Lower-triangular inverse root of the covariance of e.
     """
 
@@ -49,17 +48,21 @@ class ResidualAR(NamedTuple):
         return len(self.coefficients)
 
 
+WHITE = ResidualAR(np.zeros((0, 0, 0)), np.zeros((0, 0)))
+"""No autoregression: innovations that are white and of unit variance."""
+
+
 class Perturbation(NamedTuple):
-    """A change of one run: of the wheels' moments, of chassis readings, and forces at the axles.
+    """A change of one run: of its inputs' moments, of its outputs, and forces on the body.
 
     Parameters
     ----------
-    moments : (E, 2, ORDER) array
-        Added to the moments of the wheel accelerations.
-    reading : (E, 2) array
-        Added to the chassis readings, m/s².
-    force : (E, 2) array
-        On the chassis at the axles, N.
+    moments : (E, nu, ORDER) array
+        Added to the moments of the inputs.
+    reading : (E, ny) array
+        Added to the outputs.
+    force : (E, ne) array
+        On the body at the suspension elements, N.
     """
 
     moments: Array
@@ -67,12 +70,9 @@ class Perturbation(NamedTuple):
     force: Array
 
 
-WHITE = ResidualAR(np.zeros((0, 2, 2)), np.eye(2))
-
-
 @dataclass(frozen=True)
 class Posterior:
-    """Log-posterior of a :class:`ParameterSpace`, given the colour of each run's innovations.
+    """Log-posterior of a :class:`ParameterSpace`, given the autoregression of each run's residuals.
 
     Parameters
     ----------
@@ -92,37 +92,68 @@ class Posterior:
     patterns: tuple[SensorPatterns, ...] = ()
 
     def with_colours(self, colours: tuple[ResidualAR, ...]) -> Posterior:
-        """Return the same target with other colours."""
+        """Return the same posterior with other residual autoregressions."""
         return replace(self, colours=colours)
 
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
-        if self.space.sites:
-            return self._with_effects(z, run)
-        out = np.zeros(len(z))
-        cars, noises = self.space.measured(z, run), self.space.noises(z, run)
-        colour = self.colours[run]
-        if colour.order == 0:
-            innovations.log_likelihood(cars, noises, *self._laid_out(run), out)
-            out += self.given_back(z, run)
+        colour, recording = self.colours[run], self.space.timelines[run]
+        system, noise = self.space.state_space(z, run), self.space.noises(z, run)
+        if colour.order > 0:
+            value = kalman_ar.log_likelihood(
+                system, noise, recording.measurements, recording.closes, *colour
+            )
+        elif not self.space.sites:
+            value = kalman.log_likelihood(system, noise, recording.measurements)
+            value += self.given_back(z, run)
         else:
-            closes = self.space.timelines[run].closes
-            coloured.log_likelihood(cars, noises, *self._laid_out(run), closes, *colour, out)
-        return np.where(np.isfinite(out), out, -np.inf)
+            value = self._with_effects(z, run) + self.given_back(z, run)
+        return np.where(np.isfinite(value), value, -np.inf)
+
+    def _with_effects(self, z: Array, run: int) -> Array:
+        """Log-likelihood (W,) of one run whose car or sensors have effects."""
+        system, noise = self.space.state_space(z, run), self.space.noises(z, run)
+        recording = self.space.timelines[run]
+        values = [self.space.effects(point) for point in z]
+        tables = np.stack([law_table(self.space.car, v, run) for v in values])
+        readings = [self.as_declared(point, run) for point in z]
+        if all(one is readings[0] for one in readings):  # no sensor differs
+            data, laws = self._declared(recording, run, readings[0], tables)
+            return kalman.log_likelihood(system, noise, data, laws)
+        out = np.empty(len(z))
+        for w in range(len(z)):
+            data, laws = self._declared(recording, run, readings[w], tables[w : w + 1])
+            one = type(system)(*(x[w : w + 1] for x in system[:-1]), system.N)
+            of_one = type(noise)(*(x[w : w + 1] for x in noise))
+            out[w] = kalman.log_likelihood(one, of_one, data, laws)[0]
+        return out
+
+    def _declared(
+        self, recording: PreparedRecording, run: int, nominal: NominalReadings, tables: Array
+    ) -> tuple[Measurements, Laws | None]:
+        """Measurements of sensors as declared, and the laws; None where no force law acts."""
+        data = recording.measurements._replace(moments=nominal.moments, reading=nominal.reading)
+        if tables.shape[1] == 0:
+            return data, None
+        added = np.zeros((len(data.step), len(self.space.car.elements)))
+        pole = self.patterns[run].pole
+        return data, Laws(tables, pole, nominal.wheel, recording.elapsed, added)
 
     def given_back(self, z: Array, run: int) -> Array:
-        """Nats (W,) that a band which was cut out of a run is no witness for, at (W, D)."""
+        """½ log det of a band that was cut out of a run (W,), at coordinates (W, D)."""
         cut = self.space.timelines[run].cut
-        return np.zeros(len(z)) if cut is None else given_back(cut, self.space.noises(z, run))
+        if cut is None:
+            return np.zeros(len(z))
+        return log_determinant(cut, self.space.noises(z, run))
 
     def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
         """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).
 
         Many points are cut in two, and the pieces of all runs shared between the threads of the
-        pool.  A thread of the pool must not call this: it would wait for one that it takes up.
+        pool.  A thread of the pool must not call this: it would wait for one that it occupies.
         """
         runs = range(len(self.colours)) if runs is None else runs
-        pieces = np.array_split(z, 2) if len(z) >= _MANY else [z]
+        pieces = np.array_split(z, 2) if len(z) >= _MANY and self.pool else [z]
         work = self.pool.map if self.pool else map
         shares = [(piece, run) for run in runs for piece in pieces]
         values = list(work(lambda share: self.run_log_likelihood(*share), shares))
@@ -141,41 +172,46 @@ class Posterior:
         return value
 
     def innovations(self, z: Array, run: int, colour: ResidualAR | None = None) -> Array:
-        """Normalised innovations (E, 2) of one run at coordinates (D,), white if all is well."""
+        """Normalised innovations (E, ny) of one run at coordinates (D,), white if all is well."""
         if self.space.sites:
             return self.scored(z, run)[0]
         colour = self.colours[run] if colour is None else colour
-        line = self.space.timelines[run]
-        car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
-        kept = np.zeros((len(line.step), 2))
+        recording = self.space.timelines[run]
+        system, noise = self.space.state_space(z[None], run), self.space.noises(z[None], run)
         if colour.order == 0:
-            innovations.residuals(car, noise, *self._laid_out(run), kept)
-        else:
-            coloured.residuals(car, noise, *self._laid_out(run), line.closes, *colour, kept)
-        return kept
+            passed = kalman.filter_pass(system, noise, recording.measurements)
+            return passed.innovations[0]
+        return kalman_ar.innovations(
+            system, noise, recording.measurements, recording.closes, *colour
+        )
 
     def scored(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
-        """Innovations (E, 2), logarithms of their variances (E, 2) and states (E, 6) of one run.
+        """Innovations (E, ny), logarithms of their variances (E, ny) and states of one run.
 
-        Zero where there is no value; the states are δ_f, δ̇_f, δ_r, δ̇_r and both excess forces.
-        A nudge changes what was read, or adds forces.
+        Zero where there is no value; the states (E, nx + ne) are deflections and their rates
+        element by element, body rates, and excess forces.  A perturbation changes what was read,
+        or adds forces.
         """
-        line, known = self.space.timelines[run], self.patterns[run]
-        kept, logs = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 2))
-        states = np.zeros((len(line.step), 6))
-        values = self.space.effects(z)
-        driven, reading, wheel = self.as_declared(z, run)
-        added = np.zeros_like(reading)
+        recording = self.space.timelines[run]
+        nominal = self.as_declared(z, run)
         if nudge is not None:
-            driven, reading, added = driven + nudge.moments, reading + nudge.reading, nudge.force
-        car, noise = self.space.measured(z[None], run)[0], self.space.noises(z[None], run)[0]
-        extended.residuals(
-            car, noise, rows(values, run), known.pole, line.step, driven, line.spread, line.kind,
-            reading, line.extra, line.start, wheel, line.elapsed, added, kept, logs, states,
-        )  # fmt: skip
-        return kept, logs, states
+            nominal = nominal._replace(
+                moments=nominal.moments + nudge.moments, reading=nominal.reading + nudge.reading
+            )
+        table = law_table(self.space.car, self.space.effects(z), run)[None]
+        data, laws = self._declared(recording, run, nominal, table)
+        if nudge is not None and np.any(nudge.force):
+            laws = Laws(
+                table, self.patterns[run].pole, nominal.wheel, recording.elapsed, nudge.force
+            )
+        system, noise = self.space.state_space(z[None], run), self.space.noises(z[None], run)
+        passed = kalman.filter_pass(system, noise, data, laws)
+        states = passed.states[0]
+        if laws is None:
+            states = np.hstack([states, np.zeros((len(states), len(self.space.car.elements)))])
+        return passed.innovations[0], passed.log_variances[0], states
 
     def as_declared(
         self, z: Array, run: int, line: PreparedRecording | None = None
@@ -185,39 +221,17 @@ class Posterior:
         With ``line``, from its readings in place of the run's own.
         """
         line = self.space.timelines[run] if line is None else line
+        if not self.patterns:
+            return NominalReadings(line.moments, line.reading, np.zeros((0, 0)))
         return self.patterns[run].corrected(line, self.space.effects(z), self.space.zeros(z, run))
-
-    def _with_effects(self, z: Array, run: int) -> Array:
-        """Log-likelihood (W,) of one run whose car or sensors have effects."""
-        line, known = self.space.timelines[run], self.patterns[run]
-        out = np.zeros(len(z))
-        cars, noises = self.space.measured(z, run), self.space.noises(z, run)
-        added = np.zeros_like(line.reading)
-        for w in range(len(z)):
-            values = self.space.effects(z[w])
-            driven, reading, wheel = self.as_declared(z[w], run)
-            extended.log_likelihood(
-                cars[w : w + 1], noises[w : w + 1], rows(values, run)[None], known.pole, line.step,
-                driven, line.spread, line.kind, reading, line.extra, line.start, wheel,
-                line.elapsed, added, out[w : w + 1],
-            )  # fmt: skip
-        out += self.given_back(z, run)
-        return np.where(np.isfinite(out), out, -np.inf)
-
-    def _laid_out(self, run: int) -> tuple[NDArray[np.generic], ...]:
-        line = self.space.timelines[run]
-        return (
-            line.step, line.moments, line.spread, line.kind, line.reading,
-            line.extra, line.start,
-        )  # fmt: skip
 
 
 @contextmanager
 def shared_work(target: Posterior) -> Iterator[Posterior]:
-    """Give a target two threads for as long as the context lasts, and BLAS none beside its own.
+    """Give a posterior two threads for as long as the context lasts, and BLAS none beside its own.
 
-    A thread of BLAS waits for its next small product by spinning, on a core that a pass could use:
-    a diagnosis took a quarter longer on two cores.
+    A thread of BLAS waits for its next small product by spinning, on a core that a filter could
+    use.
     """
     with ThreadPoolExecutor(2) as pool, _BLAS.alone():
         yield replace(target, pool=pool)

@@ -9,8 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.band_fit import fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
@@ -18,18 +21,18 @@ from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fit_checks import meant_for, misfit, swollen_noise
 from bayes_asv.posterior.fitted_model import setting
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
-from bayes_asv.posterior.linear_simulation import freely, left_in_band, simulate_free
+from bayes_asv.posterior.free_simulation import free_run, left_in_band
 from bayes_asv.posterior.newton import Mode, find_mode
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.residual_ar import find_colour
 from bayes_asv.preprocessing.band import check_band, limited, too_short
-from bayes_asv.preprocessing.coherence import mend
+from bayes_asv.preprocessing.coherence import suggest_band
 from bayes_asv.preprocessing.data_checks import (
     dead_channels,
     preflight,
 )
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from bayes_asv.preprocessing.tone_removal import find_tones, main_tones, notched
 
 __all__ = ["MapFit", "best_fit", "lay_out"]
@@ -74,7 +77,10 @@ class MapFit:
 
 
 def lay_out(
-    recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    below: float | None = None,
+    car: str = "half",
 ) -> tuple[tuple[PreparedRecording, ...], tuple[str, ...], tuple[str, ...]]:
     """Lay recordings out in time and look at them before anything is fitted.
 
@@ -84,6 +90,8 @@ def lay_out(
         As read.
     below : float, optional
         Keep the motion below this frequency (Hz) alone.
+    car : str
+        Name of the car, see :data:`bayes_asv.models.cars.CARS`.
 
     Returns
     -------
@@ -98,13 +106,14 @@ def lay_out(
         When a channel is in counts and the vehicle lacks its calibration, or the car's own
         motion is not in the band.
     """
+    model = car_model(car, vehicle)
     if below is not None:
-        check_band(below, vehicle)
-    reasons = [why for recording in recordings for why in dead_channels(recording, vehicle)]
+        check_band(below, model)
+    reasons = [why for one in recordings for why in dead_channels(one, vehicle, model)]
     warnings = [w for recording in recordings for w in recording.warnings]
     if reasons:
         return (), tuple(reasons), tuple(warnings)
-    lines = tuple(build(recording, vehicle) for recording in recordings)
+    lines = tuple(prepare(recording, vehicle, model) for recording in recordings)
     for line in lines:
         why, notes = preflight(vehicle, line)
         reasons += why
@@ -113,7 +122,7 @@ def lay_out(
         short = [too_short(line, below) for line in lines]
         reasons += [why for why in short if why is not None]
         if not reasons:
-            lines = tuple(limited(line, vehicle, below) for line in lines)
+            lines = tuple(limited(line, below) for line in lines)
             warnings.append(f"only the motion below {below:g} Hz was used")
     return lines, tuple(reasons), tuple(warnings)
 
@@ -154,18 +163,17 @@ def best_fit(
     reasons = _unmeasured(where, mode) if mode.converged else []
     faults: list[str] = []
     warnings: list[str] = []
-    best = where.cars(mode.z[None])[0]
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
     for run, line in enumerate(where.timelines):
-        free = simulate_free(line, best) if not sites else freely(target, mode.z, run)
-        why, notes = misfit(vehicle, line, free, bool(shares))
+        free = free_run(target, mode.z, run)
+        why, notes = misfit(line, free, bool(shares))
         if line.below is None and (why or notes):
-            top = meant_for(vehicle, line)
-            why += mend(line, vehicle, left_in_band(line, free, top) ** 2, top)
+            top = meant_for(line)
+            why += suggest_band(line, left_in_band(line, free, top) ** 2, top)
         faults += why
         warnings += notes + swollen_noise(line, noise, run) + _cut_out(line)
         if shares:
-            warnings += band_notes(line, shares[run], vehicle)
+            warnings += band_notes(line, shares[run])
     return MapFit(target, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
 
 
@@ -222,7 +230,7 @@ def _without_tones(
         nu = line.paired(target.innovations(mode.z, run))
         tones = find_tones(nu, 1.0 / line.reading_step)
         any_found |= bool(tones)
-        out.append(notched(line, vehicle, tones) if tones else line)
+        out.append(notched(line, tones) if tones else line)
     return tuple(out) if any_found else None
 
 
@@ -261,20 +269,25 @@ def _colour_of(target: Posterior, mode: Mode, run: int) -> ResidualAR:
 
 def _unmeasured(where: ParameterSpace, mode: Mode) -> list[str]:
     """Refuse when the drive taught next to nothing about an answer."""
-    words = {"c_f": "front damping", "c_r": "rear damping", "i": "pitch inertia"}
-    drives = {
-        "c_f": "drive the front wheels over a bump",
-        "c_r": "drive the rear wheels over a bump",
-        "i": "drive over a bump that pitches the car, such as a parking stop",
-    }
     reasons = []
-    for name in words:
+    for name in where.car.estimated:
         before = where.log_prior_of(name)[1]
         # Only a wide prior can tell: a narrow one given by the user is an answer already.
         after = where.log_deviation(mode.covariance, name)
         if before > 0.3 and after > _UNMEASURED * before:
             reasons.append(
-                f"the recording says next to nothing about the {words[name]} ({name}): "
-                f"{drives[name]}, faster or over a higher one"
+                f"the recording says next to nothing about the {QUANTITIES[name][1]} ({name}): "
+                f"{_drive(where.car, name)}, faster or over a higher one"
             )
     return reasons
+
+
+def _drive(car: CarModel, name: str) -> str:
+    """Say what drive would show a parameter."""
+    for element in car.elements:
+        if element.damping == name:
+            wheels = f"{element.name.replace('_', ' ')} wheel" + ("s" if element.side is None else "")
+            return f"drive the {wheels} over a bump"
+    if name == "i_roll":
+        return "drive one side of the car over a bump"
+    return "drive over a bump that pitches the car, such as a parking stop"

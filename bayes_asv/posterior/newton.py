@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 _STEP = 0.3  # of a deviation: large against rounding, small against the posterior's curvature
 _ROUNDS = 25
 _NOTHING_LEFT = 1.3  # deviations of what is left, in units of the noise given
-# Starts besides the prior's centre, in factors on c_f, c_r and i.
-_STARTS = ((1.0, 1.0, 1.0), (2.5, 2.5, 1.0), (0.4, 0.4, 1.0), (1.0, 1.0, 2.0), (1.0, 1.0, 0.5))
+# Starts besides the prior's centre: factors on all damping rates and on all inertias.
+_STARTS = ((1.0, 1.0), (2.5, 1.0), (0.4, 1.0), (1.0, 2.0), (1.0, 0.5))
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,13 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
     space = target.space
     n = space.lasting_dimension
     runs = range(len(space.timelines))
-    chassis = [
-        (k, int(name.split()[-1]), 0 if "front" in name else 1)
-        for k, name in enumerate(space.names)
-        if name.startswith("noise") and "chassis" in name
+    levels = [
+        (k, one.run, [c.name for c in outputs].index(one.channel))
+        for k, one in enumerate(space.coordinates)
+        if one.kind == "noise" and one.run is not None
+        for line in [space.timelines[one.run]]
+        for outputs in [[line.channels[c] for c in line.outputs]]
+        if one.channel in [c.name for c in outputs]
     ]
 
     def residual(car: Array) -> Array:
@@ -95,9 +98,13 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
 
     best, best_value, best_sd = space.from_logs({}), -np.inf, np.ones(space.dimension)
-    for factors in _STARTS:
+    dampers = {element.damping for element in space.car.elements}
+    for of_dampers, of_inertias in _STARTS:
         start = space.from_logs(
-            {name: math.log(f) for name, f in zip(("c_f", "c_r", "i"), factors, strict=True)}
+            {
+                name: math.log(of_dampers if name in dampers else of_inertias)
+                for name in space.car.estimated
+            }
         )
         if np.any(np.abs(start) > 4.0):
             continue  # the prior is narrower than this start
@@ -107,18 +114,18 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         z = np.zeros(space.dimension)
         z[:n] = fit.x
         largest = 0.0
-        for k, run, axle in chassis:  # noise as large as what was left over
-            left = target.innovations(z, run)[:, axle]
+        for k, run, y in levels:  # noise as large as what was left over
+            left = target.innovations(z, run)[:, y]
             level = float(np.sqrt(np.mean(left[left != 0.0] ** 2)))
             largest = max(largest, level)
-            z[k] = np.clip(math.log(max(level, 1e-3)) / space.scale[k], -4.0, 4.0)
+            z[k] = np.clip(math.log(max(level, 1e-3)) / space.coordinates[k].scale, -4.0, 4.0)
         value = float(target.log_posterior(z[None])[0])
         if value > best_value:
             best, best_value = z, value
             curvature = np.sum(np.asarray(fit.jac) ** 2, axis=0)
             best_sd = np.full(space.dimension, 0.3)
             best_sd[:n] = 1.0 / np.sqrt(np.maximum(curvature, 1.0))
-        if chassis and largest < _NOTHING_LEFT:
+        if levels and largest < _NOTHING_LEFT:
             break  # no start can end lower than at the noise
     return best, best_sd
 

@@ -1,175 +1,281 @@
-"""What is sampled, in which coordinates, and what is believed of it beforehand.
+"""Parameters of the posterior: blocks of coordinates that are standard normal a priori.
 
-Every positive quantity of the car has a log-normal prior.  The accelerations depend on the
-ratios c/m, k/m and i/(m l²) alone: mass and wheel base scale the answer and cannot be seen.
-So the logarithms, in units of their prior deviations, are turned into the directions that the
-data can see and those they cannot; only the first are sampled, the others are drawn from the
-prior afterwards, which is exact.  The weight share is normal, noise deviations log-normal and
-the filtered share of the noise uniform.  Every coordinate is standard normal beforehand.
+Four blocks follow each other: the car (with its given values), gains of sensors, effects, and what
+belongs to single runs (noise levels, filtered shares, input biases).
+
+Every positive quantity of the car has a log-normal prior.  Accelerations depend on ratios such as
+c/m, k/m and i/(m l²) alone: mass and wheelbase scale the answer and cannot be identified.  So the
+logarithms, log θ = log θ₀ + S ζ with independent standard normal ζ, are turned into the directions
+of ζ on which the state-space model depends and those on which it does not; the first are sampled,
+the others are drawn from the prior afterwards, which is exact.  Fractions are normal, noise levels
+log-normal and the filtered share of the noise uniform.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.models.effects import AXLES, Scale, Site
-from bayes_asv.posterior.effects import Values
-from bayes_asv.posterior.priors import NOISE_GIVEN_SD, WORST
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.kalman import SensorNoise, StateSpace
+from bayes_asv.models.car_model import CarModel, Values, state_space
+from bayes_asv.models.effects import Parameter, Scale, Site
+from bayes_asv.models.priors import NOISE_GIVEN_SD, NOISE_UNKNOWN_SD, WORST
+from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
+from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["CAR", "LOGS", "SEEN", "ParameterSpace"]
+__all__ = ["CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "car_scale", "space"]
 
 Array = NDArray[np.float64]
-
-CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")  # the kernel's order
+EffectValues = dict[Site, dict[str, float]]
 
 # Where a disagreement is looked for, noise must not swell until it has swallowed it: in no case to
 # more than half as much again, or twice as much where none is given.
 _NEAR_CAP, _UNKNOWN_CAP = 0.4, 0.7
-_SHARE_HELD = 0.5  # filtered share of the noise where a colour takes over
+_NEAR_SD = 0.2  # of the logarithm of a noise level that is given, where it is kept near that
+_NEAR_SHARE = 3.0  # probits: noise comes before a sensor's filter or behind, seldom half and half
+_SHARE_HELD = 0.5  # filtered share of the noise where an autoregression takes over
+_STEP = 1e-4  # of a logarithm
+_IDENTIFIED = 1e-5  # of the largest singular value; differences are good to 1e-8
 
-LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")
-# Rows: what the accelerations depend on, as exponents of the quantities above.
-SEEN = np.array(
-    [
-        [1, 0, 0, -1, 0, 0, 0],
-        [0, 1, 0, -1, 0, 0, 0],
-        [0, 0, 1, -1, -2, 0, 0],
-        [0, 0, 0, -1, 0, 1, 0],
-        [0, 0, 0, -1, 0, 0, 1],
-    ],
-    dtype=float,
-)
+Kind = Literal["car", "fraction", "gain", "effect", "noise", "filtered_share", "input_bias"]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One coordinate.
+
+    Parameters
+    ----------
+    kind : str
+        What it is of.
+    name : str
+        Unique name.
+    centre, scale : float
+        A quantity other than a direction of the car is ``centre + scale z`` (a logarithm for noise
+        and gains, a probit for the filtered share).
+    channel : str
+        Channel of a gain or a noise level, or element of an input bias.
+    run : int or None
+        The only run that depends on it; None for all.
+    site : Site or None
+        Effect that it belongs to, with
+    parameter : Parameter or None
+        which of its parameters it is.
+    """
+
+    kind: Kind
+    name: str
+    centre: float = 0.0
+    scale: float = 1.0
+    channel: str = ""
+    run: int | None = None
+    site: Site | None = None
+    parameter: Parameter | None = None
+
+
+@dataclass(frozen=True)
+class CarPrior:
+    """Prior of a car's parameters, and what of it a state-space model can identify.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    logs : tuple of str
+        Its parameters but the fractions and those that are exactly zero, nL of them.
+    log_mean : (nL,) array
+        Centre of their logarithms, SI units.
+    root : (nL, nT) array
+        S: a root of the prior covariance of the logarithms.
+    identified, unidentified : (nT, r) and (nT, nT − r) arrays
+        Orthonormal directions of ζ.
+    """
+
+    car: CarModel
+    logs: tuple[str, ...]
+    log_mean: Array
+    root: Array
+    identified: Array
+    unidentified: Array
+
+    @property
+    def log_sd(self) -> Array:
+        """Prior standard deviations (nL,) of the logarithms."""
+        return np.asarray(np.sqrt(np.sum(self.root**2, axis=1)))
+
+
+def car_prior(car: CarModel, recordings: tuple[PreparedRecording, ...]) -> CarPrior:
+    """Set up the prior of a car and find what the outputs of its recordings can identify."""
+    logs = tuple(p.name for p in car.parameters if p.kind != "fraction" and p.nominal != 0.0)
+    by_name = {p.name: p for p in car.parameters}
+    terms = sorted({t[0] for name in logs for t in by_name[name].terms if t[2] > 0.0})
+    root = np.zeros((len(logs), len(terms)))
+    for a, name in enumerate(logs):
+        for term, coefficient, sd in by_name[name].terms:
+            if sd > 0.0:
+                root[a, terms.index(term)] += coefficient * sd
+    log_mean = np.log([by_name[name].nominal for name in logs])
+    _, strength, turned = np.linalg.svd(_sensitivity(car, recordings, logs, log_mean) @ root)
+    rank = int(np.count_nonzero(strength > _IDENTIFIED * max(strength.max(initial=0.0), 1e-300)))
+    return CarPrior(car, logs, log_mean, root, turned[:rank].T, turned[rank:].T)
+
+
+def _sensitivity(
+    car: CarModel, recordings: tuple[PreparedRecording, ...], logs: tuple[str, ...], mean: Array
+) -> Array:
+    """Relative derivatives of all entries of A and C by the logarithms, at four cars."""
+    rng = np.random.default_rng(0)
+    nL = len(logs)
+    outputs = {o for recording in recordings for o in recording.output_models}
+    rows = []
+    for away in (np.zeros(nL), *(0.5 * rng.normal(size=(3, nL)))):
+        points = mean + away + _STEP * np.vstack([np.zeros(nL), np.eye(nL), -np.eye(nL)])
+        values = {p.name: np.full(len(points), p.nominal) for p in car.parameters}
+        values |= dict(zip(logs, np.exp(points).T, strict=True))
+        system = state_space(car, values, tuple(outputs))
+        entries = np.concatenate(
+            [system.A.reshape(len(points), -1), system.C.reshape(len(points), -1)], axis=1
+        )
+        scale = np.abs(entries[0])
+        there = scale > 1e-9 * scale.max()
+        slopes = (entries[1 : nL + 1] - entries[nL + 1 :])[:, there] / (2.0 * _STEP * scale[there])
+        rows.append(slopes.T)
+    return np.concatenate(rows)
+
+
+def car_scale(vehicle: Vehicle) -> Scale:
+    """Sizes of a car that the priors of effects are given in."""
+    return Scale(
+        load=0.5 * vehicle.m.value * 9.80665,
+        spring=0.5 * (vehicle.k_f.value + vehicle.k_r.value),
+    )
 
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """Coordinates, all standard normal beforehand, and the way to the kernel's arguments.
+    """Coordinates (D,) of a posterior, and the way from them to what a filter takes.
 
     Parameters
     ----------
-    names : tuple of str
-        One a coordinate: ``car-0`` … for the directions of the car that data can see, ``wdf``,
-        ``gain <channel>``, ``effect <site> <parameter>``, ``noise <channel> <run>``,
-        ``filtered share <run>``.
-    centre, scale : (D,) arrays
-        A quantity other than a car direction is ``centre + scale z`` (a logarithm for noise, a
-        probit for the filtered share).
-    log_mean, log_sd : (7,) arrays
-        Prior of the logarithms of c_f, c_r, i, m, l, k_f, k_r (SI units).
-    seen, unseen : (7, r) and (7, 7 − r) arrays
-        Orthonormal directions in units of the prior deviations.
-    wdf : float
-        Weight share where it is not sampled.
+    coordinates : tuple of Coordinate
+        Block after block: car, gains, effects, single runs.
+    prior : CarPrior
+        Prior of the car.
     timelines : tuple of PreparedRecording
         The recordings.
     likelihood : str
-        ``innovations``, or ``output-error`` and ``coloured`` in which wheels have no noise.
-    held : tuple of (4,) arrays
-        Noise deviation of each channel of each run (m/s²) where it is not sampled.
+        ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
+    held : tuple of (C,) arrays
+        Noise level of each channel of each run (SI units) where it is not sampled.
     sites : tuple of Site
         Effects that the car and its sensors have.
-    sizes : Scale or None
+    sizes : Scale
         What the effects' priors are given in.
     near : bool
         Noise levels stay near their prior's centre.
     """
 
-    names: tuple[str, ...]
-    centre: Array
-    scale: Array
-    log_mean: Array
-    log_sd: Array
-    seen: Array
-    unseen: Array
-    wdf: float
+    coordinates: tuple[Coordinate, ...]
+    prior: CarPrior
     timelines: tuple[PreparedRecording, ...]
     likelihood: str
     held: tuple[Array, ...]
     sites: tuple[Site, ...] = ()
-    sizes: Scale | None = None
+    sizes: Scale = field(default_factory=lambda: Scale(1.0, 1.0))
     near: bool = False
+
+    @property
+    def car(self) -> CarModel:
+        """The car."""
+        return self.prior.car
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(c.name for c in self.coordinates)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Number of each coordinate by name."""
+        return {name: k for k, name in enumerate(self.names)}
 
     @property
     def dimension(self) -> int:
         """Number of coordinates."""
-        return len(self.names)
+        return len(self.coordinates)
 
-    @property
+    @cached_property
     def car_dimension(self) -> int:
-        """Number of coordinates that describe the car; they come first."""
-        return int(self.seen.shape[1]) + ("wdf" in self.names)
+        """Number of coordinates of the car, which come first."""
+        return sum(c.kind in ("car", "fraction") for c in self.coordinates)
 
-    @property
+    @cached_property
     def lasting_dimension(self) -> int:
         """Number of coordinates of the car, of gains and of effects, which come first."""
-        return self.car_dimension + sum(
-            name.startswith(("gain ", "effect ")) for name in self.names
-        )
+        return self.car_dimension + sum(c.kind in ("gain", "effect") for c in self.coordinates)
 
-    def effects(self, z: Array) -> Values:
+    def effects(self, z: Array) -> EffectValues:
         """Values of the effects' parameters, SI units, at coordinates (D,)."""
-        found = {}
-        for site in self.sites:
-            at = {p: self.names.index(site.coordinate_name(p)) for p in site.effect.parameters}
-            assert self.sizes is not None
-            found[site] = {p.name: float(p.value(z[k], self.sizes)) for p, k in at.items()}
-        return found
-
-    def effect_draws(self, z: Array) -> dict[Site, dict[str, Array]]:
-        """Values (N,) of the effects' parameters that are reported, at coordinates (N, D)."""
-        assert self.sizes is not None or not self.sites
         return {
             site: {
-                p.name: p.value(z[:, self.names.index(site.coordinate_name(p))], self.sizes)
+                p.name: float(p.value(z[self.index[site.coordinate_name(p)]], self.sizes))
                 for p in site.effect.parameters
-                if not p.shape and self.sizes is not None
             }
             for site in self.sites
         }
 
-    def _factor(self, z: Array, name: str, where: str) -> Array | float:
-        """Factor (W,) that a car or gain effect puts on a value; one where there is none."""
-        for site in self.sites:
-            if site.effect.name == name and site.where == where:
-                parameter = site.effect.parameters[0]
-                assert self.sizes is not None
-                k = self.names.index(site.coordinate_name(parameter))
-                return parameter.value(z[:, k], self.sizes)
-        return 1.0
+    def effect_draws(self, z: Array) -> dict[Site, dict[str, Array]]:
+        """Values (N,) of the effects' parameters that are reported, at coordinates (N, D)."""
+        return {
+            site: {name: x for name, x in self._of_effect(site, z).items() if name in reported}
+            for site in self.sites
+            for reported in [{p.name for p in site.effect.parameters if not p.shape}]
+        }
 
-    def cars(self, z: Array, unseen: Array | None = None) -> Array:
-        """Map coordinates (W, D) to physical parameters (W, 8), SI units.
+    def _of_effect(self, site: Site, z: Array) -> dict[str, Array]:
+        """Values (W,) of an effect's parameters at coordinates (W, D)."""
+        return {
+            p.name: p.value(z[:, self.index[site.coordinate_name(p)]], self.sizes)
+            for p in site.effect.parameters
+        }
+
+    def values(self, z: Array, unidentified: Array | None = None) -> Values:
+        """Map coordinates (W, D) to the car's parameters by name, each (W,), SI units.
 
         Parameters
         ----------
         z : (W, D) array
             Coordinates.
-        unseen : (W, 7 − r) array, optional
-            Standard normal coordinates of what the data cannot see; zero by default.
+        unidentified : (W, nT − r) array, optional
+            Standard normal coordinates of what the data cannot identify; zero by default.
         """
-        r = self.seen.shape[1]
-        turned = z[:, :r] @ self.seen.T
-        if unseen is not None:
-            turned = turned + unseen @ self.unseen.T
-        value = np.exp(self.log_mean + self.log_sd * turned)
-        out = np.empty((len(z), 8))
-        for k, name in enumerate(LOGS):
-            out[:, CAR.index(name)] = value[:, k]
-        out[:, CAR.index("wdf")] = self._other(z, "wdf") if "wdf" in self.names else self.wdf
-        if self.sites:
-            out[:, CAR.index("k_f")] *= self._factor(z, "spring_rate", "front")
-            out[:, CAR.index("k_r")] *= self._factor(z, "spring_rate", "rear")
-            # on the given value: on what it is taken to be, the two would make a bent ridge
-            factor = self._factor(z, "weight_distribution", "")
-            out[:, CAR.index("wdf")] += self.wdf * (factor - 1.0)
+        prior = self.prior
+        zeta = z[:, : prior.identified.shape[1]] @ prior.identified.T
+        if unidentified is not None:
+            zeta = zeta + unidentified @ prior.unidentified.T
+        logs = np.exp(prior.log_mean + zeta @ prior.root.T)
+        out = {p.name: np.full(len(z), p.nominal) for p in self.car.parameters}
+        out |= dict(zip(prior.logs, logs.T, strict=True))
+        for k, coordinate in enumerate(self.coordinates[: self.car_dimension]):
+            if coordinate.kind == "fraction":
+                out[coordinate.name] = coordinate.centre + coordinate.scale * z[:, k]
+        for site in self.sites:
+            if site.effect.on_car is not None:
+                site.effect.on_car(out, self._of_effect(site, z), site.where, self.car)
         return out
+
+    def cars(self, z: Array, unidentified: Array | None = None) -> Array:
+        """Map coordinates (W, D) to the car's parameters (W, P); see :meth:`values`."""
+        values = self.values(z, unidentified)
+        return np.stack([values[name] for name in self.car.names], axis=1)
 
     def quantities(self, z: Array, seed: int) -> dict[str, Array]:
         """Physical quantities of the car by name, SI units, for coordinates (N, D).
@@ -179,128 +285,255 @@ class ParameterSpace:
         z : (N, D) array
             Coordinates.
         seed : int
-            What the data cannot see keeps its prior, independently of everything else: it is
+            What the data cannot identify keeps its prior, independently of everything else: it is
             drawn from this seed.
 
         Returns
         -------
         dict of str to (N,) array
-            Whatever of c_f, c_r, i and the given values varies, and k_g, zeta_f, zeta_r.
+            Whatever of the car's parameters varies, and what is derived from them.
         """
         rng = np.random.default_rng([seed, 2])
-        car = self.cars(z, rng.normal(size=(len(z), self.unseen.shape[1]))).T
-        value = dict(zip(CAR, car, strict=True))
-        named = {name: x for name, x in value.items() if np.ptp(x) > 0.0}
-        named["k_g"] = np.sqrt(value["i"] / value["m"])
-        front, rear = value["wdf"] * value["m"], (1.0 - value["wdf"]) * value["m"]
-        named["zeta_f"] = value["c_f"] / (2.0 * np.sqrt(value["k_f"] * front))
-        named["zeta_r"] = value["c_r"] / (2.0 * np.sqrt(value["k_r"] * rear))
-        return named
+        values = self.values(z, rng.normal(size=(len(z), self.prior.unidentified.shape[1])))
+        named = {name: x for name, x in values.items() if np.ptp(x) > 0.0}
+        return named if self.car.derived is None else {**named, **self.car.derived(values)}
 
-    def measured(self, z: Array, run: int) -> Array:
-        """Cars (W, 12) as the kernels take them: with the gains of one run's sensors."""
-        gains = np.ones((len(z), 4))
-        for c, channel in enumerate(CHANNELS):
-            name = f"gain {channel}"
-            if name in self.names and self.timelines[run].scale_sd[c] > 0.0:
-                gains[:, c] = np.exp(self._other(z, name))
-            gains[:, c] *= self._factor(z, "sensor_gain", channel)
-        return np.hstack([self.cars(z), gains])
+    def gains(self, z: Array, run: int) -> tuple[Array, Array]:
+        """Readings over truth (W, nu) of the inputs and (W, ny) of the outputs of one run."""
+        recording = self.timelines[run]
+        gains = np.ones((len(z), len(recording.channels)))
+        for k, coordinate in enumerate(self.coordinates):
+            if coordinate.kind != "gain":
+                continue
+            for c, channel in enumerate(recording.channels):
+                if channel.name == coordinate.channel and recording.scale_sd[c] > 0.0:
+                    gains[:, c] *= np.exp(coordinate.centre + coordinate.scale * z[:, k])
+        for site in self.sites:
+            if site.effect.on_gain is not None:
+                for c, channel in enumerate(recording.channels):
+                    if channel.name == site.where:
+                        gains[:, c] *= site.effect.on_gain(self._of_effect(site, z))
+        return gains[:, list(recording.inputs)], gains[:, list(recording.outputs)]
 
-    def noises(self, z: Array, run: int) -> Array:
-        """Map coordinates (W, D) to the kernel's noise arguments (W, 12) of one run."""
-        line = self.timelines[run]
-        out = np.zeros((len(z), 12))
+    def state_space(self, z: Array, run: int) -> StateSpace:
+        """State-space models of one run at coordinates (W, D)."""
+        recording = self.timelines[run]
+        return state_space(
+            self.car, self.values(z), recording.output_models, self.gains(z, run),
+            recording.bias_directions,
+        )  # fmt: skip
+
+    def noises(self, z: Array, run: int) -> SensorNoise:
+        """Noise of one run's sensors at coordinates (W, D)."""
+        recording = self.timelines[run]
+        order = recording.order
+        white, filtered, poles = (np.zeros((len(z), len(order))) for _ in range(3))
         share = self._share(z, run)
-        for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
-            name = f"noise {CHANNELS[c]} {run}"
-            if name in self.names:
-                variance = np.exp(2.0 * self._level(z, name))
+        for column, c in enumerate(order):
+            channel = recording.channels[c].name
+            k = self.index.get(f"noise {channel} {run}")
+            if k is not None:
+                variance = np.exp(2.0 * self._level(z, k))
             elif self.held[run][c] > 0.0:
                 variance = np.full(len(z), self.held[run][c] ** 2)
             else:
-                continue  # the white-residual form knows no noise of the wheel sensors
-            out[:, column] = (1.0 - share) * variance + line.steps[c] ** 2 / 12.0
-            out[:, 4 + column] = share * variance
-            corner = self._factor(z, "sensor_bandwidth", CHANNELS[c])
-            out[:, 8 + column] = line.poles[c] * corner  # its own noise passes the one it has
-        return out
+                continue  # with white residuals an input has no noise
+            passed = share if recording.poles[c] > 0.0 else 0.0 * share
+            white[:, column] = (1.0 - passed) * variance + recording.steps[c] ** 2 / 12.0
+            filtered[:, column] = passed * variance
+            poles[:, column] = recording.poles[c]
+            for site in self.sites:
+                if site.effect.on_pole is not None and site.where == channel:
+                    poles[:, column] *= site.effect.on_pole(self._of_effect(site, z))
+        return SensorNoise(white, filtered, poles)
 
-    def _level(self, z: Array, name: str) -> Array:
-        """Logarithm of a noise level."""
+    def _level(self, z: Array, k: int) -> Array:
+        """Logarithm (W,) of a noise level."""
+        one = self.coordinates[k]
         if not self.near:
-            return self._other(z, name)
-        d = self.names.index(name)
-        cap = _NEAR_CAP if self.scale[d] < NOISE_GIVEN_SD else _UNKNOWN_CAP
-        return np.asarray(self.centre[d] + cap * np.tanh(self.scale[d] * z[:, d] / cap))
+            return np.asarray(one.centre + one.scale * z[:, k])
+        cap = _NEAR_CAP if one.scale < NOISE_GIVEN_SD else _UNKNOWN_CAP
+        return np.asarray(one.centre + cap * np.tanh(one.scale * z[:, k] / cap))
 
-    def _share(self, z: Array, run: int) -> Array | float:
-        """Share of the noise that passed the sensor's filter."""
-        name = f"filtered share {run}"
-        if name in self.names:
-            return np.asarray(ndtr(self._other(z, name)))
+    def _share(self, z: Array, run: int) -> Array:
+        """Share (W,) of the noise that passed the sensor's filter."""
+        k = self.index.get(f"filtered share {run}")
+        if k is not None:
+            one = self.coordinates[k]
+            return np.asarray(ndtr(one.centre + one.scale * z[:, k]))
         filtered = self.likelihood == "innovations" and np.any(self.timelines[run].poles > 0.0)
-        return _SHARE_HELD if filtered else 0.0
+        return np.full(len(z), _SHARE_HELD if filtered else 0.0)
 
     def zeros(self, z: Array, run: int) -> Array:
-        """Return what the wheels' sensors read at rest (2,), m/s², at coordinates (D,)."""
-        at = [f"zero {axle} {run}" for axle in AXLES]
-        known = [float(self._other(z[None], n)[0]) if n in self.names else 0.0 for n in at]
-        return np.array(known)
+        """Return the biases (nu,) of a run's inputs, m/s², at coordinates (D,)."""
+        out = np.zeros(len(self.car.elements))
+        for e, element in enumerate(self.car.elements):
+            k = self.index.get(f"input bias {element.name} {run}")
+            if k is not None:
+                out[e] = self.coordinates[k].centre + self.coordinates[k].scale * z[k]
+        return out
 
     def nuisance(self, z: Array) -> dict[str, Array]:
-        """Noise deviations (m/s²) and filtered shares by name, each (W,)."""
+        """Noise levels (SI units), gains and filtered shares by name, each (W,)."""
         out = {}
-        for name in self.names[self.car_dimension :]:
-            if name.startswith(("effect ", "zero ")):
-                continue
-            filtered = name.startswith("filtered")
-            out[name] = ndtr(self._other(z, name)) if filtered else np.exp(self._level(z, name))
+        for k, one in enumerate(self.coordinates):
+            if one.kind == "noise":
+                out[one.name] = np.exp(self._level(z, k))
+            elif one.kind == "gain":
+                out[one.name] = np.exp(one.centre + one.scale * z[:, k])
+            elif one.kind == "filtered_share":
+                out[one.name] = np.asarray(ndtr(one.centre + one.scale * z[:, k]))
         return out
 
     def log_prior(self, z: Array) -> Array:
         """Log density (W,) of the prior; −inf where no car can be."""
         value = -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * math.log(2.0 * math.pi)
         bad = np.any(~(np.abs(z) < WORST), axis=1)
-        if "wdf" in self.names:
-            wdf = self._other(z, "wdf")
-            bad |= (wdf <= 0.01) | (wdf >= 0.99)
+        for k, one in enumerate(self.coordinates[: self.car_dimension]):
+            if one.kind == "fraction":
+                fraction = one.centre + one.scale * z[:, k]
+                bad |= (fraction <= 0.01) | (fraction >= 0.99)
         return np.where(bad, -np.inf, value)
 
     def seen_by(self, run: int) -> NDArray[np.int64]:
-        """Coordinates that one run's likelihood depends on: the car and the run's own noise."""
-        own = [
-            k
-            for k, name in enumerate(self.names)
-            if name.endswith(f" {run}")
-            or name.startswith("gain ")
-            or (name.startswith("effect ") and not name[-1].isdigit())
-        ]
-        car = range(self.car_dimension)
-        return np.array(sorted({*car, *own}), np.int64)
+        """Coordinates that one run's likelihood depends on."""
+        return np.array(
+            [k for k, one in enumerate(self.coordinates) if one.run in (None, run)], np.int64
+        )
 
     def from_logs(self, shift: dict[str, float]) -> Array:
         """Coordinates (D,) of the prior's centre with some logarithms shifted."""
         z = np.zeros(self.dimension)
-        moved = np.zeros(len(LOGS))
-        for name, by in shift.items():
-            k = LOGS.index(name)
-            moved[k] = by / self.log_sd[k] if self.log_sd[k] > 0.0 else 0.0
-        z[: self.seen.shape[1]] = moved @ self.seen
+        prior = self.prior
+        moved = np.array([shift.get(name, 0.0) for name in prior.logs])
+        moved[prior.log_sd == 0.0] = 0.0
+        zeta = np.linalg.lstsq(prior.root, moved, rcond=1e-12)[0]
+        z[: prior.identified.shape[1]] = zeta @ prior.identified
         return z
 
+    def log_slopes(self, name: str) -> Array:
+        """Derivatives (r,) of the logarithm of a parameter by the identified coordinates."""
+        prior = self.prior
+        return np.asarray(prior.root[prior.logs.index(name)] @ prior.identified)
+
     def log_deviation(self, covariance: Array, name: str) -> float:
-        """Posterior deviation of the logarithm of a quantity, from the coordinates' covariance."""
-        k = LOGS.index(name)
-        r = self.seen.shape[1]
-        seen = self.seen[k] @ covariance[:r, :r] @ self.seen[k]
-        return float(self.log_sd[k] * math.sqrt(seen + float(np.sum(self.unseen[k] ** 2))))
+        """Posterior standard deviation of the logarithm of a parameter.
+
+        Parameters
+        ----------
+        covariance : (D, D) array
+            Of the coordinates.
+        name : str
+            The parameter.
+        """
+        prior = self.prior
+        slopes = self.log_slopes(name)
+        r = len(slopes)
+        kept = prior.root[prior.logs.index(name)] @ prior.unidentified
+        return float(math.sqrt(slopes @ covariance[:r, :r] @ slopes + kept @ kept))
 
     def log_prior_of(self, name: str) -> tuple[float, float]:
-        """Mean and deviation of the logarithm of a quantity beforehand."""
-        k = LOGS.index(name)
-        return float(self.log_mean[k]), float(self.log_sd[k])
+        """Mean and standard deviation of the logarithm of a parameter a priori."""
+        k = self.prior.logs.index(name)
+        return float(self.prior.log_mean[k]), float(self.prior.log_sd[k])
 
-    def _other(self, z: Array, name: str) -> Array:
-        d = self.names.index(name)
-        return np.asarray(self.centre[d] + self.scale[d] * z[:, d])
+
+def space(
+    vehicle: Vehicle,
+    timelines: tuple[PreparedRecording, ...],
+    likelihood: str = "innovations",
+    hold: frozenset[int] = frozenset(),
+    sites: tuple[Site, ...] = (),
+    near: bool = False,
+) -> ParameterSpace:
+    """Set up the coordinates for a vehicle and its recordings.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Gives the sizes that the priors of effects are given in.
+    timelines : tuple of PreparedRecording
+        The recordings, in order, all of one car.
+    likelihood : str
+        ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
+    hold : frozenset of int
+        Runs whose noise levels are held at the centre of their prior: under a residual
+        autoregression they are but the shape of a filter, and the autoregression has the scale.
+    sites : tuple of Site
+        Effects that the car and its sensors have.
+    near : bool
+        Keep noise levels near what is given.
+
+    Returns
+    -------
+    ParameterSpace
+    """
+    car = timelines[0].car
+    prior = car_prior(car, timelines)
+    coordinates = [Coordinate("car", f"car-{k}") for k in range(prior.identified.shape[1])]
+    coordinates += [
+        Coordinate("fraction", p.name, p.nominal, p.terms[0][2])
+        for p in car.parameters
+        if p.kind == "fraction" and p.terms[0][2] > 0.0
+    ]
+    scale_sd: dict[str, float] = {}
+    for recording in timelines:  # one sensor, one scale, whatever the run
+        for c, channel in enumerate(recording.channels):
+            known = scale_sd.get(channel.name, 0.0)
+            scale_sd[channel.name] = max(known, float(recording.scale_sd[c]))
+    coordinates += [
+        Coordinate("gain", f"gain {channel}", 0.0, sd, channel=channel)
+        for channel, sd in scale_sd.items()
+        if sd > 0.0
+    ]
+    for site in sites:
+        coordinates += [
+            Coordinate("effect", site.coordinate_name(p), site=site, parameter=p, run=site.run)
+            for p in site.effect.parameters
+        ]
+    with_travel = [
+        element.name
+        for element in car.elements
+        if any(site.effect.travel and element.carries(site.where) for site in sites)
+    ]
+    held = []
+    for run, recording in enumerate(timelines):
+        levels = np.zeros(len(recording.channels))
+        for c, channel in enumerate(recording.channels):
+            if likelihood != "innovations" and channel.is_input:
+                continue
+            noise = recording.noise[c]
+            levels[c] = noise_level(recording, c) if noise is None else noise
+            if run not in hold:
+                sd = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
+                if near and noise is not None:
+                    sd = _NEAR_SD
+                coordinates.append(
+                    Coordinate(
+                        "noise", f"noise {channel.name} {run}", math.log(levels[c]), sd,
+                        channel=channel.name, run=run,
+                    )  # fmt: skip
+                )
+        held.append(levels)
+        filtered = likelihood == "innovations" and bool(np.any(recording.poles > 0.0))
+        if filtered and run not in hold:
+            width = _NEAR_SHARE if near else 1.0
+            coordinates.append(
+                Coordinate("filtered_share", f"filtered share {run}", 0.0, width, run=run)
+            )
+        coordinates += [
+            Coordinate(
+                "input_bias", f"input bias {name} {run}", 0.0, INPUT_BIAS_SD, channel=name, run=run
+            )
+            for name in with_travel
+        ]
+    return ParameterSpace(
+        coordinates=tuple(coordinates),
+        prior=prior,
+        timelines=timelines,
+        likelihood=likelihood,
+        held=tuple(held),
+        sites=sites,
+        sizes=car_scale(vehicle),
+        near=near,
+    )

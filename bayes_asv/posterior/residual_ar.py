@@ -30,7 +30,7 @@ def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualA
 
     Parameters
     ----------
-    nu : (N, 2) array
+    nu : (N, ny) array
         Normalised innovations of one run, in time order; nan where a reading was missing.
     least, most : int
         Lowest and highest order to consider.
@@ -40,7 +40,7 @@ def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualA
     ResidualAR
         :data:`~bayes_asv.posterior.likelihood.WHITE` when no order beats order zero.
     """
-    n = len(nu)
+    n, ny = nu.shape
     orders = [p for p in _ORDERS if least <= p <= most and 20 * p <= n]
     longest = max(orders, default=0)
     if longest == 0:
@@ -49,7 +49,7 @@ def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualA
     lagged = np.concatenate([nu[longest - j : n - j] for j in range(1, longest + 1)], axis=1)
     best, best_score = 0, math.inf
     for p in orders:
-        rows, design = _whole(target, lagged[:, : 2 * p])
+        rows, design = _whole(target, lagged[:, : ny * p])
         if len(rows) < max(20 * p, 50):
             break  # too many gaps to tell
         left = rows - design @ _solve(design, rows) if p > 0 else rows
@@ -61,12 +61,12 @@ def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualA
             best, best_score = p, score
     if best == 0:
         return WHITE
-    rows, design = _whole(target, lagged[:, : 2 * best])
+    rows, design = _whole(target, lagged[:, : ny * best])
     weights = _solve(design, rows)
     left = rows - design @ weights
-    covariance = left.T @ left / (len(rows) - 2 * best)
+    covariance = left.T @ left / (len(rows) - ny * best)
     root = np.linalg.inv(np.linalg.cholesky(covariance))
-    coefficients = weights.T.reshape(2, best, 2).transpose(1, 0, 2)
+    coefficients = weights.T.reshape(ny, best, ny).transpose(1, 0, 2)
     return ResidualAR(np.ascontiguousarray(coefficients), np.ascontiguousarray(root))
 
 
@@ -83,10 +83,10 @@ def _solve(design: Array, target: Array) -> Array:
 
 
 def _criterion(left: Array, p: int) -> float:
-    """Schwarz's criterion of a bivariate autoregression of order p."""
-    n = len(left)
+    """Schwarz's criterion of a vector autoregression of order p."""
+    n, ny = left.shape
     _, log_det = np.linalg.slogdet(left.T @ left / n)
-    return float(n * log_det + 4 * p * math.log(n))
+    return float(n * log_det + ny**2 * p * math.log(n))
 
 
 def portmanteau(series: Array, lags: int, fitted: int = 0) -> float:

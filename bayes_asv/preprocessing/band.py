@@ -11,15 +11,15 @@ while the wheels, which are inputs, keep every sample.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.modes import modes
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
 from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
@@ -39,22 +39,22 @@ _FEWEST = 32  # pairs of chassis readings
 _LEFT = 0.1
 
 
-def check_band(below: float, vehicle: Vehicle) -> None:
+def check_band(below: float, car: CarModel) -> None:
     """Refuse a band that the car's own motion does not fit in.
 
     Parameters
     ----------
     below : float
         Upper edge, Hz.
-    vehicle : Vehicle
-        Nominal car.
+    car : CarModel
+        The car.
 
     Raises
     ------
     InputError
         When the edge is not above the fastest nominal mode.
     """
-    fastest = modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))[-1]
+    fastest = nominal_modes(car)[-1]
     least = ABOVE_MODES * fastest.natural
     if not below >= least:
         raise InputError(
@@ -107,15 +107,13 @@ def too_short(line: PreparedRecording, below: float) -> str | None:
     )
 
 
-def limited(line: PreparedRecording, vehicle: Vehicle, below: float) -> PreparedRecording:
+def limited(line: PreparedRecording, below: float) -> PreparedRecording:
     """Keep the motion below a frequency.
 
     Parameters
     ----------
     line : PreparedRecording
         A recording, laid out at full band, not :func:`too_short`.
-    vehicle : Vehicle
-        The car; it sets the longest step.
     below : float
         Upper edge of the band, Hz.
 
@@ -130,52 +128,52 @@ def limited(line: PreparedRecording, vehicle: Vehicle, below: float) -> Prepared
     rate = 1.0 / float(np.median(np.diff(line.times[0])))
     weights = low_pass(below, rate)
     reach = len(weights) // 2
-    usable = np.isfinite(line.acceleration) & ~line.clipped
-    first = max(line.times[c, usable[c]][0] for c in range(4))
-    last = min(line.times[c, usable[c]][-1] for c in range(4))
+    usable = np.isfinite(line.values) & ~line.clipped
+    channels = range(len(line.channels))
+    first = max(line.times[c, usable[c]][0] for c in channels)
+    last = min(line.times[c, usable[c]][-1] for c in channels)
     grid = first + np.arange(math.floor((last - first) * rate + 1e-6) + 1) / rate
     time = grid[reach : len(grid) - reach]
-    acc = np.empty((4, len(time)))
-    mixed = np.empty((4, len(time)), bool)
-    for c in range(4):
+    values = np.empty((len(channels), len(time)))
+    mixed = np.empty(values.shape, bool)
+    for c in channels:
         at = line.times[c, usable[c]]
-        if c in (0, 2):
-            curve = line.wheels[c // 2].spline
+        if c in line.inputs:
+            curve = line.wheels[line.inputs.index(c)].spline
         else:
-            curve = CubicSpline(at, line.acceleration[c, usable[c]])
-        acc[c] = np.convolve(curve(grid), weights, "valid")
+            curve = CubicSpline(at, line.values[c, usable[c]])
+        values[c] = np.convolve(curve(grid), weights, "valid")
         guessed = _guessed(grid, at, line.times[c, line.clipped[c]], _SHORT / below)
         mixed[c] = np.convolve(guessed, np.ones(len(weights)), "valid") > 0.5
-    left_out = mixed | mixed[0] | mixed[2]
+    left_out = mixed | np.any(mixed[list(line.inputs)], axis=0)
     kept = np.arange(0, len(time), max(int(rate / (2.0 * below) + 1e-6), 1))
     left_out[:, np.setdiff1d(np.arange(len(time)), kept)] = True
     step = 1.0 / (_STEPS * below)
-    wheels = (
-        _wheel(line.wheels[0], time, acc[0], step),
-        _wheel(line.wheels[1], time, acc[2], step),
+    wheels = tuple(
+        _wheel(wheel, time, values[c], step)
+        for wheel, c in zip(line.wheels, line.inputs, strict=True)
     )
-    times = np.tile(time, (4, 1))
-    railed = np.zeros(acc.shape, bool)
-    reading = np.where(left_out, np.nan, acc)
-    plan = schedule(reading, times, (railed, railed), wheels, vehicle, step)
+    times = np.tile(time, (len(channels), 1))
+    railed = np.zeros(values.shape, bool)
+    reading = np.where(left_out, np.nan, values)
+    plan = schedule(reading, times, (railed, railed), wheels, line.outputs, line.car, step)
     # The wheels keep every sample and with it the density of their noise; a filtered chassis
     # reading has what is left of it.
     passed = float(np.sqrt(np.sum(weights**2)))
-    share = np.array([1.0, passed, 1.0, passed])
+    share = np.array([1.0 if channel.is_input else passed for channel in line.channels])
     level = share * _at_rest(line.poles, rate)
-    return PreparedRecording(
+    return replace(
+        line,
         **plan._asdict(),
         wheels=wheels,
-        acceleration=acc,
+        values=values,
         times=times,
         clipped=railed,
         noise=tuple(None if n is None else n * s for n, s in zip(line.noise, level, strict=True)),
         steps=line.steps * share,
-        poles=np.zeros(4),
-        source=line.source,
-        scale_sd=line.scale_sd,
+        poles=np.zeros(len(channels)),
         below=below,
-        quiet=_LEFT * np.std(acc, axis=1) / passed * share,
+        quiet=_LEFT * np.std(values, axis=1) / passed * share,
     )
 
 

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.modes import modes
+from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
 from bayes_asv.preprocessing.data_checks import DOUBTFUL
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["FEWEST_WINDOWS", "Coherence", "coherence", "mend"]
+__all__ = ["FEWEST_WINDOWS", "Coherence", "coherence", "suggest_band"]
 
 Array = NDArray[np.float64]
 
@@ -42,10 +40,10 @@ class Coherence:
     ----------
     frequency : (F,) array
         Hz, without zero.
-    power : (F, 2) array
-        Power of the front and of the rear chassis, (m/s²)²/Hz.
-    left : (F, 2) array
-        Power that no linear relation with both wheels explains.
+    power : (F, ny) array
+        Power of each output, its unit squared over Hz.
+    left : (F, ny) array
+        Power that no linear relation with the inputs explains.
     windows : float
         Number of independent windows it stands on.
     """
@@ -56,7 +54,7 @@ class Coherence:
     windows: float
 
     def explained(self, low: float, high: float) -> Array:
-        """Share (2,) of the power from one frequency to another that the wheels can explain."""
+        """Share (ny,) of the power from one frequency to another that the wheels can explain."""
         band = (self.frequency > low) & (self.frequency <= high)
         return np.asarray(1.0 - self.left[band].sum(axis=0) / self.power[band].sum(axis=0))
 
@@ -86,36 +84,35 @@ def coherence(line: PreparedRecording, window: float) -> Coherence | None:
     if n < 8 or windows < FEWEST_WINDOWS:
         return None
     signals = [w.spline(time) for w in line.wheels]
-    for axle in range(2):
-        use = line.kind[:, axle] == VALUE
-        signals.append(np.interp(time, line.instants[use], line.reading[use, axle]))
-    pieces = np.stack([np.stack(signals)[:, s : s + n] for s in starts])  # (K, 4, n)
+    for y in range(len(line.outputs)):
+        use = line.kind[:, y] == VALUE
+        signals.append(np.interp(time, line.instants[use], line.reading[use, y]))
+    nu = len(line.wheels)
+    pieces = np.stack([np.stack(signals)[:, s : s + n] for s in starts])  # (K, nu + ny, n)
     pieces = pieces - pieces.mean(axis=2, keepdims=True)
     taper = np.hanning(n + 2)[1:-1]
     spectra = np.fft.rfft(pieces * taper)[:, :, 1:]
     cross = np.einsum("kaf,kbf->fab", spectra, spectra.conj())
     cross *= 2.0 / (len(starts) * rate * np.sum(taper**2))
-    wheels = cross[:, :2, :2]
-    power = np.einsum("faa->fa", cross)[:, 2:].real
-    across = cross[:, 2:, :2]
+    wheels = cross[:, :nu, :nu]
+    power = np.einsum("faa->fa", cross)[:, nu:].real
+    across = cross[:, nu:, :nu]
     gain = np.linalg.solve(wheels.transpose(0, 2, 1), across.transpose(0, 2, 1))
     met = np.einsum("fba,fab->fa", gain, across.conj()).real
-    left = np.clip((power - met) * windows / (windows - 2.0), 0.0, power)
+    left = np.clip((power - met) * windows / (windows - nu), 0.0, power)
     frequency = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[1:], np.float64)
     return Coherence(frequency, power, left, windows)
 
 
-def mend(line: PreparedRecording, vehicle: Vehicle, left: Array, top: float) -> list[str]:
+def suggest_band(line: PreparedRecording, left: Array, top: float) -> list[str]:
     """Say why a fit at full band explains too little, where a band would explain more.
 
     Parameters
     ----------
     line : PreparedRecording
         A recording, laid out at full band.
-    vehicle : Vehicle
-        Its nominal modes say where to look: from twice the fastest one downwards.
-    left : (2,) array
-        Share of the power below ``top`` that the fitted half car leaves, front and rear.
+    left : (ny,) array
+        Share of the power of each output below ``top`` that the fitted car leaves.
     top : float
         Hz.
 
@@ -125,7 +122,7 @@ def mend(line: PreparedRecording, vehicle: Vehicle, left: Array, top: float) -> 
         Empty when the fit leaves little more than any linear relation would, when no band is
         worth a try, or when the recording is too short to tell.
     """
-    found = modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
+    found = nominal_modes(line.car)  # where to look: from twice the fastest one downwards
     slowest, fastest = found[0].natural, found[-1].natural
     span = float(line.times[0, -1] - line.times[0, 0])
     window = min(span / _WINDOWS, _LONGEST / slowest)
@@ -140,13 +137,19 @@ def mend(line: PreparedRecording, vehicle: Vehicle, left: Array, top: float) -> 
             break
         share = 100.0 * seen.explained(0.0, below)
         if np.all(share >= 100.0 * _WORTH):
-            front, rear = 100.0 * np.clip(1.0 - left, 0.0, 1.0)
-            best = 100.0 * (1.0 - bound)
+            names = _listed([line.channels[c].words for c in line.outputs])
+            fitted, best, in_band = (
+                _listed([f"{100.0 * x:.0f}" for x in values])
+                for values in (np.clip(1.0 - left, 0.0, 1.0), 1.0 - bound, share / 100.0)
+            )
             return [
-                f"the fitted half car explains only {front:.0f} and {rear:.0f} % of the front and "
-                f"rear chassis' motion below {top:.2g} Hz in {line.source}, where a linear "
-                f"relation with both wheels explains {best[0]:.0f} and {best[1]:.0f} %: what is "
-                f"above drew it away; below {below} Hz the wheels explain {share[0]:.0f} and "
-                f"{share[1]:.0f} %: try --below {below}"
+                f"the fitted {line.car.name} car explains only {fitted} % of {names} below "
+                f"{top:.2g} Hz in {line.source}, where a linear relation with the wheels explains "
+                f"{best} %: what is above drew the fit away; below {below} Hz the wheels explain "
+                f"{in_band} %: try --below {below}"
             ]
     return []
+
+
+def _listed(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -7,24 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.domain.recording import Recording, accelerations, sample_times
+from bayes_asv.domain.recording import Recording, sample_times, accelerations
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.modes import Mode, modes
-from bayes_asv.preprocessing.timeline import FEWEST_READINGS, PreparedRecording, rails
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.modes import Mode, nominal_modes
+from bayes_asv.preprocessing.noise_level import noise_level
+from bayes_asv.preprocessing.timeline import (
+    FEWEST_READINGS, PreparedRecording, rails, used_channels,
+)  # fmt: skip
 
-__all__ = [
-    "DOUBTFUL", "PLAIN", "clipping_limit", "dead_channels", "least_rate", "nominal_modes",
-    "preflight",
-]  # fmt: skip
-
-PLAIN = {
-    "front_wheel": "front wheel",
-    "front_chassis": "front chassis",
-    "rear_wheel": "rear wheel",
-    "rear_chassis": "rear chassis",
-}
+__all__ = ["DOUBTFUL", "clipping_limit", "dead_channels", "least_rate", "preflight"]
 
 _PERIODS = 1.0  # of the slowest mode that a record must last
 _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
@@ -41,41 +33,51 @@ def clipping_limit(samples: int) -> int:
     return max(10, int(0.02 * samples))
 
 
-def dead_channels(recording: Recording, vehicle: Vehicle) -> list[str]:
-    """Name channels that have nothing to lay out in time.
+def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
+    """Name channels with too few readings to work with.
 
     Parameters
     ----------
     recording, vehicle : Recording and Vehicle
         As read.
+    car : CarModel
+        Says which channels it needs.
 
     Returns
     -------
     list of str
         One reason a channel without enough readings inside its range.
+
+    Raises
+    ------
+    InputError
+        When a channel that the car needs is missing.
     """
-    acc = accelerations(recording, vehicle)
-    low, high = rails(acc, vehicle)
-    good = np.count_nonzero(np.isfinite(acc) & ~(low | high), axis=1)
+    used = list(used_channels(recording, vehicle, car))
+    channels = [vehicle.channel(recording.channels[c]) for c in used]
+    values = accelerations(recording, vehicle)[used]
+    low, high = rails(values, vehicle, channels)
+    good = np.count_nonzero(np.isfinite(values) & ~(low | high), axis=1)
     source = Path(recording.source).name
     reasons = [
-        f"the {PLAIN[name]} sensor of {source} has {count} readings inside its range; check its "
+        f"the {channel.words} sensor of {source} has {count} readings inside its range; check its "
         "wiring, its column and the range in the vehicle file"
-        for name, count in zip(CHANNELS, good, strict=True)
+        for channel, count in zip(channels, good, strict=True)
         if count < FEWEST_READINGS
     ]
     if reasons:
         return reasons
-    times = sample_times(recording, vehicle)
-    plain = np.isfinite(acc)
-    first = max(times[c, plain[c]][0] for c in (0, 2))
-    last = min(times[c, plain[c]][-1] for c in (0, 2))
-    for c in (1, 3):
-        inside = plain[c] & (times[c] >= first) & (times[c] <= last)
-        if np.count_nonzero(inside) < FEWEST_READINGS:
+    times = sample_times(recording, vehicle)[used]
+    there = np.isfinite(values)
+    inputs = [c for c, channel in enumerate(channels) if channel.is_input]
+    first = max(times[c, there[c]][0] for c in inputs)
+    last = min(times[c, there[c]][-1] for c in inputs)
+    for c, channel in enumerate(channels):
+        inside = there[c] & (times[c] >= first) & (times[c] <= last)
+        if not channel.is_input and np.count_nonzero(inside) < FEWEST_READINGS:
             reasons.append(
-                f"only {np.count_nonzero(inside)} readings of the {PLAIN[CHANNELS[c]]} sensor of "
-                f"{source} were taken while both wheels were measured; "
+                f"only {np.count_nonzero(inside)} readings of the {channel.words} sensor of "
+                f"{source} were taken while the wheels were measured; "
                 "check delays, clocks and missing cells, or record longer"
             )
     return reasons
@@ -87,9 +89,9 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     Parameters
     ----------
     vehicle : Vehicle
-        Nominal car: its modes say how long and how fast one must measure.
+        Gives the sensors.
     line : PreparedRecording
-        One recording.
+        One recording; the modes of its nominal car say how long and how fast one must measure.
 
     Returns
     -------
@@ -98,7 +100,7 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    found = nominal_modes(vehicle)
+    found = nominal_modes(line.car)
     slowest, fastest = found[0].natural, found[-1].natural
     times = line.times[0]
     rows = len(times)
@@ -117,69 +119,80 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
             f"to {fastest:.1f} Hz; record at {_round_rate(least_rate(found))} Hz or more"
         )
     limit = clipping_limit(rows)
-    for c, name in enumerate(CHANNELS):
+    for c, channel in enumerate(line.channels):
         clipped = int(np.count_nonzero(line.clipped[c]))
         if clipped > limit:
             reasons.append(
-                f"the {PLAIN[name]} sensor of {line.source} was at the end of its range in "
+                f"the {channel.words} sensor of {line.source} was at the end of its range in "
                 f"{clipped} of {rows} samples; drive slower, take a lower bump or use a sensor "
                 "with a wider range"
             )
         elif clipped:
             warnings.append(
-                f"{clipped} samples of the {PLAIN[name]} sensor of {line.source} were at the end "
+                f"{clipped} samples of the {channel.words} sensor of {line.source} were at the end "
                 "of its range and are used as bounds"
             )
-        missing = int(np.count_nonzero(~np.isfinite(line.acceleration[c])))
+        missing = int(np.count_nonzero(~np.isfinite(line.values[c])))
         if missing > 0.2 * rows:
             reasons.append(
-                f"{missing} of {rows} readings of the {PLAIN[name]} sensor of {line.source} are "
+                f"{missing} of {rows} readings of the {channel.words} sensor of {line.source} are "
                 "missing; check its wiring and the transfer"
             )
         elif missing:
             warnings.append(
-                f"{missing} readings of the {PLAIN[name]} sensor of {line.source} are missing"
+                f"{missing} readings of the {channel.words} sensor of {line.source} are missing"
             )
-    for axle, c in (("front", 0), ("rear", 2)):
-        signal = line.acceleration[c][np.isfinite(line.acceleration[c])]
+    for wheel, c in zip(line.wheels, line.inputs, strict=True):
+        name = line.channels[c].words
+        signal = line.values[c][np.isfinite(line.values[c])]
         shaken = float(np.std(signal))
         floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
         if shaken < _SHAKEN * floor or shaken < 0.05:
             reasons.append(
-                f"the {axle} wheel hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
+                f"the {name} hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
                 "over a bump, a parking stop or a rough road"
             )
         elif shaken > _RATTLED:
             reasons.append(
-                f"the {axle} wheel moves at {shaken:.0f} m/s² rms in {line.source}, which no car "
+                f"the {name} moves at {shaken:.0f} m/s² rms in {line.source}, which no car "
                 "takes; check the unit of the column and the scale of the sensor"
             )
-    for wheel, name in zip(line.wheels, ("front", "rear"), strict=True):
         largest = float(np.diff(wheel.knots).max())
         if largest > 0.25 / fastest:
             reasons.append(
-                f"the {name} wheel of {line.source} has a gap of {largest * 1e3:.0f} ms, longer "
+                f"the {name} of {line.source} has a gap of {largest * 1e3:.0f} ms, longer "
                 "than this car's motion can be followed across; cut the recording there and give "
                 "both parts"
             )
-    given = [vehicle.sensor(name).bandwidth for name in CHANNELS]
+    sides = [e for e, element in enumerate(line.car.elements) if element.side == "left"]
+    if sides and not reasons and all(_alike(line, e) for e in sides):
+        reasons.append(
+            f"left and right wheels of {line.source} move alike, so nothing rolls the car; drive "
+            "one side over something before the other, or choose the half car"
+        )
+    given = [
+        vehicle.sensor(channel.name).bandwidth
+        for channel in line.channels
+        if channel.quantity == "acceleration"
+    ]
     if any(b is None for b in given) and any(b is not None for b in given):
         warnings.append(
             "the vehicle file gives a bandwidth for some sensors only; the others are taken to "
             "be like the slowest of those"
         )
-    for c, name in enumerate(CHANNELS):
-        if not np.isfinite([vehicle.sensor(name).low, vehicle.sensor(name).high]).any():
-            stuck = _stuck_at_extreme(line.acceleration[c])
+    for c, channel in enumerate(line.channels):
+        sensor = vehicle.sensor(channel.name)
+        if not np.isfinite([sensor.low, sensor.high]).any():
+            stuck = _stuck_at_extreme(line.values[c])
             if stuck:
                 warnings.append(
-                    f"the {PLAIN[name]} sensor of {line.source} stays at its extreme for {stuck} "
+                    f"the {channel.words} sensor of {line.source} stays at its extreme for {stuck} "
                     "samples in a row, as a sensor at the end of its range does; give its range "
                     "in the vehicle file"
                 )
-        if vehicle.sensor(name).counts_scale_sd > 0.0 and line.scale_sd[c] == 0.0:
+        if sensor.counts_scale_sd > 0.0 and line.scale_sd[c] == 0.0:
             warnings.append(
-                f"the deviation given for the scale of the {PLAIN[name]} sensor is not used: "
+                f"the deviation given for the scale of the {channel.words} sensor is not used: "
                 f"{line.source} is not in counts, and the intervals take its scale as exact"
             )
     return reasons, warnings
@@ -190,9 +203,19 @@ def least_rate(found: list[Mode]) -> float:
     return _SAMPLES_A_PERIOD * max(m.natural * (1.0 if m.damped else _REAL) for m in found)
 
 
-def nominal_modes(vehicle: Vehicle) -> list[Mode]:
-    """Modes of a vehicle as it is given, slowest first."""
-    return modes(HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields)))
+def _alike(line: PreparedRecording, left: int) -> bool:
+    """Whether the wheels of an axle differ by little more than their noise."""
+    one, other = line.inputs[left], line.inputs[left + 1]
+    apart = line.values[one] - line.values[other]
+    rms = float(np.std(apart[np.isfinite(apart)]))
+    noise = [
+        np.hypot(
+            noise_level(line, c) if line.noise[c] is None else line.noise[c],
+            line.steps[c] / np.sqrt(12.0),
+        )
+        for c in (one, other)
+    ]
+    return rms < _SHAKEN * float(np.hypot(*noise))
 
 
 def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:

@@ -1,15 +1,13 @@
-"""Where the wheels' sensors read zero, and with that where the suspension is at rest.
+"""Biases of the measured inputs, and with them where the suspension is at rest.
 
-To a linear car a wheel's zero that is off is a chassis' zero that is off: it follows no more than
-that both move together.  A spring that stiffens or a stop that is met knows where the suspension
-is.  A zero that is off by 0.1 m/s² moves the rest of a car that bounces at 1.4 Hz by 1.3 mm, in
-every run by another amount, and a stop that is touched by half a millimetre is missed or met twice
-as hard.
+To a linear car a bias of a wheel sensor is a bias of the body's sensors: both move together.  A
+spring that stiffens or a stop that is met depends on where the suspension is.  A bias of 0.1 m/s²
+moves the rest of a car that bounces at 1.4 Hz by 1.3 mm, in every run by another amount, and a stop
+that is touched by half a millimetre is missed or met twice as hard.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,46 +15,39 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from bayes_asv.filters.kalman import ORDER
-from bayes_asv.models.effects import AXLES, Site
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["ZERO_SD", "axles_with_travel", "levelled", "moments_of_one"]
+__all__ = ["INPUT_BIAS_SD", "moments_of_one", "without_mean_input"]
 
 Array = NDArray[np.float64]
 
-ZERO_SD = 0.15
-"""How well the mean reading tells a zero, m/s²: the wheel's speed at both ends over the time."""
-
-
-def axles_with_travel(sites: Sequence[Site]) -> tuple[str, ...]:
-    """Axles that have a law which depends on where the suspension is."""
-    found = {axle for site in sites if site.effect.travel for axle in site.axles}
-    return tuple(axle for axle in AXLES if axle in found)
+INPUT_BIAS_SD = 0.15
+"""How well the mean reading gives a bias, m/s²: the wheel's speed at both ends over the time."""
 
 
 def moments_of_one(line: PreparedRecording) -> Array:
-    """Moments (E, ORDER) of a wheel acceleration of 1 m/s²."""
+    """Moments (E, ORDER) of an input of 1 m/s²."""
     time = line.wheels[0].knots
     one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, line.wheels[0].deviation)
     return moments(one, line.instants, ORDER)
 
 
-def levelled(line: PreparedRecording) -> PreparedRecording:
-    """Return a recording whose wheels read zero on the whole; the chassis above them as much less.
+def without_mean_input(line: PreparedRecording) -> PreparedRecording:
+    """Return a recording whose inputs have mean zero; the body above them reads as much less.
 
     Beginning and end count little: what a wheel's speed is there does not average out.
     """
     rest = np.array([_mean(wheel) for wheel in line.wheels])
-    front, rear = (
+    wheels = tuple(
         wheel._replace(spline=CubicSpline(wheel.knots, wheel.spline(wheel.knots) - level))
         for wheel, level in zip(line.wheels, rest, strict=True)
     )
     return replace(
         line,
         moments=line.moments - rest[:, None] * moments_of_one(line)[:, None],
-        reading=line.reading - rest,
-        wheels=(front, rear),
+        reading=line.reading - line.rigid_gain @ rest,
+        wheels=wheels,
     )
 
 

@@ -29,4 +29,4 @@ def noise_level(line: PreparedRecording, c: int) -> float:
     """Noise of one sample of a channel, m/s², from its quiet quarter."""
     if line.quiet is not None:
         return float(line.quiet[c])
-    return quiet_level(line.acceleration[c], float(line.steps[c]))
+    return quiet_level(line.values[c], float(line.steps[c]))

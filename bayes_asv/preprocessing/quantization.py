@@ -60,8 +60,8 @@ def still_wheels_doubted(line: PreparedRecording) -> PreparedRecording:
     ten bits and the noise of its data sheets, gave 22 false alarms as they are and one with doubt
     of the wheels; 30 of them gave ten with fewer readings of a chassis that stands still.
     """
-    beyond = [_beyond(line, c) * standing(line, c) for c in (0, 2)]
-    doubt = np.stack(beyond, axis=1) * line.spread[:, :2]
+    beyond = [_beyond(line, c) * standing(line, c) for c in line.inputs]
+    doubt = np.stack(beyond, axis=1) * line.spread[:, : len(beyond)]
     spread = line.noise_spread + np.hstack([np.zeros_like(doubt), doubt])
     return replace(line, spread=spread, doubt=doubt)
 
@@ -72,7 +72,7 @@ def without_waiting(line: PreparedRecording) -> PreparedRecording:
     What does not move on a coarse converter tells nothing but a zero that is off by as much as a
     step, and the longer it waits the more it is believed.
     """
-    still = np.all([standing(line, c) for c in range(4)], axis=0)
+    still = np.all([standing(line, c) for c in range(len(line.channels))], axis=0)
     if still.all() or not still.any():
         return line
     moving = line.instants[~still]
@@ -99,8 +99,8 @@ def _covers_less(
     """Whether a channel covers fewer steps than that in a window of some readings (E,)."""
     if _beyond(line, c) == 0.0:
         return np.zeros(len(line.instants), bool)
-    there = np.isfinite(line.acceleration[c])
-    time, signal = line.times[c, there], line.acceleration[c, there]
+    there = np.isfinite(line.values[c])
+    time, signal = line.times[c, there], line.values[c, there]
     n = max(round(_WINDOW / float(np.median(np.diff(time)))), 3)
     span = maximum_filter1d(signal, n) - minimum_filter1d(signal, n)
     less = (span < steps(n) * line.steps[c]).astype(float)
@@ -115,12 +115,12 @@ def wandering(line: PreparedRecording, c: int) -> float:
     """
     still = float(np.mean(standing(line, c)))
     largest = offset(float(line.steps[c]), float(line.noise[c] or 0.0))
-    return 2.0 * largest * still / float(np.ptp(line.times[c, np.isfinite(line.acceleration[c])]))
+    return 2.0 * largest * still / float(np.ptp(line.times[c, np.isfinite(line.values[c])]))
 
 
 def _beyond(line: PreparedRecording, c: int) -> float:
     """Variance of as strong white noise beyond what is believed of a still channel, m²/s⁴."""
-    time = line.times[c, np.isfinite(line.acceleration[c])]
+    time = line.times[c, np.isfinite(line.values[c])]
     step, noise = float(line.steps[c]), float(line.noise[c] or 0.0)
     if step <= 0.0 or len(time) < 3:
         return 0.0

@@ -1,45 +1,42 @@
-"""A recording laid out as the steps and readings that the innovations recursion takes."""
+"""A recording as the steps and readings that a filter takes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import Recording, accelerations, require_half_car, sample_times
+from bayes_asv.domain.recording import Recording, sample_times, accelerations
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE, Measurements
+from bayes_asv.models.car_model import (
+    CarModel, Output, bias_directions, fastest_motion, start_covariance, state_space,
+)  # fmt: skip
 from bayes_asv.preprocessing.missing_band import MissingBand
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, equalised, moments, wheel_signal
 
 __all__ = [
-    "FEWEST_READINGS",
-    "MeasurementSchedule",
-    "PreparedRecording",
-    "build",
-    "common_bandwidth",
-    "rails",
-    "schedule",
+    "FEWEST_READINGS", "MeasurementSchedule", "PreparedRecording", "common_bandwidth", "prepare",
+    "rails", "schedule", "used_channels",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-FEWEST_READINGS = 8  # of a channel inside its range, without which there is no curve to draw
-# The kernel's series lose (λh)⁸/8! a step: with λh at most 1/4 for the nominal car they hold to
-# 1e-9 there, and to 1e-5 where a rate is three times nominal.
+FEWEST_READINGS = 8
+"""Readings of a channel inside its range below which no spline can be drawn."""
+# The power series of the filter lose (λh)⁸/8! a step: with λh at most 1/4 for the nominal car they
+# hold to 1e-9 there, and to 1e-5 where a rate is three times nominal.
 _LONGEST_STEP = 0.005  # s
 _LONGEST_PHASE = 0.25
 _SAME_INSTANT = 1e-8  # s
-
-# What the state may be when a record begins, one deviation: 0.1 m, 1 m/s, and 1 m/s² for the
-# zero of a chassis channel against its wheel channel (a tenth of gravity, from tilt and offset).
-_START = np.array([0.1, 1.0, 0.1, 1.0, 1.0, 1.0]) ** 2
 
 
 class MeasurementSchedule(NamedTuple):
@@ -49,78 +46,92 @@ class MeasurementSchedule(NamedTuple):
     moments: Array
     spread: Array
     kind: NDArray[np.int8]
-    closes: NDArray[np.bool_]
+    closes: Flags
     reading: Array
     extra: Array
-    start: Array
     instants: Array
     pairs: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedRecording:
-    """One recording, ready for :mod:`bayes_asv.filters.kalman`.
+    """One recording, ready for a filter; E instants, nu inputs, ny outputs, C channels.
 
     Parameters
     ----------
-    step, moments, spread, kind, closes, reading, extra, start
-        As the kernel takes them; see there for shapes and units.
+    car : CarModel
+        The car that it is prepared for.
+    channels : tuple of Channel
+        Those of the recording that the car knows.
+    inputs, outputs : tuples of int
+        Numbers of the measured inputs, in the order of the car's elements, and of the outputs.
+    step, moments, spread, kind, reading, extra, start
+        As :class:`bayes_asv.filters.kalman.Measurements` has them.
+    closes : (E,) bool array
+        True at the last instant of a group of readings that belong together.
     instants : (E,) array
         Times of the steps' ends, s.
-    pairs : (R, 2) int array
-        Instants of front and rear chassis readings that belong together, -1 where one is missing.
-    wheels : pair of WheelSignal
-        Front and rear wheel acceleration.
-    acceleration : (4, N) array
-        All channels in m/s², NaN where missing, bandwidths made equal.
-    times : (4, N) array
+    pairs : (R, ny) int array
+        Instants of the readings of each group, -1 where one is missing.
+    wheels : tuple of WheelSignal
+        Inputs between their samples.
+    values : (C, N) array
+        All channels in SI units, NaN where missing, bandwidths made equal.
+    times : (C, N) array
         True sampling time of each reading, s.
-    clipped : (4, N) bool array
+    clipped : (C, N) bool array
         Readings at a rail.
-    noise : 4-tuple of float or None
-        Given deviation of one sample of each channel, m/s².
-    steps : (4,) array
-        One step of each channel's reading, m/s²; 0 where not given.
-    poles : (4,) array
-        Pole of the filter that all readings passed, rad/s; 0 when no bandwidth is given.
+    noise : tuple of float or None
+        Given standard deviation of one sample of each channel, SI units.
+    steps : (C,) array
+        Quantization step of each channel, SI units; 0 where not given.
+    poles : (C,) array
+        Pole of the filter that the readings of a channel passed, rad/s; 0 without one.
+    bias_directions : (nu, nd) array
+        Directions in which the inputs have a bias of their own.
     source : str
         File name without its folder, for messages and reports.
-    scale_sd : (4,) array
+    scale_sd : (C,) array
         Relative deviation of each sensor's scale; 0 where it is exact or not in counts.
     below : float or None
         Upper edge of the band that is left of the recording, Hz; None at full band.
-    quiet : (4,) array or None
-        Where the prior of a noise level that is not given is centred, m/s²; None for the level
-        of the record's quiet quarter.
+    quiet : (C,) array or None
+        Centre of the prior of a noise level that is not given, SI units; None for the level of the
+        record's quietest quarter.
     notches : tuple of (frequency, half-width)
         Bands that were cut out of all channels, Hz.
     cut : MissingBand or None
         What that did to the noise.
-    doubt : (E, 2) array or None
-        Part of ``spread`` that is no noise, but doubt of wheels that stand still.
+    doubt : (E, nu) array or None
+        Part of ``spread`` that is no noise, but distrust of wheels that stand still.
     began : float or None
         When the recording began, s, where a filter took its beginning away.
     """
 
+    car: CarModel
+    channels: tuple[Channel, ...]
+    inputs: tuple[int, ...]
+    outputs: tuple[int, ...]
     step: Array
     moments: Array
     spread: Array
     kind: NDArray[np.int8]
-    closes: NDArray[np.bool_]
+    closes: Flags
     reading: Array
     extra: Array
     start: Array
     instants: Array
     pairs: NDArray[np.int64]
-    wheels: tuple[WheelSignal, WheelSignal]
-    acceleration: Array
+    wheels: tuple[WheelSignal, ...]
+    values: Array
     times: Array
-    clipped: NDArray[np.bool_]
+    clipped: Flags
     noise: tuple[float | None, ...]
     steps: Array
     poles: Array
+    bias_directions: Array
     source: str
-    scale_sd: Array = field(default_factory=lambda: np.zeros(4))
+    scale_sd: Array = field(default_factory=lambda: np.zeros(0))
     below: float | None = None
     quiet: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
@@ -129,50 +140,82 @@ class PreparedRecording:
     began: float | None = None
 
     @property
+    def measurements(self) -> Measurements:
+        """Steps and readings as a filter takes them."""
+        return Measurements(
+            self.step, self.moments, self.spread, self.kind, self.reading, self.extra, self.start
+        )
+
+    @property
+    def output_models(self) -> tuple[Output, ...]:
+        """Outputs, and whether each passed the common filter."""
+        pole = float(np.max(self.poles[list(self.inputs)], initial=0.0))
+        return tuple(
+            Output(self.channels[c], 1.0 / pole if pole > 0.0 and self.poles[c] == 0.0 else 0.0)
+            for c in self.outputs
+        )
+
+    @cached_property
+    def rigid_gain(self) -> Array:
+        """Outputs (ny, nu) for wheels and body that accelerate together, at the nominal car."""
+        nominal = self.car.nominal
+        followed = np.linalg.pinv(self.car.heights(nominal)[0])
+        out = np.zeros((len(self.outputs), len(self.inputs)))
+        for y, c in enumerate(self.outputs):
+            if self.channels[c].quantity == "acceleration":
+                out[y] = self.car.point(nominal, self.channels[c])[0] @ followed
+        return out
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Numbers of the channels as a filter takes their noise: inputs, then outputs."""
+        return (*self.inputs, *self.outputs)
+
+    @property
     def elapsed(self) -> Array:
         """Times of the steps' ends since the recording began (E,), s."""
         return self.instants - (self.instants[0] if self.began is None else self.began)
 
     @property
     def noise_spread(self) -> Array:
-        """How noise alone drives the states over each step (E, 4)."""
+        """How noise alone drives the states over each step (E, 2 nu)."""
         if self.doubt is None:
             return self.spread
         return self.spread - np.hstack([np.zeros_like(self.doubt), self.doubt])
 
     def paired(self, values: Array) -> Array:
-        """Arrange values at instants (E, 2) by pairs of readings (R, 2), nan where missing."""
+        """Arrange values at instants (E, ny) by groups of readings (R, ny), nan where missing."""
         out = np.full(self.pairs.shape, np.nan)
-        for axle in range(2):
-            there = self.pairs[:, axle] >= 0
-            at = self.pairs[there, axle]
-            value = self.kind[at, axle] == VALUE
-            out[there, axle] = np.where(value, values[at, axle], np.nan)
+        for y in range(self.pairs.shape[1]):
+            there = self.pairs[:, y] >= 0
+            at = self.pairs[there, y]
+            value = self.kind[at, y] == VALUE
+            out[there, y] = np.where(value, values[at, y], np.nan)
         return out
 
     @property
     def readings(self) -> int:
-        """Number of chassis readings used."""
+        """Number of output readings used."""
         return int(np.count_nonzero(self.kind != MISSING))
 
     @property
     def reading_step(self) -> float:
-        """Usual time between two pairs of chassis readings, s."""
+        """Usual time between two groups of output readings, s."""
         return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
 
 
 def rails(
-    acc: Array, vehicle: Vehicle, channels: tuple[str, ...] = CHANNELS
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    readings: Array, vehicle: Vehicle, channels: Sequence[Channel]
+) -> tuple[Flags, Flags]:
     """Find readings at the lower and at the upper rail of their sensor.
 
     Parameters
     ----------
-    acc : (C, N) array
-        Accelerations, m/s².
+    readings : (C, N) array
+        Readings, SI units.
     vehicle : Vehicle
         Gives each channel's range; a channel without one has no rails.
-    channels : tuple of C str
+    channels : sequence of C Channel
         Which they are.
 
     Returns
@@ -180,20 +223,48 @@ def rails(
     low, high : (C, N) bool arrays
         A reading within half a step of the rail counts as at the rail.
     """
-    low = np.zeros(acc.shape, bool)
-    high = np.zeros(acc.shape, bool)
-    for c, name in enumerate(channels):
-        sensor = vehicle.sensor(name)
-        slack = 0.5 * abs(sensor.resolution or sensor.counts_scale or 0.0)
+    low = np.zeros(readings.shape, bool)
+    high = np.zeros(readings.shape, bool)
+    for c, channel in enumerate(channels):
+        sensor = vehicle.sensor(channel.name)
+        margin = 0.5 * abs(sensor.resolution or sensor.counts_scale or 0.0)
         if np.isfinite(sensor.low):
-            low[c] = acc[c] <= sensor.low + slack
+            low[c] = readings[c] <= sensor.low + margin
         if np.isfinite(sensor.high):
-            high[c] = acc[c] >= sensor.high - slack
+            high[c] = readings[c] >= sensor.high - margin
     return low, high
 
 
-def build(recording: Recording, vehicle: Vehicle) -> PreparedRecording:
-    """Lay a recording out in time.
+def used_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> tuple[int, ...]:
+    """Numbers of the channels of a recording that a car knows.
+
+    Raises
+    ------
+    InputError
+        When a measured input of the car is missing, or nothing is measured that it explains.
+    """
+    channels = [vehicle.channel(name) for name in recording.channels]
+    where = recording.source or "recording"
+    for element in car.elements:
+        name = f"{element.name}_wheel"
+        if name not in recording.channels:
+            raise InputError(
+                where,
+                f"lacks the channel {name}, which the {car.name} car needs",
+                "choose the car that fits these channels with --car",
+            )
+    used = tuple(c for c, channel in enumerate(channels) if car.explains(channel))
+    if all(channels[c].is_input for c in used):
+        raise InputError(
+            where,
+            f"measures nothing that the {car.name} car explains",
+            "record the acceleration of the body, its pitch rate or the suspension travel",
+        )
+    return used
+
+
+def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRecording:
+    """Put a recording in the form that a filter takes.
 
     Parameters
     ----------
@@ -201,6 +272,8 @@ def build(recording: Recording, vehicle: Vehicle) -> PreparedRecording:
         As read.
     vehicle : Vehicle
         Gives calibration, delays, ranges and bandwidths.
+    car : CarModel
+        Says which channels are inputs and which it explains.
 
     Returns
     -------
@@ -209,75 +282,88 @@ def build(recording: Recording, vehicle: Vehicle) -> PreparedRecording:
     Raises
     ------
     InputError
-        When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or the
-        channels are those of single corners.
+        When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or those
+        that the car needs are missing.
     """
-    require_half_car(recording)
-    acc = accelerations(recording, vehicle)
-    times = sample_times(recording, vehicle)
-    low, high = rails(acc, vehicle)
-    for c, name in enumerate(CHANNELS):
-        if np.count_nonzero(np.isfinite(acc[c]) & ~(low[c] | high[c])) < FEWEST_READINGS:
+    used = used_channels(recording, vehicle, car)
+    channels = tuple(vehicle.channel(recording.channels[c]) for c in used)
+    in_counts = [recording.units[c] == "counts" for c in used]
+    values = accelerations(recording, vehicle)[list(used)]
+    times = sample_times(recording, vehicle)[list(used)]
+    low, high = rails(values, vehicle, channels)
+    for c, channel in enumerate(channels):
+        if np.count_nonzero(np.isfinite(values[c]) & ~(low[c] | high[c])) < FEWEST_READINGS:
             raise InputError(
                 recording.source,
-                f"channel {name} has fewer than {FEWEST_READINGS} readings inside its range",
+                f"channel {channel.name} has fewer than {FEWEST_READINGS} readings inside its "
+                "range",
                 "check the wiring, the column and the vehicle's range for that sensor",
             )
-    sensors = [vehicle.sensor(name) for name in CHANNELS]
-    acc, poles = common_bandwidth(acc, times, [s.bandwidth for s in sensors])
+    sensors = [vehicle.sensor(channel.name) for channel in channels]
+    values, poles = common_bandwidth(values, times, channels, [s.bandwidth for s in sensors])
     scale_sd = np.array(
         [
-            s.counts_scale_sd / abs(s.counts_scale)
-            if recording.units[c] == "counts" and s.counts_scale
-            else 0.0
-            for c, s in enumerate(sensors)
+            s.counts_scale_sd / abs(s.counts_scale) if counts and s.counts_scale else 0.0
+            for s, counts in zip(sensors, in_counts, strict=True)
         ]
     )
     steps = np.array(
         [
-            s.resolution or (abs(s.counts_scale or 0.0) if recording.units[c] == "counts" else 0.0)
-            for c, s in enumerate(sensors)
+            s.resolution or (abs(s.counts_scale or 0.0) if counts else 0.0)
+            for s, counts in zip(sensors, in_counts, strict=True)
         ]
     )
-    wheels = (
-        wheel_signal(times[0], acc[0], low[0], high[0]),
-        wheel_signal(times[2], acc[2], low[2], high[2]),
-    )
-    plan = schedule(acc, times, (low, high), wheels, vehicle)
+    by_element = {car.element_of(x): c for c, x in enumerate(channels) if x.is_input}
+    inputs = tuple(by_element[e] for e in range(len(car.elements)))
+    outputs = tuple(c for c, channel in enumerate(channels) if not channel.is_input)
+    wheels = tuple(wheel_signal(times[c], values[c], low[c], high[c]) for c in inputs)
+    plan = schedule(values, times, (low, high), wheels, outputs, car)
+    models = tuple(Output(channels[c]) for c in outputs)
+    system = state_space(car, car.nominal, models)
+    directions = bias_directions(system)
     return PreparedRecording(
+        car=car,
+        channels=channels,
+        inputs=inputs,
+        outputs=outputs,
         **plan._asdict(),
+        start=start_covariance(system._replace(N=directions), models),
         wheels=wheels,
-        acceleration=acc,
+        values=values,
         times=times,
         clipped=low | high,
         noise=tuple(s.noise for s in sensors),
         steps=steps,
         poles=poles,
+        bias_directions=directions,
         source=Path(recording.source).name,
         scale_sd=scale_sd,
     )
 
 
 def schedule(
-    acc: Array,
+    values: Array,
     times: Array,
-    rails: tuple[NDArray[np.bool_], NDArray[np.bool_]],
-    wheels: tuple[WheelSignal, WheelSignal],
-    vehicle: Vehicle,
+    rails: tuple[Flags, Flags],
+    wheels: Sequence[WheelSignal],
+    outputs: Sequence[int],
+    car: CarModel,
     longest: float = _LONGEST_STEP,
 ) -> MeasurementSchedule:
-    """Put chassis readings and wheel signals in the order in which the recursion takes them.
+    """Put output readings and input signals in the order in which a filter takes them.
 
     Parameters
     ----------
-    acc, times : (4, N) arrays
-        Readings (m/s²), NaN where there is none, and when they were taken (s).
-    rails : pair of (4, N) bool arrays
+    values, times : (C, N) arrays
+        Readings (SI units), NaN where there is none, and when they were taken (s).
+    rails : pair of (C, N) bool arrays
         Readings at the lower and at the upper rail.
-    wheels : pair of WheelSignal
-        Front and rear wheel acceleration.
-    vehicle : Vehicle
-        Its fastest motion limits the step.
+    wheels : sequence of WheelSignal
+        Measured inputs.
+    outputs : sequence of int
+        Numbers of the output channels.
+    car : CarModel
+        Its fastest nominal motion limits the step.
     longest : float
         Longest step whatever the car, s.
 
@@ -285,8 +371,8 @@ def schedule(
     -------
     MeasurementSchedule
     """
-    longest = min(longest, _longest_step(vehicle))
-    instants, kind, reading, pairs = _instants(acc, times, *rails, wheels, longest)
+    longest = min(longest, _LONGEST_PHASE / fastest_motion(state_space(car, car.nominal, ())))
+    instants, kind, reading, pairs = _instants(values, times, rails, wheels, outputs, longest)
     closes = np.zeros(len(instants), bool)
     closes[pairs.max(axis=1)] = True
     return MeasurementSchedule(
@@ -299,103 +385,114 @@ def schedule(
         closes=closes,
         reading=reading,
         extra=np.zeros_like(reading),
-        start=_START.copy(),
         instants=instants,
         pairs=pairs,
     )
 
 
-def _longest_step(vehicle: Vehicle) -> float:
-    """Length of step (s) over which the kernel's series hold for this car's motion."""
-    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    fastest = float(np.max(np.abs(np.linalg.eigvals(deflection_form(car).A))))
-    return _LONGEST_PHASE / fastest
-
-
 def common_bandwidth(
-    acc: Array, times: Array, bandwidth: list[float | None]
+    values: Array,
+    times: Array,
+    channels: Sequence[Channel],
+    bandwidth: Sequence[float | None],
 ) -> tuple[Array, Array]:
     """Filter the faster sensors' readings so that all passed the same pole.
 
-    A sensor without a bandwidth is taken to be like the slowest of the others.
+    An accelerometer without a bandwidth is taken to be like the slowest of the others; another
+    sensor without one is taken to have no filter, which a car model allows for.
+
+    Returns
+    -------
+    values : (C, N) array
+        Readings behind the common pole.
+    poles : (C,) array
+        That pole, rad/s; 0 for what passed none.
     """
     given = [b for b in bandwidth if b is not None]
     if not given:
-        return acc, np.zeros(len(acc))
+        return values, np.zeros(len(values))
     target = min(given)
-    out = acc.copy()
+    out = values.copy()
+    poles = np.full(len(values), 2.0 * np.pi * target)
     for c, b in enumerate(bandwidth):
-        there = np.isfinite(acc[c])
+        there = np.isfinite(values[c])
         if b is not None:
-            out[c, there] = equalised(times[c, there], acc[c, there], b, target)
-    return out, np.full(len(acc), 2.0 * np.pi * target)
+            out[c, there] = equalised(times[c, there], values[c, there], b, target)
+        elif channels[c].quantity != "acceleration":
+            poles[c] = 0.0
+    return out, poles
 
 
 def _instants(
-    acc: Array,
+    values: Array,
     times: Array,
-    low: NDArray[np.bool_],
-    high: NDArray[np.bool_],
-    wheels: tuple[WheelSignal, WheelSignal],
+    rails: tuple[Flags, Flags],
+    wheels: Sequence[WheelSignal],
+    outputs: Sequence[int],
     longest: float,
 ) -> tuple[Array, NDArray[np.int8], Array, NDArray[np.int64]]:
     """Instants of observation in order, with fillers where the step would be too long."""
-    n = acc.shape[1]
+    low, high = rails
+    n = values.shape[1]
     first = max(w.knots[0] for w in wheels)
     last = min(w.knots[-1] for w in wheels)
     when, which, rows = [], [], []
-    for axle, c in enumerate((1, 3)):
-        use = np.isfinite(acc[c]) & (times[c] >= first) & (times[c] <= last)
+    for y, c in enumerate(outputs):
+        use = np.isfinite(values[c]) & (times[c] >= first) & (times[c] <= last)
         when.append(times[c, use])
-        which.append(np.full(np.count_nonzero(use), axle))
+        which.append(np.full(np.count_nonzero(use), y))
         rows.append(np.arange(n)[use])
     t = np.concatenate(when)
+    if len(t) < 2:
+        raise InputError(
+            "recording", "wheels and body were not measured at the same time", "check delays"
+        )
     order = np.argsort(t, kind="stable")
-    t, axle_of, row_of = t[order], np.concatenate(which)[order], np.concatenate(rows)[order]
+    t, output_of, row_of = t[order], np.concatenate(which)[order], np.concatenate(rows)[order]
     new = np.append(True, np.diff(t) > _SAME_INSTANT)
     place = np.cumsum(new) - 1
-    seen = t[new]
-    pieces = np.maximum(np.ceil(np.diff(seen) / longest - 1e-9).astype(int), 1)
+    observed = t[new]
+    pieces = np.maximum(np.ceil(np.diff(observed) / longest - 1e-9).astype(int), 1)
     position = np.concatenate([[0], np.cumsum(pieces)])
     total = int(position[-1]) + 1
-    instants = np.interp(np.arange(total), position, seen)
-    instants[position] = seen
-    kind = np.full((total, 2), MISSING, np.int8)
-    reading = np.zeros((total, 2))
-    for axle, c in enumerate((1, 3)):
-        mine = axle_of == axle
+    instants = np.interp(np.arange(total), position, observed)
+    instants[position] = observed
+    kind = np.full((total, len(outputs)), MISSING, np.int8)
+    reading = np.zeros((total, len(outputs)))
+    for y, c in enumerate(outputs):
+        mine = output_of == y
         at, r = position[place[mine]], row_of[mine]
-        kind[at, axle] = np.where(high[c, r], AT_LEAST, np.where(low[c, r], AT_MOST, VALUE))
-        reading[at, axle] = acc[c, r]
-    return instants, kind, reading, _pairs(kind)
+        kind[at, y] = np.where(high[c, r], AT_LEAST, np.where(low[c, r], AT_MOST, VALUE))
+        reading[at, y] = values[c, r]
+    return instants, kind, reading, _groups(kind)
 
 
-def _pairs(kind: NDArray[np.int8]) -> NDArray[np.int64]:
-    """Pair front and rear readings that stand next to each other in time.
+def _groups(kind: NDArray[np.int8]) -> NDArray[np.int64]:
+    """Group readings of all outputs that stand next to each other in time.
 
-    One board reads both at one instant; two boards with clocks of their own do not, and after a
-    minute they may be a row apart, so rows of the file do not tell what belongs together.
+    One board reads all its channels at one instant; two boards with clocks of their own do not, and
+    after a minute they may be a row apart, so rows of the file do not show what belongs together.
     """
-    pairs: list[list[int]] = []
-    current = [-1, -1]
+    groups: list[list[int]] = []
+    current = [-1] * kind.shape[1]
     for k in np.flatnonzero(np.any(kind != MISSING, axis=1)):
-        axles = np.flatnonzero(kind[k] != MISSING)
-        if any(current[axle] >= 0 for axle in axles):
-            pairs.append(current)
-            current = [-1, -1]
-        for axle in axles:
-            current[axle] = int(k)
-    pairs.append(current)
-    return np.array(pairs, np.int64)
+        there = np.flatnonzero(kind[k] != MISSING)
+        if any(current[y] >= 0 for y in there):
+            groups.append(current)
+            current = [-1] * kind.shape[1]
+        for y in there:
+            current[y] = int(k)
+    groups.append(current)
+    return np.array(groups, np.int64)
 
 
-def _spread(wheels: tuple[WheelSignal, WheelSignal], instants: Array) -> Array:
-    """How a sample's noise and its surroundings drive the states over each step."""
+def _spread(wheels: Sequence[WheelSignal], instants: Array) -> Array:
+    """How a sample's noise and its surroundings drive the states over each step (E, 2 nu)."""
     middle = 0.5 * (instants + np.append(instants[0], instants[:-1]))
-    out = np.zeros((len(instants), 4))
-    for axle, wheel in enumerate(wheels):
+    out = np.zeros((len(instants), 2 * len(wheels)))
+    for u, wheel in enumerate(wheels):
         at = np.clip(np.searchsorted(wheel.knots, middle) - 1, 0, len(wheel.knots) - 2)
         spacing = np.diff(wheel.knots)[at]
-        out[:, axle] = spacing
-        out[:, 2 + axle] = wheel.deviation[at] ** 2 * spacing
+        out[:, u] = spacing
+        out[:, len(wheels) + u] = wheel.deviation[at] ** 2 * spacing
     return out

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.preprocessing.missing_band import cut_by
+from bayes_asv.models.car_model import state_space
+from bayes_asv.preprocessing.missing_band import missing_band
 from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, between_samples
 
@@ -98,7 +97,7 @@ def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ..
 
     Parameters
     ----------
-    nu : (R, 2) array
+    nu : (R, ny) array
         Normalised innovations of one run, in time order; nan where a reading was missing.
     rate : float
         Pairs of readings a second, Hz.
@@ -137,17 +136,13 @@ def main_tones(notches: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     return tuple(sorted(kept))
 
 
-def notched(
-    line: PreparedRecording, vehicle: Vehicle, notches: Sequence[Notch]
-) -> PreparedRecording:
+def notched(line: PreparedRecording, notches: Sequence[Notch]) -> PreparedRecording:
     """Cut bands out of all channels of a recording.
 
     Parameters
     ----------
     line : PreparedRecording
         A recording, laid out at full band.
-    vehicle : Vehicle
-        The car; it sets the longest step.
     notches : sequence of Notch
         Bands to cut out.
 
@@ -160,37 +155,37 @@ def notched(
     """
     from scipy.signal import sosfreqz
 
-    acc = np.full_like(line.acceleration, np.nan)
+    values = np.full_like(line.values, np.nan)
     rate = 1.0 / float(np.median(np.diff(line.times[0])))
     sections = notch_filter(notches, rate)
-    usable = np.isfinite(line.acceleration) & ~line.clipped
-    for c in range(4):
-        if c in (0, 2):
-            curve = line.wheels[c // 2].spline
-            at = line.wheels[c // 2].knots
+    usable = np.isfinite(line.values) & ~line.clipped
+    for c in range(len(line.channels)):
+        if c in line.inputs:
+            wheel = line.wheels[line.inputs.index(c)]
+            curve, at = wheel.spline, wheel.knots
         else:
             at = line.times[c, usable[c]]
-            curve = CubicSpline(at, line.acceleration[c, usable[c]])
-        acc[c, np.isin(line.times[c], at)] = _cut(curve, at, rate, sections)
+            curve = CubicSpline(at, line.values[c, usable[c]])
+        values[c, np.isin(line.times[c], at)] = _cut(curve, at, rate, sections)
     narrowest = min(notch.half_width for notch in notches)
     settled = max(line.times[:, 0]) + _SETTLES / (2.0 * math.pi * narrowest)
-    wheels = (
-        _wheel(line.wheels[0], acc[0], line.times[0], line.clipped[0], settled),
-        _wheel(line.wheels[1], acc[2], line.times[2], line.clipped[2], settled),
+    wheels = tuple(
+        _wheel(wheel, values[c], line.times[c], line.clipped[c], settled)
+        for wheel, c in zip(line.wheels, line.inputs, strict=True)
     )
-    railed = np.zeros(acc.shape, bool)
-    acc[:, np.all(line.times < settled, axis=0)] = np.nan
-    plan = schedule(acc, line.times, (railed, railed), wheels, vehicle)
+    railed = np.zeros(values.shape, bool)
+    values[:, np.all(line.times < settled, axis=0)] = np.nan
+    plan = schedule(values, line.times, (railed, railed), wheels, line.outputs, line.car)
     step = 1.0 / rate
     lines = (np.arange(_LINES) + 0.5) * math.pi / _LINES
     _, response = sosfreqz(sections, lines)
-    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
+    system = state_space(line.car, line.car.nominal, line.output_models)
     return replace(
         line,
         **plan._asdict(),
         wheels=wheels,
-        acceleration=acc,
-        cut=cut_by(np.abs(response) ** 2, len(plan.pairs), step, car),
+        values=values,
+        cut=missing_band(np.abs(response) ** 2, len(plan.pairs), step, system),
         notches=tuple(notches),
         doubt=None,
         began=line.instants[0] if line.began is None else line.began,

@@ -31,13 +31,13 @@ def clear_wheel(line: PreparedRecording, axle: int, corner: float | None) -> tup
     ----------
     line : PreparedRecording
         A recording.
-    axle : {0, 1}
-        Front or rear.
+    axle : int
+        Number of the input.
     corner : float or None
         Of the wheel's sensor, Hz.
     """
     wheel = line.wheels[axle]
-    noise = sample_noise(line, 2 * axle)
+    noise = sample_noise(line, line.inputs[axle])
     return wheel.knots, denoised(wheel.knots, wheel.spline(wheel.knots), noise, corner)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.parameters import CAR
-from bayes_asv.posterior.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
+from bayes_asv.models.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
 
 __all__ = ["Coordinates", "coordinates"]
 

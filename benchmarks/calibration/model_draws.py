@@ -17,7 +17,7 @@ from scipy.linalg import expm
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import PreparedRecording, build
 from benchmarks.calibration.cells import Cell
 from benchmarks.calibration.dense import suspension

@@ -17,7 +17,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.posterior.parameters import CAR
 from bayes_asv.preprocessing.coherence import coherence

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Learnt", "Reference", "learn", "learn_reference", "predict"]

@@ -14,7 +14,7 @@ from bayes_asv.analysis.run_consistency import SingleRunFit, run_alone
 from bayes_asv.domain.recording import Recording
 from bayes_asv.filters.noise_simulation import NORMALS, noise_path
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.parameters import CAR
 from bayes_asv.preprocessing.timeline import build
 from benchmarks.calibration import dense

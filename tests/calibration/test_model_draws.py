@@ -13,7 +13,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording, build
 from benchmarks.calibration.cells import MODEL, Cell, Group

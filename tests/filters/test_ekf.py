@@ -11,7 +11,7 @@ from bayes_asv.models.effects import EFFECTS, site
 from bayes_asv.posterior.effects import patterns, rows
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import lay_out
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from tests.posterior.cases import DECLARED, case, vehicle
 
 CASES = {

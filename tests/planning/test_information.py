@@ -13,7 +13,7 @@ from bayes_asv.planning.widths import known, widths
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.posterior.newton import derivatives
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from tests.posterior.cases import DECLARED, case, vehicle
 
 

@@ -16,7 +16,7 @@ from bayes_asv.planning.information import SEEN
 from bayes_asv.planning.limits import limit
 from bayes_asv.planning.pairs import pairs
 from bayes_asv.planning.widths import ANSWERS, GIVEN, Known, floors, known, passes_needed, widths
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.shipped import shipped
 
 Array = NDArray[np.float64]

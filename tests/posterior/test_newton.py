@@ -7,7 +7,7 @@ import pytest
 
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.newton import derivatives, find_mode
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import build
 from tests.posterior.cases import DECLARED, case, vehicle
 

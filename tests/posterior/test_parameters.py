@@ -7,7 +7,7 @@ import pytest
 
 from bayes_asv.domain.vehicle import Given
 from bayes_asv.filters import kalman as kernel
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.parameters import CAR
 from bayes_asv.preprocessing.timeline import PreparedRecording, build
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle

@@ -5,7 +5,7 @@ from __future__ import annotations
 from threadpoolctl import threadpool_info
 
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import build
 from tests.posterior.cases import EXACT, case, vehicle
 

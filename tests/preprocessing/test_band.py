@@ -16,7 +16,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, VALUE
-from bayes_asv.posterior.linear_simulation import left_in_band, simulate_free
+from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.preprocessing.band import check_band, limited, low_pass
 from bayes_asv.preprocessing.timeline import PreparedRecording, build

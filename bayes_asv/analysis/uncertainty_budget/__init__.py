@@ -8,13 +8,10 @@ does to the answers, ``budget`` the algebra, and ``find`` puts them together.
 """
 
 from bayes_asv.analysis.uncertainty_budget.budget_of_posterior import (
-    ANSWERS,
-    GIVEN,
     Answer,
     UncertaintyBudget,
-    by_answer,
     find_width,
 )
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Shift
 
-__all__ = ["ANSWERS", "GIVEN", "Answer", "Shift", "UncertaintyBudget", "by_answer", "find_width"]
+__all__ = ["Answer", "Shift", "UncertaintyBudget", "find_width"]

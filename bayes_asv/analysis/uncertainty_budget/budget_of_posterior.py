@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from bayes_asv.analysis.uncertainty_budget.noise_sources import (
     sources,
 )
 from bayes_asv.analysis.uncertainty_budget.sensitivity import (
+    answer_slopes,
     in_logs,
     information,
     jacobian,
@@ -26,20 +27,11 @@ from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.parameters import CAR
 
-__all__ = ["ANSWERS", "GIVEN", "Answer", "UncertaintyBudget", "by_answer", "find_width"]
+__all__ = ["Answer", "UncertaintyBudget", "find_width"]
 
 Array = NDArray[np.float64]
 
-GIVEN = ("m", "l", "wdf", "k_f", "k_r")
-# Each answer's logarithm by those of the parameters.
-ANSWERS: dict[str, dict[str, float]] = {
-    "c_f": {"c_f": 1.0},
-    "c_r": {"c_r": 1.0},
-    "i": {"i": 1.0},
-    "k_g": {"i": 0.5, "m": -0.5},
-}
 _NUDGE = 0.1  # in the logarithm of a variance, for derivatives
 
 
@@ -99,6 +91,8 @@ class UncertaintyBudget:
         What remedies and shifts count: CAR, and ``gain <channel>`` where a scale is uncertain.
     given_sd : (P,) array
         Relative deviation of each beforehand; zero where it is exact.
+    slopes : dict of str to (P,) array
+        Derivatives of the logarithm of each answer by those of the parameters.
     """
 
     answers: dict[str, Answer]
@@ -107,6 +101,11 @@ class UncertaintyBudget:
     runs: int
     parameters: tuple[str, ...]
     given_sd: Array
+    slopes: dict[str, Array] = field(default_factory=dict)
+
+    def by_answer(self, moved: Array) -> dict[str, float]:
+        """Relative shift of each answer from those of the parameters (P,)."""
+        return {name: float(g @ moved) for name, g in self.slopes.items()}
 
 
 def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBudget:
@@ -130,7 +129,8 @@ def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBu
     slopes = [jacobian(logs, z, run) for run in runs]
     budget = Budget(prior_sd(target, mode.z), information(slopes))
     known = parameters(logs)
-    car = target.space.car_dimension + len(known) - len(CAR)
+    gains = sum(c.kind == "gain" for c in target.space.coordinates)
+    car = target.space.car_dimension + gains
     noise_precision = np.asarray(np.linalg.inv(mode.covariance), np.float64)[car:, car:]
     white = all(colour.order == 0 for colour in target.colours)
     noises = sources(logs) if white else []
@@ -143,19 +143,15 @@ def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBu
     if any(lost_readings(line).any() for line in logs.space.timelines):
         bettered["lost readings"] = _all(found_again(logs, z), z)
     answers = {}
-    for name, parts in ANSWERS.items():
-        g = np.array([parts.get(parameter, 0.0) for parameter in known])
-        answers[name] = _answer(g, known, budget, nudged, bettered, len(runs))
+    slopes_of = answer_slopes(logs)
+    for name, g in slopes_of.items():
+        answers[name] = _answer(
+            g, known, target.space.car.estimated, budget, nudged, bettered, len(runs)
+        )
     shifts = find_shifts(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
-    return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd)
-
-
-def by_answer(moved: Array) -> dict[str, float]:
-    """Relative shift of each answer from those of the parameters (8,) in the order of CAR."""
-    return {
-        name: sum(weight * float(moved[CAR.index(part)]) for part, weight in parts.items())
-        for name, parts in ANSWERS.items()
-    }
+    return UncertaintyBudget(
+        answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of
+    )
 
 
 def _informed(source: Source, logs: Posterior, z: Array, factor: float) -> Array:
@@ -177,17 +173,18 @@ def _slope(source: Source, logs: Posterior, z: Array) -> Array:
 def _answer(
     g: Array,
     known: tuple[str, ...],
+    estimated: tuple[str, ...],
     budget: Budget,
     nudged: dict[str, Array],
     bettered: dict[str, Array],
     runs: int,
 ) -> Answer:
     """Budget of one answer."""
-    names = [*GIVEN, *known[len(CAR) :]]
+    names = [name for name in known if name not in estimated]
     given = {n: known.index(n) for n in names if budget.sd[known.index(n)] > 0.0}
     prior, data = budget.shares(g)
     shares = {name: float(prior[k]) for name, k in given.items()}
-    shares["prior"] = float(prior[:3].sum())
+    shares["prior"] = float(sum(prior[known.index(name)] for name in estimated))
     shares["data"] = data
     alone = budget.halving(g, [-1])
     return Answer(

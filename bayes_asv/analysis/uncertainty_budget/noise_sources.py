@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.linear_simulation import simulate_free
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Source", "found_again", "lost_readings", "sources"]
@@ -62,14 +61,17 @@ def sources(target: Posterior) -> list[Source]:
     """
     lines = target.space.timelines
     found = []
-    for c, channel in enumerate(CHANNELS):
-        names = [n for n in target.space.names if n.startswith(f"noise {channel} ")]
-        if not names:
-            continue  # the white-residual form knows no noise of the wheel sensors
-        found.append(Source(f"noise {channel}", 0.25, _noise(names)))
-        if any(line.steps[c] > 0.0 for line in lines):
-            found.append(Source(f"steps {channel}", 0.0, _lines(_steps(c))))
-    if any(np.any(line.spread[:, 2:] > 0.0) for line in lines):
+    names = list(dict.fromkeys(channel.name for line in lines for channel in line.channels))
+    for name in names:
+        levels = [
+            c.name for c in target.space.coordinates if c.kind == "noise" and c.channel == name
+        ]
+        if not levels:
+            continue  # with white residuals an input has no noise
+        found.append(Source(f"noise {name}", 0.25, _noise(levels)))
+        if any(line.steps[c] > 0.0 for line in lines for c in _numbers(line, name)):
+            found.append(Source(f"steps {name}", 0.0, _lines(_steps(name))))
+    if any(np.any(line.spread[:, len(line.wheels) :] > 0.0) for line in lines):
         found.append(Source("between samples", 0.0, _lines(_between)))
     found.append(Source("start", None, _lines(_start)))
     return found
@@ -79,8 +81,8 @@ def _noise(names: list[str]) -> Scaled:
     def scaled(target: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
         out = z.copy()
         for name in names:
-            k = target.space.names.index(name)
-            out[k] += 0.5 * math.log(factor) / target.space.scale[k]
+            k = target.space.index[name]
+            out[k] += 0.5 * math.log(factor) / target.space.coordinates[k].scale
         return target, out
 
     return scaled
@@ -94,10 +96,14 @@ def _lines(change: Callable[[PreparedRecording, float], PreparedRecording]) -> S
     return scaled
 
 
-def _steps(c: int) -> Callable[[PreparedRecording, float], PreparedRecording]:
+def _numbers(line: PreparedRecording, name: str) -> list[int]:
+    return [c for c, channel in enumerate(line.channels) if channel.name == name]
+
+
+def _steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]:
     def change(line: PreparedRecording, factor: float) -> PreparedRecording:
         steps = line.steps.copy()
-        steps[c] *= math.sqrt(factor)
+        steps[_numbers(line, name)] *= math.sqrt(factor)
         return replace(line, steps=steps)
 
     return change
@@ -105,7 +111,7 @@ def _steps(c: int) -> Callable[[PreparedRecording, float], PreparedRecording]:
 
 def _between(line: PreparedRecording, factor: float) -> PreparedRecording:
     spread = line.spread.copy()
-    spread[:, 2:] *= factor
+    spread[:, len(line.wheels) :] *= factor
     return replace(line, spread=spread)
 
 
@@ -114,7 +120,7 @@ def _start(line: PreparedRecording, factor: float) -> PreparedRecording:
 
 
 def lost_readings(line: PreparedRecording) -> Flags:
-    """Find chassis readings that were clipped, or missing beside one that was there.
+    """Find output readings that were clipped, or missing beside one that was there.
 
     Parameters
     ----------
@@ -123,13 +129,13 @@ def lost_readings(line: PreparedRecording) -> Flags:
 
     Returns
     -------
-    (E, 2) bool array
-        By instant and axle.  Rows that are missing as a whole are not counted.
+    (E, ny) bool array
+        By instant and output.  Rows that are missing as a whole are not counted.
     """
     lost: Flags = (line.kind != MISSING) & (line.kind != VALUE)
-    for axle in range(2):
-        alone = line.pairs[line.pairs[:, axle] < 0, 1 - axle]
-        lost[alone, axle] = True
+    for y in range(line.pairs.shape[1]):
+        beside = line.pairs[line.pairs[:, y] < 0].max(axis=1)
+        lost[beside, y] = True
     return lost
 
 
@@ -146,11 +152,10 @@ def found_again(target: Posterior, z: Array) -> Posterior:
     Posterior
         Only its information means anything: the new readings are simulated.
     """
-    car = target.space.cars(z[None])[0]
     lines = []
-    for line in target.space.timelines:
+    for run, line in enumerate(target.space.timelines):
         lost = lost_readings(line)
-        output = simulate_free(line, car).output
+        output = free_run(target, z, run).output
         lines.append(
             replace(
                 line,

@@ -1,10 +1,4 @@
-"""How the innovations of a run answer to the car's parameters.
-
-The innovations ν are linear in the readings, and to first order in the parameters near the
-mode.  With J = ∂ν/∂θ the data's information is F = JᵀJ (Gauss–Newton, the expected information
-of the mean), which needs no second derivatives and is never negative.  On the rig it gives the
-deviations of the mode's own curvature within a percent; a test holds it to that.
-"""
+"""Sensitivity of the innovations of a run to the car's parameters."""
 
 from __future__ import annotations
 
@@ -14,60 +8,76 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.models.car_model import CarModel
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.parameters import CAR
+from bayes_asv.posterior.parameters import CarPrior, Coordinate
 
-__all__ = ["in_logs", "information", "jacobian", "moved", "parameters", "prior_sd"]
+__all__ = ["answer_slopes", "in_logs", "information", "jacobian", "moved", "parameters", "prior_sd"]
 
 Array = NDArray[np.float64]
 
-_LOGS = tuple(name for name in CAR if name != "wdf")  # the order of a space's logarithms
-_PLACES = [(*_LOGS, "wdf").index(name) for name in CAR]  # of each parameter in such a point
-_MOVED = ("c_f", "c_r", "i", "k_f", "k_r", "wdf")  # what is differentiated; m and l follow
 _STEP = 1e-5  # relative: one-sided differences are good to about as much
 
 
+def _terms(car: CarModel) -> tuple[str, ...]:
+    """Independent unknowns of a car, in the order of its parameters."""
+    return tuple(dict.fromkeys(term[0] for p in car.parameters for term in p.terms))
+
+
+def _fractions(car: CarModel) -> tuple[str, ...]:
+    return tuple(p.name for p in car.parameters if p.kind == "fraction")
+
+
+def parameters(target: Posterior) -> tuple[str, ...]:
+    """Names of what an answer may depend on: unknowns of the car, and gains that are uncertain."""
+    gains = (c.name for c in target.space.coordinates if c.kind == "gain")
+    return (*_terms(target.space.car), *gains)
+
+
 def in_logs(target: Posterior, z: Array) -> tuple[Posterior, Array]:
-    """Return the same target with the car's own logarithms for coordinates.
+    """Return the same posterior with relative changes of the car's unknowns for coordinates.
 
     Parameters
     ----------
     target : Posterior
         In whitened coordinates, where a value given as exact has none.
     z : (D,) array
-        Where the logarithms are to be zero.
+        Where the changes are to be zero.
 
     Returns
     -------
     target : Posterior
-        Its first seven coordinates are log(θ/θ₀) of c_f, c_r, i, m, l, k_f, k_r, the next is
-        the weight share, and the others are as they were.  Its prior means nothing.
+        Its first coordinates are changes of the logarithms of the car's unknowns, then relative
+        changes of its fractions, then logarithms of gains; the others are as they were.  Its prior
+        means nothing.
     z : (D',) array
         The same point there.
     """
     space = target.space
-    car = dict(zip(CAR, space.cars(z[None])[0], strict=True))
-    other = [k for k, n in enumerate(space.names) if n != "wdf" and not n.startswith("car-")]
-    gains = len(parameters(target)) - len(CAR)  # they come first, and in logarithms themselves
-    scale, start = space.scale[other], z[other]
-    start[:gains] *= scale[:gains]
-    scale[:gains] = 1.0
-    turned = replace(
-        space,
-        names=(*(f"car-{k}" for k in range(len(_LOGS))), "wdf", *(space.names[k] for k in other)),
-        centre=np.concatenate([np.zeros(len(_LOGS)), [car["wdf"]], space.centre[other]]),
-        scale=np.concatenate([np.ones(len(_LOGS)), [car["wdf"]], scale]),
-        log_mean=np.log([car[name] for name in _LOGS]),
-        log_sd=np.ones(len(_LOGS)),
-        seen=np.eye(len(_LOGS)),
-        unseen=np.zeros((len(_LOGS), 0)),
-    )
-    return replace(target, space=turned), np.concatenate([np.zeros(len(CAR)), start])
-
-
-def parameters(target: Posterior) -> tuple[str, ...]:
-    """Names of what an answer may depend on: CAR, and the gains that are uncertain."""
-    return (*CAR, *(name for name in target.space.names if name.startswith("gain ")))
+    car, prior = space.car, space.prior
+    values = {name: float(x[0]) for name, x in space.values(z[None]).items()}
+    fractions = _fractions(car)
+    terms = [name for name in _terms(car) if name not in fractions]
+    root = np.zeros((len(prior.logs), len(terms)))
+    by_name = {p.name: p for p in car.parameters}
+    for a, name in enumerate(prior.logs):
+        for term, coefficient, _ in by_name[name].terms:
+            root[a, terms.index(term)] += coefficient
+    turned = CarPrior(
+        car, prior.logs, np.log([values[name] for name in prior.logs]), root,
+        np.eye(len(terms)), np.zeros((len(terms), 0)),
+    )  # fmt: skip
+    coordinates = [Coordinate("car", f"car-{k}") for k in range(len(terms))]
+    coordinates += [Coordinate("fraction", n, values[n], values[n]) for n in fractions]
+    start = [0.0] * len(coordinates)
+    for k, one in enumerate(space.coordinates):
+        if one.kind in ("car", "fraction"):
+            continue
+        gain = one.kind == "gain"
+        coordinates.append(replace(one, scale=1.0) if gain else one)
+        start.append(float(z[k]) * (one.scale if gain else 1.0))
+    moved_space = replace(space, coordinates=tuple(coordinates), prior=turned)
+    return replace(target, space=moved_space), np.array(start)
 
 
 def jacobian(target: Posterior, z: Array, run: int) -> Array:
@@ -82,39 +92,38 @@ def jacobian(target: Posterior, z: Array, run: int) -> Array:
 
     Returns
     -------
-    (2 E, 8) array
-        ∂ν/∂log θ in the order of :data:`~bayes_asv.posterior.parameters.CAR`.  The columns of
-        m and l follow from those of the others: scaling m, i, every c and every k by one
-        factor changes no acceleration, nor does i in proportion to l².
+    (ny E, P) array
+        ∂ν/∂log θ in the order of :func:`parameters`.
     """
     middle = target.innovations(z, run).ravel()
-    names = parameters(target)
-    out = np.zeros((len(middle), len(names)))
-    for name in (*_MOVED, *names[len(CAR) :]):
-        away = np.zeros(len(names))
-        away[names.index(name)] = _STEP
-        beyond = target.innovations(moved(z, away), run).ravel()
-        out[:, names.index(name)] = (beyond - middle) / _STEP
-    scaled = [CAR.index(name) for name in ("c_f", "c_r", "i", "k_f", "k_r")]
-    out[:, CAR.index("m")] = -out[:, scaled].sum(axis=1)
-    out[:, CAR.index("l")] = -2.0 * out[:, CAR.index("i")]
+    count = len(parameters(target))
+    out = np.zeros((len(middle), count))
+    for k in range(count):
+        away = np.zeros(count)
+        away[k] = _STEP
+        out[:, k] = (target.innovations(moved(target, z, away), run).ravel() - middle) / _STEP
     return out
 
 
-def moved(z: Array, away: Array) -> Array:
+def moved(target: Posterior, z: Array, away: Array) -> Array:
     """Move a point of :func:`in_logs` by relative changes (P,) of :func:`parameters`."""
+    car = target.space.car
+    fractions = _fractions(car)
+    terms = [name for name in _terms(car) if name not in fractions]
+    order = (*terms, *fractions, *parameters(target)[len(_terms(car)) :])
     out = z.copy()
-    out[[*_PLACES, *range(len(CAR), len(away))]] += away
+    for name, change in zip(parameters(target), away, strict=True):
+        out[order.index(name)] += change
     return out
 
 
 def information(slopes: Sequence[Array]) -> Array:
-    """Information (8, 8) of all runs from their Jacobians."""
+    """Information (P, P) of all runs from their Jacobians."""
     return np.asarray(np.sum([j.T @ j for j in slopes], axis=0))
 
 
 def prior_sd(target: Posterior, z: Array) -> Array:
-    """Relative deviation (8,) of each parameter beforehand, zero where it is exact.
+    """Relative prior standard deviation (P,) of each parameter, zero where it is exact.
 
     Parameters
     ----------
@@ -122,10 +131,25 @@ def prior_sd(target: Posterior, z: Array) -> Array:
         In whitened coordinates, at the mode.
     """
     space = target.space
-    logs = dict(zip(_LOGS, space.log_sd, strict=True))
-    share = 0.0
-    if "wdf" in space.names:
-        value = space.cars(z[None])[0][CAR.index("wdf")]
-        share = float(space.scale[space.names.index("wdf")] / value)
-    gains = [space.scale[space.names.index(name)] for name in parameters(target)[len(CAR) :]]
-    return np.array([*(share if name == "wdf" else float(logs[name]) for name in CAR), *gains])
+    sd = {term[0]: term[2] for p in space.car.parameters for term in p.terms}
+    values = space.values(z[None])
+    for name in _fractions(space.car):
+        sd[name] /= float(values[name][0])
+    sd |= {c.name: c.scale for c in space.coordinates if c.kind == "gain"}
+    return np.array([sd[name] for name in parameters(target)])
+
+
+def answer_slopes(target: Posterior) -> dict[str, Array]:
+    """Derivatives (P,) of the logarithm of each answer by those of :func:`parameters`."""
+    car = target.space.car
+    known = parameters(target)
+    by_name = {p.name: p for p in car.parameters}
+    answers = {name: {name: 1.0} for name in car.estimated} | dict(car.ratios)
+    out = {}
+    for answer, parts in answers.items():
+        g = np.zeros(len(known))
+        for name, weight in parts.items():
+            for term, coefficient, _ in by_name[name].terms:
+                g[known.index(term)] += weight * coefficient
+        out[answer] = g
+    return out

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, ORDER, VALUE
 from bayes_asv.filters.one_pole import low_passed
@@ -56,16 +55,22 @@ class Fault:
         return f"{self.kind} {self.channel}"
 
 
-def faults(vehicle: Vehicle) -> list[Fault]:
-    """List the faults that this vehicle's sensors may have."""
-    found = [Fault("gain", channel, _GAIN) for channel in CHANNELS]
-    found += [Fault("delay", channel, _DELAY) for channel in CHANNELS]
+def faults(line: PreparedRecording, vehicle: Vehicle) -> list[Fault]:
+    """List the faults that the sensors of a recording may have."""
+    names = [channel.name for channel in line.channels]
+    found = [Fault("gain", name, _GAIN) for name in names]
+    found += [Fault("delay", name, _DELAY) for name in names]
     found += [
-        Fault("bandwidth", channel, _BANDWIDTH)
-        for channel in CHANNELS
-        if vehicle.sensor(channel).bandwidth is not None
+        Fault("bandwidth", name, _BANDWIDTH)
+        for name in names
+        if vehicle.sensor(name).bandwidth is not None
     ]
-    return found + [Fault("place", channel, _PLACE) for channel in CHANNELS[1::2]]
+    placed = [channel for channel in line.channels if channel.part == "body"]
+    return found + [
+        Fault("place", channel.name, _PLACE)
+        for channel in placed
+        if channel.quantity == "acceleration" and _to_pitch(line) is not None
+    ]
 
 
 def with_fault(line: PreparedRecording, fault: Fault, vehicle: Vehicle) -> PreparedRecording:
@@ -78,35 +83,61 @@ def with_fault(line: PreparedRecording, fault: Fault, vehicle: Vehicle) -> Prepa
     fault : Fault
         What is wrong with one sensor.
     vehicle : Vehicle
-        Gives declared bandwidths and the wheelbase.
+        Gives declared bandwidths.
 
     Returns
     -------
     PreparedRecording
         With other readings of one channel, to first order in the size of the fault.
     """
-    c = CHANNELS.index(fault.channel)
-    axle = c // 2
+    c = [channel.name for channel in line.channels].index(fault.channel)
     corner = vehicle.sensor(fault.channel).bandwidth
-    if c % 2 == 0:
-        wheel = line.wheels[axle]
+    if c in line.inputs:
+        u = line.inputs.index(c)
+        wheel = line.wheels[u]
         change = _change(fault, wheel.knots, wheel.spline(wheel.knots), corner)
         signal = WheelSignal(CubicSpline(wheel.knots, change), wheel.knots, wheel.deviation)
         driven = line.moments.copy()
-        driven[:, axle] += moments(signal, line.instants, ORDER)
+        driven[:, u] += moments(signal, line.instants, ORDER)
         return replace(line, moments=driven)
-    there = line.kind[:, axle] != MISSING
-    time, reading = line.instants[there], line.reading[there, axle]
+    y = line.outputs.index(c)
+    there = line.kind[:, y] != MISSING
+    time, reading = line.instants[there], line.reading[there, y]
     if fault.kind == "place":
-        other = line.kind[:, 1 - axle] == VALUE
-        beyond = CubicSpline(line.instants[other], line.reading[other, 1 - axle])(time)
-        ahead = 1.0 if axle == 0 else -1.0
-        change = ahead * fault.size / vehicle.l.value * (reading - beyond)
+        change = fault.size * _pitch_acceleration(line, y, time)
     else:
         change = _change(fault, time, reading, corner)
     readings = line.reading.copy()
-    readings[there, axle] += change
+    readings[there, y] += change
     return replace(line, reading=readings)
+
+
+def _to_pitch(line: PreparedRecording) -> Array | None:
+    """Weights (ny,) that make a pitch acceleration of the outputs, or None where they cannot."""
+    if "pitch" not in line.car.coordinates:
+        return None
+    nominal = line.car.nominal
+    rows = np.zeros((len(line.outputs), len(line.car.coordinates)))
+    for y, c in enumerate(line.outputs):
+        if line.channels[c].quantity == "acceleration":
+            rows[y] = line.car.point(nominal, line.channels[c])[0]
+    axis = line.car.coordinates.index("pitch")
+    weights = np.linalg.pinv(rows)[axis]
+    return weights if abs(float(weights @ rows[:, axis]) - 1.0) < 1e-6 else None
+
+
+def _pitch_acceleration(line: PreparedRecording, own: int, time: Array) -> Array:
+    """Pitch acceleration (rad/s²) from all outputs at the times of one of them."""
+    weights = _to_pitch(line)
+    assert weights is not None
+    out = np.zeros(len(time))
+    for y, weight in enumerate(weights):
+        if weight == 0.0:
+            continue
+        use = line.kind[:, y] != MISSING if y == own else line.kind[:, y] == VALUE
+        at, reading = line.instants[use], line.reading[use, y]
+        out += weight * (reading if y == own else CubicSpline(at, reading)(time))
+    return out
 
 
 def _change(fault: Fault, time: Array, signal: Array, corner: float | None) -> Array:

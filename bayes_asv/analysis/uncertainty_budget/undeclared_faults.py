@@ -24,7 +24,6 @@ from bayes_asv.analysis.uncertainty_budget.sensitivity import (
 from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, faults, with_fault
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.parameters import CAR
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["HIDDEN", "Linearised", "Shift", "find_shifts"]
@@ -126,12 +125,12 @@ def find_shifts(there: Linearised, vehicle: Vehicle) -> list[Shift]:
     """
     lines = there.logs.space.timelines
     found = []
-    for k, name in enumerate(CAR):
+    for k, name in enumerate(parameters(there.logs)):
         if there.budget.sd[k] == 0.0:
             own = -_OFF * np.eye(len(there.budget.sd))[k]  # held that much below the truth
             found.append(_shift(there, Fault("given", name, _OFF), lines, own))
     declared = parameters(there.logs)
-    for fault in faults(vehicle):
+    for fault in faults(lines[0], vehicle):
         if fault.name in declared:
             continue  # no surprise: it is among the parameters
         faulty = tuple(with_fault(line, fault, vehicle) for line in lines)
@@ -179,12 +178,12 @@ def _settled(there: Linearised, target: Posterior, own: Array, away: Array) -> A
     runs, sd = range(len(there.slopes)), there.budget.sd
     z = there.z.copy()
     for _ in range(_ROUNDS):
-        slope, curvature = _noise_slope(there, target, moved(z, own + away))
+        slope, curvature = _noise_slope(there, target, moved(target, z, own + away))
         step = np.linalg.solve(curvature, slope - there.still[1])
         if not np.all(np.isfinite(step)):
             break
         z[len(sd) :] += step
-        at = moved(z, own + away)
+        at = moved(target, z, own + away)
         slopes = [jacobian(target, at, run) for run in runs]
         pull = (
             np.divide(away, sd**2, out=np.zeros(len(there.budget.sd)), where=sd > 0.0)

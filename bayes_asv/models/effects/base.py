@@ -10,10 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from bayes_asv.models.car_model import CarModel
 
 __all__ = ["AXLES", "BOTH", "Effect", "Form", "Parameter", "Scale", "Site"]
 
@@ -137,6 +140,20 @@ class Effect:
         On both axles each gets half of the first parameter, in place of all of it.
     travel : bool
         The law depends on where the suspension is, so that it matters where that is at rest.
+    on_car : callable or None
+        Changes the car's parameters by name (each (W,)) in place, given the effect's own values,
+        its place and the car.
+    on_gain, on_pole : callable or None
+        From the effect's values to the factor (W,) on the gain of the channel, or on the pole that
+        the sensor's own noise passed.
+    fault : {'', 'lag', 'bandwidth', 'drift'}
+        What it does to the samples of a channel, see :mod:`bayes_asv.posterior.effects`.
+    one_sided : bool
+        There cannot be less than nothing of it.
+    stops : {'', 'compression', 'extension'}
+        The motion that it stops.
+    in_one_run : bool
+        It acts in one recording only, at a time of its own.
     """
 
     name: str
@@ -153,6 +170,13 @@ class Effect:
     drive: str = ""
     halved: bool = False
     travel: bool = False
+    on_car: Callable[[dict[str, Array], Mapping[str, Array], str, CarModel], None] | None = None
+    on_gain: Callable[[Mapping[str, Array]], Array] | None = None
+    on_pole: Callable[[Mapping[str, Array]], Array] | None = None
+    fault: Literal["", "lag", "bandwidth", "drift"] = ""
+    one_sided: bool = False
+    stops: Literal["", "compression", "extension"] = ""
+    in_one_run: bool = False
 
     def slightly(self, scale: Scale) -> dict[str, float]:
         """Values at one tolerance, for one car."""
@@ -200,6 +224,10 @@ class Site:
     def key(self) -> tuple[str, int | None]:
         """What tells it from every other site."""
         return str(self), self.run
+
+    def elements(self, car: CarModel) -> tuple[int, ...]:
+        """Numbers of the suspension elements of a car at which it acts; none for a sensor."""
+        return car.elements_at(self.where) if self.where else ()
 
     @property
     def axles(self) -> tuple[str, ...]:

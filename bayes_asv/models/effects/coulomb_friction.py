@@ -32,6 +32,7 @@ EFFECT = Effect(
         Parameter("slip", "m/s", "log", 0.01, 0.7, (0.01,), shape=True),
     ),
     slight={"force": 0.0015, "slip": 0.01},
+    one_sided=True,
     code=COULOMB,
     packed=_packed,
     force=_force,

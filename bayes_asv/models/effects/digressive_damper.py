@@ -59,6 +59,7 @@ EFFECT = Effect(
     slight={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
     straight=_straight,
     times=_times,
+    one_sided=True,
     code=DIGRESSIVE,
     packed=_packed,
     force=_force,

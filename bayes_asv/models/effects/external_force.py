@@ -31,5 +31,6 @@ EFFECT = Effect(
     code=OUTSIDE,
     packed=_packed,
     halved=True,
+    in_one_run=True,
     drive="the same drive again: a push will not come back",
 )

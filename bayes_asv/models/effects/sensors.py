@@ -18,6 +18,7 @@ GAIN = Effect(
     sites=CHANNELS,
     parameters=(Parameter("factor", "", "log", 1.0, 0.1, (1.0,)),),
     slight={"factor": 1.003},
+    on_gain=lambda values: values["factor"],
     drive="turn the sensor over on a level table: it must read plus and minus one g",
 )
 # A board may be late by a sample or two at 400 Hz: under a prior of 1 ms a lag of 5 ms had been two
@@ -29,6 +30,7 @@ LAG = Effect(
     sites=CHANNELS,
     parameters=(Parameter("lag", "s", "linear", 0.0, 2.5e-3, (0.0,)),),
     slight={"lag": 1.5e-5},
+    fault="lag",
     drive="shake all sensors on one plate",
 )
 BANDWIDTH = Effect(
@@ -38,6 +40,8 @@ BANDWIDTH = Effect(
     sites=CHANNELS,
     parameters=(Parameter("bandwidth", "share", "log", 1.0, 0.4, (1.0,)),),
     slight={"bandwidth": 1.02},
+    on_pole=lambda values: values["bandwidth"],  # its own noise passes the one it has
+    fault="bandwidth",
     drive="shake all sensors on one plate",
 )
 DRIFT = Effect(
@@ -47,5 +51,6 @@ DRIFT = Effect(
     sites=CHANNELS,
     parameters=(Parameter("slope", "m/s^3", "linear", 0.0, 0.5, (0.0,)),),
     slight={"slope": 0.005},
+    fault="drift",
     drive="leave the car parked for a minute",
 )

@@ -53,6 +53,7 @@ def _stop(name: str, title: str, code: int, sign: float, drive: str) -> Effect:
         force=_force(sign),
         drive=drive,
         travel=True,
+        stops="compression" if sign < 0.0 else "extension",
     )
 
 

@@ -23,7 +23,7 @@ from bayes_asv.filters.kalman_roll import rolling_pass
 from bayes_asv.models.from_vehicle import roll_car
 from bayes_asv.models.roll_car import RollCar, deflections, warp
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.priors import (
+from bayes_asv.models.priors import (
     DAMPING_FACTOR,
     INERTIA_FACTOR,
     NOISE_GIVEN_SD,

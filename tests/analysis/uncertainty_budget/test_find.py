@@ -23,7 +23,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.posterior.newton import find_mode
-from bayes_asv.posterior.parameter_space import space
+from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.parameters import CAR
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.rig import SensorSpec
