@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 __all__ = [
-    "BODY_CHANNELS", "CHANNELS", "DEFAULT_CHANNELS", "ROLL_CHANNELS", "TRAVEL_CHANNELS", "Channel",
+    "BODY_CHANNELS", "CHANNELS", "DEFAULT_CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS", "TRAVEL_CHANNELS", "Channel",
     "channel",
 ]  # fmt: skip
 
@@ -61,7 +61,7 @@ class Channel:
     def dimension(self) -> str:
         """Physical dimension of its readings, as :mod:`bayes_asv.domain.units` names it."""
         return {
-            "acceleration": "acceleration", "angular_rate": "angular_rate", "deflection": "length",
+            "acceleration": "acceleration", "angular_rate": "angular_rate", "deflection": "deflection",
         }[self.quantity]  # fmt: skip
 
     @property
@@ -125,6 +125,10 @@ CHANNELS: Final = tuple(one.name for one in DEFAULT_CHANNELS)
 
 ROLL_CHANNELS: Final = tuple(one.name for one in ROLL_CAR_CHANNELS)
 """Names of the channels of a car that rolls."""
+
+
+KNOWN_CHANNELS: Final = tuple(_KNOWN)
+"""Names of all channels."""
 
 
 def channel(name: str) -> Channel:

@@ -342,8 +342,13 @@ def read_vehicle(path: PathLike) -> Vehicle:
         ),
         corner_sensors=tuple(
             (name, _to_sensor(table))
-            for name in ROLL_CHANNELS
+            for name in type(tables.sensors).model_fields
             if name not in CHANNELS and (table := getattr(tables.sensors, name)) is not None
+        ),
+        channels=tuple(
+            replace(known_channel(name), position=table.position.value)
+            for name in type(tables.channels).model_fields
+            if (table := getattr(tables.channels, name)) is not None
         ),
         unsprung=None if tables.unsprung is None else _to_unsprung(tables.unsprung),
         roll=None if tables.roll is None else _to_roll(tables.roll),

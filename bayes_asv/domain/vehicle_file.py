@@ -65,11 +65,35 @@ class SensorTable(_Table):
 
     zero_counts: Annotated[float | None, unitless] = None
     counts_scale: Annotated[Measured | None, given("acceleration", "counts_scale")] = None
-    range: Annotated[RangeSI | None, reading_range] = None
+    range: Annotated[RangeSI | None, reading_range("acceleration")] = None
     noise: Annotated[Measured | None, without_sd("acceleration")] = None
     resolution: Annotated[Measured | None, without_sd("acceleration")] = None
     bandwidth: Annotated[Measured | None, without_sd("frequency")] = None
     delay: Annotated[Measured | None, without_sd("time", "delay")] = None
+
+
+class TravelSensorTable(SensorTable):
+    """``[sensors.<channel>]`` of a suspension deflection."""
+
+    counts_scale: Annotated[Measured | None, given("deflection", "counts_scale")] = None
+    range: Annotated[RangeSI | None, reading_range("deflection")] = None
+    noise: Annotated[Measured | None, without_sd("deflection")] = None
+    resolution: Annotated[Measured | None, without_sd("deflection")] = None
+
+
+class RateSensorTable(SensorTable):
+    """``[sensors.<channel>]`` of an angular rate."""
+
+    counts_scale: Annotated[Measured | None, given("angular_rate", "counts_scale")] = None
+    range: Annotated[RangeSI | None, reading_range("angular_rate")] = None
+    noise: Annotated[Measured | None, without_sd("angular_rate")] = None
+    resolution: Annotated[Measured | None, without_sd("angular_rate")] = None
+
+
+class ChannelTable(_Table):
+    """``[channels.<channel>]``: where a sensor on the body sits."""
+
+    position: Annotated[Measured, without_sd("deflection", "position")]
 
 
 class UnsprungTable(_Table):
@@ -107,6 +131,20 @@ class SensorsTable(_Table):
     rear_right_wheel: SensorTable | None = None
     front_left_chassis: SensorTable | None = None
     front_right_chassis: SensorTable | None = None
+    front_travel: TravelSensorTable | None = None
+    rear_travel: TravelSensorTable | None = None
+    front_left_travel: TravelSensorTable | None = None
+    front_right_travel: TravelSensorTable | None = None
+    rear_left_travel: TravelSensorTable | None = None
+    rear_right_travel: TravelSensorTable | None = None
+    body_vertical: SensorTable | None = None
+    body_pitch_rate: RateSensorTable | None = None
+
+
+class ChannelsTable(_Table):
+    """``[channels]``: sensors on the body that do not sit above an axle."""
+
+    body_vertical: ChannelTable | None = None
 
 
 class VehicleTables(_Table):
@@ -118,6 +156,7 @@ class VehicleTables(_Table):
     nominal: NominalTable
     travel: TravelTable = TravelTable()
     sensors: SensorsTable = SensorsTable()
+    channels: ChannelsTable = ChannelsTable()
     unsprung: UnsprungTable | None = None
     roll: RollTable | None = None
 
@@ -203,7 +242,7 @@ def _key_path(place: tuple[int | str, ...]) -> str:
     parts = [str(part) for part in place]
     if len(parts) <= 1:
         return f"[{parts[0]}]" if parts and parts[0] in _TABLES else "".join(parts) or "top level"
-    if parts[0] == "sensors" and len(parts) == 2:
+    if parts[0] in ("sensors", "channels") and len(parts) == 2:
         return f"[{'.'.join(parts)}]"
     return f"[{'.'.join(parts[:-1])}] {parts[-1]}"
 
@@ -212,4 +251,6 @@ _TABLE_TYPES: Final[tuple[tuple[str, type[BaseModel]], ...]] = (
     ("known", KnownTable), ("nominal", NominalTable), ("travel", TravelTable),
     ("unsprung", UnsprungTable), ("roll", RollTable),
 )  # fmt: skip
-_TABLES: Final = frozenset({"known", "nominal", "travel", "sensors", "unsprung", "roll"})
+_TABLES: Final = frozenset(
+    {"known", "nominal", "travel", "sensors", "channels", "unsprung", "roll"}
+)

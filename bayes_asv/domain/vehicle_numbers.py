@@ -41,10 +41,12 @@ _PLAUSIBLE_RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "damping": (1e-6, 1e10),
     "pitch_inertia": (1e-9, 1e10),
     "acceleration": (1e-9, 1e7),
+    "angular_rate": (1e-9, 1e4),
+    "deflection": (0.0, 1e3),
     "frequency": (1e-3, 1e7),
     "time": (0.0, 1.0),
 }
-_SIGNED: Final = frozenset({"counts_scale", "delay"})  # negative for a sensor mounted upside down
+_SIGNED: Final = frozenset({"counts_scale", "delay", "position"})  # may be negative
 _MAX_RELATIVE_SD: Final = 1.0  # a given value with more than this is not informative
 _MAX_RELATIVE_PRIOR_SD: Final = 10.0
 
@@ -93,6 +95,8 @@ _SI: Final = {
     "damping": "N*s/m",
     "pitch_inertia": "kg*m^2",
     "acceleration": "m/s^2",
+    "angular_rate": "rad/s",
+    "deflection": "m",
     "frequency": "Hz",
     "time": "s",
     "dimensionless": "1",
@@ -178,17 +182,17 @@ def _quantity(
     return Measured(value, sd)
 
 
-def _range(raw: object) -> RangeSI:
+def _range(dimension: str, raw: object) -> RangeSI:
     """Read ``{ low, high, unit }``, or ``{ value, unit }`` for a symmetric range."""
     if isinstance(raw, str) or (isinstance(raw, Mapping) and "value" in raw):
-        one = _quantity("acceleration", "range", None, True, raw)
+        one = _quantity(dimension, "range", None, True, raw)
         return RangeSI(-one.value, one.value)
     if not isinstance(raw, Mapping):
         raise _error("is not a range", 'write { low = -20, high = 20, unit = "m/s^2" }')
     _check_keys(raw, ("low", "high", "unit", "value"))
     if "low" not in raw and "high" not in raw:
         raise _error("has neither low nor high", 'write { low = -20, high = 20, unit = "m/s^2" }')
-    factor = _factor(raw.get("unit"), "acceleration")
+    factor = _factor(raw.get("unit"), dimension)
     low = _number(raw["low"], "low") * factor if "low" in raw else -math.inf
     high = _number(raw["high"], "high") * factor if "high" in raw else math.inf
     if not low < high:
@@ -213,5 +217,8 @@ def without_sd(dimension: str, name: str = "") -> Any:
 
 unitless: Final = PlainValidator(_number)
 """A number without a unit."""
-reading_range: Final = PlainValidator(_range)
-"""Lower and upper limit of the readings."""
+
+
+def reading_range(dimension: str) -> Any:
+    """Validate the lower and upper limit of the readings."""
+    return PlainValidator(partial(_range, dimension))

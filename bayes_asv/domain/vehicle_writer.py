@@ -76,32 +76,37 @@ def to_toml(vehicle: Vehicle) -> str:
             lines += [line(key, bar, "stiffness")] if bar else []
         if roll.front_sensors is not None:
             lines.append(line("front_sensors", roll.front_sensors, "length"))
-    acceleration = si_factor(units["acceleration"], "acceleration")
+    for channel in vehicle.channels:
+        if channel.position is not None:
+            entry = line("position", channel.position, "length")
+            lines += ["", f"[channels.{channel.name}]", entry]
     mounted = (*zip(CHANNELS, vehicle.sensors, strict=True), *vehicle.corner_sensors)
-    for channel, sensor in mounted:
+    for name, sensor in mounted:
         table = []
+        dimension = vehicle.channel(name).dimension
+        factor = si_factor(units[dimension], dimension)
         if sensor.zero_counts is not None:
             table.append(f"zero_counts = {_shortest(sensor.zero_counts, 1.0)}")
         if sensor.counts_scale is not None:
             sd = sensor.counts_scale_sd
-            table.append(line("counts_scale", sensor.counts_scale, "acceleration", sd))
+            table.append(line("counts_scale", sensor.counts_scale, dimension, sd))
         ends = [
-            f"{end} = {_shortest(value, acceleration)}"
+            f"{end} = {_shortest(value, factor)}"
             for end, value in (("low", sensor.low), ("high", sensor.high))
             if math.isfinite(value)
         ]
         if ends:
-            table.append(f'range = {{ {", ".join(ends)}, unit = "{units["acceleration"]}" }}')
+            table.append(f'range = {{ {", ".join(ends)}, unit = "{units[dimension]}" }}')
         for key, value, of in (
-            ("noise", sensor.noise, "acceleration"),
-            ("resolution", sensor.resolution, "acceleration"),
+            ("noise", sensor.noise, dimension),
+            ("resolution", sensor.resolution, dimension),
             ("bandwidth", sensor.bandwidth, "frequency"),
             ("delay", sensor.delay or None, "time"),
         ):
             if value is not None:
                 table.append(line(key, value, of))
         if table:
-            lines += ["", f"[sensors.{channel}]", *table]
+            lines += ["", f"[sensors.{name}]", *table]
     return "\n".join(lines) + "\n"
 
 

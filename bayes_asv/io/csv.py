@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
+from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, ROLL_CHANNELS, channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, write_atomically
-from bayes_asv.domain.recording import COUNTS, acceleration_factor, parse_rate
+from bayes_asv.domain.recording import COUNTS, check_unit, parse_rate
 from bayes_asv.domain.units import si_factor
 from bayes_asv.io.text import (
     build_recording,
@@ -151,10 +151,7 @@ def _split(line: str, separator: str, where: str) -> list[str]:
 
 
 def _columns(header: Sequence[str], where: str) -> tuple[dict[str, _Column], list[str]]:
-    """Return the columns by name in channel order, and the names of the ignored columns.
-
-    A header with channels of single corners belongs to a recording of the roll car.
-    """
+    """Return the columns by name in channel order, and the names of the ignored columns."""
     if len(header) > _MAX_COLUMNS:
         raise InputError(where, f"has {len(header)} columns", "keep time and the channels")
     cells = [re.fullmatch(r"([^\[\]()]*)(?:[\[(]([^\[\]]*)[\])])?", c.strip()) for c in header]
@@ -162,28 +159,41 @@ def _columns(header: Sequence[str], where: str) -> tuple[dict[str, _Column], lis
         re.sub(r"[\s_-]+", "_", (match[1] if match else cell).strip().lower())
         for match, cell in zip(cells, header, strict=True)
     ]
-    corners = sum(name in ROLL_CHANNELS for name in given)
-    wanted = ROLL_CHANNELS if corners > sum(name in CHANNELS for name in given) else CHANNELS
     columns: dict[str, _Column] = {}
     ignored = []
     for index, (cell, match, name) in enumerate(zip(header, cells, given, strict=True)):
-        if match is None or name not in ("time", *wanted):
+        if match is None or name not in ("time", *KNOWN_CHANNELS):
             if name:
                 ignored.append(cell.strip()[:40])
             continue
         if name in columns:
             raise InputError(where, f"column {name} occurs twice", "keep one of them")
         columns[name] = _Column(name, match[2], index)
-    missing = [name for name in wanted if name not in columns]
-    if len(missing) == len(wanted):
+    found = [name for name in columns if name != "time"]
+    if not found:
         raise InputError(where, "is not the header of a recording", f"write: {_HEADER}")
-    if missing:
+    _check_complete(found, ignored, where)
+    order = [name for name in ("time", *KNOWN_CHANNELS) if name in columns]
+    return {name: columns[name] for name in order}, ignored
+
+
+def _check_complete(found: Sequence[str], ignored: Sequence[str], where: str) -> None:
+    """Refuse columns of which a car model lacks a measured input, or has nothing to explain."""
+    corners = sum(name in ROLL_CHANNELS for name in found)
+    expected = ROLL_CHANNELS if corners > sum(name in CHANNELS for name in found) else CHANNELS
+    inputs = [name for name in expected if channel(name).is_input]
+    missing = [name for name in inputs if name not in found]
+    if len(missing) == len(inputs) or all(channel(name).is_input for name in found):
+        missing = [name for name in expected if name not in found]
+    elif expected is CHANNELS and len(missing) == 1:  # one axle alone is a quarter car
+        axle = channel(missing[0]).axle
+        if all(channel(name).axle not in (axle, None) for name in found):
+            return
+    if missing and not all(name in found for name in inputs):
         names = {cell.split("[")[0].strip().lower(): cell for cell in ignored}
         near = closest(missing[0], names)
         fix = f"rename {names[near]} to {missing[0]}" if near else "add it with its unit"
         raise InputError(where, f"column {missing[0]} is missing", fix)
-    order = [name for name in ("time", *wanted) if name in columns]
-    return {name: columns[name] for name in order}, ignored
 
 
 def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:
@@ -193,12 +203,12 @@ def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:
             continue
         unit = column.unit
         if unit is None or not unit.strip():
-            raise InputError(where, f"column {name} has no unit", f"write {name} [m/s^2]")
+            raise InputError(where, f"column {name} has no unit", f"write {name} [{channel(name).si_unit}]")
         unit = unit.strip()
         if unit.lower() in _COUNT_UNITS:
             unit = COUNTS
         else:
-            acceleration_factor(unit, f"{where}: {name}")
+            check_unit(name, unit, f"{where}: {name}")
         units.append(unit)
     return tuple(units)
 

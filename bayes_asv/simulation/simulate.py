@@ -1,53 +1,55 @@
-"""Simulated recordings of the half car and of the roll car, and the response of any linear car."""
+"""Simulated recordings of any car over a road, and the response of linear systems."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
+from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
-from bayes_asv.domain.units import si_factor
+from bayes_asv.domain.units import display_units, si_factor
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.assembly import SecondOrder, state_form
+from bayes_asv.models.car_model import CarModel, Output, state_space
+from bayes_asv.models.cars import car_model
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.from_vehicle import roll_car
-from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
-from bayes_asv.models.roll_car import RollCar, deflections
+from bayes_asv.models.half_car import LinearSystem
 from bayes_asv.simulation.roads import Road
 
-__all__ = ["Drive", "response", "simulate", "simulate_roll"]
+__all__ = ["Drive", "response", "simulate"]
 
 Array = NDArray[np.float64]
 
-_INTEGRATION_RATE = 10_000.0  # Hz, of hubs, chassis and sensor filters
+_INTEGRATION_RATE = 10_000.0  # Hz, of hubs, body and sensor filters
 _REST = 0.5  # s at standstill before the road begins
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A simulated drive of the half car (C = 4, A = 2) or of the roll car (C = 7, A = 4).
+    """A simulated drive of a car with C channels and E suspension elements.
 
     Parameters
     ----------
     recording : Recording
-        Readings of the C sensors, in in/s², m/s² or counts.
+        Readings of the sensors, in in/s², m/s² or counts, in or mm, deg/s.
     time : (M,) array
         Integration grid, s.
-    deflection : (M, A) array
+    deflection : (M, E) array
         Suspension deflections, extension positive, m.
-    acceleration : (C, M) array
-        True accelerations in channel order, before the sensors, m/s².
+    truth : (C, M) array
+        True quantities in channel order, before the sensors, SI units.
     """
 
     recording: Recording
     time: Array
     deflection: Array
-    acceleration: Array
+    truth: Array
 
 
 def simulate(
@@ -57,80 +59,40 @@ def simulate(
     rate: float = 400.0,
     seconds: float = 2.5,
     seed: int = 0,
-    car: HalfCar | None = None,
+    car: str = "half",
+    values: Mapping[str, float] | None = None,
+    channels: Sequence[str] | None = None,
+    right: Road | None = None,
+    skew: float = 0.0,
 ) -> Drive:
-    """Simulate a recording of the half car over a road.
+    """Simulate a recording of a car over a road.
 
-    The hubs follow the road, the rear one a wheelbase behind the front one.  The chassis responds
-    as the linear half car.  Each sensor filters, delays, adds noise, saturates and quantizes as
-    declared in the vehicle file; what the file leaves out is ideal.
+    The hubs follow the road, the rear ones a wheelbase behind the front ones.  The body responds
+    as the linear car.  Each sensor filters, delays, adds noise, saturates and quantizes as declared
+    in the vehicle file; what the file leaves out is ideal.
 
     Parameters
     ----------
     vehicle : Vehicle
         Nominal values and sensors.
     road : Road
-        From :func:`bayes_asv.simulation.roads.road`.
+        From :func:`bayes_asv.simulation.roads.road`; its speed is that of the car.
     rate : float
         Sampling rate, Hz.
     seconds : float
         Length of the recording.
     seed : int
         Seed of the sensor noise.
-    car : HalfCar, optional
-        Parameters other than the nominal ones, SI units.
-
-    Returns
-    -------
-    Drive
-    """
-    rng = np.random.default_rng([seed, 1])
-    if car is None:
-        car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    time = _integration_grid(vehicle, CHANNELS, seconds)
-    distance = road.speed * (time - _REST)
-    hubs = np.stack(
-        [_hub_acceleration(road, distance), _hub_acceleration(road, distance - car.l)], axis=1
-    )
-    system = deflection_form(car)
-    states = simulate_linear(system, time, hubs)
-    chassis = states @ system.C.T
-    truth = np.stack([hubs[:, 0], chassis[:, 0], hubs[:, 1], chassis[:, 1]])
-    recording = _measure(vehicle, CHANNELS, road, seed, time, truth, rate, seconds, rng)
-    return Drive(recording, time, states[:, [0, 2]], truth)
-
-
-def simulate_roll(
-    vehicle: Vehicle,
-    tracks: tuple[Road, Road],
-    *,
-    skew: float = 0.0,
-    rate: float = 400.0,
-    seconds: float = 2.5,
-    seed: int = 0,
-    car: RollCar | None = None,
-) -> Drive:
-    """Simulate a recording of the roll car over a left and a right track.
-
-    The hubs follow the tracks, the rear ones a wheelbase behind the front ones.  The chassis
-    responds as the linear car with heave, pitch and roll.  Sensors are as for `simulate`.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        With a table ``[roll]``.
-    tracks : pair of Road
-        Under the left and the right wheels; the speed is that of the left track.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
+    values : mapping, optional
+        Parameters of the car other than nominal, SI units.
+    channels : sequence of str, optional
+        What is measured; by default accelerations of all wheel hubs and of the body above them.
+    right : Road, optional
+        Under the right wheels of a car that has some; by default the same road.
     skew : float
-        Distance by which the right track is shifted forward, m.
-    rate : float
-        Sampling rate, Hz.
-    seconds : float
-        Length of the recording.
-    seed : int
-        Seed of the sensor noise.
-    car : RollCar, optional
-        Parameters other than the nominal ones, SI units.
+        Distance by which the right road is shifted forward, m.
 
     Returns
     -------
@@ -139,27 +101,59 @@ def simulate_roll(
     Raises
     ------
     InputError
-        If the vehicle has no ``[roll]``.
+        If the vehicle lacks what the car needs, or the car does not have a channel.
     """
     rng = np.random.default_rng([seed, 1])
-    car = roll_car(vehicle) if car is None else car
-    time = _integration_grid(vehicle, ROLL_CHANNELS, seconds)
-    left, right = tracks
-    distance = left.speed * (time - _REST)
+    model = car_model(car, vehicle)
+    truth_of_car = {p.name: p.nominal for p in model.parameters} | dict(values or {})
+    of_car = {name: np.array([x]) for name, x in truth_of_car.items()}
+    measured = [vehicle.channel(name) for name in (channels or _usual_channels(model))]
+    for channel in measured:
+        if not model.explains(channel):
+            raise InputError(
+                f"channel '{channel.name}'", f"is not one of the {model.name} car",
+                "leave it out, or choose another car",
+            )  # fmt: skip
+    time = _integration_grid(vehicle, measured, seconds)
+    distance = road.speed * (time - _REST)
+    wheelbase = truth_of_car.get("l", vehicle.l.value)
     hubs = np.stack(
         [
-            _hub_acceleration(left, distance),
-            _hub_acceleration(right, distance - skew),
-            _hub_acceleration(left, distance - car.l),
-            _hub_acceleration(right, distance - skew - car.l),
+            _hub_acceleration(
+                right if element.side == "right" and right is not None else road,
+                distance
+                - (skew if element.side == "right" else 0.0)
+                - (wheelbase if element.axle == "rear" else 0.0),
+            )
+            for element in model.elements
         ],
         axis=1,
     )
-    system = deflections(car)
-    states = simulate_linear(system, time, hubs)
-    truth = np.vstack([hubs.T, (states @ system.C.T).T])
-    recording = _measure(vehicle, ROLL_CHANNELS, left, seed, time, truth, rate, seconds, rng)
-    return Drive(recording, time, states[:, :4], truth)
+    outputs = [Output(channel) for channel in measured if not channel.is_input]
+    system = state_space(model, of_car, outputs)
+    linear = LinearSystem(
+        system.A[0], system.B[0], system.C[0], np.zeros((len(outputs), len(model.elements)))
+    )
+    states = simulate_linear(linear, time, hubs)
+    read = iter((states @ linear.C.T).T)
+    truth = np.stack(
+        [
+            hubs[:, model.element_of(channel)] if channel.is_input else next(read)
+            for channel in measured
+        ]
+    )
+    recording = _measure(vehicle, measured, road, seed, time, truth, rate, seconds, rng)
+    return Drive(recording, time, states[:, 0 : 2 * len(model.elements) : 2], truth)
+
+
+def _usual_channels(model: CarModel) -> tuple[str, ...]:
+    """Wheel hubs and body above each element; on a car that rolls one body sensor at the rear."""
+    if "roll" in model.coordinates:
+        wheels = [f"{element.name}_wheel" for element in model.elements]
+        return (*wheels, "front_left_chassis", "front_right_chassis", "rear_chassis")
+    return tuple(
+        f"{element.name}_{part}" for element in model.elements for part in ("wheel", "chassis")
+    )
 
 
 def response(system: SecondOrder, time: Array, u: Array, rate: Array) -> tuple[Array, Array]:
@@ -187,16 +181,16 @@ def response(system: SecondOrder, time: Array, u: Array, rate: Array) -> tuple[A
     return out[:, :n], out[:, n:]
 
 
-def _integration_grid(vehicle: Vehicle, channels: tuple[str, ...], seconds: float) -> Array:
+def _integration_grid(vehicle: Vehicle, channels: Sequence[Channel], seconds: float) -> Array:
     """Build the times (M,), s, from standstill to beyond the last delayed reading."""
-    delays = [vehicle.sensor(name).delay for name in channels]
+    delays = [vehicle.sensor(channel.name).delay for channel in channels]
     start, end = -_REST + min(*delays, 0.0), seconds + max(*delays, 0.0) + 0.1
     return np.arange(start, end, 1.0 / _INTEGRATION_RATE)
 
 
 def _measure(
     vehicle: Vehicle,
-    channels: tuple[str, ...],
+    channels: Sequence[Channel],
     road: Road,
     seed: int,
     time: Array,
@@ -205,17 +199,20 @@ def _measure(
     seconds: float,
     rng: np.random.Generator,
 ) -> Recording:
-    """Measure true accelerations (C, M), m/s², at times (M,), s, with the vehicle's sensors."""
-    sensors = [vehicle.sensor(name) for name in channels]
+    """Measure true quantities (C, M), SI units, at times (M,), s, with the vehicle's sensors."""
+    sensors = [vehicle.sensor(channel.name) for channel in channels]
     bandwidths = [sensor.bandwidth for sensor in sensors if sensor.bandwidth is not None]
     rows = np.arange(round(seconds * rate)) / rate
-    unit = "in/s^2" if vehicle.units == "US" else "m/s^2"
+    shown = display_units(vehicle.units)
     values = np.empty((len(channels), len(rows)))
     units = []
-    for c, sensor in enumerate(sensors):
+    for c, (channel, sensor) in enumerate(zip(channels, sensors, strict=True)):
         signal = truth[c]
-        if bandwidths:  # a sensor without a bandwidth is like the slowest of the others
-            signal = _one_pole_filter(time, signal, sensor.bandwidth or min(bandwidths))
+        # An accelerometer without a bandwidth is like the slowest of the others.
+        alike = bandwidths and channel.quantity == "acceleration"
+        corner = sensor.bandwidth or (min(bandwidths) if alike else None)
+        if corner is not None:
+            signal = _one_pole_filter(time, signal, corner)
         sampled = CubicSpline(time, signal)(rows + sensor.delay)
         if sensor.noise is not None:
             sampled = sampled + sensor.noise * _unit_noise(rng, len(rows), rate, sensor.bandwidth)
@@ -226,7 +223,8 @@ def _measure(
         else:
             if sensor.resolution is not None:
                 sampled = np.rint(sampled / sensor.resolution) * sensor.resolution
-            values[c], own_unit = sampled / si_factor(unit, "acceleration"), unit
+            own_unit = shown[channel.dimension]
+            values[c] = sampled / si_factor(own_unit, channel.dimension)
         units.append(own_unit)
     note = f"simulated: {vehicle.name} over {road.name} at {road.speed:.2f} m/s, seed {seed}"
     return Recording(
@@ -235,7 +233,7 @@ def _measure(
         units=tuple(units),
         metadata=(("sample_rate", f"{rate:g} Hz"), ("note", note)),
         source=f"simulated {road.name}",
-        channels=channels,
+        channels=tuple(channel.name for channel in channels),
     )
 
 
