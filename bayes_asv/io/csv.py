@@ -203,7 +203,9 @@ def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:
             continue
         unit = column.unit
         if unit is None or not unit.strip():
-            raise InputError(where, f"column {name} has no unit", f"write {name} [{channel(name).si_unit}]")
+            raise InputError(
+                where, f"column {name} has no unit", f"write {name} [{channel(name).si_unit}]"
+            )
         unit = unit.strip()
         if unit.lower() in _COUNT_UNITS:
             unit = COUNTS

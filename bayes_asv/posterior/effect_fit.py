@@ -81,7 +81,11 @@ def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candida
     if not site.effect.in_one_run:
         return [[c for c in candidates(stage, where.vehicle) if str(c.site) == str(site)]]
     runs = range(len(where.lines)) if site.run is None else (site.run,)
-    edges = [c for c in candidates(stage, where.vehicle) if c.edge and c.site.where == _first_place(stage)]
+    edges = [
+        c
+        for c in candidates(stage, where.vehicle)
+        if c.edge and c.site.where == _first_place(stage)
+    ]
     return [
         [
             replace(

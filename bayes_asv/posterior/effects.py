@@ -124,9 +124,7 @@ class SensorPatterns:
     ramp: tuple[Array, ...]
     level: Array
 
-    def corrected(
-        self, line: PreparedRecording, values: Values, zeros: Array
-    ) -> NominalReadings:
+    def corrected(self, line: PreparedRecording, values: Values, zeros: Array) -> NominalReadings:
         """Return what sensors that are as declared would have read.
 
         Parameters

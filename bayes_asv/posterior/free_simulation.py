@@ -95,9 +95,7 @@ def simulate_free(recording: PreparedRecording, car: Array) -> FreeRun:
     car : (P,) array
         Parameters of its car, in their order, SI units.
     """
-    values = {
-        name: np.array([float(x)]) for name, x in zip(recording.car.names, car, strict=True)
-    }
+    values = {name: np.array([float(x)]) for name, x in zip(recording.car.names, car, strict=True)}
     system = state_space(
         recording.car, values, recording.output_models,
         bias_directions=recording.bias_directions,

@@ -286,7 +286,9 @@ def _drive(car: CarModel, name: str) -> str:
     """Say what drive would show a parameter."""
     for element in car.elements:
         if element.damping == name:
-            wheels = f"{element.name.replace('_', ' ')} wheel" + ("s" if element.side is None else "")
+            wheels = f"{element.name.replace('_', ' ')} wheel" + (
+                "s" if element.side is None else ""
+            )
             return f"drive the {wheels} over a bump"
     if name == "i_roll":
         return "drive one side of the car over a bump"

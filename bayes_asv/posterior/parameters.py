@@ -510,8 +510,12 @@ def space(
                     sd = _NEAR_SD
                 coordinates.append(
                     Coordinate(
-                        "noise", f"noise {channel.name} {run}", math.log(levels[c]), sd,
-                        channel=channel.name, run=run,
+                        "noise",
+                        f"noise {channel.name} {run}",
+                        math.log(levels[c]),
+                        sd,
+                        channel=channel.name,
+                        run=run,
                     )  # fmt: skip
                 )
         held.append(levels)

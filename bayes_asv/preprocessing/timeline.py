@@ -204,9 +204,7 @@ class PreparedRecording:
         return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
 
 
-def rails(
-    readings: Array, vehicle: Vehicle, channels: Sequence[Channel]
-) -> tuple[Flags, Flags]:
+def rails(readings: Array, vehicle: Vehicle, channels: Sequence[Channel]) -> tuple[Flags, Flags]:
     """Find readings at the lower and at the upper rail of their sensor.
 
     Parameters

@@ -149,9 +149,7 @@ def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBu
             g, known, target.space.car.estimated, budget, nudged, bettered, len(runs)
         )
     shifts = find_shifts(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
-    return UncertaintyBudget(
-        answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of
-    )
+    return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of)
 
 
 def _informed(source: Source, logs: Posterior, z: Array, factor: float) -> Array:
