@@ -1,4 +1,4 @@
-"""Grounds against closed forms: heights, the spectrum of ISO 8608, a tyre on a corner."""
+"""Road profiles against closed forms: heights, the spectrum of ISO 8608, tyre enveloping."""
 
 from __future__ import annotations
 
@@ -9,22 +9,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_asv.planning.grid import grounds, speeds
-from bayes_asv.planning.grounds import ISO_8608, KINDS, Ground, ground_under_tyre
+from bayes_asv.planning.drives import (
+    ISO_8608,
+    KINDS,
+    RoadProfile,
+    enveloped_profile,
+    road_profiles,
+    speeds,
+)
 
 INCH = 0.0254
 
 
 def test_shapes_have_their_dimensions() -> None:
     x = np.linspace(-1.0, 9.0, 100_001)
-    bump = Ground("bump", 0.08, 1.2, 1).profile(x)
+    bump = RoadProfile("bump", 0.08, 1.2, 1).profile(x)
     assert bump.max() == pytest.approx(0.08)
     assert x[bump > 0.0][[0, -1]] == pytest.approx([0.0, 1.2], abs=1e-3)
-    stops = Ground("stops", 0.1, 0.3, 2)
+    stops = RoadProfile("stops", 0.1, 0.3, 2)
     up = stops.profile(x) > 0.05  # half way up the ramps
     edges = x[np.flatnonzero(np.diff(up))]
     assert np.diff(edges) == pytest.approx([0.125, 0.325, 0.125], abs=1e-3)
-    rollers = Ground("rollers", 0.05, 1.5, 4).profile(x)
+    rollers = RoadProfile("rollers", 0.05, 1.5, 4).profile(x)
     crests = (rollers[1:-1] > rollers[:-2]) & (rollers[1:-1] > rollers[2:])
     assert np.count_nonzero(crests) == 4
     assert np.all(rollers[x > 6.0] == 0.0)
@@ -33,7 +39,7 @@ def test_shapes_have_their_dimensions() -> None:
 @pytest.mark.parametrize("iso", ["C", "E"])
 def test_a_rough_road_has_the_power_of_its_class(iso: str) -> None:
     """The variance is the integral of the density over its waves, 0.05 to 6.67 cycles/m."""
-    rough = Ground("rough", iso=iso)
+    rough = RoadProfile("rough", iso=iso)
     x = np.arange(1.0, 150.0, 0.5)
     found = [np.mean(rough.profile(x, seed) ** 2) for seed in range(40)]
     wanted = ISO_8608[iso] * 0.01 * (1.0 / 0.05 - 0.15)
@@ -46,12 +52,12 @@ def test_a_rough_road_has_the_power_of_its_class(iso: str) -> None:
     assert np.mean(slope) == pytest.approx(wanted, rel=0.2)
 
 
-def test_a_tyre_rolls_over_a_corner_on_an_arc() -> None:
-    """A disc at rest against a tall step stands on its corner: a circle of the tyre's radius."""
-    wide = Ground("bump", 1e-9, 3.0, 1)
-    level = ground_under_tyre(wide, 4.0, 2.0, 0.015)
+def test_a_tyre_envelops_a_corner_along_an_arc() -> None:
+    """A disc rolls over the corner of a step along a circle of the tyre's radius."""
+    wide = RoadProfile("bump", 1e-9, 3.0, 1)
+    level = enveloped_profile(wide, 4.0, 2.0, 0.015)
     assert np.max(np.abs(level(np.linspace(-1.0, 3.0, 50)))) < 1e-8
-    stop = ground_under_tyre(Ground("stops", 0.1, 10.0, 1), 3.0, 2.0, 0.015)
+    stop = enveloped_profile(RoadProfile("stops", 0.1, 10.0, 1), 3.0, 2.0, 0.015)
     x = np.linspace(-1.0, 1.0, 2001)
     hub = stop(x)
     # the disc touches the upper corner √(R² − (R − h)²) before it, the patch half its length more
@@ -62,22 +68,22 @@ def test_a_tyre_rolls_over_a_corner_on_an_arc() -> None:
 
 @given(height=st.floats(0.01, 0.12), length=st.floats(0.6, 2.0), kind=st.sampled_from(KINDS[:3]))
 @settings(max_examples=20, deadline=None)
-def test_a_hub_never_sinks_below_the_lowest_or_above_the_highest_ground(
+def test_the_enveloped_profile_stays_between_the_lowest_and_the_highest_point(
     height: float, length: float, kind: str
 ) -> None:
-    ground = Ground(kind, height, length, 1 if kind == "bump" else 2)
-    hub = ground_under_tyre(ground, 5.0, 2.0, 0.015)(np.linspace(-1.0, 4.0, 1001))
+    road = RoadProfile(kind, height, length, 1 if kind == "bump" else 2)
+    hub = enveloped_profile(road, 5.0, 2.0, 0.015)(np.linspace(-1.0, 4.0, 1001))
     assert hub.min() > -1e-6
     assert hub.max() < height + 1e-6
 
 
 @pytest.mark.parametrize("units", ["US", "SI"])
-def test_the_grid_is_laid_out_in_round_numbers(units: str) -> None:
-    for ground in grounds(units):
+def test_candidate_dimensions_are_round_numbers(units: str) -> None:
+    for road in road_profiles(units):
         unit = INCH if units == "US" else 0.005
-        for dimension in (ground.height, ground.length):
+        for dimension in (road.height, road.length):
             assert dimension / (0.5 * unit) == pytest.approx(round(dimension / (0.5 * unit)))
         pace = 0.44704 if units == "US" else 1.0 / 3.6
-        found = [v / pace for v in speeds(ground.kind, units)]
+        found = [v / pace for v in speeds(road.kind, units)]
         assert found == pytest.approx(np.round(found))
         assert found == sorted(found)

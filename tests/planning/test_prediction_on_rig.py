@@ -1,4 +1,4 @@
-"""The promise itself, in short: widths of a plan against the estimator on rig drives.
+"""Predicted standard deviations against the estimator on drives of the rig.
 
 The long form, with other cars, tyres, rates and the true errors, is ``benchmarks/plan.py``.
 """
@@ -10,36 +10,35 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.planning.grid import Planned
-from bayes_asv.planning.grounds import Ground
+from bayes_asv.planning.drives import Drive, RoadProfile
 from benchmarks.plan import KNOWLEDGE, posterior, promise, vehicle_of
 from benchmarks.plan_cars import CARS
 
 INCH = 0.0254
 
 DRIVES = {
-    "bump": Planned(Ground("bump", 3 * INCH, 0.9144, 1), 2.68, 400.0, 2.5),
-    "stops": Planned(Ground("stops", 3 * INCH, 12 * INCH, 2), 1.79, 200.0, 2.9),
-    "rollers": Planned(Ground("rollers", 2 * INCH, 1.524, 3), 3.58, 100.0, 3.2),
-    "rough": Planned(Ground("rough", iso="D"), 5.36, 400.0, 3.0),
+    "bump": Drive(RoadProfile("bump", 3 * INCH, 0.9144, 1), 2.68, 400.0, 2.5),
+    "stops": Drive(RoadProfile("stops", 3 * INCH, 12 * INCH, 2), 1.79, 200.0, 2.9),
+    "rollers": Drive(RoadProfile("rollers", 2 * INCH, 1.524, 3), 3.58, 100.0, 3.2),
+    "rough": Drive(RoadProfile("rough", iso="D"), 5.36, 400.0, 3.0),
 }
 
 
 @pytest.mark.parametrize("road", DRIVES)
 @pytest.mark.parametrize("car", ["baja", "hatchback"])
-def test_the_rig_gives_what_was_promised(road: str, car: str) -> None:
-    """Nominal cars with exact given values, where nothing but the drive sets the width."""
+def test_the_posterior_on_the_rig_has_the_predicted_deviation(road: str, car: str) -> None:
+    """Nominal cars with exact given values, so that the drive alone sets the deviation."""
     nominal = CARS[car]()
     vehicle = vehicle_of(nominal, KNOWLEDGE["exact"])
-    promised = promise(vehicle, DRIVES[road], 1, 1)
-    assert promised is not None
+    sd_after = promise(vehicle, DRIVES[road], 1, 1)
+    assert sd_after is not None
     got = posterior(nominal, vehicle, DRIVES[road], [5])
     assert got is not None
-    ratio = got / promised
+    ratio = got / sd_after
     assert np.all((ratio > 1.0 / 1.5) & (ratio < 1.5)), ratio
 
 
-def test_two_passes_are_worth_two() -> None:
+def test_two_passes_double_the_information() -> None:
     nominal = replace(CARS["baja"](), c_f=1.2 * CARS["baja"]().c_f)
     vehicle = vehicle_of(CARS["baja"](), KNOWLEDGE["declared"])
     drive = DRIVES["bump"]._replace(rate=200.0)
