@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayes_asv.estimate import estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.tracking.drives import tracked
