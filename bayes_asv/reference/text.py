@@ -1,4 +1,4 @@
-"""Modes, point estimates and the reproduction in lines for a terminal."""
+"""Terminal lines about modes, point estimates and the reproduction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Document = dict[str, Any]
 
 
 def modes_lines(document: Document) -> list[str]:
-    """Tell the document of ``bayes-asv modes``."""
+    """Describe the document of ``bayes-asv modes``."""
     lines = [f"Modes of {plain(document['vehicle'])}, wheels held still:"]
     for mode in document["modes"]:
         shape = ", ".join(
@@ -28,11 +28,11 @@ def modes_lines(document: Document) -> list[str]:
             else "does not oscillate"
         )
         lines.append(f"  {mode['natural_hz']:.3f} Hz, {kind}; shape: {shape}".replace("-", "−"))
-    theirs = ", ".join(
+    printed = ", ".join(
         f"{m['natural_hz']:.3f} Hz (damped {m['damped_hz']:.3f}, ratio {m['ratio']:.3f})"
         for m in document["as_app_c1"]
     )
-    lines.append(f"As App. C.1 of the reference has it (m/4, ω(1−ζ)): {theirs}")
+    lines.append(f"As in App. C.1 of the reference (m/4, ω(1−ζ)): {printed}")
     for study in document["spectral"]:
         lines += study_lines(study)
     recording = document["recording"]
@@ -45,35 +45,35 @@ def modes_lines(document: Document) -> list[str]:
 
 
 def study_lines(study: Document) -> list[str]:
-    """Tell what a spectrum shows at one damping."""
+    """Describe the spectral study at one damping."""
     peaks = study["peaks_of_an_endless_record_hz"]
     moving = sum(m["oscillates"] for m in study["modes"])
-    word = (
-        "both peaks can be read from a long enough record"
+    peaks_text = (
+        "a sufficiently long record shows both peaks"
         if study["peaks_can_be_read"]
-        else "there is one peak, and no record is long enough to show another"
+        else "the theoretical spectrum has only one peak"
     )
     lines = [
         f"Both axles damped to {percent(study['damping'])}: {moving} mode"
-        f"{'s oscillate' if moving > 1 else ' oscillates'}; {word} "
-        f"(front {_list(peaks['front'])} Hz, rear {_list(peaks['rear'])} Hz)."
+        f"{'s oscillate' if moving > 1 else ' oscillates'}; {peaks_text} "
+        f"(front {_frequencies(peaks['front'])} Hz, rear {_frequencies(peaks['rear'])} Hz)."
     ]
     for reading in study["readings"]:
         lines.append(
-            f"  {reading['seconds']:.0f} s over white noise, {reading['records']} records: read "
-            f"from peaks {percent(reading['peaks']['share'])}, by subspaces "
+            f"  {reading['seconds']:.0f} s over white noise, {reading['records']} records: "
+            f"identified from peaks {percent(reading['peaks']['share'])}, by subspaces "
             f"{percent(reading['subspace']['share'])}"
         )
     return lines
 
 
 def greybox_lines(document: Document) -> list[str]:
-    """Tell the document of ``bayes-asv greybox``."""
+    """Describe the document of ``bayes-asv greybox``."""
     lines = []
     for way in document["estimates"]:
-        lines.append(_way(way))
+        lines.append(_heading(way))
         if way["verdict"] == "refused":
-            lines += [f"  Why: {plain(reason)}." for reason in way["reasons"]]
+            lines += [f"  Reason: {plain(reason)}." for reason in way["reasons"]]
             continue
         for name, p in way["parameters"].items():
             sd = p["sd"] if math.isfinite(p["sd"] or 0.0) else None
@@ -83,26 +83,26 @@ def greybox_lines(document: Document) -> list[str]:
             )
         fit = ", ".join(f"{n.replace('_', ' ')} {v:.1f} %" for n, v in way["fit_percent"].items())
         lines.append(f"  fit: {fit}")
-        white = ", ".join(probability(w["p"]) for w in way["whiteness"].values())
-        lines.append(f"  whiteness of each residual: probability {white}")
+        p_values = ", ".join(probability(w["p"]) for w in way["whiteness"].values())
+        lines.append(f"  whiteness of the residuals: p = {p_values}")
         worst = min((t["p"] for t in way["independence"]), default=None)
-        lines.append(f"  residuals independent of the inputs: probability {probability(worst)}")
+        lines.append(f"  independence of residuals and inputs: smallest p = {probability(worst)}")
         lines.append(f"  AIC {number(way['aic'], 1.0)}, BIC {number(way['bic'], 1.0)}")
         if any((w["p"] or 0.0) < 0.01 for w in way["whiteness"].values()):
             lines.append(
-                "  The residuals are not white, so the deviations above claim too much; "
-                "'bayes-asv estimate' gives intervals that hold."
+                "  The residuals are not white, so the standard deviations above are too small; "
+                "'bayes-asv estimate' gives valid intervals."
             )
     lines += [f"Note: {plain(w)}." for w in document["warnings"]]
     return lines
 
 
-def _way(way: Document) -> str:
+def _heading(way: Document) -> str:
     if way["coordinates"] == "deflection":
         words = f"In deflections, initial state {way['initial']}, biases estimated"
     else:
         words = (
-            f"Integrated twice (the reference's way), initial state {way['initial']}, "
+            f"Integrated twice (the reference's method), initial state {way['initial']}, "
             f"{way['removed']} removed, inputs {way['between_samples']} between samples"
         ).replace("none removed", "nothing removed")
     return (
@@ -112,21 +112,21 @@ def _way(way: Document) -> str:
 
 
 def reproduction_lines(document: Document) -> list[str]:
-    """Tell the reproduction: every figure that is off by more than its printed digits, and 8.1."""
+    """Describe the reproduction: figures that differ by more than 0.5 %, and Table 8.1."""
     rows = [
         (key, row) for key, table in document["tables"].items() if key != "8.1"
         for row in table["rows"] if row["printed"] is not None
     ]  # fmt: skip
     count = len(rows) + sum(len(r["printed"]) for r in document["tables"]["8.1"]["rows"])
     lines = [
-        f"{count} printed figures of Tables {', '.join(document['tables'])} beside ours. Off by "
-        "more than 0.5 %:"
+        f"{count} printed figures of Tables {', '.join(document['tables'])} compared. Differences "
+        "above 0.5 %:"
     ]
     for key, row in rows:
         if abs(row["difference_percent"]) > 0.5:
             lines.append(
-                f"  Table {key}, {row['label']}: printed {number(row['printed'])}, in its way "
-                f"{number(row['its_way'])}, right {number(row['corrected'])} "
+                f"  Table {key}, {row['label']}: printed {number(row['printed'])}, by its rule "
+                f"{number(row['its_way'])}, correct {number(row['corrected'])} "
                 f"{readable_unit(row['unit'])}".rstrip()
             )
     lines.append("Table 8.1 on shipped runs (the reference's recordings are not public):")
@@ -139,8 +139,9 @@ def reproduction_lines(document: Document) -> list[str]:
                 mean, bottom, top = (number(v, sd, 1) for v in (ours["posterior"], low, high))
                 answer = f"{mean} ({bottom} to {top})"
             lines.append(
-                f"  {row['name']}, {run.removesuffix('.csv')}: truth {number(ours['truth'])}, its "
-                f"way {number(ours['its_way'])}, deflection {number(ours['deflection'])}, "
+                f"  {row['name']}, {run.removesuffix('.csv')}: true {number(ours['truth'])}, "
+                f"reference's method {number(ours['its_way'])}, "
+                f"deflection {number(ours['deflection'])}, "
                 f"posterior {answer} {readable_unit(row['unit'])}"
             )
     for study in document["spectral"]:
@@ -148,5 +149,5 @@ def reproduction_lines(document: Document) -> list[str]:
     return lines
 
 
-def _list(values: list[float]) -> str:
+def _frequencies(values: list[float]) -> str:
     return ", ".join(f"{v:.2f}" for v in values) or "–"
