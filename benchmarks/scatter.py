@@ -117,7 +117,9 @@ def one(name: str, rate: float, seed: int) -> dict[str, Any]:
         out[way] = {
             "verdict": found.verdict,
             "reasons": list(found.reasons),
-            "error": {n: a.value / truth[n] - 1.0 for n, a in found.parameters.items() if n != "k_g"},
+            "error": {
+                n: a.value / truth[n] - 1.0 for n, a in found.parameters.items() if n != "k_g"
+            },
         }
     return out
 
