@@ -253,12 +253,12 @@ def test_what_nine_of_ten_say_is_counted(
     assert rows[-1].startswith("nothing")
     assert shares[-1, columns.index("agreement")] == 1.0
     words = short_answer(cases)
-    assert re.search(r"false alarms: nothing wrong \| 0 \(0–16\) % \| 20 \|", words)
+    assert re.search(r"false alarms: no fault \| 0 \(0–16\) % \| 20 \|", words)
     assert re.search(r"closed, median \| 98\.7 \(98\.7–98\.7\) %", words)
     counts = [re.search(rf"two effects{what} \|.*\| (\d+) \|", words) for what in (
         ": both found", ", both beyond two tolerances: both found")]  # fmt: skip
     assert [int(found[1]) for found in counts if found] == [60, 30]
-    assert "95 % intervals of i that hold, before naming | 0 (0–" in words
+    assert "coverage of the 95 % interval of i, before naming | 0 (0–" in words
     assert len(by_strength(cases).splitlines()) == 2 + 2 * len(STRENGTHS) + 2
 
 
