@@ -279,7 +279,7 @@ def test_the_page_shows_what_was_found(
     assert "| maxwell_mount | 5 |" in page
     assert "| whitening | 60 |" in page
     assert "answers `5ea1`, sealed 2030-01-01T00:00:00Z" in page
-    assert "cases were not run" in page
+    assert "of the full battery were not run" in page
     targets = re.findall(r"\]\((battery/[^)]+)\)", page)
     assert len(targets) == 3  # naming, one confusion matrix, reliability
     for target in targets:
