@@ -1,4 +1,4 @@
-"""Writes ``docs/online.md`` from the results of :mod:`benchmarks.online`."""
+"""Generate ``docs/online.md`` from the results of :mod:`benchmarks.online`."""
 
 from __future__ import annotations
 
@@ -66,7 +66,16 @@ def _figures(results: Row) -> dict[str, str]:
         "CHANGE": _change(results["change"]),
         "ALARMS": _alarms(watches),
         "AFTER": _after(watches["after crossing"]["seconds"]),
+        "COMMITS": _commits(results),
     }
+
+
+def _commits(results: Row) -> str:
+    """List the commits of the parts, which are computed one by one."""
+    parts: dict[str, list[str]] = {}
+    for name, part in results.items():
+        parts.setdefault(part["about"]["commit"], []).append(name)
+    return "; ".join(f"{commit} ({', '.join(names)})" for commit, names in parts.items())
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:
