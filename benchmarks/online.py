@@ -1,14 +1,14 @@
-"""The online filter on drives of the rig: coverage, consistency, speed, change, false alarms.
+"""The online filter on simulated drives: coverage, consistency, speed, drift, false alarms.
 
-Six parts, each kept in ``benchmarks/results/online.json``:
+Six parts, each stored in ``benchmarks/results/online.json``:
 
 *coverage*  Drives of two seconds (bump, stops, rough road, rollers; 400 and 800 Hz; given values
-    exact, and off by what is declared): last 95 % intervals, errors, NIS and NEES.
-*estimate*  The last interval against mode and curvature of ``estimate``'s posterior.
-*speed*  Steps a second of both engines and the replay of a minute at 800 Hz, in CPU time.
-*change*  A front damper that loses 30 % in 20 s: the lag with which it is followed.
+    exact, or with the declared uncertainty): last 95 % intervals, errors, NIS and NEES.
+*estimate*  The last interval compared with mode and curvature of the posterior of ``estimate``.
+*speed*  Steps per second of both engines, and the replay of a minute at 800 Hz, in CPU time.
+*change*  A front damper that loses 30 % in 20 s: the lag of the filter.
 *alarms*  Hours of driving, five minutes a car, with a front damper at nominal, and at 5 % and 1 %
-    above the share that ``watch`` asks about: false alarms an hour; and how soon a true one comes.
+    above the share that ``watch`` tests: false alarms per hour, and the delay of a true one.
 *white*  Coverage where the sensors' noise is white, which the filter does not assume.
 
 ``python -m benchmarks.online`` runs them all, ``--part NAME`` one; ``--page`` writes
@@ -36,7 +36,7 @@ from bayes_asv.domain.files import write_atomically
 from benchmarks.online_runs import (
     KNOWLEDGE,
     after_crossing,
-    against,
+    compared,
     covered,
     fading,
     nees_band,
@@ -53,30 +53,30 @@ RESULTS = Path(__file__).parent / "results" / "online.json"
 TERRAINS = ("bump", "stops", "rough", "rollers")
 RATES = (400.0, 800.0)
 
-_BELOW, _SURE = 0.8, 0.99  # what `watch` asks without options
+_BELOW, _SURE = 0.8, 0.99  # defaults of `watch`
 _MINUTES = 5.0
 
 
 def share_interval(hits: int, of: int) -> tuple[float, float]:
-    """Jeffreys' 95 % interval of a share."""
+    """Jeffreys 95 % interval of a share."""
     low, high = (float(beta.ppf(at, hits + 0.5, of - hits + 0.5)) for at in (0.025, 0.975))
     return low if hits else 0.0, high if hits < of else 1.0
 
 
 def rate_interval(events: int, hours: float) -> tuple[float, float]:
-    """Exact 95 % interval of a Poisson rate, events an hour."""
+    """Exact 95 % interval of a Poisson rate, events per hour."""
     low = 0.5 * chi2.ppf(0.025, 2 * events) if events else 0.0
     return float(low) / hours, float(0.5 * chi2.ppf(0.975, 2 * events + 2)) / hours
 
 
-def coverage(given: argparse.Namespace) -> Row:
+def coverage(options: argparse.Namespace) -> Row:
     """Track drives of fresh cars to their ends."""
     rows = [
-        covered(terrain, rate, knowledge, given.seed + k)
+        covered(terrain, rate, knowledge, options.seed + k)
         for knowledge in KNOWLEDGE
         for rate in RATES
         for terrain in TERRAINS
-        for k in range(given.runs)
+        for k in range(options.runs)
     ]
     parts = {}
     for wanted in itertools.product(KNOWLEDGE, RATES, TERRAINS):
@@ -85,7 +85,7 @@ def coverage(given: argparse.Namespace) -> Row:
     exact = [r for r in rows if r["knowledge"] == "exact"]
     fifty = [r["nees"] for r in exact[:: max(len(exact) // 50, 1)]][:50]
     return {
-        "seed": given.seed,
+        "seed": options.seed,
         "all": summary(rows),
         "exact": summary(exact),
         "parts": parts,
@@ -95,7 +95,7 @@ def coverage(given: argparse.Namespace) -> Row:
 
 
 def summary(rows: list[Row]) -> Row:
-    """Sum up what a set of runs says."""
+    """Summarise a set of runs."""
     z = np.array([np.array(r["error"]) / r["sd"] for r in rows])
     errors = 100.0 * np.abs([r["error"] for r in rows])
     inside = np.abs(z) < 1.959964
@@ -117,13 +117,13 @@ def summary(rows: list[Row]) -> Row:
     }
 
 
-def estimate(given: argparse.Namespace) -> Row:
-    """Hold the filter's last row against the posterior of the whole recording."""
-    rows = [against(t, given.seed + k) for t in TERRAINS for k in range(given.drives)]
+def estimate(options: argparse.Namespace) -> Row:
+    """Compare the filter's last row with the posterior of the whole recording."""
+    rows = [compared(t, options.seed + k) for t in TERRAINS for k in range(options.drives)]
     shifts = np.abs([r["shift"] for r in rows])
     ratios = np.array([r["ratio"] for r in rows])
     return {
-        "seed": given.seed,
+        "seed": options.seed,
         "drives": len(rows),
         "shift_median": float(np.median(shifts)),
         "shift_largest": float(np.max(shifts)),
@@ -134,17 +134,17 @@ def estimate(given: argparse.Namespace) -> Row:
     }
 
 
-def speed(given: argparse.Namespace) -> Row:
+def speed(options: argparse.Namespace) -> Row:
     """Time both engines."""
-    found = {name: speeds(name) for name in KNOWLEDGE}
-    return {"seed": given.seed, "load": os.getloadavg()[0], **found}
+    timings = {name: speeds(name) for name in KNOWLEDGE}
+    return {"seed": options.seed, "load": os.getloadavg()[0], **timings}
 
 
-def change(given: argparse.Namespace) -> Row:
-    """Follow fading dampers, with a walk and without."""
-    out: Row = {"seed": given.seed, "loss": 0.3, "seconds": 20.0}
+def change(options: argparse.Namespace) -> Row:
+    """Track fading dampers, with a random walk and with constant parameters."""
+    out: Row = {"seed": options.seed, "loss": 0.3, "seconds": 20.0}
     for name, forget in (("forget 60 s", 60.0), ("constant", None)):
-        rows = [fading(given.seed + k, forget) for k in range(given.drives)]
+        rows = [fading(options.seed + k, forget) for k in range(options.drives)]
         lags = [r["lag"] for r in rows]
         out[name] = {
             "drives": len(rows),
@@ -157,10 +157,10 @@ def change(given: argparse.Namespace) -> Row:
     return out
 
 
-def alarms(given: argparse.Namespace) -> Row:
-    """Count false alarms over hours, and time true ones."""
-    out: Row = {"seed": given.seed, "below": _BELOW, "sure": _SURE, "hold": 1.0, "forget": 60.0}
-    count = max(round(given.hours * 60.0 / _MINUTES), 1)
+def alarms(options: argparse.Namespace) -> Row:
+    """Count false alarms over hours, and measure the delay of true ones."""
+    out: Row = {"seed": options.seed, "below": _BELOW, "sure": _SURE, "hold": 1.0, "forget": 60.0}
+    count = max(round(options.hours * 60.0 / _MINUTES), 1)
     for name, left in (
         ("nominal", 1.0),
         ("5 % above the share", 1.05 * _BELOW),
@@ -168,7 +168,7 @@ def alarms(given: argparse.Namespace) -> Row:
     ):
         rows = []
         for k in range(count):
-            rows.append(watched(given.seed + k, _MINUTES, left, _BELOW, _SURE))
+            rows.append(watched(options.seed + k, _MINUTES, left, _BELOW, _SURE))
             print(name, rows[-1], file=sys.stderr, flush=True)
         hours = float(sum(r["hours"] for r in rows))
         false = sum(r["alarm"] is not None for r in rows)
@@ -182,20 +182,20 @@ def alarms(given: argparse.Namespace) -> Row:
             "largest": max(r["largest"] for r in rows),
             "rows": rows,
         }
-    waits = [after_crossing(given.seed + k, _BELOW, _SURE) for k in range(given.drives)]
+    waits = [after_crossing(options.seed + k, _BELOW, _SURE) for k in range(options.drives)]
     out["after crossing"] = {"seconds": waits}
     return out
 
 
-def white(given: argparse.Namespace) -> Row:
-    """Coverage with noise that passed no filter."""
+def white(options: argparse.Namespace) -> Row:
+    """Coverage with white noise."""
     sensors = SensorSpec(noise_kind="white")
     rows = [
-        covered(terrain, 400.0, "exact", given.seed + k, sensors)
+        covered(terrain, 400.0, "exact", options.seed + k, sensors)
         for terrain in TERRAINS
-        for k in range(given.runs)
+        for k in range(options.runs)
     ]
-    return {"seed": given.seed, "all": summary(rows), "rows": rows}
+    return {"seed": options.seed, "all": summary(rows), "rows": rows}
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], Row]] = {
@@ -209,21 +209,21 @@ PARTS: dict[str, Callable[[argparse.Namespace], Row]] = {
 
 
 def main() -> int:
-    """Run the bench and keep its results; return the exit status."""
+    """Run the benchmark and store its results; return the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--part", choices=PARTS, action="append")
-    parser.add_argument("--runs", type=int, default=13, help="a terrain, rate and knowledge")
+    parser.add_argument("--runs", type=int, default=13, help="per terrain, rate and knowledge")
     parser.add_argument("--drives", type=int, default=10, help="with a damper that fades")
-    parser.add_argument("--hours", type=float, default=3.0, help="of each kind of watch")
+    parser.add_argument("--hours", type=float, default=3.0, help="per kind of watch")
     parser.add_argument("--seed", type=int, default=5000)
     parser.add_argument("--page", action="store_true", help="write the page alone")
-    given = parser.parse_args()
-    kept: Row = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    if not given.page:
+    options = parser.parse_args()
+    results: Row = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    if not options.page:
         commit = subprocess.run(
             ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
         ).stdout.strip()
-        for name in given.part or PARTS:
+        for name in options.part or PARTS:
             about = {
                 "commit": commit,
                 "version": __version__,
@@ -231,14 +231,16 @@ def main() -> int:
                 "numpy": np.__version__,
                 "cores": os.cpu_count(),
             }
-            kept[name] = {"about": about, **PARTS[name](given)}
-            write_atomically(RESULTS, (json.dumps(kept, indent=1) + "\n").encode())
-            told = {k: v for k, v in kept[name].items() if k not in ("rows", "parts")}
-            print(name, json.dumps(told, indent=1, default=str)[:3000], file=sys.stderr, flush=True)
-    if set(PARTS) <= set(kept):
+            results[name] = {"about": about, **PARTS[name](options)}
+            write_atomically(RESULTS, (json.dumps(results, indent=1) + "\n").encode())
+            brief = {k: v for k, v in results[name].items() if k not in ("rows", "parts")}
+            print(
+                name, json.dumps(brief, indent=1, default=str)[:3000], file=sys.stderr, flush=True
+            )
+    if set(PARTS) <= set(results):
         from benchmarks.online_page import write_page
 
-        write_page(kept)
+        write_page(results)
     return 0
 
 

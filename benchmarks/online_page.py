@@ -1,4 +1,4 @@
-"""Writes ``docs/online.md`` from the results of :mod:`benchmarks.online`."""
+"""Generate ``docs/online.md`` from the results of :mod:`benchmarks.online`."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ PAGE = Path(__file__).parents[1] / "docs" / "online.md"
 _TEXT = Path(__file__).parent / "online_page.md.in"
 
 
-def write_page(kept: Row) -> None:
+def write_page(results: Row) -> None:
     """Write the page and its picture.
 
     Parameters
     ----------
-    kept : dict
+    results : dict
         All parts of :mod:`benchmarks.online`.
     """
-    draw_picture(kept)
-    write_atomically(PAGE, page(kept).encode())
+    draw_picture(results)
+    write_atomically(PAGE, page(results).encode())
 
 
-def page(kept: Row) -> str:
-    """Put tables and figures into the page's text.
+def page(results: Row) -> str:
+    """Insert tables and figures into the template.
 
     Parameters
     ----------
-    kept : dict
+    results : dict
         All parts of :mod:`benchmarks.online`.
 
     Returns
@@ -42,31 +42,40 @@ def page(kept: Row) -> str:
         Markdown.
     """
     text = _TEXT.read_text("utf-8")
-    for name, value in _figures(kept).items():
+    for name, value in _figures(results).items():
         if f"@{name}@" not in text:
-            raise ValueError(f"the page has no place for {name}")
+            raise ValueError(f"the template has no place for {name}")
         text = text.replace(f"@{name}@", value)
     if "@" in text:
-        raise ValueError(f"no figure for {text[text.index('@') :].split()[0]}")
+        raise ValueError(f"no value for {text[text.index('@') :].split()[0]}")
     return text
 
 
-def _figures(kept: Row) -> dict[str, str]:
-    coverage, fifty = kept["coverage"], kept["coverage"]["nees_of_50"]
+def _figures(results: Row) -> dict[str, str]:
+    coverage, fifty = results["coverage"], results["coverage"]["nees_of_50"]
     low, high = fifty["band95"]
-    watches = kept["alarms"]
+    watches = results["alarms"]
     return {
         "SEED": str(coverage["seed"]),
         "COVERAGE": _coverage(coverage),
-        "NEES": f"{fifty['mean']:.2f} (95 % of filters that are right: {low:.2f} to {high:.2f})",
-        "WHITE": _white(kept["white"]["all"]),
-        "AGAINST": _against(kept["estimate"]),
-        "SPEED": _speed(kept["speed"]),
-        "LOAD": f"{kept['speed']['load']:.0f}",
-        "CHANGE": _change(kept["change"]),
+        "NEES": f"{fifty['mean']:.2f} (95 % band of a correct filter: {low:.2f} to {high:.2f})",
+        "WHITE": _white(results["white"]["all"]),
+        "AGAINST": _comparison(results["estimate"]),
+        "SPEED": _speed(results["speed"]),
+        "LOAD": f"{results['speed']['load']:.0f}",
+        "CHANGE": _change(results["change"]),
         "ALARMS": _alarms(watches),
         "AFTER": _after(watches["after crossing"]["seconds"]),
+        "COMMITS": _commits(results),
     }
+
+
+def _commits(results: Row) -> str:
+    """List the commits of the parts, which are computed one by one."""
+    parts: dict[str, list[str]] = {}
+    for name, part in results.items():
+        parts.setdefault(part["about"]["commit"], []).append(name)
+    return "; ".join(f"{commit} ({', '.join(names)})" for commit, names in parts.items())
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:
@@ -78,7 +87,7 @@ def _span(ends: list[float], digits: int = 1, scale: float = 100.0) -> str:
     return " to ".join(f"{scale * v:.{digits}f}" for v in ends)
 
 
-def _coverage(found: Row) -> str:
+def _coverage(result: Row) -> str:
     def row(name: str, part: Row) -> list[str]:
         return [
             name,
@@ -93,48 +102,48 @@ def _coverage(found: Row) -> str:
     names = {"exact": "exact", "declared": "as declared"}
     rows = [
         row(f"{names[name.split(', ')[0]]}, {', '.join(name.split(', ')[1:])}", part)
-        for name, part in found["parts"].items()
+        for name, part in result["parts"].items()
     ]
-    head = ["given values, drive", "runs", "95 % intervals that hold", "median error",
-            "one deviation", "NIS inside its band", "NEES (95 % band)"]  # fmt: skip
-    return _table(head, [row("**all**", found["all"]), row("**exact**", found["exact"]), *rows])
+    head = ["given values, drive", "runs", "coverage of 95 % intervals", "median error",
+            "stated sd", "NIS inside its band", "NEES (95 % band)"]  # fmt: skip
+    return _table(head, [row("**all**", result["all"]), row("**exact**", result["exact"]), *rows])
 
 
-def _white(found: Row) -> str:
+def _white(result: Row) -> str:
     return (
-        f"{100.0 * found['coverage']:.1f} % of the intervals hold over {found['runs']} drives, "
-        f"NEES is {found['nees']:.2f} and the mean NIS {found['nis_mean']:.3f}, inside its band in "
-        f"{100.0 * found['nis_inside']:.0f} % of the runs"
+        f"the coverage is {100.0 * result['coverage']:.1f} % over {result['runs']} drives, "
+        f"the NEES is {result['nees']:.2f} and the mean NIS {result['nis_mean']:.3f}, inside its "
+        f"band in {100.0 * result['nis_inside']:.0f} % of the runs"
     )
 
 
-def _against(found: Row) -> str:
+def _comparison(result: Row) -> str:
     return (
-        f"{found['drives']} drives: the medians are {found['shift_median']:.2f} of its deviation "
-        f"apart in the middle and {found['shift_largest']:.2f} at most, the deviations "
-        f"{found['ratio_least']:.2f} to {found['ratio_largest']:.2f} times as wide"
+        f"over {result['drives']} drives the estimates differ by {result['shift_median']:.2f} of "
+        f"its standard deviation in the median and {result['shift_largest']:.2f} at most, and the "
+        f"standard deviations are {result['ratio_least']:.2f} to {result['ratio_largest']:.2f} "
+        f"times as large"
     )
 
 
-def _speed(found: Row) -> str:
+def _speed(result: Row) -> str:
+    names = {"exact": "3 (given values exact)", "declared": "7 (mass, weight share, springs)"}
     rows = [
         [
-            {"exact": "3 (given values exact)", "declared": "7 (mass, weight share, springs)"}[
-                name
-            ],
-            f"{found[name]['compiled_steps_a_second']:,.0f}",
-            f"{found[name]['filterpy_steps_a_second']:,.0f}",
-            f"{found[name]['ratio']:,.0f}",
-            f"{found[name]['replay_times_faster']:.0f} (median {found[name]['replay_median']:.0f})",
+            label,
+            f"{part['compiled_steps_a_second']:,.0f}",
+            f"{part['filterpy_steps_a_second']:,.0f}",
+            f"{part['ratio']:,.0f}",
+            f"{part['replay_times_faster']:.0f} (median {part['replay_median']:.0f})",
         ]
-        for name in ("exact", "declared")
+        for part, label in ((result[name], label) for name, label in names.items())
     ]
-    head = ["parameters learnt", "compiled, steps a second", "filterpy", "ratio",
-            "a minute at 800 Hz, times faster than it lasted"]  # fmt: skip
+    head = ["parameters", "compiled, steps per second", "filterpy", "ratio",
+            "replay of a minute at 800 Hz, times faster than real time"]  # fmt: skip
     return _table(head, rows)
 
 
-def _change(found: Row) -> str:
+def _change(result: Row) -> str:
     rows = [
         [
             name,
@@ -144,16 +153,16 @@ def _change(found: Row) -> str:
             f"{100.0 * part['consistent_share']:.1f} %",
         ]
         for name, part in (
-            ("`--forget 60`", found["forget 60 s"]),
-            ("taken for constant", found["constant"]),
+            ("`--forget 60`", result["forget 60 s"]),
+            ("constant", result["constant"]),
         )
     ]
-    head = ["parameters", "drives", "lag: median, largest", "rms error of the course",
-            "time in which nothing was amiss"]  # fmt: skip
+    head = ["parameters", "drives", "lag: median, largest", "rms error",
+            "share of time consistent"]  # fmt: skip
     return _table(head, rows)
 
 
-def _alarms(found: Row) -> str:
+def _alarms(result: Row) -> str:
     rows = [
         [
             name,
@@ -162,19 +171,19 @@ def _alarms(found: Row) -> str:
             f"{part['an_hour']:.2f} ({part['interval95'][0]:.2f} to {part['interval95'][1]:.2f})",
             f"{100.0 * part['told']:.2f} %",
         ]
-        for name, part in found.items()
+        for name, part in result.items()
         if isinstance(part, dict) and "an_hour" in part
     ]
-    head = ["front damper", "hours", "false alarms", "an hour (95 %)",
-            "time in which one could have come"]  # fmt: skip
+    head = ["front damper", "hours", "false alarms", "per hour (95 %)",
+            "share of time consistent"]  # fmt: skip
     return _table(head, rows)
 
 
 def _after(waits: list[float | None]) -> str:
-    came = sorted(w for w in waits if w is not None)
-    if not came:
+    delays = sorted(w for w in waits if w is not None)
+    if not delays:
         return f"no alarm in {len(waits)} drives"
     return (
-        f"{len(came)} of {len(waits)} drives brought the alarm, {came[len(came) // 2]:.1f} s after "
-        f"the crossing in the middle, {came[0]:.1f} to {came[-1]:.1f} s in all"
+        f"the alarm came in {len(delays)} of {len(waits)} drives, {delays[len(delays) // 2]:.1f} s "
+        f"after the crossing in the median ({delays[0]:.1f} to {delays[-1]:.1f} s)"
     )

@@ -1,4 +1,4 @@
-"""Single runs for :mod:`benchmarks.online`: drives of the rig through the online filter."""
+"""Single runs for :mod:`benchmarks.online`: simulated drives through the online filter."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from scipy.stats import chi2
 
 from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters import ukf as unscented
+from bayes_asv.filters import ukf
 from bayes_asv.filters.ukf_state import COLUMNS, Steps
 from bayes_asv.posterior.map_fit import best_fit, lay_out
-from bayes_asv.tracking import reference_ukf as reference
+from bayes_asv.tracking import reference_ukf
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
+from bayes_asv.tracking.filter import DEFAULT_SETTINGS, filter_model, initial_state
 from bayes_asv.tracking.frames import Frames
 from bayes_asv.tracking.parameters import coordinates
-from bayes_asv.tracking.prior_state import RULES, beginning, model_of
-from bayes_asv.tracking.relinearization import cut
-from bayes_asv.tracking.sensor_noise import sensing
-from bayes_asv.tracking.streaming_timeline import Layout
-from bayes_asv.tracking.track import Track, track
+from bayes_asv.tracking.relinearization import slice_steps
+from bayes_asv.tracking.sensor_noise import sensor_model
+from bayes_asv.tracking.streaming_timeline import StreamingTimeline
+from bayes_asv.tracking.track import TrackResult, track
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -43,7 +43,7 @@ from tests.rig import (
 from tests.rig.terrain import rollers
 
 __all__ = [
-    "KNOWLEDGE", "NAMES", "after_crossing", "against", "covered", "faded_share", "fading",
+    "KNOWLEDGE", "NAMES", "after_crossing", "compared", "covered", "faded_share", "fading",
     "long_drive", "nees_band", "raised", "speeds", "watched",
 ]  # fmt: skip
 
@@ -52,13 +52,15 @@ Row = dict[str, Any]
 
 NAMES = ("c_f", "c_r", "i")
 KNOWLEDGE = {"exact": EXACT, "declared": DECLARED}
-_NEVER = RULES._replace(learned=math.inf, look=math.inf, patience=math.inf)
+_NO_EVENTS = DEFAULT_SETTINGS._replace(
+    information_gain=math.inf, review_interval=math.inf, fault_duration=math.inf
+)
 
 
 def covered(
     terrain: str, rate: float, knowledge: str, seed: int, sensors: SensorSpec | None = None
 ) -> Row:
-    """Track one drive of two seconds and hold the last row against the truth."""
+    """Track one drive of two seconds, and compare the last row with the truth."""
     sds = KNOWLEDGE[knowledge]
     car, _, recording = case(terrain, seed, sds, rate=rate, sensors=sensors)
     began = time.process_time()
@@ -86,8 +88,8 @@ def covered(
     }
 
 
-def against(terrain: str, seed: int) -> Row:
-    """Hold the last row of a drive of two seconds against mode and curvature of the posterior."""
+def compared(terrain: str, seed: int) -> Row:
+    """Compare the last row of a drive of two seconds with mode and curvature of the posterior."""
     _, _, recording = case(terrain, seed, EXACT)
     lines, _, _ = lay_out([recording], vehicle(EXACT))
     found = best_fit(lines, vehicle(EXACT))
@@ -120,26 +122,26 @@ def long_drive(
         driven = with_terms(car, "front", FadingDamper(car.c_f, loss, fade), damper=False)
     sensors = draw_biases(SensorSpec(), rng)
     ground, speed = TERRAINS[terrain](seed), DEFAULT_SPEEDS[terrain]
-    if terrain == "rollers":  # as many as the drive is long: at rest there is nothing to be told
+    if terrain == "rollers":  # as many as the drive is long: at rest there is no information
         ground = rollers(count=math.ceil(seconds * speed / 1.4) + 1)
     run = drive(driven, ground, speed, rate, seconds, sensors, seed)
     return car, as_recording(run, f"{terrain}-{seed}.csv")
 
 
 def faded_share(time_: Array, loss: float, fade: float) -> Array:
-    """Share of its rate that a fading damper of the rig has left."""
+    """Share of its rate that a fading damper has left."""
     through = np.clip(time_ / fade, 0.0, 1.0)
     return np.asarray(1.0 - loss * (1.0 - np.exp(-3.0 * through)) / (1.0 - np.exp(-3.0)))
 
 
 def fading(seed: int, forget: float | None) -> Row:
-    """Follow a front damper that loses 30 % in 20 s; the lag is what shifts the truth onto it."""
+    """Track a front damper that loses 30 % in 20 s; the lag is the delay behind the truth."""
     car, recording = long_drive(24.0, 400.0, seed, loss=0.3)
     frames = track(recording, vehicle(DECLARED), forget=forget).frames
     inside = (frames.time > 2.0) & (frames.time < 20.0)
     share = frames.median[:, 0] / car.c_f
     true = faded_share(frames.time, 0.3, 20.0)
-    # errors of mass and springs scale the whole course; they are the given values', not a lag
+    # errors of mass and springs scale the whole curve: they are the given values', not a lag
     share = share / np.median((share / true)[inside])
     shifts = np.arange(0.0, 5.0, 0.05)
     errors = [
@@ -156,7 +158,7 @@ def fading(seed: int, forget: float | None) -> Row:
 
 
 def watched(seed: int, minutes: float, share_left: float, below: float, sure: float) -> Row:
-    """Watch a car whose front damper has a share of nominal and stays there."""
+    """Watch a car whose front damper has a constant share of its nominal rate."""
     nominal = baja()
     rng = np.random.default_rng([seed, 93])
     car = draw(nominal, rng, DECLARED)
@@ -164,23 +166,23 @@ def watched(seed: int, minutes: float, share_left: float, below: float, sure: fl
     terrain = ("rough", "rollers")[seed % 2]
     _, recording = long_drive(60.0 * minutes, 400.0, seed, terrain=terrain, like=car)
     given = vehicle(DECLARED)
-    dog, alarm, frames = raised(recording, given, below, sure)
-    edge = math.log(below * given.c_f.value)
-    p = ndtr((edge - np.log(frames.median[:, 0])) / frames.log_sd[:, 0])
-    p = p[frames.consistent & (frames.time > 2.0)]  # before, it is what the prior says
+    monitor, alarm, frames = raised(recording, given, below, sure)
+    limit = math.log(below * given.c_f.value)
+    p = ndtr((limit - np.log(frames.median[:, 0])) / frames.log_sd[:, 0])
+    p = p[frames.consistent & (frames.time > 2.0)]  # before, the prior dominates
     return {
         "seed": seed,
         "terrain": terrain,
         "hours": len(frames) / 400.0 / 3600.0 if alarm is None else alarm.time / 3600.0,
         "share_left": share_left,
         "alarm": None if alarm is None else alarm.time,
-        "told": dog.rows_told / max(dog.rows, 1),
+        "told": monitor.rows_consistent / max(monitor.rows, 1),
         "largest": float(np.max(p, initial=0.0)),
     }
 
 
 def after_crossing(seed: int, below: float, sure: float) -> float | None:
-    """Seconds from where a damper at nominal that loses 30 % in 20 s crosses a share to the alarm.
+    """Time from the crossing of a share, by a damper that loses 30 % in 20 s, to the alarm, s.
 
     None where no alarm comes in 40 s.
     """
@@ -195,35 +197,35 @@ def after_crossing(seed: int, below: float, sure: float) -> float | None:
 def raised(
     recording: Recording, car: Vehicle, below: float, sure: float
 ) -> tuple[AlarmMonitor, Alarm | None, Frames]:
-    """Let a watchdog look at a whole recording, as ``bayes-asv watch`` does."""
-    result: Track = track(recording, car, forget=60.0)
-    dog = AlarmMonitor(car, below, sure, 1.0)
-    return dog, dog.look(result.frames), result.frames
+    """Track a recording and test it for alarms, as ``bayes-asv watch`` does."""
+    result: TrackResult = track(recording, car, forget=60.0)
+    monitor = AlarmMonitor(car, below, sure, 1.0)
+    return monitor, monitor.update(result.frames), result.frames
 
 
 def speeds(knowledge: str, repeats: int = 7) -> Row:
     """Time both engines over the same steps, and the replay of a minute."""
     known = KNOWLEDGE[knowledge]
     car = vehicle(known)
-    driven = draw(baja(), np.random.default_rng([5, 92]), known)  # as well known as is claimed
+    driven = draw(baja(), np.random.default_rng([5, 92]), known)  # true values differ as declared
     _, recording = long_drive(60.0, 800.0, 5, like=driven)
-    layout = Layout(car, sensing(car), nominal_rate(recording))
-    steps = layout.push(recording.time, accelerations(recording, car).T).steps
-    where = coordinates(car)
-    model = model_of(where, sensing(car).kernel_noise())
+    timeline = StreamingTimeline(car, sensor_model(car), nominal_rate(recording))
+    steps = timeline.push(recording.time, accelerations(recording, car).T).steps
+    space = coordinates(car)
+    model = filter_model(space, sensor_model(car).noise_parameters())
 
     def best(run: Callable[..., object], part: Steps, times: int) -> float:
-        """Most steps a second of CPU time, over a few tries: others may use the machine."""
+        """Return the steps per second of CPU time, best of a few runs on a busy machine."""
         most = 0.0
         for _ in range(times):
-            state, out = beginning(model), np.zeros((len(part.step), COLUMNS))
+            state, out = initial_state(model), np.zeros((len(part.step), COLUMNS))
             began = time.process_time()
-            run(0, False, state, model, _NEVER, part, out)
+            run(0, False, state, model, _NO_EVENTS, part, out)
             most = max(most, len(part.step) / (time.process_time() - began))
         return most
 
-    compiled = best(unscented.run, steps, repeats)
-    plain = best(reference.run, cut(steps, 500, 800), 2)
+    compiled = best(ukf.run, steps, repeats)
+    reference = best(reference_ukf.run, slice_steps(steps, 500, 800), 2)
     replays = []
     for _ in range(repeats):
         began = time.process_time()
@@ -231,17 +233,17 @@ def speeds(knowledge: str, repeats: int = 7) -> Row:
         replays.append(60.0 / (time.process_time() - began))
     return {
         "knowledge": knowledge,
-        "parameters": len(where),
+        "parameters": len(space),
         "compiled_steps_a_second": compiled,
-        "filterpy_steps_a_second": plain,
-        "ratio": compiled / plain,
+        "filterpy_steps_a_second": reference,
+        "ratio": compiled / reference,
         "replay_times_faster": max(replays),
         "replay_median": float(np.median(replays)),
     }
 
 
 def nees_band(runs: int, level: float = 0.95) -> tuple[float, float]:
-    """Where the mean NEES of three parameters lies over so many runs."""
+    """Interval of the mean NEES of three parameters over so many runs."""
     tail = 0.5 * (1.0 - level)
     low, high = (float(chi2.ppf(share, 3 * runs)) / runs for share in (tail, 1.0 - tail))
     return low, high

@@ -39,14 +39,13 @@ from bayes_asv import __version__
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.models.half_car import HalfCar
-from bayes_asv.planning.grid import RATES, Planned
-from bayes_asv.planning.grounds import KINDS, Ground
-from bayes_asv.planning.information import information
-from bayes_asv.planning.motion import Pass, assumed_tyres, drive_all
+from bayes_asv.planning.drives import KINDS, RATES, Drive, RoadProfile
+from bayes_asv.planning.evaluation import evaluate
+from bayes_asv.planning.information import fisher_information
+from bayes_asv.planning.measurement import with_default_noise
 from bayes_asv.planning.plan import plan
-from bayes_asv.planning.sensing import with_assumed_noise
-from bayes_asv.planning.trial import attempt
-from bayes_asv.planning.widths import ANSWERS, known, widths
+from bayes_asv.planning.predicted_sd import PARAMETERS, predicted_sd, prior_sd
+from bayes_asv.planning.ride_simulation import Pass, default_tyres, simulate_passes
 from bayes_asv.posterior.importance import importance
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from benchmarks.plan_cars import CARS, chance_car
@@ -83,7 +82,7 @@ Row = dict[str, Any]
 RESULTS = Path(__file__).parent / "results" / "plan.json"
 EXACT = dict.fromkeys(DECLARED_SDS, 0.0)
 KNOWLEDGE: Mapping[str, Mapping[str, float]] = {"exact": EXACT, "declared": DECLARED_SDS}
-WANT = dict.fromkeys(ANSWERS, 0.05)
+WANT = dict.fromkeys(PARAMETERS, 0.05)
 _DRAWS = 512
 _INCH = 0.0254
 
@@ -96,28 +95,28 @@ def vehicle_of(car: RigCar, sds: Mapping[str, float]) -> Vehicle:
         return replace(read_vehicle(path), source="car.toml")
 
 
-def rig_terrain(ground: Ground, seed: int) -> Terrain:
+def rig_terrain(road: RoadProfile, seed: int) -> Terrain:
     """Lay the plan's ground on the rig's road."""
     built = {
-        "bump": lambda: bump(ground.height, ground.length),
-        "stops": lambda: parking_stops(ground.height, ground.length),
-        "rollers": lambda: rollers(ground.height, ground.length, ground.count),
-        "rough": lambda: rough_road(seed, ground.iso),
-    }[ground.kind]()
+        "bump": lambda: bump(road.height, road.length),
+        "stops": lambda: parking_stops(road.height, road.length),
+        "rollers": lambda: rollers(road.height, road.length, road.count),
+        "rough": lambda: rough_road(seed, road.iso),
+    }[road.kind]()
     return replace(built, lead_in=0.5)
 
 
-def rig_recording(car: RigCar, planned: Planned, seed: int) -> Recording:
+def rig_recording(car: RigCar, planned: Drive, seed: int) -> Recording:
     """Drive the rig over the plan's ground, with biases of its own."""
     rng = np.random.default_rng([seed, 77])
     sensors = draw_biases(SensorSpec(), rng)
     road, run = (int(v) for v in rng.integers(2**31, size=2))
-    where = rig_terrain(planned.ground, road)
+    where = rig_terrain(planned.road, road)
     done = drive(car, where, planned.speed, planned.rate, planned.seconds, sensors, run)
     return Recording(done.time, done.channels / _INCH, ("in/s^2",) * 4, (), f"run-{seed}.csv")
 
 
-def fitted(car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]) -> MapFit | None:
+def fitted(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int]) -> MapFit | None:
     """Mode of the posterior of rig runs; None when they are refused."""
     runs = [rig_recording(car, planned, seed) for seed in seeds]
     lines, reasons, _ = lay_out(runs, vehicle)
@@ -130,39 +129,41 @@ def fitted(car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]
 def error(car: RigCar, found: MapFit) -> Array:
     """Relative error (4,) of the mode."""
     c_f, c_r, i, m, *_ = found.space.cars(found.mode.z[None])[0]
-    truth = np.array([getattr(car, name) for name in ANSWERS])
+    truth = np.array([getattr(car, name) for name in PARAMETERS])
     return np.asarray(np.array([c_f, c_r, i, np.sqrt(i / m)]) / truth - 1.0)
 
 
-def posterior(
-    car: RigCar, vehicle: Vehicle, planned: Planned, seeds: Sequence[int]
-) -> Array | None:
+def posterior(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int]) -> Array | None:
     """Relative posterior deviations (4,) of rig runs; None when they are refused."""
     found = fitted(car, vehicle, planned, seeds)
     if found is None:
         return None
     draws = importance(found.target, found.mode, _DRAWS, seeds[0])
     value = found.space.quantities(draws.z, seeds[0])
-    mean = np.array([draws.mean(value[name]) for name in ANSWERS])
-    sd = np.array([draws.sd(value[name]) for name in ANSWERS])
+    mean = np.array([draws.mean(value[name]) for name in PARAMETERS])
+    sd = np.array([draws.sd(value[name]) for name in PARAMETERS])
     return np.asarray(sd / mean)
 
 
 def promise(
-    vehicle: Vehicle, planned: Planned, passes: int, seed: int, tyres: RigCar | None = None
+    vehicle: Vehicle, planned: Drive, passes: int, seed: int, tyres: RigCar | None = None
 ) -> Array | None:
     """Promised widths (4,) of one drive, if need be told a car's tyres; None when not usable."""
     car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    noisy, _ = with_assumed_noise(vehicle)
-    roads = 2 if planned.ground.kind == "rough" else 1
-    passes_ = [Pass(planned.ground, planned.speed, planned.seconds, seed + k) for k in range(roads)]
-    below = assumed_tyres(car)
+    noisy, _ = with_default_noise(vehicle)
+    roads = 2 if planned.road.kind == "rough" else 1
+    passes_ = [Pass(planned.road, planned.speed, planned.seconds, seed + k) for k in range(roads)]
+    below = default_tyres(car)
     if tyres is not None:
         rate, unsprung = 0.5 * (tyres.k_tf + tyres.k_tr), 0.5 * (tyres.m_uf + tyres.m_ur)
-        below = assumed_tyres(car, rate, unsprung)
-    motions = drive_all(car, below, passes_)
-    (trial,) = attempt(noisy, [planned], motions, seed)
-    return widths(trial.information, passes, known(vehicle)) if trial.usable else None
+        below = default_tyres(car, rate, unsprung)
+    motions = simulate_passes(car, below, passes_)
+    (evaluation,) = evaluate(noisy, [planned], motions, seed)
+    return (
+        predicted_sd(evaluation.information, passes, prior_sd(vehicle))
+        if evaluation.usable
+        else None
+    )
 
 
 def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
@@ -186,13 +187,13 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
         rng = np.random.default_rng([seed, place])
         rates = sorted(rng.choice(RATES, 2, replace=False).tolist())
         made = plan(vehicle_of(nominal, EXACT), WANT, rates=rates, seed=seed)
-        usable = [one for one in made.judged if one.trial.usable]
+        usable = [one for one in made.rated if one.evaluation.usable]
         for knowledge, sds in KNOWLEDGE.items():
             vehicle = vehicle_of(nominal, sds)
-            before = known(vehicle)
+            prior = prior_sd(vehicle)
             for kind in KINDS:
                 count = each if knowledge == "exact" else (each + 1) // 2
-                cell = [one for one in usable if one.trial.drive.ground.kind == kind]
+                cell = [one for one in usable if one.evaluation.drive.road.kind == kind]
                 for _ in range(count if cell else 0):
                     one = cell[int(rng.integers(len(cell)))]
                     # every other car is another one than nominal, as cars are
@@ -200,20 +201,20 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
                     passes = (1, 1, 3)[int(rng.integers(3))]
                     car = draw(nominal, rng, sds, SPREADS if other else {})
                     first = int(rng.integers(2**31))
-                    drive = one.trial.drive
+                    drive = one.evaluation.drive
                     got = posterior(car, vehicle, drive, [first + k for k in range(passes)])
                     tried += 1
                     if got is None:
                         refused += 1
                         continue
-                    promised = widths(one.trial.information, passes, before)
+                    promised = predicted_sd(one.evaluation.information, passes, prior)
                     told = promise(vehicle, drive, passes, seed, nominal)
                     rows.append(
                         {
                             "car": name, "drawn": other, "knowledge": knowledge, "road": kind,
-                            "height": drive.ground.height, "length": drive.ground.length,
-                            "iso": drive.ground.iso, "speed": drive.speed, "rate": drive.rate,
-                            "passes": passes, "gentle": one.trial.gentle, "seed": first,
+                            "height": drive.road.height, "length": drive.road.length,
+                            "iso": drive.road.iso, "speed": drive.speed, "rate": drive.rate,
+                            "passes": passes, "gentle": one.evaluation.gentle, "seed": first,
                             "promised": promised.tolist(), "posterior": got.tolist(),
                             "ratio": (got / promised).tolist(),
                             "ratio_told": None if told is None else (got / told).tolist(),
@@ -225,10 +226,10 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
 
 # Drives of the second and third part: shapes and speeds of the rig's own defaults.
 _CLASSIC = {
-    "bump": Planned(Ground("bump", 3.5 * _INCH, 1.5, 1), 4.47, 400.0, 2.2),
-    "stops": Planned(Ground("stops", 3.0 * _INCH, 12.0 * _INCH, 2), 2.24, 400.0, 2.6),
-    "rollers": Planned(Ground("rollers", 2.25 * _INCH, 1.4, 8), 3.58, 400.0, 4.6),
-    "rough": Planned(Ground("rough", iso="D"), 5.36, 400.0, 2.5),
+    "bump": Drive(RoadProfile("bump", 3.5 * _INCH, 1.5, 1), 4.47, 400.0, 2.2),
+    "stops": Drive(RoadProfile("stops", 3.0 * _INCH, 12.0 * _INCH, 2), 2.24, 400.0, 2.6),
+    "rollers": Drive(RoadProfile("rollers", 2.25 * _INCH, 1.4, 8), 3.58, 400.0, 4.6),
+    "rough": Drive(RoadProfile("rough", iso="D"), 5.36, 400.0, 2.5),
 }
 
 
@@ -275,7 +276,7 @@ def information_rows(runs: int, seed: int) -> list[Row]:
                     continue
                 true = vehicle_of(car, EXACT)
                 lines, _, _ = lay_out([rig_recording(car, at, first)], true)
-                formula = widths(information(lines[0], true), 1, known(true))
+                formula = predicted_sd(fisher_information(lines[0], true), 1, prior_sd(true))
                 ratios.append(got / formula)
         found = np.array(ratios)
         rows.append(
@@ -343,7 +344,7 @@ def main() -> int:
         "cores": os.cpu_count(),
         "seed": given.seed,
         "seconds": time.perf_counter() - began,
-        "answers": list(ANSWERS),
+        "answers": list(PARAMETERS),
     }
     summary = {"tried": tried, "refused_on_the_rig": refused, "widths": summarise(rows)}
     document = {

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from bayes_asv.planning.grounds import KINDS, Ground
+from bayes_asv.planning.drives import KINDS, RoadProfile
 from bayes_asv.planning.plan import Plan
-from bayes_asv.planning.widths import widths
+from bayes_asv.planning.predicted_sd import predicted_sd
 
 __all__ = ["PICTURE", "draw_picture"]
 
@@ -36,23 +36,25 @@ def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
 
     colours = dict(zip(KINDS, ("#1b6ca8", "#c0392b", "#2e8b57", "#8e6c1a"), strict=True))
     figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 4.6), layout="constrained")
-    lines: dict[Ground, list[tuple[float, float, bool]]] = {}
-    for one in made.judged:
-        if one.trial.usable:
-            width = float(widths(one.trial.information, 1, made.before.exactly())[0])
-            point = (one.trial.drive.speed / 0.44704, 100.0 * width, one.trial.gentle)
-            lines.setdefault(one.trial.drive.ground, []).append(point)
+    lines: dict[RoadProfile, list[tuple[float, float, bool]]] = {}
+    for one in made.rated:
+        if one.evaluation.usable:
+            width = float(
+                predicted_sd(one.evaluation.information, 1, made.prior.with_exact_given())[0]
+            )
+            point = (one.evaluation.drive.speed / 0.44704, 100.0 * width, one.evaluation.gentle)
+            lines.setdefault(one.evaluation.drive.road, []).append(point)
     named: set[str] = set()
-    for ground, points in lines.items():
+    for road, points in lines.items():
         x, y, gentle = zip(*sorted(points), strict=True)
-        label = None if ground.kind in named else ground.kind
-        named.add(ground.kind)
-        left.plot(x, y, color=colours[ground.kind], lw=1.2, label=label)
-        faces = [colours[ground.kind] if soft else "white" for soft in gentle]
-        left.scatter(x, y, s=22, c=faces, edgecolors=colours[ground.kind], zorder=3)
-    floor = 100.0 * made.floor["c_f"]
-    left.axhline(floor, color="black", lw=0.9, ls="--")
-    left.text(20.0, 1.06 * floor, "a mass known to 1 % allows no less", ha="right", va="bottom")
+        label = None if road.kind in named else road.kind
+        named.add(road.kind)
+        left.plot(x, y, color=colours[road.kind], lw=1.2, label=label)
+        faces = [colours[road.kind] if soft else "white" for soft in gentle]
+        left.scatter(x, y, s=22, c=faces, edgecolors=colours[road.kind], zorder=3)
+    sd_floor = 100.0 * made.sd_floor["c_f"]
+    left.axhline(sd_floor, color="black", lw=0.9, ls="--")
+    left.text(20.0, 1.06 * sd_floor, "a mass known to 1 % allows no less", ha="right", va="bottom")
     left.set(
         yscale="log", xlabel="speed, mph", ylabel="front damping rate: one deviation, %",
         title="One pass at 400 Hz, if all given values were exact",

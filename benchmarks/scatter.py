@@ -108,8 +108,8 @@ def one(name: str, rate: float, seed: int) -> dict[str, Any]:
     out: dict[str, Any] = {"condition": name, "rate": rate, "seed": seed}
     theirs = {"coordinates": "integrated", "initial": "zero"}
     ways = {
-        "trend": {**theirs, "removal": "trend"},
-        "constant": {**theirs, "removal": "constant"},
+        "trend": {**theirs, "detrending": "trend"},
+        "constant": {**theirs, "detrending": "constant"},
         "deflection": {"coordinates": "deflection"},
     }
     for way, how in ways.items():
@@ -117,7 +117,9 @@ def one(name: str, rate: float, seed: int) -> dict[str, Any]:
         out[way] = {
             "verdict": found.verdict,
             "reasons": list(found.reasons),
-            "error": {n: a.value / truth[n] - 1.0 for n, a in found.answers.items() if n != "k_g"},
+            "error": {
+                n: a.value / truth[n] - 1.0 for n, a in found.parameters.items() if n != "k_g"
+            },
         }
     return out
 

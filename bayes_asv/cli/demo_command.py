@@ -50,7 +50,7 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     click.echo(f"Two simulated drives of one car: {', '.join(_RUNS)}", err=quiet)
     runs, car = common.read_inputs(paths, vehicle, None)
     with common.progress_bar() as progress:
-        from bayes_asv.estimate import estimate
+        from bayes_asv.estimation import estimate
         from bayes_asv.report.document import estimate_document
         from bayes_asv.report.track_document import track_document
         from bayes_asv.tracking.track import track

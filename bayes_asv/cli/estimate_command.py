@@ -80,7 +80,7 @@ def command(
         return _rolling(recordings, vehicle, json_file, rate, seed)
     runs, car = common.read_inputs(recordings, vehicle, rate)
     with common.progress_bar() as progress:
-        from bayes_asv.estimate import estimate
+        from bayes_asv.estimation import estimate
         from bayes_asv.posterior.effect_fit import read_site
 
         sites = tuple(dict.fromkeys(read_site(text) for text in effects))

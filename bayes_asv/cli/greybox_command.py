@@ -48,17 +48,17 @@ def command(
     common.check_outputs((recording, vehicle), json_file)
     runs, car = common.read_inputs((recording,), vehicle, rate)
     from bayes_asv import __version__
-    from bayes_asv.reference.document import GREYBOX_SCHEMA, clean, greybox_document
+    from bayes_asv.reference.document import GREYBOX_SCHEMA, greybox_document, nan_to_none
     from bayes_asv.reference.greybox import COORDINATES, grey_box
-    from bayes_asv.reference.words import greybox_lines
+    from bayes_asv.reference.text import greybox_lines
 
     ways = COORDINATES if coordinates == "both" else (coordinates,)
     found = [
-        grey_box(runs[0], car, coordinates=way, initial=initial, removal=remove, hold=hold)
+        grey_box(runs[0], car, coordinates=way, initial=initial, detrending=remove, hold=hold)
         for way in ways
     ]
     verdicts = [estimate.verdict for estimate in found]
-    document = clean(
+    document = nan_to_none(
         {
             "schema": GREYBOX_SCHEMA,
             "verdict": next((v for v in ("refused", "not_converged") if v in verdicts), "ok"),

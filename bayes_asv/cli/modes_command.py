@@ -47,11 +47,16 @@ def command(
     runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
     from bayes_asv import __version__
     from bayes_asv.models.modes import modes
-    from bayes_asv.reference.document import MODES_SCHEMA, clean, mode_document, study_document
+    from bayes_asv.reference.document import (
+        MODES_SCHEMA,
+        mode_document,
+        nan_to_none,
+        study_document,
+    )
     from bayes_asv.reference.greybox import nominal_car
-    from bayes_asv.reference.modal import printed_way
-    from bayes_asv.reference.spectrum import spectrum_document
-    from bayes_asv.reference.words import modes_lines
+    from bayes_asv.reference.modal import printed_modes
+    from bayes_asv.reference.modes_document import spectrum_document
+    from bayes_asv.reference.text import modes_lines
 
     nominal = nominal_car(car)
     spectrum = spectrum_document(runs[0], car) if runs else None
@@ -64,7 +69,7 @@ def command(
                 if progress is not None:
                     progress(k / len(DAMPINGS), f"damped to {100 * damping:.0f} %")
                 studies.append(study_document(spectral_study(nominal, damping, _RECORDS, seed)))
-    document: dict[str, Any] = clean(
+    document: dict[str, Any] = nan_to_none(
         {
             "schema": MODES_SCHEMA,
             "verdict": "ok",
@@ -72,7 +77,7 @@ def command(
             "modes": [mode_document(mode) for mode in modes(nominal)],
             "as_app_c1": [
                 {"natural_hz": f.natural, "damped_hz": f.damped, "ratio": f.ratio}
-                for f in printed_way(nominal)
+                for f in printed_modes(nominal)
             ],
             "spectral": studies,
             "recording": spectrum,
@@ -88,7 +93,7 @@ def command(
 def _other_car(vehicle: str, which: str, json_file: str | None) -> int:
     """Tell the modes of a car beyond the half car."""
     from bayes_asv.domain.vehicle import read_vehicle
-    from bayes_asv.reference.cars import car_modes_document, car_modes_lines
+    from bayes_asv.reference.modes_document import car_modes_document, car_modes_lines
 
     document = car_modes_document(read_vehicle(vehicle), which)
     common.write_json(document, json_file)

@@ -69,9 +69,9 @@ def command(
 
     car = read_vehicle(vehicle)
     from bayes_asv.planning.document import plan_document
-    from bayes_asv.planning.grid import RATES, speeds
+    from bayes_asv.planning.drives import RATES, speeds
     from bayes_asv.planning.plan import plan
-    from bayes_asv.planning.words import plan_lines
+    from bayes_asv.planning.text import plan_lines
 
     slowest = min(speeds(kind, car.units)[0] for kind in kinds or _KINDS)
     if limit < slowest:
@@ -86,7 +86,7 @@ def command(
             rates=sorted(set(rates)) or RATES,
             kinds=[kind for kind in _KINDS if kind in (kinds or _KINDS)],
             speed_limit=limit,
-            most_passes=passes,
+            max_passes=passes,
             tyre_rate=rate,
             unsprung=mass,
             seed=seed,

@@ -119,7 +119,7 @@ def _completed(
     _same(told, saved, runs)
     told = dict(told)
     if "estimate" not in told:
-        from bayes_asv.estimate import estimate
+        from bayes_asv.estimation import estimate
         from bayes_asv.report.document import estimate_document
 
         tell = common.part_of(progress, 0.0, 0.3)

@@ -35,7 +35,7 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
         from bayes_asv.domain.files import write_atomically
         from bayes_asv.reference.page import reproduction_page
         from bayes_asv.reference.reproduce import reproduce
-        from bayes_asv.reference.words import reproduction_lines
+        from bayes_asv.reference.text import reproduction_lines
 
         found = reproduce(seed, progress)
         text = reproduction_page(found.document, found.figures)

@@ -1,12 +1,12 @@
-"""Arithmetic of a filter that keeps parameters and states apart, compiled.
+"""Updates of a filter that keeps parameters and state apart in factored form, compiled.
 
-With a reference μ, directions D (row i is direction i, zero before its i-th number) and a state
+With a reference μ, directions D (row i is direction i, zero before its i-th element) and a state
 that is linear given the parameters::
 
     θ = μ + Dᵀ d,    d ~ N(m, Fᵀ F),    s = x + Jᵀ d + η,    η ~ N(0, Π)
 
-F has the shape of D: Dᵀ and Fᵀ are lower triangular factors, so the parameters' covariance is
-never formed and cannot lose its sign.
+F is triangular like D: Dᵀ and Fᵀ are lower Cholesky factors, so that the covariance of the
+parameters is never formed and stays positive.
 """
 
 from __future__ import annotations
@@ -19,42 +19,57 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.discretization import OPTIONS
 
-__all__ = ["follow", "leverage", "take", "wander"]
+__all__ = ["add_parameter_noise", "measurement_update", "parameter_variance", "recentre"]
 
 Array = NDArray[np.float64]
 
 
 @njit(**OPTIONS)
-def take(
+def measurement_update(
     y: float,
-    expected: float,
+    predicted: float,
     g: Array,
     PC: Array,
-    rest: float,
+    variance_given_d: float,
     x: Array,
     J: Array,
     m: Array,
     F: Array,
     Pi: Array,
-    weight: Array,
-    moved_by: Array,
+    Fg: Array,
+    workspace: Array,
     learn: bool,
 ) -> None:
-    """Take up one reading y = expected + g d + c η + noise.
+    """Condition on one reading y = predicted + g d + c η + noise.
 
-    ``PC`` is Π cᵀ and ``rest`` the variance of y given d.  ``weight`` (p,) is F g, as
-    :func:`leverage` leaves it; ``moved_by`` (p,) is room to work in.  Without ``learn`` the reading
-    tells of the state given the parameters, and what is believed of these stays.
+    Parameters
+    ----------
+    y, predicted : float
+        Reading, and its mean at d = 0.
+    g : (p,) array
+        Derivatives of the reading by d.
+    PC : (10,) array
+        Π cᵀ.
+    variance_given_d : float
+        Variance of y given d.
+    x, J, m, F, Pi : arrays
+        Belief; changed in place.
+    Fg : (p,) array
+        F g, from :func:`parameter_variance`.
+    workspace : (p,) array
+        Workspace.
+    learn : bool
+        Whether d is updated as well; otherwise the state given d alone.
     """
     p = g.shape[0]
-    S = rest
+    S = variance_given_d
     for i in range(p):
-        S += weight[i] * weight[i]
-    nu = y - expected
+        S += Fg[i] * Fg[i]
+    nu = y - predicted
     for k in range(p):
         nu -= g[k] * m[k]
-    over = 1.0 / rest
-    by = (y - expected) * over
+    over = 1.0 / variance_given_d
+    by = (y - predicted) * over
     for a in range(10):
         x[a] += PC[a] * by
     for i in range(p):
@@ -67,42 +82,42 @@ def take(
             Pi[a, b] -= by * PC[b]
     if not learn:
         return
-    # F Fᵀ − F γ γᵀ Fᵀ / S, factored anew from the last column (Carlson 1973), with no difference
-    # of large numbers anywhere.
+    # The covariance of d becomes Fᵀ (1 − F g gᵀ Fᵀ / S) F; the bracket is factored from its last
+    # column, without cancellation (Carlson 1973).
     for k in range(p):
-        moved_by[k] = 0.0
-    above = rest
+        workspace[k] = 0.0
+    partial = variance_given_d
     for i in range(p - 1, -1, -1):
-        below = above
-        above = below + weight[i] * weight[i]
-        scale = 1.0 / math.sqrt(above * below)
-        stay = below * scale
-        away = weight[i] * scale
+        previous = partial
+        partial = previous + Fg[i] * Fg[i]
+        scale = 1.0 / math.sqrt(partial * previous)
+        keep = previous * scale
+        gain = Fg[i] * scale
         for k in range(i, p):
             old = F[i, k]
-            F[i, k] = stay * old - away * moved_by[k]
-            moved_by[k] += old * weight[i]
+            F[i, k] = keep * old - gain * workspace[k]
+            workspace[k] += old * Fg[i]
     by = nu / S
     for k in range(p):
-        m[k] += moved_by[k] * by
+        m[k] += workspace[k] * by
 
 
 @njit(**OPTIONS)
-def leverage(g: Array, F: Array, weight: Array) -> float:
-    """Fill ``weight`` with F g; return its square, what the parameters add to the variance."""
+def parameter_variance(g: Array, F: Array, Fg: Array) -> float:
+    """Fill ``Fg`` with F g; return its squared norm, the reading's variance due to d."""
     p = g.shape[0]
     total = 0.0
     for i in range(p):
         acc = 0.0
         for k in range(i, p):
             acc += F[i, k] * g[k]
-        weight[i] = acc
+        Fg[i] = acc
         total += acc * acc
     return total
 
 
 @njit(**OPTIONS)
-def follow(mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
+def recentre(mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
     """Move the reference to the estimate."""
     p = mu.shape[0]
     for k in range(p):
@@ -129,30 +144,42 @@ def follow(mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
 
 
 @njit(**OPTIONS)
-def wander(D: Array, J: Array, Pi: Array, variance: Array) -> float:
-    """Let the parameters walk: add variances (p,) to their covariance, the reference moving.
+def add_parameter_noise(D: Array, J: Array, Pi: Array, variance: Array) -> float:
+    """Add process noise to the parameters, the reference being at the estimate.
 
-    What the state owed to the parameters as they were, it owes only in part to what they are now;
-    the difference goes to Π.  Returns by how much the logarithm of the parameters' volume grew.
+    The regression of the state on the parameters shrinks, and its residual goes to Π, so that the
+    covariance of the state and its covariance with the parameters do not change.
+
+    Parameters
+    ----------
+    D, J, Pi : arrays
+        Belief; changed in place.
+    variance : (p,) array
+        Variance to be added to each coordinate.
+
+    Returns
+    -------
+    float
+        Increase of the log-volume, Σ log D_ii.
     """
     p = D.shape[0]
     P = np.zeros((p, p))
-    fresh = np.zeros((p, p))
+    factor = np.zeros((p, p))
     for a in range(p):
         for b in range(a + 1):
             acc = variance[a] if a == b else 0.0
             for i in range(b + 1):
                 acc += D[i, a] * D[i, b]
             P[a, b] = acc
-    for a in range(p):  # lower Cholesky factor, kept by columns as D is
+    for a in range(p):  # lower Cholesky factor, stored by columns like D
         for b in range(a + 1):
             acc = P[a, b]
             for i in range(b):
-                acc -= fresh[i, a] * fresh[i, b]
+                acc -= factor[i, a] * factor[i, b]
             if a == b:
-                fresh[a, a] = math.sqrt(acc)
+                factor[a, a] = math.sqrt(acc)
             else:
-                fresh[b, a] = acc / fresh[b, b]
+                factor[b, a] = acc / factor[b, b]
     for a in range(10):
         for b in range(a + 1):
             acc = 0.0
@@ -161,14 +188,14 @@ def wander(D: Array, J: Array, Pi: Array, variance: Array) -> float:
             Pi[a, b] += acc
             if a != b:
                 Pi[b, a] = Pi[a, b]
-    # J becomes T J with T = fresh⁻¹ D, both lower triangular: solved row by row from the last.
+    # J becomes T J with D_newᵀ T = Dᵀ, all lower triangular: computed from the last row upwards.
     T = np.zeros((p, p))
     for i in range(p):  # column i of T
         for a in range(i, p):
             acc = D[i, a]
             for k in range(i, a):
-                acc -= fresh[k, a] * T[k, i]
-            T[a, i] = acc / fresh[a, a]
+                acc -= factor[k, a] * T[k, i]
+            T[a, i] = acc / factor[a, a]
     for i in range(p - 1, -1, -1):
         for a in range(10):
             acc = 0.0
@@ -183,9 +210,9 @@ def wander(D: Array, J: Array, Pi: Array, variance: Array) -> float:
             Pi[a, b] -= acc
             if a != b:
                 Pi[b, a] = Pi[a, b]
-    grown = 0.0
+    growth = 0.0
     for i in range(p):
-        grown += math.log(fresh[i, i] / D[i, i])
+        growth += math.log(factor[i, i] / D[i, i])
         for a in range(p):
-            D[i, a] = fresh[i, a]
-    return grown
+            D[i, a] = factor[i, a]
+    return growth

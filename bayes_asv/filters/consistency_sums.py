@@ -1,4 +1,8 @@
-"""Sums over windows that slide along rows of innovations, compiled."""
+"""Sliding-window statistics of the online filter's innovations, compiled.
+
+Two windows end with each row: a short one for the normalised innovation squared (NIS), and a long
+one for the Box–Pierce statistic of the innovations' autocorrelation.
+"""
 
 from __future__ import annotations
 
@@ -10,78 +14,78 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.discretization import OPTIONS
 
-__all__ = ["LAGS", "SUMS", "Limits", "judge", "slide"]
+__all__ = ["LAGS", "SUMS", "ConsistencyLimits", "flag_inconsistency", "update_sums"]
 
 Array = NDArray[np.float64]
 
 LAGS: Final = 10
-"""Rows apart up to which products are summed."""
+"""Largest lag of the autocorrelation, rows."""
 
-_AXLE: Final = LAGS + 2  # numbers an axle: products by lag, and how many innovations
-SUMS: Final = 2 + 2 * _AXLE
-"""Numbers in ``sums``: NIS and readings of the short window, then each axle's of the long one."""
+_PER_AXLE: Final = LAGS + 2  # products at lags 0 to LAGS, and the number of innovations
+SUMS: Final = 2 + 2 * _PER_AXLE
+"""Length of ``sums``: NIS and readings of the short window, then each axle's of the long one."""
 
 
-class Limits(NamedTuple):
-    """When a doubt begins, and when it ends.
+class ConsistencyLimits(NamedTuple):
+    """Onset and end of each of three flags; between the two a flag keeps its value.
 
     Parameters
     ----------
-    bands : (4, M) array
-        By number of readings in a window: the mean NIS within which a doubt ends, low and high,
-        and beyond which it begins.
-    coloured, white : float
-        Statistic of the colour, likewise.
-    swollen, shrunk : float
-        Level of the noise's variance, likewise; infinite where it tells nothing.
+    nis_bands : (4, M) array
+        By the number of readings in the window: lower and upper limit of the mean NIS inside which
+        the flag ends, then lower and upper limit outside of which it is raised.
+    box_pierce_onset, box_pierce_end : float
+        Limits of the Box–Pierce statistic.
+    noise_onset, noise_end : float
+        Limits of the noise factor; infinite where the noise was not declared.
     """
 
-    bands: Array
-    coloured: float
-    white: float
-    swollen: float
-    shrunk: float
+    nis_bands: Array
+    box_pierce_onset: float
+    box_pierce_end: float
+    noise_onset: float
+    noise_end: float
 
 
-_LEAST: Final = 1e-10  # less than any sum of squares but one of nothing
+_SMALLEST_POWER: Final = 1e-10  # below the sum of squares of any innovations that are not all zero
 
 
 @njit(**OPTIONS)
-def slide(
+def update_sums(
     rows: Array,
     first: int,
-    short: int,
-    long: int,
+    nis_window: int,
+    whiteness_window: int,
     since: int,
     sums: Array,
-    totals: Array,
+    products: Array,
     nis: Array,
-    colour: Array,
+    box_pierce: Array,
 ) -> int:
-    """Carry the sums over rows, one after the other, so that chunks make no difference.
+    """Slide both windows over rows, one at a time, so that the size of chunks has no effect.
 
-    What a window gains and loses is added and taken away; once in a long window all is summed
-    afresh, so that neither rounding nor a number beyond all bounds stays.
+    Each row adds what enters a window and subtracts what leaves it.  Once per long window all sums
+    are recomputed, so that neither rounding errors nor an overflow persist.
 
     Parameters
     ----------
     rows : (M, 4) array
-        Squared innovations of a row and how many readings it has, then the innovation of either
-        axle, zero where there is none.
+        NIS and number of readings of each row, then the normalised innovation of either axle, zero
+        where there is none.
     first : int
-        Row to begin with, ``long + LAGS`` or later.
-    short, long : int
-        Rows of the windows.
+        First row to process, at least ``whiteness_window + LAGS``.
+    nis_window, whiteness_window : int
+        Lengths of the windows, rows.
     since : int
-        Rows since all was summed afresh.
+        Rows since the sums were last recomputed.
     sums : (SUMS,) array
-        As the row before left them; changed in place.
-    totals : (2, LAGS + 1) array
-        Products of each axle by lag, over all rows ever; added to.
+        Window sums after the row before; changed in place.
+    products : (2, LAGS + 1) array
+        Lagged products of each axle over all rows so far; added to in place.
     nis : (M − first, 2) array
         Filled with the sums of the first two columns over the short window.
-    colour : (M − first,) array
-        Filled with n Σ r_l² of both axles over the long one (Box & Pierce 1970).
+    box_pierce : (M − first,) array
+        Filled with n Σ r_l² over the long window, summed over both axles (Box & Pierce 1970).
 
     Returns
     -------
@@ -90,46 +94,49 @@ def slide(
     """
     for e in range(first, rows.shape[0]):
         since += 1
-        if since >= long:
+        if since >= whiteness_window:
             since = 0
-            _afresh(rows, e, short, long, sums)
+            _recompute_sums(rows, e, nis_window, whiteness_window, sums)
         else:
             for c in range(2):
-                sums[c] += rows[e, c] - rows[e - short, c]
+                sums[c] += rows[e, c] - rows[e - nis_window, c]
             for axle in range(2):
-                at = 2 + axle * _AXLE
-                new, old = rows[e, 2 + axle], rows[e - long, 2 + axle]
+                at = 2 + axle * _PER_AXLE
+                new, old = rows[e, 2 + axle], rows[e - whiteness_window, 2 + axle]
                 for lag in range(LAGS + 1):
                     sums[at + lag] += (
-                        new * rows[e - lag, 2 + axle] - old * rows[e - long - lag, 2 + axle]
+                        new * rows[e - lag, 2 + axle]
+                        - old * rows[e - whiteness_window - lag, 2 + axle]
                     )
                 sums[at + LAGS + 1] += (1.0 if new != 0.0 else 0.0) - (1.0 if old != 0.0 else 0.0)
         k = e - first
         nis[k, 0], nis[k, 1] = sums[0], sums[1]
-        colour[k] = 0.0
+        box_pierce[k] = 0.0
         for axle in range(2):
-            at = 2 + axle * _AXLE
+            at = 2 + axle * _PER_AXLE
             for lag in range(LAGS + 1):
-                totals[axle, lag] += rows[e, 2 + axle] * rows[e - lag, 2 + axle]
+                products[axle, lag] += rows[e, 2 + axle] * rows[e - lag, 2 + axle]
             power, count = sums[at], sums[at + LAGS + 1]
-            if count > 0.5 and power > _LEAST:
+            if count > 0.5 and power > _SMALLEST_POWER:
                 squares = 0.0
                 for lag in range(1, LAGS + 1):
                     squares += sums[at + lag] * sums[at + lag]
-                colour[k] += count * squares / (power * power)
+                box_pierce[k] += count * squares / (power * power)
     return since
 
 
 @njit(**OPTIONS)
-def _afresh(rows: Array, end: int, short: int, long: int, sums: Array) -> None:
-    """Sum over the windows that end with a row."""
+def _recompute_sums(
+    rows: Array, end: int, nis_window: int, whiteness_window: int, sums: Array
+) -> None:
+    """Sum over the windows that end with row ``end``."""
     sums[:] = 0.0
-    for e in range(end - short + 1, end + 1):
+    for e in range(end - nis_window + 1, end + 1):
         sums[0] += rows[e, 0]
         sums[1] += rows[e, 1]
     for axle in range(2):
-        at = 2 + axle * _AXLE
-        for e in range(end - long + 1, end + 1):
+        at = 2 + axle * _PER_AXLE
+        for e in range(end - whiteness_window + 1, end + 1):
             new = rows[e, 2 + axle]
             for lag in range(LAGS + 1):
                 sums[at + lag] += new * rows[e - lag, 2 + axle]
@@ -137,50 +144,51 @@ def _afresh(rows: Array, end: int, short: int, long: int, sums: Array) -> None:
 
 
 @njit(**OPTIONS)
-def judge(
+def flag_inconsistency(
     nis: Array,
-    colour: Array,
-    level: Array,
-    limits: Limits,
-    doubt: NDArray[np.bool_],
+    box_pierce: Array,
+    noise_factor: Array,
+    limits: ConsistencyLimits,
+    flags: NDArray[np.bool_],
     mean: Array,
     low: Array,
     high: Array,
-    well: NDArray[np.bool_],
+    consistent: NDArray[np.bool_],
 ) -> None:
-    """Doubt and trust, row by row: a doubt lasts from what begins it to what ends it.
+    """Raise and lower three flags row by row, with hysteresis.
 
     Parameters
     ----------
-    nis, colour : (N, 2) and (N,) arrays
-        As :func:`slide` filled them.
-    level : (N, 2) array
-        Level of the noise's variance, front and rear.
-    limits : Limits
-        See there.
-    doubt : (3,) bool array
-        Of the mean, the colour and the level, as the row before left them; changed in place.
+    nis, box_pierce : (N, 2) and (N,) arrays
+        As :func:`update_sums` fills them.
+    noise_factor : (N, 2) array
+        Factor on the declared noise variance, front and rear.
+    limits : ConsistencyLimits
+        Onset and end of each flag.
+    flags : (3,) bool array
+        Mean NIS, Box–Pierce statistic and noise factor out of limits, after the row before;
+        changed in place.
     mean, low, high : (N,) arrays
-        Filled with the mean NIS a reading and its band.
-    well : (N,) bool array
-        Filled: whether nothing is doubted.
+        Filled with the mean NIS per reading and its 95 % band.
+    consistent : (N,) bool array
+        Filled: whether no flag is raised.
     """
     for k in range(nis.shape[0]):
         count = nis[k, 1]
         mean[k] = nis[k, 0] / count if count > 0.5 else 1.0
         n = int(count + 0.5)
-        low[k], high[k] = limits.bands[0, n], limits.bands[1, n]
-        if mean[k] < limits.bands[2, n] or mean[k] > limits.bands[3, n]:
-            doubt[0] = True
+        low[k], high[k] = limits.nis_bands[0, n], limits.nis_bands[1, n]
+        if mean[k] < limits.nis_bands[2, n] or mean[k] > limits.nis_bands[3, n]:
+            flags[0] = True
         elif low[k] <= mean[k] <= high[k]:
-            doubt[0] = False
-        if colour[k] > limits.coloured:
-            doubt[1] = True
-        elif colour[k] < limits.white:
-            doubt[1] = False
-        most = max(level[k, 0], level[k, 1])
-        if most > limits.swollen:
-            doubt[2] = True
-        elif most < limits.shrunk:
-            doubt[2] = False
-        well[k] = not (doubt[0] or doubt[1] or doubt[2])
+            flags[0] = False
+        if box_pierce[k] > limits.box_pierce_onset:
+            flags[1] = True
+        elif box_pierce[k] < limits.box_pierce_end:
+            flags[1] = False
+        largest = max(noise_factor[k, 0], noise_factor[k, 1])
+        if largest > limits.noise_onset:
+            flags[2] = True
+        elif largest < limits.noise_end:
+            flags[2] = False
+        consistent[k] = not (flags[0] or flags[1] or flags[2])

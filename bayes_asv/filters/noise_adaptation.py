@@ -1,8 +1,8 @@
-"""What the unscented filter thinks of its noise and of itself, compiled.
+"""Noise adaptation and drift detection of the unscented filter, compiled.
 
-The noise has a level for each axle, one where it is as declared.  It follows the innovations:
-slowly as it should, at once when something breaks.  Innovations that hang together say that
-parameters do not stay where they were.
+Each axle has a noise factor on its declared noise variance, estimated from normalised innovations
+squared (NIS): slowly as a rule, and quickly when a sensor fails.  Autocorrelated innovations show
+that the parameters drift.
 """
 
 from __future__ import annotations
@@ -15,93 +15,106 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.discretization import OPTIONS
 from bayes_asv.filters.ukf_state import (
-    COLOUR,
-    COPIED,
-    DOUBTED,
-    LAGS,
-    MOTION,
-    QUICK,
-    SHAKEN,
-    SUM,
-    WEIGHT,
-    Rules,
+    DRIFT_DETECTED,
+    DRIFT_LAGS,
+    FAST_FACTOR,
+    LONG_RUN_VARIANCE,
+    MOTION_MEAN,
+    MOTION_VARIANCE,
+    NOISE_SUM,
+    NOISE_WEIGHT,
+    SNAPSHOT_TIME,
+    FilterSettings,
     State,
 )
 
-__all__ = ["COPY", "doubt", "keep_safe", "learn_level", "levels", "listen", "shaken"]
+__all__ = [
+    "SNAPSHOT_INTERVAL", "detect_drift", "is_excited", "noise_factors", "take_snapshot",
+    "update_autocovariance", "update_noise_factor",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-_SHAKEN = 25.0  # variance of the motion in variances of its estimate
-_SHAKEN_TIME = 0.25  # s over which it is looked at
+_MIN_EXCITATION = 25.0  # variance of the estimated acceleration over its error variance
+_EXCITATION_TIME = 0.25  # time constant of that variance, s
 
-COPY = 0.1
-"""Seconds between copies of what is known of the parameters."""
-
-
-@njit(**OPTIONS)
-def levels(memory: Array, rules: Rules, level: Array) -> None:
-    """Fill the level of each axle's noise, a factor on its variance."""
-    for axle in range(2):
-        held = rules.trust + memory[WEIGHT + axle]
-        level[axle] = (rules.trust + memory[SUM + axle]) / held
-        if memory[QUICK + axle] > max(rules.sudden, level[axle]):
-            level[axle] = memory[QUICK + axle]
+SNAPSHOT_INTERVAL = 0.1
+"""Time between snapshots of the parameters, s."""
 
 
 @njit(**OPTIONS)
-def learn_level(memory: Array, rules: Rules, axle: int, ratio: float, level: float) -> None:
-    """Hold a reading's squared deviations against what its noise would give."""
-    raw = min(ratio, rules.gate) * level
-    kept = 1.0 - 1.0 / rules.window
-    memory[SUM + axle] = memory[SUM + axle] * kept + min(raw, rules.gate)
-    memory[WEIGHT + axle] = memory[WEIGHT + axle] * kept + 1.0
-    memory[QUICK + axle] += (raw - memory[QUICK + axle]) / rules.quick
+def noise_factors(statistics: Array, settings: FilterSettings, noise_factor: Array) -> None:
+    """Fill the factor on each axle's declared noise variance.
 
-
-@njit(**OPTIONS)
-def listen(echo: Array, nu: float, rules: Rules) -> None:
-    """Hold a normalised innovation, cut at the gate, against those before it."""
-    edge = math.sqrt(rules.gate)
-    nu = min(max(nu, -edge), edge)
-    share = 1.0 / rules.window
-    echo[0, 0] = nu
-    for lag in range(LAGS, -1, -1):
-        echo[1, lag] += (nu * echo[0, lag] - echo[1, lag]) * share
-        if lag > 0:
-            echo[0, lag] = echo[0, lag - 1]
-
-
-@njit(**OPTIONS)
-def doubt(state: State, coloured: float) -> None:
-    """Doubt constant parameters while the innovations say more than white ones would.
-
-    A mean of n of them has 1 + 2 Σ r_l times the variance; the sum is tapered (Bartlett).
+    It is the slow estimate (n₀ + Σ) / (n₀ + w), with the exponentially weighted sum Σ and number w
+    of NIS values and n₀ prior readings, or the fast one where that exceeds its threshold.
     """
-    most = 0.0
+    for axle in range(2):
+        weight = settings.prior_readings + statistics[NOISE_WEIGHT + axle]
+        noise_factor[axle] = (settings.prior_readings + statistics[NOISE_SUM + axle]) / weight
+        if statistics[FAST_FACTOR + axle] > max(settings.fast_threshold, noise_factor[axle]):
+            noise_factor[axle] = statistics[FAST_FACTOR + axle]
+
+
+@njit(**OPTIONS)
+def update_noise_factor(
+    statistics: Array, settings: FilterSettings, axle: int, nis: float, noise_factor: float
+) -> None:
+    """Update both estimates of an axle's noise factor by a reading's NIS."""
+    raw = min(nis, settings.gate) * noise_factor
+    decay = 1.0 - 1.0 / settings.slow_window
+    statistics[NOISE_SUM + axle] = statistics[NOISE_SUM + axle] * decay + min(raw, settings.gate)
+    statistics[NOISE_WEIGHT + axle] = statistics[NOISE_WEIGHT + axle] * decay + 1.0
+    statistics[FAST_FACTOR + axle] += (raw - statistics[FAST_FACTOR + axle]) / settings.fast_window
+
+
+@njit(**OPTIONS)
+def update_autocovariance(autocovariance: Array, nu: float, settings: FilterSettings) -> None:
+    """Update an axle's autocovariance (2, 1 + DRIFT_LAGS) by a normalised innovation.
+
+    The innovation is clipped at the gate.
+    """
+    limit = math.sqrt(settings.gate)
+    nu = min(max(nu, -limit), limit)
+    share = 1.0 / settings.slow_window
+    autocovariance[0, 0] = nu
+    for lag in range(DRIFT_LAGS, -1, -1):
+        autocovariance[1, lag] += (nu * autocovariance[0, lag] - autocovariance[1, lag]) * share
+        if lag > 0:
+            autocovariance[0, lag] = autocovariance[0, lag - 1]
+
+
+@njit(**OPTIONS)
+def detect_drift(state: State, threshold: float) -> None:
+    """Flag a drift of the parameters while the long-run variance of the innovations is large.
+
+    The long-run variance 1 + 2 Σ (1 − l/(L+1)) r_l, with Bartlett weights (Newey & West 1987), is
+    one for white innovations.  The flag ends below the square root of the threshold.
+    """
+    largest = 0.0
     for axle in range(2):
         total = 1.0
-        for lag in range(1, LAGS + 1):
-            taper = 2.0 * (1.0 - lag / (LAGS + 1.0))
-            total += taper * state.echo[axle, 1, lag] / state.echo[axle, 1, 0]
-        most = max(most, total)
-    state.memory[COLOUR] = most
-    if most > coloured:
-        state.memory[DOUBTED] = 1.0
-    elif most * most < coloured:
-        state.memory[DOUBTED] = 0.0
+        for lag in range(1, DRIFT_LAGS + 1):
+            taper = 2.0 * (1.0 - lag / (DRIFT_LAGS + 1.0))
+            total += taper * state.autocovariance[axle, 1, lag] / state.autocovariance[axle, 1, 0]
+        largest = max(largest, total)
+    state.statistics[LONG_RUN_VARIANCE] = largest
+    if largest > threshold:
+        state.statistics[DRIFT_DETECTED] = 1.0
+    elif largest * largest < threshold:
+        state.statistics[DRIFT_DETECTED] = 0.0
 
 
 @njit(**OPTIONS)
-def shaken(state: State, C: Array, h: float) -> bool:
-    """Whether the car moves enough for its readings to speak of the parameters.
+def is_excited(state: State, C: Array, h: float) -> bool:
+    """Whether the car moves enough for its readings to carry information about the parameters.
 
-    At rest the noise of the wheels' sensors is all that there is to explain, and a filter
-    would explain it by a car that answers to nothing.  So what the estimated motion makes of the
-    readings has to vary by more than five of its own deviations.
+    At rest the only input is the noise of the wheel sensors, and the filter would explain it by a
+    car that does not respond.  So the estimated acceleration of an axle has to vary by more than
+    five standard deviations of its error.
     """
-    share = min(h / _SHAKEN_TIME, 1.0)
-    moves = False
+    share = min(h / _EXCITATION_TIME, 1.0)
+    excited = False
     for axle in range(2):
         value = 0.0
         variance = 0.0
@@ -109,24 +122,32 @@ def shaken(state: State, C: Array, h: float) -> bool:
             value += C[axle, a] * state.x[a]
             for b in range(4):
                 variance += C[axle, a] * C[axle, b] * state.Pi[a, b]
-        away = value - state.memory[MOTION + axle]
-        state.memory[MOTION + axle] += share * away
-        state.memory[SHAKEN + axle] += share * (away * away - state.memory[SHAKEN + axle])
-        moves = moves or state.memory[SHAKEN + axle] > _SHAKEN * variance
-    return moves
+        difference = value - state.statistics[MOTION_MEAN + axle]
+        state.statistics[MOTION_MEAN + axle] += share * difference
+        state.statistics[MOTION_VARIANCE + axle] += share * (
+            difference * difference - state.statistics[MOTION_VARIANCE + axle]
+        )
+        excited = excited or state.statistics[MOTION_VARIANCE + axle] > _MIN_EXCITATION * variance
+    return excited
 
 
 @njit(**OPTIONS)
-def keep_safe(state: State, sudden: float, h: float) -> None:
-    """Keep the parameters as they were when all was well, at least one copy's time ago."""
-    memory, safe = state.memory, state.safe
-    memory[COPIED] += h
-    if memory[COPIED] < COPY or max(memory[QUICK], memory[QUICK + 1]) > sudden:
+def take_snapshot(state: State, fast_threshold: float, h: float) -> None:
+    """Save the parameters regularly while the fast noise factors are low.
+
+    Two snapshots are kept, so that the older one is at least one interval old.
+    """
+    statistics, snapshots = state.statistics, state.snapshots
+    statistics[SNAPSHOT_TIME] += h
+    if (
+        statistics[SNAPSHOT_TIME] < SNAPSHOT_INTERVAL
+        or max(statistics[FAST_FACTOR], statistics[FAST_FACTOR + 1]) > fast_threshold
+    ):
         return
-    memory[COPIED] = 0.0
+    statistics[SNAPSHOT_TIME] = 0.0
     for i in range(state.mu.shape[0]):
-        safe[0, i, 0] = safe[1, i, 0]
-        safe[1, i, 0] = state.mu[i]
+        snapshots[0, i, 0] = snapshots[1, i, 0]
+        snapshots[1, i, 0] = state.mu[i]
         for k in range(state.mu.shape[0]):
-            safe[0, i, 1 + k] = safe[1, i, 1 + k]
-            safe[1, i, 1 + k] = state.D[i, k]
+            snapshots[0, i, 1 + k] = snapshots[1, i, 1 + k]
+            snapshots[1, i, 1 + k] = state.D[i, k]

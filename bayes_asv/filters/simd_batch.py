@@ -1,15 +1,17 @@
-"""Many half cars side by side, each over the same step: sigma points in the lanes of a vector unit.
+"""Propagation of many half cars over the same step: sigma points in the lanes of a vector unit.
 
-A lane holds one car with one state x = (δ_f, δ̇_f, δ_r, δ̇_r).  Over a step of length h its state
-goes to::
+A lane holds one car with one state x = (δ_f, δ̇_f, δ_r, δ̇_r).  Over a step of length h with the
+inputs' moments i_f, i_r its state becomes::
 
     x⁺ = Σ_j (A h)ʲ/j! (x + e_f i_fj + e_r i_rj)
 
-which Horner's rule takes from the highest order down, eight lanes at a time.  Lane 0 is the car at
-the reference, lanes 1 + 2 i and 2 + 2 i are those at plus and minus the spread along direction i,
-and behind them stand eight of the reference car: two columns of Φ, the two of Γ, and the two Gauss
-nodes of the process noise of each axle (see :func:`bayes_asv.filters.discretization.transition`).
-The other columns of Φ are e + A0 Γ_f + A4 Γ_r and the like, since Φ e = e + ∫ Φ(s) A e ds."""
+evaluated by Horner's rule from the highest order down, eight lanes at a time.  Lane 0 is the
+reference, lanes 1 + 2 i and 2 + 2 i are the sigma points at plus and minus the distance along
+direction i.  Eight more lanes with the reference's parameters give the transition matrices: two
+columns of Φ, both of Γ, and the two Gauss nodes of each axle's process noise (see
+:func:`bayes_asv.filters.discretization.transition`).  The other columns of Φ follow from
+Φ e = e + ∫ Φ(s) A e ds, such as e + A0 Γ_f + A4 Γ_r.
+"""
 
 from __future__ import annotations
 
@@ -29,16 +31,14 @@ from bayes_asv.filters.simd_layout import (
     A5,
     A6,
     A7,
-    CAR,
-    EIGHT,
+    BLOCK_SIZE,
     GF,
     GR,
     LANES,
-    NONE,
-    ONE,
+    PARAMETERS,
     RATE,
-    SIZE,
-    STRUCTURE,
+    ROW,
+    TRANSITION_LANES,
     UF,
     UR,
     V0,
@@ -46,32 +46,41 @@ from bayes_asv.filters.simd_layout import (
     V2,
     V3,
     WF,
+    WIDTH,
     WR,
     X0,
     X1,
     X2,
     X3,
+    ZERO,
     H,
     blocks,
-    place,
+    lane_offset,
 )  # fmt: skip
 
-__all__ = ["begin_cars", "moved", "place_cars", "spread", "step", "structure_of"]
+__all__ = [
+    "fill_lanes",
+    "propagate",
+    "set_parameters",
+    "set_states",
+    "transition_matrices",
+    "unscented_moments",
+]
 
 Array = NDArray[np.float64]
 
 _GAUSS = 1.0 / math.sqrt(3.0)
-_NEAR = 1 / 16  # x⁹/9! is 4e-17
-_LEFT_OUT = 1e-14  # of the exponential series, the term after the last one that is taken
+_SERIES_LIMIT = 1 / 16  # where x⁹/9! is 4e-17
+_TRUNCATION = 1e-14  # first omitted term of the exponential series
 
 
 @njit(**OPTIONS)
 def _exp(x: float) -> float:
-    """Exponential function; where the parameters are known, by nine terms of its series.
+    """Exponential function, by nine terms of its series for small arguments.
 
-    What they leave out of it is below 4e-17, and the library's function takes five times as long.
+    The series is exact to rounding there, and five times as fast as the library's function.
     """
-    if abs(x) > _NEAR:
+    if abs(x) > _SERIES_LIMIT:
         return math.exp(x)
     square = x * x
     even = 1.0 + square * (1 / 2 + square * (1 / 24 + square * (1 / 720 + square * (1 / 40320))))
@@ -80,79 +89,80 @@ def _exp(x: float) -> float:
 
 
 @njit(**OPTIONS)
-def begin_cars(W: Array, p: int, base: Array) -> None:
-    """Give all lanes of p directions the numbers of a car, ``base`` (12,), before any moves."""
+def fill_lanes(W: Array, p: int, base: Array) -> None:
+    """Fill all lanes of p directions with one parameter vector, ``base`` (12,)."""
     for b in range(blocks(p)):
-        row = np.uint64(b) * SIZE + CAR
+        row = np.uint64(b) * BLOCK_SIZE + PARAMETERS
         for c in range(12):
-            for q in range(NONE, EIGHT):
+            for q in range(ZERO, WIDTH):
                 W[row + q] = base[c]
-            row += ONE
+            row += ROW
 
 
 @njit(**OPTIONS)
-def place_cars(
+def set_parameters(
     W: Array,
     mu: Array,
     D: Array,
-    reach: float,
-    which: NDArray[np.int64],
+    distance: float,
+    element: NDArray[np.int64],
     log: NDArray[np.bool_],
     centre: Array,
     scale: Array,
 ) -> float:
-    """Give every lane its car; return a rate (1/s) that no motion of theirs exceeds.
+    """Set the parameters of every lane; return a bound of all eigenvalues' magnitude (1/s).
 
     Parameters
     ----------
     W : (blocks(p) · BLOCK,) array
-        Lanes as :func:`begin_cars` left them, filled in place.
+        Lanes, after :func:`fill_lanes`; changed in place.
     mu : (p + q,) array
-        Coordinates of the reference; the last q change no car.
+        Coordinates of the reference; the last q have no effect on the parameters.
     D : (p + q, p + q) array
-        Row i is direction i, zero before its i-th number.
-    reach : float
+        Row i is direction i, zero before its i-th element.
+    distance : float
         Distance of the sigma points in units of the directions.
-    which, log, centre, scale : (p,) arrays
-        Number k of the car is exp(centre + scale μ) where ``log``, else centre + scale μ.
+    element, log, centre, scale : (p,) arrays
+        Element ``element`` of the parameter vector is exp(centre + scale μ) where ``log``, else
+        centre + scale μ.
     """
-    p = which.shape[0]
+    p = element.shape[0]
     count = blocks(p)
     for k in range(p):
-        row = CAR + np.uint64(which[k]) * ONE
+        row = PARAMETERS + np.uint64(element[k]) * ROW
         value = centre[k] + scale[k] * mu[k]
         if log[k]:
             value = math.exp(value)
         for b in range(count):
-            at = np.uint64(b) * SIZE + row
-            for q in range(NONE, EIGHT):
+            at = np.uint64(b) * BLOCK_SIZE + row
+            for q in range(ZERO, WIDTH):
                 W[at + q] = value
         for i in range(k + 1):
-            by = reach * scale[k] * D[i, k]
+            by = distance * scale[k] * D[i, k]
             if log[k]:
-                W[place(1 + 2 * i) + row] = value * _exp(by)
-                W[place(2 + 2 * i) + row] = value * _exp(-by)
+                W[lane_offset(1 + 2 * i) + row] = value * _exp(by)
+                W[lane_offset(2 + 2 * i) + row] = value * _exp(-by)
             else:
-                W[place(1 + 2 * i) + row] = value + by
-                W[place(2 + 2 * i) + row] = value - by
-    fastest = 0.0
+                W[lane_offset(1 + 2 * i) + row] = value + by
+                W[lane_offset(2 + 2 * i) + row] = value - by
+    max_rate = 0.0
     for b in range(count):
-        at = np.uint64(b) * SIZE
+        at = np.uint64(b) * BLOCK_SIZE
         _matrices(W, at)
-        for q in range(NONE, EIGHT):
-            fastest = max(fastest, W[at + RATE + q])
-    for lane in range(1 + 2 * p, count * LANES):  # no wheel drives these
-        W[place(lane) + UF] = 0.0
-        W[place(lane) + UR] = 0.0
-    return fastest
+        for q in range(ZERO, WIDTH):
+            max_rate = max(max_rate, W[at + RATE + q])
+    for lane in range(1 + 2 * p, count * LANES):  # no wheel input
+        W[lane_offset(lane) + UF] = 0.0
+        W[lane_offset(lane) + UR] = 0.0
+    return max_rate
 
 
 @njit(**OPTIONS)
 def _matrices(W: Array, at: np.uint64) -> None:
     """Fill the system matrices of one block."""
-    car = at + CAR
-    for q in range(NONE, EIGHT):
-        c_f, c_r = W[car + q], W[car + ONE + q]
+    car = at + PARAMETERS
+    for q in range(ZERO, WIDTH):
+        c_f, c_r = W[car + q], W[car + ROW + q]
         over_i = 1.0 / W[car + A2 + q]
         over_m = 1.0 / W[car + A3 + q]
         l, wdf = W[car + A4 + q], W[car + A5 + q]
@@ -180,67 +190,67 @@ def _matrices(W: Array, at: np.uint64) -> None:
 
 
 @njit(**OPTIONS)
-def step(
+def propagate(
     W: Array,
     p: int,
-    reach: float,
+    distance: float,
     x: Array,
     J: Array,
     h: float,
     moments: Array,
     inputs: Array,
-    fastest: float,
-    structure: bool,
+    max_rate: float,
+    with_transition: bool,
 ) -> None:
-    """Carry all lanes over one step.
+    """Propagate all lanes over one step.
 
     Parameters
     ----------
     W : (blocks(p) · BLOCK,) array
-        Lanes with their cars; what they arrive at is read by :func:`moved`.
+        Lanes with their parameters; the new states are read by :func:`unscented_moments`.
     p : int
         Number of directions.
-    reach : float
+    distance : float
         Distance of the sigma points in units of the directions.
     x : (10,) array
         State of the filter at the reference.
     J : (p, 10) array
-        Its derivative along each direction.
+        Its derivatives along the directions.
     h : float
         Length of the step, s.
     moments : (2, ORDER) array
-        As in :func:`bayes_asv.filters.kalman.log_likelihood`.
+        ∫₀ʰ (h−s)ʲ/j! û(s) ds of both wheels' acceleration.
     inputs : (2, TAYLOR + 1) array
-        Room to work in.
-    fastest : float
-        What :func:`place_cars` returned.
-    structure : bool
-        Whether the lanes behind the sigma points are wanted as well.
+        Workspace.
+    max_rate : float
+        From :func:`set_parameters`.
+    with_transition : bool
+        Whether the lanes of the transition matrices are propagated as well.
     """
-    spread(W, p, reach, x, J)
+    set_states(W, p, distance, x, J)
     sigma = 1 + 2 * p
     last = sigma
     for lane in range(sigma):
-        W[place(lane) + H] = h
-    if structure:
-        last = sigma + STRUCTURE
+        W[lane_offset(lane) + H] = h
+    if with_transition:
+        last = sigma + TRANSITION_LANES
         for lane in range(sigma, last):
-            at = place(lane)
+            at = lane_offset(lane)
             W[at + X0] = W[at + X1] = W[at + X2] = W[at + X3] = 0.0
             W[at + WF] = W[at + WR] = 0.0
             W[at + H] = h
-        W[place(sigma) + X1] = W[place(sigma + 1) + X3] = 1.0
-        W[place(sigma + 2) + WF] = W[place(sigma + 3) + WR] = 1.0
+        W[lane_offset(sigma) + X1] = W[lane_offset(sigma + 1) + X3] = 1.0
+        W[lane_offset(sigma + 2) + WF] = W[lane_offset(sigma + 3) + WR] = 1.0
         for g in range(2):
             s = h * (0.5 + (g - 0.5) * _GAUSS)
-            W[place(sigma + 4 + g) + X1] = W[place(sigma + 6 + g) + X3] = 1.0
-            W[place(sigma + 4 + g) + H] = W[place(sigma + 6 + g) + H] = s
+            W[lane_offset(sigma + 4 + g) + X1] = W[lane_offset(sigma + 6 + g) + X3] = 1.0
+            W[lane_offset(sigma + 4 + g) + H] = W[lane_offset(sigma + 6 + g) + H] = s
     order = 1
-    term = fastest * h
-    while term > _LEFT_OUT and order < TAYLOR:
+    term = max_rate * h
+    while term > _TRUNCATION and order < TAYLOR:
         order += 1
-        term *= fastest * h / order
-    # Moments in the form that Horner's rule takes: ∫ (1 − s/h)ʲ u ds, all of the size of u h.
+        term *= max_rate * h / order
+    # Moments scaled for Horner's rule: ∫ (1 − s/h)ʲ u ds, all of the magnitude of u h.
     factor = 1.0
     over = 1.0 / h
     for j in range(order + 1):
@@ -251,13 +261,13 @@ def step(
         else:
             inputs[0, j] = inputs[1, j] = 0.0
     for b in range((last + LANES - 1) // LANES):
-        _horner(W, np.uint64(b) * SIZE, inputs, order)
+        _horner(W, np.uint64(b) * BLOCK_SIZE, inputs, order)
 
 
 @njit(**OPTIONS)
 def _horner(W: Array, at: np.uint64, inputs: Array, order: int) -> None:
-    """Carry one block over its step."""
-    for q in range(NONE, EIGHT):
+    """Propagate one block over its step."""
+    for q in range(ZERO, WIDTH):
         m = at + q
         h = W[m + H] / (order + 1)
         W[m + V0] = W[m + X0]
@@ -268,7 +278,7 @@ def _horner(W: Array, at: np.uint64, inputs: Array, order: int) -> None:
         front = inputs[0, j]
         rear = inputs[1, j]
         share = 1.0 / (j + 1)
-        for q in range(NONE, EIGHT):
+        for q in range(ZERO, WIDTH):
             m = at + q
             h = W[m + H] * share
             v0, v1, v2, v3 = W[m + V0], W[m + V1], W[m + V2], W[m + V3]
@@ -283,13 +293,18 @@ def _horner(W: Array, at: np.uint64, inputs: Array, order: int) -> None:
 
 
 @njit(**OPTIONS)
-def spread(W: Array, p: int, reach: float, x: Array, J: Array) -> None:
-    """Give the sigma points their states: x and x ± reach J along each direction."""
+def set_states(W: Array, p: int, distance: float, x: Array, J: Array) -> None:
+    """Set the states of the sigma points: x and x ± distance · J along each direction."""
     W[X0], W[X1], W[X2], W[X3], W[WF], W[WR] = x[0], x[1], x[2], x[3], x[6], x[7]
     for i in range(p):
-        up, down = place(1 + 2 * i), place(2 + 2 * i)
-        b0, b1, b2, b3 = reach * J[i, 0], reach * J[i, 1], reach * J[i, 2], reach * J[i, 3]
-        bf, br = reach * J[i, 6], reach * J[i, 7]
+        up, down = lane_offset(1 + 2 * i), lane_offset(2 + 2 * i)
+        b0, b1, b2, b3 = (
+            distance * J[i, 0],
+            distance * J[i, 1],
+            distance * J[i, 2],
+            distance * J[i, 3],
+        )
+        bf, br = distance * J[i, 6], distance * J[i, 7]
         W[up + X0], W[up + X1], W[up + X2], W[up + X3] = (
             x[0] + b0,
             x[1] + b1,
@@ -307,66 +322,80 @@ def spread(W: Array, p: int, reach: float, x: Array, J: Array) -> None:
 
 
 @njit(**OPTIONS)
-def moved(W: Array, p: int, reach: float, x: Array, J: Array, bent: Array, room: Array) -> None:
-    """Read the states of the car after a step.
+def unscented_moments(
+    W: Array, p: int, distance: float, x: Array, J: Array, even_covariance: Array, workspace: Array
+) -> None:
+    """Unscented mean, derivatives and covariance of the propagated states.
 
-    ``x`` and ``J`` get mean and odd part; ``bent`` (4, 4) gets the variance that is in the even
-    part, Σ e eᵀ/reach², with e half the sum of both sigma points less the reference.  ``room``
-    (2, 4) is to work in.
+    Parameters
+    ----------
+    W : array
+        Lanes after :func:`propagate`.
+    p : int
+        Number of directions.
+    distance : float
+        Distance of the sigma points in units of the directions.
+    x, J : (10,) and (p, 10) arrays
+        Filled in their first four columns: mean, and odd part along each direction.
+    even_covariance : (4, 4) array
+        Filled with Σ e eᵀ/distance², e being the even part: the mean of both sigma points less the
+        reference.
+    workspace : (2, 4) array
+        Workspace.
     """
-    e, mean = room[0], room[1]
+    e, mean = workspace[0], workspace[1]
     for a in range(4):
         mean[a] = 0.0
         for b in range(4):
-            bent[a, b] = 0.0
-    over = 1.0 / (reach * reach)
-    half = 0.5 / reach
+            even_covariance[a, b] = 0.0
+    over = 1.0 / (distance * distance)
+    half = 0.5 / distance
     for i in range(p):
-        up, down = place(1 + 2 * i) + V0, place(2 + 2 * i) + V0
+        up, down = lane_offset(1 + 2 * i) + V0, lane_offset(2 + 2 * i) + V0
         middle = V0
         for a in range(4):
             plus, minus = W[up], W[down]
             J[i, a] = (plus - minus) * half
             e[a] = 0.5 * (plus + minus) - W[middle]
             mean[a] += e[a]
-            up, down, middle = up + ONE, down + ONE, middle + ONE
+            up, down, middle = up + ROW, down + ROW, middle + ROW
         for a in range(4):
             for b in range(a + 1):
-                bent[a, b] += e[a] * e[b]
+                even_covariance[a, b] += e[a] * e[b]
     middle = V0
     for a in range(4):
         x[a] = W[middle] + mean[a] * over
-        middle += ONE
+        middle += ROW
         for b in range(a + 1):
-            bent[a, b] *= over
-            bent[b, a] = bent[a, b]
+            even_covariance[a, b] *= over
+            even_covariance[b, a] = even_covariance[a, b]
 
 
 @njit(**OPTIONS)
-def structure_of(
+def transition_matrices(
     W: Array, p: int, h: float, phi: Array, gamma: Array, qf: Array, qr: Array
 ) -> None:
-    """Read Φ, Γ and the two process-noise matrices, as in ``steps.transition``."""
+    """Read Φ, Γ and both axles' process-noise matrices, as in ``discretization.transition``."""
     sigma = 1 + 2 * p
     row = V0
     for a in range(4):
-        front, rear = W[place(sigma + 2) + row], W[place(sigma + 3) + row]
+        front, rear = W[lane_offset(sigma + 2) + row], W[lane_offset(sigma + 3) + row]
         gamma[a, 0], gamma[a, 1] = front, rear
         phi[a, 0] = W[A0] * front + W[A4] * rear
-        phi[a, 1] = W[place(sigma) + row]
+        phi[a, 1] = W[lane_offset(sigma) + row]
         phi[a, 2] = W[A2] * front + W[A6] * rear
-        phi[a, 3] = W[place(sigma + 1) + row]
+        phi[a, 3] = W[lane_offset(sigma + 1) + row]
         other = V0
         for b in range(a + 1):
             qf[a, b] = qf[b, a] = (0.5 * h) * (
-                W[place(sigma + 4) + row] * W[place(sigma + 4) + other]
-                + W[place(sigma + 5) + row] * W[place(sigma + 5) + other]
+                W[lane_offset(sigma + 4) + row] * W[lane_offset(sigma + 4) + other]
+                + W[lane_offset(sigma + 5) + row] * W[lane_offset(sigma + 5) + other]
             )
             qr[a, b] = qr[b, a] = (0.5 * h) * (
-                W[place(sigma + 6) + row] * W[place(sigma + 6) + other]
-                + W[place(sigma + 7) + row] * W[place(sigma + 7) + other]
+                W[lane_offset(sigma + 6) + row] * W[lane_offset(sigma + 6) + other]
+                + W[lane_offset(sigma + 7) + row] * W[lane_offset(sigma + 7) + other]
             )
-            other += ONE
-        row += ONE
+            other += ROW
+        row += ROW
     phi[0, 0] += 1.0
     phi[2, 2] += 1.0

@@ -1,4 +1,4 @@
-"""Chassis readings of cars side by side, and what no sigma point along an axis sees of them."""
+"""Measurement functions of the lanes: chassis readings of all sigma points, and interactions."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from bayes_asv.filters.simd_layout import (
     A5,
     A6,
     A7,
-    EIGHT,
+    BLOCK_SIZE,
     GF,
     GR,
     LANES,
-    NONE,
-    ONE,
-    SIZE,
+    ROW,
+    WIDTH,
     X0,
     X1,
     X2,
     X3,
     YF,
     YR,
-    place,
+    ZERO,
+    lane_offset,
 )  # fmt: skip
 
-__all__ = ["crossed", "odd_parts", "output_matrix", "outputs"]
+__all__ = ["interaction_variance", "odd_parts", "output_matrix", "outputs"]
 
 Array = NDArray[np.float64]
 
@@ -41,8 +41,8 @@ Array = NDArray[np.float64]
 def outputs(W: Array, p: int, y: Array) -> None:
     """Fill ``y`` (1 + 2 p, 2) with the chassis readings at all sigma points."""
     for b in range((2 * p + LANES) // LANES):
-        at = np.uint64(b) * SIZE
-        for q in range(NONE, EIGHT):
+        at = np.uint64(b) * BLOCK_SIZE
+        for q in range(ZERO, WIDTH):
             m = at + q
             x0, x1, x2, x3 = W[m + X0], W[m + X1], W[m + X2], W[m + X3]
             front = W[m + A0] * x0 + W[m + A1] * x1 + W[m + A2] * x2 + W[m + A3] * x3
@@ -50,27 +50,27 @@ def outputs(W: Array, p: int, y: Array) -> None:
             W[m + YF] = W[m + GF] * front
             W[m + YR] = W[m + GR] * rear
     for lane in range(1 + 2 * p):
-        y[lane, 0] = W[place(lane) + YF]
-        y[lane, 1] = W[place(lane) + YR]
+        y[lane, 0] = W[lane_offset(lane) + YF]
+        y[lane, 1] = W[lane_offset(lane) + YR]
 
 
 @njit(**OPTIONS)
-def odd_parts(W: Array, p: int, reach: float, odd: Array) -> None:
-    """Fill ``odd`` (p, 8): how δ̈_f and δ̈_r by the four states change along each direction."""
-    half = 0.5 / reach
+def odd_parts(W: Array, p: int, distance: float, odd: Array) -> None:
+    """Fill ``odd`` (p, 8): derivatives of A's rows δ̈_f and δ̈_r along each direction."""
+    half = 0.5 / distance
     for i in range(p):
-        up, down = place(1 + 2 * i), place(2 + 2 * i)
+        up, down = lane_offset(1 + 2 * i), lane_offset(2 + 2 * i)
         for a in range(8):
             odd[i, a] = half * (W[up] - W[down])
-            up, down = up + ONE, down + ONE
+            up, down = up + ROW, down + ROW
 
 
 @njit(**OPTIONS)
-def crossed(odd: Array, Pi: Array, B: Array) -> None:
-    """Fill B (2, 2): variance of δ̈_f and δ̈_r that needs both parameters and state to be off.
+def interaction_variance(odd: Array, Pi: Array, B: Array) -> None:
+    """Fill B (2, 2): variance of δ̈_f and δ̈_r due to uncertain parameters times uncertain state.
 
-    A reading is a product of parameters and state.  Points along one axis at a time do not see
-    Σ_i A_i Π A_iᵀ, with A_i the odd part of the last rows of A along direction i.
+    δ̈ is bilinear in parameters and state.  Sigma points along the axes do not see the variance
+    Σ_i A_i Π A_iᵀ, with A_i the odd part of these rows of A along direction i.
     """
     ff, fr, rr = 0.0, 0.0, 0.0
     for i in range(odd.shape[0]):
@@ -88,10 +88,10 @@ def crossed(odd: Array, Pi: Array, B: Array) -> None:
 
 @njit(**OPTIONS)
 def output_matrix(W: Array, C: Array, gain: Array) -> None:
-    """Fill C (2, 4), chassis readings by the reference car's states, and their gains (2,)."""
+    """Fill C (2, 4), chassis readings by the states at the reference, and the gains (2,)."""
     gain[0], gain[1] = W[GF], W[GR]
     row = A0
     for a in range(4):
         C[0, a] = gain[0] * W[row]
         C[1, a] = gain[1] * W[row + A4]
-        row += ONE
+        row += ROW

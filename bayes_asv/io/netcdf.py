@@ -15,7 +15,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units
 
 if TYPE_CHECKING:
-    from bayes_asv.estimate import Estimate
+    from bayes_asv.estimation import Estimate
 
 __all__ = ["write_netcdf"]
 

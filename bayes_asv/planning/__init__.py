@@ -1,1 +1,1 @@
-"""Before the drive: which road, speed and rate would answer, in how many passes."""
+"""Experiment design: which road, speed, sampling rate and number of passes a test needs."""

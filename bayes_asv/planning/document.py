@@ -1,4 +1,4 @@
-"""The document a plan is told in: plain data, ready for JSON."""
+"""The plan as a document of schema ``bayes_asv/plan/1``, ready for JSON."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 from bayes_asv import __version__
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.units import display_units, from_si
-from bayes_asv.planning.grounds import Ground
-from bayes_asv.planning.pairs import ALWAYS, pairs
-from bayes_asv.planning.plan import Judged, Plan
-from bayes_asv.planning.widths import ANSWERS, GIVEN
-from bayes_asv.planning.words import (
-    always_words,
+from bayes_asv.planning.drives import RoadProfile
+from bayes_asv.planning.information import UNIDENTIFIABLE, correlated_pairs
+from bayes_asv.planning.plan import Plan, RatedDrive
+from bayes_asv.planning.predicted_sd import GIVEN, PARAMETERS
+from bayes_asv.planning.text import (
     assumption_lines,
     common_reasons,
-    drive_words,
-    ground_words,
+    drive_text,
     length,
     limit_lines,
-    limit_words,
-    never_words,
-    pair_words,
+    limit_sentence,
+    pair_text,
+    road_text,
     speed,
-    times_words,
+    times_text,
+    unidentifiable_lines,
+    unreachable_reason,
 )
 
 __all__ = ["PASSES", "SCHEMA", "plan_document"]
@@ -38,16 +38,16 @@ Document = dict[str, Any]
 SCHEMA = "bayes_asv/plan/1"
 
 PASSES = (1, 2, 3, 5, 10)
-"""Numbers of passes for which widths are listed."""
+"""Numbers of passes for which standard deviations are listed."""
 
-_MEANING = (
-    "one posterior deviation over the value, in percent; the 95 % interval reaches 1.96 times as "
-    "far to either side"
+_WIDTH_MEANING = (
+    "posterior standard deviation over the value, in percent; the 95 % interval extends 1.96 times "
+    "that to either side"
 )
 
 
 def plan_document(plan: Plan) -> Document:
-    """Tell a plan as plain data.
+    """Convert a plan to a document.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def plan_document(plan: Plan) -> Document:
     dict
         Schema ``bayes_asv/plan/1``, described in ``docs/plan.md``.
     """
-    places = {id(one): k for k, one in enumerate(plan.judged)}
+    indices = {id(one): k for k, one in enumerate(plan.rated)}
     return {
         "schema": SCHEMA,
         "verdict": plan.verdict,
@@ -71,30 +71,30 @@ def plan_document(plan: Plan) -> Document:
             "sha256": plan.vehicle.sha256,
         },
         "tyres": {
-            "assumed": not plan.tyres_told,
+            "assumed": not plan.tyres_given,
             "rate": _axles(plan, plan.tyres.rate, "stiffness"),
             "unsprung_mass": _axles(plan, plan.tyres.mass, "mass"),
         },
-        "width": _MEANING,
+        "width": _WIDTH_MEANING,
         "want_percent": _percent(plan.want),
-        "most_passes": plan.most_passes,
-        "recommended": _recommended(plan, places, plan.chosen),
-        "nearest": None if plan.chosen else _recommended(plan, places, plan.best),
-        "floor_percent": _percent(plan.floor),
-        "given_percent": {n: 100.0 * plan.before.log_sd[n] for n in GIVEN},
+        "most_passes": plan.max_passes,
+        "recommended": _recommendation(plan, indices, plan.chosen),
+        "nearest": None if plan.chosen else _recommendation(plan, indices, plan.best),
+        "floor_percent": _percent(plan.sd_floor),
+        "given_percent": {n: 100.0 * plan.prior.log_sd[n] for n in GIVEN},
         "limits": [
             {
-                "parameter": what.answer,
-                "needed_percent": _percent(what.needed),
-                "words": limit_words(what, plan),
+                "parameter": limiting.parameter,
+                "needed_percent": _percent(limiting.required_sd),
+                "words": limit_sentence(limiting, plan),
             }
-            for what in plan.limits
+            for limiting in plan.limits
         ],
         "inseparable": [
             {"of": list(names), "words": words}
-            for (names, _), words in zip(ALWAYS, always_words(), strict=True)
+            for (names, _), words in zip(UNIDENTIFIABLE, unidentifiable_lines(), strict=True)
         ],
-        "drives": [_drive(plan, one) for one in plan.judged],
+        "drives": [_drive_document(plan, one) for one in plan.rated],
         "version": __version__,
         "seed": plan.seed,
     }
@@ -103,64 +103,68 @@ def plan_document(plan: Plan) -> Document:
 def _reasons(plan: Plan) -> list[str]:
     if plan.chosen is not None:
         return []
-    return limit_lines(plan) or common_reasons(plan.judged)
+    return limit_lines(plan) or common_reasons(plan.rated)
 
 
-def _recommended(plan: Plan, places: Mapping[int, int], one: Judged | None) -> Document | None:
+def _recommendation(
+    plan: Plan, indices: Mapping[int, int], one: RatedDrive | None
+) -> Document | None:
     if one is None:
         return None
-    words = drive_words(one.trial.drive, plan.vehicle.units)
+    words = drive_text(one.evaluation.drive, plan.vehicle.units)
     return {
-        "drive": places[id(one)],
+        "drive": indices[id(one)],
         "passes": plan.passes,
-        "width_percent": _percent(plan.promised(one, plan.passes)),
-        "words": f"Drive {times_words(plan.passes)} {words}.",
+        "width_percent": _percent(plan.sd_after(one, plan.passes)),
+        "words": f"Drive {times_text(plan.passes)} {words}.",
     }
 
 
-def _drive(plan: Plan, one: Judged) -> Document:
-    trial, units = one.trial, plan.vehicle.units
-    needed = dict(zip(ANSWERS, one.needed, strict=True))
+def _drive_document(plan: Plan, one: RatedDrive) -> Document:
+    evaluation, units = one.evaluation, plan.vehicle.units
+    required = dict(zip(PARAMETERS, one.required_passes, strict=True))
     out: Document = {
-        "road": _road(trial.drive.ground, units),
-        "speed": _quantity(trial.drive.speed, speed(trial.drive.speed, units)),
-        "rate": trial.drive.rate,
-        "seconds": trial.drive.seconds,
-        "usable": trial.usable,
-        "reasons": list(trial.reasons),
-        "notes": list(trial.notes),
-        "gentle": trial.gentle,
-        "passes_needed": needed,
-        "why_never": {n: never_words(plan, one, n) for n in ANSWERS if needed[n] is None},
+        "road": _road_document(evaluation.drive.road, units),
+        "speed": _quantity(evaluation.drive.speed, speed(evaluation.drive.speed, units)),
+        "rate": evaluation.drive.rate,
+        "seconds": evaluation.drive.seconds,
+        "usable": evaluation.usable,
+        "reasons": list(evaluation.reasons),
+        "notes": list(evaluation.notes),
+        "gentle": evaluation.gentle,
+        "passes_needed": required,
+        "why_never": {
+            n: unreachable_reason(plan, one, n) for n in PARAMETERS if required[n] is None
+        },
         "width_percent": None,
         "inseparable": [],
-        "largest_reading": _readings(plan, one),
+        "largest_reading": _largest_readings(plan, one),
         "travel": _travel(one, units),
         "off_the_ground_seconds": {
             axle: float(time)
-            for axle, time in zip(("front", "rear"), trial.flight, strict=True)
+            for axle, time in zip(("front", "rear"), evaluation.airborne, strict=True)
         },
     }  # fmt: skip
-    if trial.usable:
-        out["width_percent"] = {str(n): _percent(plan.promised(one, n)) for n in PASSES}
+    if evaluation.usable:
+        out["width_percent"] = {str(n): _percent(plan.sd_after(one, n)) for n in PASSES}
         out["inseparable"] = [
-            {"pair": list(p.names), "correlation": p.correlation, "times_wider": p.blindness,
-             "words": pair_words(p)}
-            for p in pairs(trial.information)
+            {"pair": list(p.names), "correlation": p.correlation, "times_wider": p.sd_inflation,
+             "words": pair_text(p)}
+            for p in correlated_pairs(evaluation.information)
         ]  # fmt: skip
     return out
 
 
-def _road(ground: Ground, units: str) -> Document:
-    out: Document = {"kind": ground.kind, "words": ground_words(ground, units)}
-    if ground.kind == "rough":
-        return {**out, "iso_8608": ground.iso}
-    long = "gap" if ground.kind == "stops" else "pitch" if ground.kind == "rollers" else "length"
+def _road_document(road: RoadProfile, units: str) -> Document:
+    out: Document = {"kind": road.kind, "words": road_text(road, units)}
+    if road.kind == "rough":
+        return {**out, "iso_8608": road.iso}
+    length_key = "gap" if road.kind == "stops" else "pitch" if road.kind == "rollers" else "length"
     return {
         **out,
-        "count": ground.count,
-        "height": _quantity(ground.height, length(ground.height, units)),
-        long: _quantity(ground.length, length(ground.length, units)),
+        "count": road.count,
+        "height": _quantity(road.height, length(road.height, units)),
+        length_key: _quantity(road.length, length(road.length, units)),
     }
 
 
@@ -168,21 +172,21 @@ def _quantity(si: float, shown: tuple[float, str]) -> Document:
     return {"value": shown[0], "unit": shown[1], "si": si}
 
 
-def _readings(plan: Plan, one: Judged) -> Document:
+def _largest_readings(plan: Plan, one: RatedDrive) -> Document:
     unit = display_units(plan.vehicle.units)["acceleration"]
     values = {
         name: from_si(float(value), unit, "acceleration")
-        for name, value in zip(CHANNELS, one.trial.largest, strict=True)
+        for name, value in zip(CHANNELS, one.evaluation.largest, strict=True)
     }
     return {"unit": unit, **values}
 
 
-def _travel(one: Judged, units: str) -> Document:
+def _travel(one: RatedDrive, units: str) -> Document:
     unit = display_units(units)["deflection"]
     names = ("front_bump", "front_droop", "rear_bump", "rear_droop")
     values = {
         name: from_si(float(value), unit, "deflection")
-        for name, value in zip(names, one.trial.travel, strict=True)
+        for name, value in zip(names, one.evaluation.travel, strict=True)
     }
     return {"unit": unit, **values}
 
@@ -193,5 +197,5 @@ def _axles(plan: Plan, values: NDArray[np.float64], dimension: str) -> Document:
     return {"unit": unit, "front": front, "rear": rear}
 
 
-def _percent(shares: Mapping[str, float]) -> dict[str, float | None]:
-    return {n: 100.0 * s if math.isfinite(s) else None for n, s in shares.items()}
+def _percent(fractions: Mapping[str, float]) -> dict[str, float | None]:
+    return {n: 100.0 * f if math.isfinite(f) else None for n, f in fractions.items()}

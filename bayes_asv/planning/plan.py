@@ -1,4 +1,4 @@
-"""The main job: a vehicle in, every drive of the grid judged, and the one to do."""
+"""Experiment design: rate every candidate drive for a vehicle and choose one."""
 
 from __future__ import annotations
 
@@ -12,59 +12,67 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.half_car import HalfCar
-from bayes_asv.planning.grid import RATES, Planned, drives
-from bayes_asv.planning.grounds import KINDS, Ground
-from bayes_asv.planning.limits import Limit, limit
-from bayes_asv.planning.motion import Motion, Pass, Tyres, assumed_tyres, drive_all
-from bayes_asv.planning.sensing import with_assumed_noise
-from bayes_asv.planning.trial import Trial, attempt
-from bayes_asv.planning.widths import ANSWERS, Known, floors, known, passes_needed, widths
+from bayes_asv.planning.drives import KINDS, RATES, Drive, RoadProfile, candidate_drives
+from bayes_asv.planning.evaluation import Evaluation, evaluate
+from bayes_asv.planning.measurement import with_default_noise
+from bayes_asv.planning.predicted_sd import (
+    PARAMETERS,
+    LimitingValues,
+    PriorSd,
+    limiting_values,
+    predicted_sd,
+    prior_sd,
+    required_passes,
+    sd_floors,
+)
+from bayes_asv.planning.ride_simulation import Motion, Pass, Tyres, default_tyres, simulate_passes
 
-__all__ = ["Judged", "Plan", "plan"]
+__all__ = ["Plan", "RatedDrive", "plan"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-Place = tuple[Ground, float]
+RoadAndSpeed = tuple[RoadProfile, float]
 
-_ROADS = 2  # rough roads averaged: one of a class is not like another
-# A bump is laid out in a minute and is the same each time, a rough road is what it happens to be:
-# the kind that is least trouble, unless its best drive leaves answers so many times wider than
-# the best of all,
-_WORTH_THE_TROUBLE = 3.0
-# and of that kind the slowest drive of those about as good as its best.
-_AS_GOOD = 1.3
-_HARDLY_WORSE = 1.05  # in width
+_ROAD_REALISATIONS = 2  # rough roads averaged, since roads of one class differ
+# The first kind of road in KINDS is preferred (a bump is easy to build and repeatable) unless the
+# standard deviations of its best drive exceed those of the best drive of all by this factor.
+_MAX_LOSS_OF_EASIER_KIND = 3.0
+# Of that kind, the slowest drive is chosen whose deviations are within this factor of the best.
+_EQUIVALENT = 1.3
+_NEGLIGIBLE_LOSS = 1.05  # factor on the standard deviation
 
 
 @dataclass(frozen=True)
-class Judged:
-    """A trial with its promises.
+class RatedDrive:
+    """A candidate drive with its required number of passes.
 
     Parameters
     ----------
-    trial : Trial
-        The drive and what it says.
-    needed : tuple of 4 int or None
-        Passes that bring each of :data:`~bayes_asv.planning.widths.ANSWERS` to its wanted width;
-        None where no number does, or the drive cannot be used.
-    quality : float
-        Widest of the answers after one pass, in units of what is wanted, if all given values
-        were exact: what the drive itself is worth.
+    evaluation : Evaluation
+        The drive and its Fisher information.
+    required_passes : tuple of 4 int or None
+        Passes that reach the wanted standard deviation of each of
+        :data:`~bayes_asv.planning.predicted_sd.PARAMETERS`; None where no number does or the drive
+        cannot be used.
+    worst_ratio : float
+        Largest ratio of predicted to wanted standard deviation after one pass, with all given
+        values exact, which measures the drive alone.
     """
 
-    trial: Trial
-    needed: tuple[int | None, ...]
-    quality: float
+    evaluation: Evaluation
+    required_passes: tuple[int | None, ...]
+    worst_ratio: float
 
     @property
     def passes(self) -> int | None:
-        """Passes that bring all answers to their wanted widths."""
-        return None if None in self.needed else max(n for n in self.needed if n is not None)
+        """Passes that reach all wanted standard deviations, None where no number does."""
+        required = [n for n in self.required_passes if n is not None]
+        return max(required) if len(required) == len(self.required_passes) else None
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything a plan says.
+    """The rated drives, the recommended one and what limits it.
 
     Parameters
     ----------
@@ -73,56 +81,56 @@ class Plan:
     assumed_noise : tuple of str
         Channels whose noise the vehicle file does not give.
     tyres : Tyres
-        What the car was driven on.
-    tyres_told : bool
+        Tyres and unsprung masses of the simulated car.
+    tyres_given : bool
         Whether both their rate and the unsprung mass were given.
     want : Mapping of str to float
-        Wanted width of each answer, share of one.
-    most_passes : int
-        The most that is recommended.
-    before : Known
-        What is known beforehand.
-    judged : tuple of Judged
-        Every drive of the grid.
-    chosen : Judged or None
-        The drive to do; None when none would do.
-    best : Judged or None
-        The drive to do, or the one that comes nearest; None when none can be used.
+        Wanted relative standard deviation of each parameter.
+    max_passes : int
+        Largest number of passes to recommend.
+    prior : PriorSd
+        Prior standard deviations.
+    rated : tuple of RatedDrive
+        All candidate drives.
+    chosen : RatedDrive or None
+        The recommended drive; None if none suffices.
+    best : RatedDrive or None
+        The recommended drive, or else the nearest one; None if no drive can be used.
     passes : int
-        How often to do it: until all answers are as wanted, or until more driving hardly helps;
-        0 when no drive can be used.
-    floor : dict of str to float
-        Width that no amount of driving gets below, by answer.
-    limits : tuple of Limit
-        What to know better for each answer that stays too wide.
+        Recommended number of passes, enough for all wanted standard deviations or until further
+        passes gain nothing substantial; 0 if no drive can be used.
+    sd_floor : dict of str to float
+        Relative standard deviation of each parameter in the limit of infinitely many passes.
+    limits : tuple of LimitingValues
+        Given values that limit each parameter whose standard deviation stays too large.
     seed : int
-        Of rough roads and noise.
+        Seed of rough roads and noise.
     """
 
     vehicle: Vehicle
     assumed_noise: tuple[str, ...]
     tyres: Tyres
-    tyres_told: bool
+    tyres_given: bool
     want: Mapping[str, float]
-    most_passes: int
-    before: Known
-    judged: tuple[Judged, ...]
-    chosen: Judged | None
-    best: Judged | None
+    max_passes: int
+    prior: PriorSd
+    rated: tuple[RatedDrive, ...]
+    chosen: RatedDrive | None
+    best: RatedDrive | None
     passes: int
-    floor: Mapping[str, float]
-    limits: tuple[Limit, ...]
+    sd_floor: Mapping[str, float]
+    limits: tuple[LimitingValues, ...]
     seed: int
 
     @property
     def verdict(self) -> str:
-        """``ok``, or ``refused`` when no drive of the grid would do."""
+        """``ok``, or ``refused`` if no candidate drive suffices."""
         return "ok" if self.chosen is not None else "refused"
 
-    def promised(self, one: Judged, passes: int) -> Mapping[str, float]:
-        """Widths of the answers after so many passes of a drive, shares of one."""
-        found = widths(one.trial.information, passes, self.before)
-        return dict(zip(ANSWERS, found.tolist(), strict=True))
+    def sd_after(self, drive: RatedDrive, passes: int) -> Mapping[str, float]:
+        """Predict the relative standard deviations after a number of passes of a drive."""
+        sd = predicted_sd(drive.evaluation.information, passes, self.prior)
+        return dict(zip(PARAMETERS, sd.tolist(), strict=True))
 
 
 def plan(
@@ -132,32 +140,33 @@ def plan(
     rates: Sequence[float] = RATES,
     kinds: Sequence[str] = KINDS,
     speed_limit: float = math.inf,
-    most_passes: int = 10,
+    max_passes: int = 10,
     tyre_rate: float | None = None,
     unsprung: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Plan:
-    """Judge every drive of the grid and choose one.
+    """Rate every candidate drive and choose one.
 
     Parameters
     ----------
     vehicle : Vehicle
-        Nominal values are taken for true; sensors as declared.
+        Its nominal values are taken as true, its sensors as declared.
     want : Mapping of str to float
-        Wanted width of c_f, c_r, i and k_g, shares of one: one posterior deviation.
+        Wanted posterior standard deviations of c_f, c_r, i and k_g, relative to their values.
     rates, kinds : sequences of float and str
-        Rows a second, and kinds of ground to try.
+        Sampling rates, Hz, and kinds of road to consider.
     speed_limit : float
-        m/s.
-    most_passes : int
-        The most that anyone will drive.
+        Largest speed, m/s.
+    max_passes : int
+        Largest acceptable number of passes.
     tyre_rate, unsprung : float, optional
-        Of an axle, both sides together, N/m and kg; assumed where not known.
+        Tyre rate and unsprung mass of one axle, both sides together, N/m and kg; typical values by
+        default.
     seed : int
-        Of rough roads and noise.
+        Seed of rough roads and noise.
     progress : callable, optional
-        Told the share done and a few words.
+        Called with the fraction done and a description.
 
     Returns
     -------
@@ -166,142 +175,155 @@ def plan(
     Raises
     ------
     InputError
-        When no real car moves as this vehicle would.
+        If the vehicle is implausible.
     """
-    tell = progress or (lambda share, words: None)
+    report = progress or (lambda share, words: None)
     car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    noisy, assumed = with_assumed_noise(vehicle)
-    grid = drives(car, vehicle.units, rates, kinds, speed_limit)
-    tell(0.0, "driving on paper")
-    tyres = assumed_tyres(car, tyre_rate, unsprung)
-    motions = _motions(car, tyres, grid, seed)
-    tell(0.1, "asking what each drive says")
-    trials: list[Trial] = []
+    noisy, assumed = with_default_noise(vehicle)
+    grid = candidate_drives(car, vehicle.units, rates, kinds, speed_limit)
+    report(0.0, "simulating drives")
+    tyres = default_tyres(car, tyre_rate, unsprung)
+    motions = _simulate_grid(car, tyres, grid, seed)
+    report(0.1, "evaluating drives")
+    evaluations: list[Evaluation] = []
     keys = list(motions)
 
-    def ask(key: Place) -> list[Trial]:
-        alike = [drive for drive in grid if (drive.ground, drive.speed) == key]
-        return attempt(noisy, alike, motions[key], seed)
+    def evaluate_all_rates(key: RoadAndSpeed) -> list[Evaluation]:
+        drives = [drive for drive in grid if (drive.road, drive.speed) == key]
+        return evaluate(noisy, drives, motions[key], seed)
 
     with ThreadPoolExecutor(2) as pool:
-        for each in pool.map(ask, keys):
-            trials += each
-            tell(0.1 + 0.85 * len(trials) / len(grid), "asking what each drive says")
-    before = known(vehicle)
-    wanted = np.array([want[name] for name in ANSWERS])
-    judged = tuple(_judge(trial, before, wanted) for trial in trials)
-    chosen = _choose(judged, most_passes)
-    best = chosen or _nearest(judged, before, wanted, most_passes)
-    found: list[Limit] = []
+        for of_key in pool.map(evaluate_all_rates, keys):
+            evaluations += of_key
+            report(0.1 + 0.85 * len(evaluations) / len(grid), "evaluating drives")
+    prior = prior_sd(vehicle)
+    wanted = np.array([want[name] for name in PARAMETERS])
+    rated = tuple(_rate(evaluation, prior, wanted) for evaluation in evaluations)
+    chosen = _choose(rated, max_passes)
+    best = chosen or _nearest(rated, prior, wanted, max_passes)
+    limits: list[LimitingValues] = []
     if best is not None and chosen is None:
-        for name in ANSWERS:
-            what = limit(best.trial.information, most_passes, before, name, want[name])
-            if what is not None:
-                found.append(what)
-    tell(1.0, "done")
+        for name in PARAMETERS:
+            limiting = limiting_values(
+                best.evaluation.information, max_passes, prior, name, want[name]
+            )
+            if limiting is not None:
+                limits.append(limiting)
+    report(1.0, "done")
     return Plan(
         vehicle=vehicle,
         assumed_noise=assumed,
         tyres=tyres,
-        tyres_told=tyre_rate is not None and unsprung is not None,
+        tyres_given=tyre_rate is not None and unsprung is not None,
         want=dict(want),
-        most_passes=most_passes,
-        before=before,
-        judged=judged,
+        max_passes=max_passes,
+        prior=prior,
+        rated=rated,
         chosen=chosen,
         best=best,
-        passes=_passes(best, before, wanted, most_passes),
-        floor=dict(zip(ANSWERS, floors(before).tolist(), strict=True)),
-        limits=tuple(found),
+        passes=_recommended_passes(best, prior, wanted, max_passes),
+        sd_floor=dict(zip(PARAMETERS, sd_floors(prior).tolist(), strict=True)),
+        limits=tuple(limits),
         seed=seed,
     )
 
 
-def _motions(
-    car: HalfCar, tyres: Tyres, grid: Sequence[Planned], seed: int
-) -> dict[Place, list[Motion]]:
-    """Drive over each ground at each speed, whatever the rate."""
-    passes: dict[Place, list[Pass]] = {}
+def _simulate_grid(
+    car: HalfCar, tyres: Tyres, grid: Sequence[Drive], seed: int
+) -> dict[RoadAndSpeed, list[Motion]]:
+    """Simulate each road at each speed, which is independent of the sampling rate."""
+    passes: dict[RoadAndSpeed, list[Pass]] = {}
     for drive in grid:
-        roads = _ROADS if drive.ground.kind == "rough" else 1
-        passes[drive.ground, drive.speed] = [
-            Pass(drive.ground, drive.speed, drive.seconds, seed + k) for k in range(roads)
+        roads = _ROAD_REALISATIONS if drive.road.kind == "rough" else 1
+        passes[drive.road, drive.speed] = [
+            Pass(drive.road, drive.speed, drive.seconds, seed + k) for k in range(roads)
         ]
-    flat = [one for each in passes.values() for one in each]
-    driven = iter(drive_all(car, tyres, flat) if flat else [])
-    return {key: [next(driven) for _ in each] for key, each in passes.items()}
+    flat = [one for of_key in passes.values() for one in of_key]
+    motions = iter(simulate_passes(car, tyres, flat) if flat else [])
+    return {key: [next(motions) for _ in of_key] for key, of_key in passes.items()}
 
 
-def _judge(trial: Trial, before: Known, want: Array) -> Judged:
-    if not trial.usable:
-        return Judged(trial, (None,) * len(ANSWERS), math.inf)
-    quality = float(np.max(widths(trial.information, 1, before.exactly()) / want))
-    return Judged(trial, passes_needed(trial.information, before, want), quality)
+def _rate(evaluation: Evaluation, prior: PriorSd, want: Array) -> RatedDrive:
+    if not evaluation.usable:
+        return RatedDrive(evaluation, (None,) * len(PARAMETERS), math.inf)
+    worst_ratio = float(
+        np.max(predicted_sd(evaluation.information, 1, prior.with_exact_given()) / want)
+    )
+    return RatedDrive(evaluation, required_passes(evaluation.information, prior, want), worst_ratio)
 
 
-def _choose(judged: Sequence[Judged], most: int) -> Judged | None:
-    """Gentle drives first, then fewest passes, then what is easiest of what is about as good."""
-    will_do = [(one, one.passes) for one in judged if one.trial.usable]
-    enough = [(one, n) for one, n in will_do if n is not None and n <= most]
-    for candidates in ([(o, n) for o, n in enough if o.trial.gentle], enough):
+def _choose(rated: Sequence[RatedDrive], max_passes: int) -> RatedDrive | None:
+    """Prefer gentle drives, then few passes, then little effort."""
+    usable = [(one, one.passes) for one in rated if one.evaluation.usable]
+    sufficient = [(one, n) for one, n in usable if n is not None and n <= max_passes]
+    gentle = [(one, n) for one, n in sufficient if one.evaluation.gentle]
+    for candidates in (gentle, sufficient):
         if candidates:
             fewest = min(n for _, n in candidates)
             return _easiest([one for one, n in candidates if n == fewest])
     return None
 
 
-def _easiest(candidates: Sequence[Judged]) -> Judged:
-    """Least trouble of those that are about as good as the best, all given values exact."""
+def _easiest(candidates: Sequence[RatedDrive]) -> RatedDrive:
+    """Return the drive of least effort among those about as informative as the best."""
     best: dict[str, float] = {}
     for one in candidates:
-        kind = one.trial.drive.ground.kind
-        best[kind] = min(best.get(kind, math.inf), one.quality)
-    worst = _WORTH_THE_TROUBLE * min(best.values())
+        kind = one.evaluation.drive.road.kind
+        best[kind] = min(best.get(kind, math.inf), one.worst_ratio)
+    worst = _MAX_LOSS_OF_EASIER_KIND * min(best.values())
     kind = next(kind for kind in KINDS if best.get(kind, math.inf) <= worst)
     near = [
         one
         for one in candidates
-        if one.trial.drive.ground.kind == kind and one.quality <= _AS_GOOD * best[kind]
+        if one.evaluation.drive.road.kind == kind and one.worst_ratio <= _EQUIVALENT * best[kind]
     ]
 
-    def trouble(one: Judged) -> tuple[float, float, float]:
-        drive = one.trial.drive
-        return drive.speed, drive.ground.height, drive.rate
+    def effort(one: RatedDrive) -> tuple[float, float, float]:
+        drive = one.evaluation.drive
+        return drive.speed, drive.road.height, drive.rate
 
-    return min(near, key=trouble)
-
-
-def _worst(one: Judged, passes: int, before: Known, want: Array) -> float:
-    """Widest answer in units of what is wanted."""
-    return float(np.max(widths(one.trial.information, passes, before) / want))
+    return min(near, key=effort)
 
 
-def _nearest(judged: Sequence[Judged], before: Known, want: Array, most: int) -> Judged | None:
-    """Choose what leaves the least to be wished for, gently if that is hardly worse."""
-    usable = [(one, _worst(one, most, before, want)) for one in judged if one.trial.usable]
+def _worst_ratio(one: RatedDrive, passes: int, prior: PriorSd, want: Array) -> float:
+    """Return the largest ratio of predicted to wanted standard deviation."""
+    return float(np.max(predicted_sd(one.evaluation.information, passes, prior) / want))
+
+
+def _nearest(
+    rated: Sequence[RatedDrive], prior: PriorSd, want: Array, max_passes: int
+) -> RatedDrive | None:
+    """Return the drive that comes nearest to the wanted values, a gentle one if about as good."""
+    usable = [
+        (one, _worst_ratio(one, max_passes, prior, want)) for one in rated if one.evaluation.usable
+    ]
     if not usable:
         return None
-    enough = _HARDLY_WORSE * min(worst for _, worst in usable)
+    enough = _NEGLIGIBLE_LOSS * min(worst for _, worst in usable)
     near = [one for one, worst in usable if worst <= enough]
-    # where a given value is the limit all good drives come out alike: keep those that would do
-    # once it is measured better
-    near = [one for one in near if _alone(one, most) <= 1.0] or near
-    return _easiest([one for one in near if one.trial.gentle] or near)
+    # where a given value limits the result, all good drives have about the same ratio: keep those
+    # that suffice once that value is measured better
+    near = [one for one in near if _ratio_of_drive_alone(one, max_passes) <= 1.0] or near
+    return _easiest([one for one in near if one.evaluation.gentle] or near)
 
 
-def _passes(best: Judged | None, before: Known, want: Array, most: int) -> int:
-    """Fewest passes of the best drive after which more of them hardly help."""
+def _recommended_passes(
+    best: RatedDrive | None, prior: PriorSd, want: Array, max_passes: int
+) -> int:
+    """Return the smallest number of passes after which further ones gain nothing substantial."""
     if best is None:
         return 0
-    enough = max(1.0, _HARDLY_WORSE * _worst(best, most, before, want))
-    alone = max(1.0, _alone(best, most))
+    enough = max(1.0, _NEGLIGIBLE_LOSS * _worst_ratio(best, max_passes, prior, want))
+    alone = max(1.0, _ratio_of_drive_alone(best, max_passes))
 
-    def will_do(n: int) -> bool:
-        return _worst(best, n, before, want) <= enough and _alone(best, n) <= alone
+    def suffices(n: int) -> bool:
+        return (
+            _worst_ratio(best, n, prior, want) <= enough and _ratio_of_drive_alone(best, n) <= alone
+        )
 
-    return next((n for n in range(1, most) if will_do(n)), most)
+    return next((n for n in range(1, max_passes) if suffices(n)), max_passes)
 
 
-def _alone(one: Judged, passes: int) -> float:
-    """Widest answer in units of what is wanted if all given values were exact."""
-    return one.quality / math.sqrt(passes)
+def _ratio_of_drive_alone(one: RatedDrive, passes: int) -> float:
+    """Return the largest ratio of predicted to wanted deviation with all given values exact."""
+    return one.worst_ratio / math.sqrt(passes)

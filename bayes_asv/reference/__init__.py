@@ -1,8 +1,8 @@
-"""The reference reproduced: its tables and figures, its two methods, and what is right.
+"""Reproduction of the reference: its tables, figures and two methods, and their corrections.
 
 The reference is S. C. Hoffman, *Automotive suspension parameter estimation using smart wireless
-sensor technology*, California Polytechnic State University, 2008.  Chapters, tables, figures and
-equations without another name are its own.
+sensor technology*, California Polytechnic State University, 2008.  Chapters, sections,
+tables, figures and equations cited in this package are those of the reference.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The reproduction as plain data, ready for JSON."""
+"""The reproduction as a document, ready for JSON."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from bayes_asv import __version__
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.models.modes import Mode
-from bayes_asv.reference.errata import errata
+from bayes_asv.reference.experiments import Run
 from bayes_asv.reference.greybox import PointEstimate
-from bayes_asv.reference.printed import TABLE_81, UNITS
-from bayes_asv.reference.runs import Run
-from bayes_asv.reference.spectral import CLOSE, Study, wilson
+from bayes_asv.reference.printed import TABLE_81, UNITS, errata
+from bayes_asv.reference.spectral import TOLERANCE, SpectralStudy, wilson_interval
 from bayes_asv.reference.tables import LABELS, Table
 
 __all__ = [
     "GREYBOX_SCHEMA",
     "MODES_SCHEMA",
     "SCHEMA",
-    "answers_document",
-    "clean",
     "greybox_document",
     "mode_document",
+    "nan_to_none",
+    "parameters_document",
     "reproduction_document",
     "study_document",
 ]
@@ -39,7 +38,7 @@ GREYBOX_SCHEMA: Final = "bayes_asv/greybox/1"
 
 
 def mode_document(mode: Mode, labels: Sequence[str] = ("front", "rear")) -> Document:
-    """Tell one mode: Hz, and the shape as size and phase in degrees."""
+    """Convert a mode: frequencies in Hz, shape as magnitude and phase in degrees."""
     return {
         "natural_hz": mode.natural,
         "damped_hz": mode.damped,
@@ -52,8 +51,8 @@ def mode_document(mode: Mode, labels: Sequence[str] = ("front", "rear")) -> Docu
     }
 
 
-def study_document(study: Study) -> Document:
-    """Tell how far modes can be read from a spectrum at one damping."""
+def study_document(study: SpectralStudy) -> Document:
+    """Convert a spectral study at one damping."""
     return {
         "damping": study.damping,
         "modes": [mode_document(m) for m in study.modes],
@@ -61,8 +60,8 @@ def study_document(study: Study) -> Document:
             "front": list(study.peaks[0]),
             "rear": list(study.peaks[1]),
         },
-        "peaks_can_be_read": study.readable,
-        "within_percent": 100.0 * CLOSE,
+        "peaks_can_be_read": study.peaks_visible,
+        "within_percent": 100.0 * TOLERANCE,
         "readings": [
             {
                 "seconds": r.seconds,
@@ -71,7 +70,7 @@ def study_document(study: Study) -> Document:
                     name: {
                         "read": hits,
                         "share": hits / r.runs,
-                        "interval95": list(wilson(hits, r.runs)),
+                        "interval95": list(wilson_interval(hits, r.runs)),
                     }
                     for name, hits in (("peaks", r.peaks), ("subspace", r.subspace))
                 },
@@ -85,18 +84,18 @@ def study_document(study: Study) -> Document:
     }
 
 
-def answers_document(estimate: PointEstimate, units: str) -> Document:
-    """Tell the answers of a point estimate in the units of a vehicle."""
+def parameters_document(estimate: PointEstimate, units: str) -> Document:
+    """Convert the parameters of a point estimate to a system of units."""
     out = {}
-    for name, answer in estimate.answers.items():
+    for name, parameter in estimate.parameters.items():
         unit = display_units(units)[QUANTITIES[name][0]]
         factor = from_si(1.0, unit, QUANTITIES[name][0])
-        out[name] = {"unit": unit, "value": factor * answer.value, "sd": factor * answer.sd}
+        out[name] = {"unit": unit, "value": factor * parameter.value, "sd": factor * parameter.sd}
     return out
 
 
 def greybox_document(estimate: PointEstimate, units: str) -> Document:
-    """Tell a point estimate.
+    """Convert a point estimate.
 
     Parameters
     ----------
@@ -108,38 +107,40 @@ def greybox_document(estimate: PointEstimate, units: str) -> Document:
     Returns
     -------
     dict
-        Not yet free of nan: see :func:`clean`.
+        It may contain nan; see :func:`nan_to_none`.
     """
-    fitted = estimate.fitted
+    minimum = estimate.minimum
     return {
         "verdict": estimate.verdict,
         "reasons": list(estimate.reasons),
         "warnings": list(estimate.warnings),
         "coordinates": estimate.coordinates,
         "initial": estimate.initial,
-        "removed": estimate.removal,
+        "removed": estimate.detrending,
         "between_samples": estimate.hold,
-        "parameters": answers_document(estimate, units),
-        "correlation": None if fitted is None else _correlation(fitted.covariance[:3, :3]),
+        "parameters": parameters_document(estimate, units),
+        "correlation": None if minimum is None else _correlation(minimum.covariance[:3, :3]),
         "fit_percent": dict(estimate.fit),
-        "whiteness": {n: {"statistic": w.statistic, "p": w.p} for n, w in estimate.white.items()},
+        "whiteness": {
+            n: {"statistic": w.statistic, "p": w.p} for n, w in estimate.whiteness.items()
+        },
         "independence": [
             {"output": output, "input": wheel, "statistic": t.statistic, "p": t.p}
-            for (output, wheel), t in estimate.independent.items()
+            for (output, wheel), t in estimate.independence.items()
         ],
-        "log_likelihood": None if fitted is None else fitted.log_likelihood,
-        "aic": None if fitted is None else fitted.aic,
-        "bic": None if fitted is None else fitted.bic,
-        "unknowns": None if fitted is None else fitted.unknowns,
+        "log_likelihood": None if minimum is None else minimum.log_likelihood,
+        "aic": None if minimum is None else minimum.aic,
+        "bic": None if minimum is None else minimum.bic,
+        "unknowns": None if minimum is None else minimum.unknowns,
         "rows": len(estimate.time),
     }
 
 
 def reproduction_document(
-    tables: Sequence[Table], studies: Sequence[Study], runs: Sequence[Run], seed: int,
+    tables: Sequence[Table], studies: Sequence[SpectralStudy], runs: Sequence[Run], seed: int,
     seconds: float,
 ) -> Document:  # fmt: skip
-    """Tell the whole reproduction.
+    """Convert the whole reproduction.
 
     Returns
     -------
@@ -160,45 +161,46 @@ def reproduction_document(
             "8.1": table_81_document(runs),
         },
         "spectral": [study_document(s) for s in studies],
-        "drift": [row for run in runs for row in drift_rows(run)],
+        "drift": [row for run in runs for row in detrending_rows(run)],
         "greybox": {run.name: greybox_document(run.deflection, "US") for run in runs},
         "errata": [e._asdict() for e in errata()],
         "seconds": seconds,
         "seed": seed,
         "version": __version__,
     }  # fmt: skip
-    cleaned = clean(document)
+    cleaned = nan_to_none(document)
     assert isinstance(cleaned, dict)
     return cleaned
 
 
 def table_81_document(runs: Sequence[Run]) -> Document:
-    """Tell Table 8.1 in its form, with the same columns from our runs.
+    """Build Table 8.1 with the same columns from our runs.
 
-    The printed columns are of the reference's drives and ours of another car: no difference is
-    taken between them, only from the truth of each of our runs.
+    The printed columns are from the reference's drives and ours from another car, so our estimates
+    are compared with the true values of our runs only.
     """
     rows = []
     for name, (at_400, at_800, car) in TABLE_81.items():
         unit, dimension = UNITS[name]
 
-        def shown(value: float, unit: str = unit, dimension: str = dimension) -> float:
+        def converted(value: float, unit: str = unit, dimension: str = dimension) -> float:
             return from_si(value, unit, dimension)
 
         ours = {}
         for run in runs:
             draws = run.posterior.draws.get(name)
             truth = run.truth[name]
-            theirs, point = run.its_way[run.usual].answers[name], run.deflection.answers[name]
+            integrated = run.reference_fits[run.reference_detrending].parameters[name]
+            deflection = run.deflection.parameters[name]
             ours[run.name] = {
-                "truth": shown(truth),
-                "its_way": shown(theirs.value),
-                "its_way_sd": shown(theirs.sd),
-                "its_way_error_percent": 100.0 * (theirs.value / truth - 1.0),
-                "deflection": shown(point.value),
-                "deflection_sd": shown(point.sd),
-                "deflection_error_percent": 100.0 * (point.value / truth - 1.0),
-                **_posterior(draws, truth, shown),
+                "truth": converted(truth),
+                "its_way": converted(integrated.value),
+                "its_way_sd": converted(integrated.sd),
+                "its_way_error_percent": 100.0 * (integrated.value / truth - 1.0),
+                "deflection": converted(deflection.value),
+                "deflection_sd": converted(deflection.sd),
+                "deflection_error_percent": 100.0 * (deflection.value / truth - 1.0),
+                **_posterior(draws, truth, converted),
             }
         rows.append(
             {
@@ -208,38 +210,38 @@ def table_81_document(runs: Sequence[Run]) -> Document:
             }
         )  # fmt: skip
     return {
-        "title": "Grey-box estimates, and ours",
+        "title": "Grey-box estimates, printed and ours",
         "rows": rows,
         "notes": [
             "The reference's recordings are not public, so its columns cannot be computed again. "
-            "Ours are simulated drives of one car over two parking stops; its truth is known.",
-            "Its way: integrated twice, states as outputs, inputs held, at rest at first, the "
-            "trend taken off at 400 Hz and a constant at 800 Hz, m, l, wdf and both springs "
-            "as exact. Deflection: the same criterion, accelerations in and out. Posterior: mean "
-            "and 95 % interval of bayes-asv estimate, which carries the uncertainty of what is "
-            "given.",
+            "Ours are simulated drives of one car over two parking stops with known true values.",
+            "Reference's method: integrated twice, states as outputs, inputs held, initially at "
+            "rest, linear trend removed at 400 Hz and a constant at 800 Hz, m, l, wdf and both "
+            "springs exact. Deflection: the same criterion with accelerations as inputs and "
+            "outputs. Posterior: mean and 95 % interval of bayes-asv estimate, which includes the "
+            "uncertainty of the given values.",
         ],
     }
 
 
-def drift_rows(run: Run) -> list[Document]:
-    """Tell what each removal does to integrated travel and to the estimates."""
+def detrending_rows(run: Run) -> list[Document]:
+    """Describe the effect of each kind of detrending on integrated travel and estimates."""
     rows = []
-    for removal, point in run.its_way.items():
-        front, rear = run.drifted(removal)
+    for detrending, fit in run.reference_fits.items():
+        front, rear = run.largest_travel(detrending)
         rows.append(
             {
                 "run": run.name,
-                "removed": removal,
-                "reference": removal == run.usual,
+                "removed": detrending,
+                "reference": detrending == run.reference_detrending,
                 "largest_deflection_in": {
                     "front": from_si(front, "in", "length"),
                     "rear": from_si(rear, "in", "length"),
                 },
-                "verdict": point.verdict,
-                "parameters": answers_document(point, "US"),
+                "verdict": fit.verdict,
+                "parameters": parameters_document(fit, "US"),
                 "error_percent": {
-                    n: 100.0 * (point.answers[n].value / run.truth[n] - 1.0)
+                    n: 100.0 * (fit.parameters[n].value / run.truth[n] - 1.0)
                     for n in ("c_f", "c_r", "i")
                 },
             }
@@ -247,14 +249,14 @@ def drift_rows(run: Run) -> list[Document]:
     return rows
 
 
-def _posterior(draws: Any, truth: float, shown: Any) -> Document:
-    """Mean and interval; None throughout when the posterior was refused."""
+def _posterior(draws: Any, truth: float, converted: Any) -> Document:
+    """Return mean and interval, or None if the posterior was refused."""
     if draws is None:
         return {"posterior": None, "posterior_eti95": None, "posterior_covers": None}
     low, high = np.quantile(draws, [0.025, 0.975])
     return {
-        "posterior": shown(float(np.mean(draws))),
-        "posterior_eti95": [shown(float(low)), shown(float(high))],
+        "posterior": converted(float(np.mean(draws))),
+        "posterior_eti95": [converted(float(low)), converted(float(high))],
         "posterior_covers": bool(low <= truth <= high),
     }
 
@@ -264,12 +266,12 @@ def _correlation(covariance: Any) -> list[list[float]]:
     return [[float(v) for v in row] for row in covariance / np.outer(sd, sd)]
 
 
-def clean(value: Any) -> Any:
-    """None for numbers that do not exist, since JSON has no word for them."""
+def nan_to_none(value: Any) -> Any:
+    """Replace nan and infinity by None, since JSON cannot represent them."""
     if isinstance(value, dict):
-        return {k: clean(v) for k, v in value.items()}
+        return {k: nan_to_none(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [clean(v) for v in value]
+        return [nan_to_none(v) for v in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

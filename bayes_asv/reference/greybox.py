@@ -1,4 +1,4 @@
-"""The reference's method, a grey-box point estimate, in its coordinates and in deflections."""
+"""Grey-box point estimates, in the reference's integrated states and in deflections."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.reference.integrated import Integrated, integrate, simulate_states
-from bayes_asv.reference.prediction_error import Fitted, minimise
-from bayes_asv.reference.residuals import (
-    Independence,
-    Whiteness,
+from bayes_asv.reference.prediction_error import (
+    IndependenceTest,
+    PredictionErrorFit,
+    WhitenessTest,
     fit_percent,
-    independence,
-    whiteness,
+    independence_test,
+    minimise,
+    whiteness_test,
 )
 
 __all__ = [
     "COORDINATES",
     "HOLDS",
     "INITIAL",
-    "Answer",
+    "ParameterEstimate",
     "PointEstimate",
-    "estimate_states",
+    "fit_deflections",
+    "fit_states",
     "grey_box",
-    "in_deflections",
 ]
 
 Array = NDArray[np.float64]
@@ -52,8 +53,8 @@ _INPUTS: Final = {
 
 
 @dataclass(frozen=True)
-class Answer:
-    """One estimated parameter, SI units, with the deviation that the curvature claims."""
+class ParameterEstimate:
+    """One estimated parameter, SI units, with its standard deviation from the curvature."""
 
     value: float
     sd: float
@@ -61,30 +62,32 @@ class Answer:
 
 @dataclass(frozen=True)
 class PointEstimate:
-    """A prediction-error estimate and what it leaves.
+    """A prediction-error estimate with tests of its residuals.
 
     Parameters
     ----------
     verdict : str
         ``ok``, ``not_converged`` or ``refused``.
     reasons, warnings : tuple of str
-        Why it was refused; what to know otherwise.
-    coordinates, initial, removal, hold : str
-        How it was made.
-    answers : dict of str to Answer
-        c_f, c_r, i and k_g; empty when refused.
-    fitted : Fitted or None
-        The minimum.
+        Reasons for a refusal, and warnings.
+    coordinates, initial, detrending, hold : str
+        Options of the method.
+    parameters : dict of str to ParameterEstimate
+        c_f, c_r, i and k_g; empty if refused.
+    minimum : PredictionErrorFit or None
+        The minimum of the criterion.
     time : (N,) array
-        Instants of the outputs, s.
+        Times of the outputs, s.
     measured, simulated : (N, q) arrays
-        Outputs; nan where there was no reading.
+        Outputs; nan where a reading is missing.
     wheels : (N, 2) array
-        Inputs that the residuals are held against.
+        Inputs of the independence tests.
     fit : dict of str to float
-        Percentage of each output explained.
-    white : dict of str to Whiteness
-    independent : dict of (output, input) to Independence
+        Fit of each output, percent.
+    whiteness : dict of str to WhitenessTest
+        By output.
+    independence : dict of (str, str) to IndependenceTest
+        By output and input.
     travel : (N, 2) array
         Suspension deflection of the simulation, extension positive, m.
     """
@@ -94,17 +97,17 @@ class PointEstimate:
     warnings: tuple[str, ...]
     coordinates: str
     initial: str
-    removal: str
+    detrending: str
     hold: str
-    answers: dict[str, Answer]
-    fitted: Fitted | None
+    parameters: dict[str, ParameterEstimate]
+    minimum: PredictionErrorFit | None
     time: Array
     measured: Array
     simulated: Array
     wheels: Array
     fit: dict[str, float]
-    white: dict[str, Whiteness]
-    independent: dict[tuple[str, str], Independence]
+    whiteness: dict[str, WhitenessTest]
+    independence: dict[tuple[str, str], IndependenceTest]
     travel: Array
 
 
@@ -114,37 +117,37 @@ def grey_box(
     *,
     coordinates: str = "deflection",
     initial: str = "estimated",
-    removal: str = "trend",
+    detrending: str = "trend",
     hold: str = "held",
 ) -> PointEstimate:
-    """Point estimate of c_f, c_r and i from one recording, m, l, wdf, k_f and k_r taken as exact.
+    """Estimate c_f, c_r and i from one recording, with m, l, wdf, k_f and k_r exact.
 
     Parameters
     ----------
     recording, vehicle : Recording, Vehicle
         As read.
     coordinates : {'deflection', 'integrated'}
-        Accelerations in and out, or the reference's way: everything integrated twice, the four
-        states as outputs (eq. 5.6).
+        Accelerations as inputs and outputs, or the reference's method: integrated twice, with the
+        four states as outputs (eq. 5.6).
     initial : {'estimated', 'zero'}
-        Initial state, the reference has zero (App. C.2).
-    removal : str
-        One of :data:`bayes_asv.reference.integrated.REMOVALS`; without meaning in deflections,
-        where a bias of each chassis channel is estimated.
+        Initial state; zero in the reference (App. C.2).
+    detrending : str
+        One of :data:`bayes_asv.reference.integrated.DETRENDINGS`; not used in deflections, where
+        a bias of each chassis channel is estimated.
     hold : {'held', 'straight'}
-        Inputs between samples in the integrated way; in deflections they are a spline.
+        Inputs between samples in the integrated states; in deflections they are a spline.
 
     Returns
     -------
     PointEstimate
-        Refusal and lack of convergence are verdicts in it.
+        Its verdict reports a refusal or lack of convergence.
 
     Raises
     ------
     InputError
-        When the recording cannot be brought into units.
+        If the units of the recording cannot be converted.
     ValueError
-        For an unknown way.
+        If an option is unknown.
     """
     for value, known in ((coordinates, COORDINATES), (initial, INITIAL), (hold, HOLDS)):
         if value not in known:
@@ -153,14 +156,14 @@ def grey_box(
     if reasons:
         nothing = np.zeros((0, 2))
         return PointEstimate(
-            "refused", reasons, warnings, coordinates, initial, removal, hold, {}, None,
+            "refused", reasons, warnings, coordinates, initial, detrending, hold, {}, None,
             np.zeros(0), nothing, nothing, nothing, {}, {}, {}, nothing,
         )  # fmt: skip
     if coordinates == "deflection":
-        return in_deflections(lines[0], vehicle, initial=initial, warnings=warnings)
-    data = integrate(recording, vehicle, removal)
-    return estimate_states(
-        data.time, data.u, data.y, vehicle, initial=initial, hold=hold, removal=removal,
+        return fit_deflections(lines[0], vehicle, initial=initial, warnings=warnings)
+    data = integrate(recording, vehicle, detrending)
+    return fit_states(
+        data.time, data.u, data.y, vehicle, initial=initial, hold=hold, detrending=detrending,
         wheels=data.acceleration[[0, 2]].T, warnings=warnings,
     )  # fmt: skip
 
@@ -170,17 +173,17 @@ def nominal_car(vehicle: Vehicle) -> HalfCar:
     return HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
 
 
-def in_deflections(
+def fit_deflections(
     line: PreparedRecording,
     vehicle: Vehicle,
     *,
     initial: str = "estimated",
     warnings: tuple[str, ...] = (),
 ) -> PointEstimate:
-    """Fit chassis accelerations to a free run from the wheel accelerations.
+    """Fit a simulation from the wheel accelerations to the chassis accelerations.
 
-    Biases of both chassis channels are estimated, for an accelerometer has one; the initial
-    deflection and its rate are unknown too unless they are said to be zero.
+    The biases of both chassis channels are estimated, and so are the initial deflections and their
+    rates unless `initial` is zero.
     """
     nominal = nominal_car(vehicle)
     start = np.zeros((4, 5 if initial == "estimated" else 1))
@@ -204,19 +207,19 @@ def in_deflections(
         return paired[:, :, 0], np.concatenate([paired[:, :, 1:], biases], axis=2)
 
     measured = line.paired(line.reading)
-    fitted = minimise(model, measured, _start(nominal))
-    base, design = model(fitted.theta)
-    states = run(fitted.theta)[0]
-    free = states[:, :, 0] + states[:, :, 1:] @ fitted.beta[:-2]
+    minimum = minimise(model, measured, _start(nominal))
+    base, design = model(minimum.theta)
+    states = run(minimum.theta)[0]
+    free = states[:, :, 0] + states[:, :, 1:] @ minimum.beta[:-2]
     at = line.pairs.max(axis=1)
     time = line.instants[at]
-    return _told(
-        fitted, nominal, ("deflection", initial, "bias estimated", "spline"), time, measured,
-        base + design @ fitted.beta, _wheels(line, time), free[at][:, [0, 2]], warnings,
+    return _point_estimate(
+        minimum, nominal, ("deflection", initial, "bias estimated", "spline"), time, measured,
+        base + design @ minimum.beta, _wheels(line, time), free[at][:, [0, 2]], warnings,
     )  # fmt: skip
 
 
-def estimate_states(
+def fit_states(
     time: Array,
     u: Array,
     y: Array,
@@ -224,26 +227,26 @@ def estimate_states(
     *,
     initial: str = "zero",
     hold: str = "held",
-    removal: str = "none",
+    detrending: str = "none",
     wheels: Array | None = None,
     warnings: tuple[str, ...] = (),
 ) -> PointEstimate:
-    """Fit the reference's four states to inputs of positions and velocities.
+    """Fit the reference's four states, with wheel positions and velocities as inputs.
 
     Parameters
     ----------
     time : (N,) array
-        Even instants, s.
+        Evenly spaced times, s.
     u, y : (N, 4) arrays
         Inputs (eq. 5.4) and outputs (eq. 5.3), SI units.
     vehicle : Vehicle
         Known and nominal values.
-    initial, hold, removal : str
+    initial, hold, detrending : str
         As for :func:`grey_box`.
     wheels : (N, 2) array, optional
-        What residuals are held against; wheel velocities by default.
+        Inputs of the independence tests; wheel velocities by default.
     warnings : tuple of str
-        Passed on.
+        Included in the result.
     """
     nominal = nominal_car(vehicle)
     h = float(time[1] - time[0])
@@ -253,19 +256,19 @@ def estimate_states(
             _car(nominal, theta), h, u, held=hold == "held", free=initial == "estimated"
         )
 
-    fitted = minimise(model, y, _start(nominal))
-    base, design = model(fitted.theta)
-    simulated = base + design @ fitted.beta
+    minimum = minimise(model, y, _start(nominal))
+    base, design = model(minimum.theta)
+    simulated = base + design @ minimum.beta
     lever = np.array([nominal.l_f, -nominal.l_r])
     travel = simulated[:, 2:3] + simulated[:, :1] * lever - u[:, [0, 2]]
-    return _told(
-        fitted, nominal, ("integrated", initial, removal, hold), time, y, simulated,
+    return _point_estimate(
+        minimum, nominal, ("integrated", initial, detrending, hold), time, y, simulated,
         u[:, [1, 3]] if wheels is None else wheels, travel, warnings,
     )  # fmt: skip
 
 
-def drift(data: Integrated) -> Array:
-    """Largest distance (2,) between chassis and wheel, front and rear, m: travel, or drift."""
+def largest_travel(data: Integrated) -> Array:
+    """Return the largest absolute deflection (2,), front and rear, m: travel, or drift."""
     return np.asarray(np.abs(data.travel).max(axis=1))
 
 
@@ -279,7 +282,7 @@ def _start(nominal: HalfCar) -> Array:
 
 
 def _paired(line: PreparedRecording, values: Array) -> Array:
-    """Model outputs (E, 2) by pairs of readings; what was not read is not needed."""
+    """Arrange model outputs (E, 2) by pairs of readings; missing ones become zero."""
     return np.asarray(np.nan_to_num(line.paired(values)))
 
 
@@ -287,10 +290,10 @@ def _wheels(line: PreparedRecording, time: Array) -> Array:
     return np.stack([wheel.spline(time) for wheel in line.wheels], axis=1)
 
 
-def _told(
-    fitted: Fitted,
+def _point_estimate(
+    minimum: PredictionErrorFit,
     nominal: HalfCar,
-    ways: tuple[str, str, str, str],
+    options: tuple[str, str, str, str],
     time: Array,
     measured: Array,
     simulated: Array,
@@ -298,39 +301,39 @@ def _told(
     travel: Array,
     warnings: tuple[str, ...],
 ) -> PointEstimate:
-    """Put a minimum into words and tests."""
-    sd = np.sqrt(np.maximum(np.diag(fitted.covariance)[:3], 0.0))
-    values = np.exp(fitted.theta)
-    answers = {
-        name: Answer(float(v), float(v * s))
+    """Build the point estimate of a minimum, with its residual tests."""
+    sd = np.sqrt(np.maximum(np.diag(minimum.covariance)[:3], 0.0))
+    values = np.exp(minimum.theta)
+    parameters = {
+        name: ParameterEstimate(float(v), float(v * s))
         for name, v, s in zip(("c_f", "c_r", "i"), values, sd, strict=True)
     }
     k_g = float(np.sqrt(values[2] / nominal.m))
-    answers["k_g"] = Answer(k_g, 0.5 * k_g * float(sd[2]))
-    names = _OUTPUTS[ways[0]]
+    parameters["k_g"] = ParameterEstimate(k_g, 0.5 * k_g * float(sd[2]))
+    names = _OUTPUTS[options[0]]
     rows = np.all(np.isfinite(measured), axis=1)
-    left = (measured - simulated)[rows]
+    residual = (measured - simulated)[rows]
     inputs = wheels[rows] - wheels[rows].mean(axis=0)
     return PointEstimate(
-        verdict="ok" if fitted.converged else "not_converged",
+        verdict="ok" if minimum.converged else "not_converged",
         reasons=(),
         warnings=warnings,
-        coordinates=ways[0],
-        initial=ways[1],
-        removal=ways[2],
-        hold=ways[3],
-        answers=answers,
-        fitted=fitted,
+        coordinates=options[0],
+        initial=options[1],
+        detrending=options[2],
+        hold=options[3],
+        parameters=parameters,
+        minimum=minimum,
         time=time,
         measured=measured,
         simulated=simulated,
         wheels=wheels,
         fit={n: fit_percent(measured[rows, k], simulated[rows, k]) for k, n in enumerate(names)},
-        white={n: whiteness(left[:, k]) for k, n in enumerate(names)},
-        independent={
-            (n, w): independence(left[:, k], inputs[:, j])
+        whiteness={n: whiteness_test(residual[:, k]) for k, n in enumerate(names)},
+        independence={
+            (n, w): independence_test(residual[:, k], inputs[:, j])
             for k, n in enumerate(names)
-            for j, w in enumerate(_INPUTS[ways[0]])
+            for j, w in enumerate(_INPUTS[options[0]])
         },
         travel=travel,
     )

@@ -1,4 +1,4 @@
-"""The reference's data way: accelerations integrated twice (sections 5.4 and 8.1)."""
+"""The reference's data processing: accelerations integrated twice (sections 5.4 and 8.1)."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.discretization import Step, exact_step
 from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
 
-__all__ = ["REMOVALS", "Integrated", "integrate", "simulate_states"]
+__all__ = ["DETRENDINGS", "Integrated", "integrate", "simulate_states"]
 
 Array = NDArray[np.float64]
 
-REMOVALS: Final = ("none", "rest", "trend", "constant")
-"""What is taken off the accelerations before they are integrated: nothing; the mean of the first
-tenth of a second; a straight line through the whole record (its 400 Hz data); the constant that
-brings the second integral back to zero at the end (its 800 Hz data)."""
+DETRENDINGS: Final = ("none", "rest", "trend", "constant")
+"""Detrending of the accelerations before integration: none; the mean of the first tenth of a
+second; a linear trend over the whole record (the reference's 400 Hz data); the constant for which
+the second integral ends at zero (its 800 Hz data)."""
 
-_REST = 0.1  # s
-_TERMS = 17
+_REST_TIME = 0.1  # s
+_TERMS = 17  # of the exponential series
 
 
 @dataclass(frozen=True)
 class Integrated:
-    """A recording as the reference's grey box wants it (eq. 5.3, 5.4).
+    """Inputs and outputs of the reference's grey box (eq. 5.3, 5.4).
 
     Parameters
     ----------
     time : (N,) array
-        s.
+        Times, s.
     acceleration, velocity, displacement : (4, N) arrays
-        Of the four channels, SI units, after the removal; at rest at the beginning.
+        Of the four channels after detrending, SI units, initially at rest.
     u : (N, 4) array
         u_f, u̇_f, u_r, u̇_r.
     y : (N, 4) array
@@ -57,18 +57,18 @@ class Integrated:
         return np.asarray(self.displacement[[1, 3]] - self.displacement[[0, 2]])
 
 
-def integrate(recording: Recording, vehicle: Vehicle, removal: str) -> Integrated:
-    """Bring a recording into states and inputs.
+def integrate(recording: Recording, vehicle: Vehicle, detrending: str) -> Integrated:
+    """Integrate a recording to states and inputs.
 
-    All channels are put on one grid by straight lines, which is how the reference mends the delay
-    of its chassis channels; eq. 6.2 is used without its division by l.
+    Linear interpolation puts all channels on one grid, as the reference does to correct the delay
+    of its chassis channels.  Eq. 6.2 is used without its division by l.
 
     Parameters
     ----------
     recording, vehicle : Recording, Vehicle
-        As read; missing readings are bridged by straight lines.
-    removal : str
-        One of :data:`REMOVALS`.
+        As read; missing readings are interpolated linearly.
+    detrending : str
+        One of :data:`DETRENDINGS`.
 
     Returns
     -------
@@ -77,33 +77,35 @@ def integrate(recording: Recording, vehicle: Vehicle, removal: str) -> Integrate
     Raises
     ------
     InputError
-        When a channel has nothing to integrate.
+        If a channel has no readings or the channels hardly overlap.
     ValueError
-        For an unknown removal.
+        If the kind of detrending is unknown.
     """
-    if removal not in REMOVALS:
-        raise ValueError(f"removal must be one of {', '.join(REMOVALS)}")
+    if detrending not in DETRENDINGS:
+        raise ValueError(f"detrending must be one of {', '.join(DETRENDINGS)}")
     readings, times = accelerations(recording, vehicle), sample_times(recording, vehicle)
-    there = np.isfinite(readings)
-    if np.any(np.count_nonzero(there, axis=1) < 2):
+    valid = np.isfinite(readings)
+    if np.any(np.count_nonzero(valid, axis=1) < 2):
         raise InputError(recording.source, "has a channel without readings", "check the wiring")
-    first = max(float(t[ok][0]) for t, ok in zip(times, there, strict=True))
-    last = min(float(t[ok][-1]) for t, ok in zip(times, there, strict=True))
+    first = max(float(t[ok][0]) for t, ok in zip(times, valid, strict=True))
+    last = min(float(t[ok][-1]) for t, ok in zip(times, valid, strict=True))
     h = 1.0 / nominal_rate(recording)
     if last - first < 10.0 * h:
-        raise InputError(recording.source, "has no ten rows in common", "check the delays")
+        raise InputError(
+            recording.source, "has channels that overlap in less than ten rows", "check the delays"
+        )
     time: Array = first + h * np.arange(int((last - first) / h + 1e-6) + 1, dtype=np.float64)
     a = np.stack(
-        [np.interp(time, t[ok], r[ok]) for t, r, ok in zip(times, readings, there, strict=True)]
+        [np.interp(time, t[ok], r[ok]) for t, r, ok in zip(times, readings, valid, strict=True)]
     )
-    if removal == "rest":
-        a = a - a[:, time - time[0] < _REST].mean(axis=1, keepdims=True)
-    elif removal == "trend":
+    if detrending == "rest":
+        a = a - a[:, time - time[0] < _REST_TIME].mean(axis=1, keepdims=True)
+    elif detrending == "trend":
         a = detrend(a, axis=1)
-    elif removal == "constant":
+    elif detrending == "constant":
         span = time[-1] - time[0]
-        a = a - 2.0 * _twice(a, time)[1][:, -1:] / span**2
-    v, x = _twice(a, time)
+        a = a - 2.0 * _integrate_twice(a, time)[1][:, -1:] / span**2
+    v, x = _integrate_twice(a, time)
     heave = np.array([vehicle.wdf.value, 1.0 - vehicle.wdf.value])
     pitch = np.array([1.0, -1.0]) / vehicle.l.value
     chassis, wheel = [1, 3], [0, 2]
@@ -112,45 +114,45 @@ def integrate(recording: Recording, vehicle: Vehicle, removal: str) -> Integrate
     return Integrated(time, a, v, x, np.ascontiguousarray(u.T), np.ascontiguousarray(y.T))
 
 
-def _twice(a: Array, time: Array) -> tuple[Array, Array]:
-    """Velocity and displacement, exact for straight lines between samples, from rest."""
+def _integrate_twice(a: Array, time: Array) -> tuple[Array, Array]:
+    """Integrate once and twice from rest, exactly for piecewise linear accelerations."""
     h = np.diff(time)
     start = np.zeros((len(a), 1))
     v = np.concatenate([start, np.cumsum(0.5 * h * (a[:, :-1] + a[:, 1:]), axis=1)], axis=1)
-    piece = v[:, :-1] * h + h**2 * (2.0 * a[:, :-1] + a[:, 1:]) / 6.0
-    x = np.concatenate([start, np.cumsum(piece, axis=1)], axis=1)
+    increment = v[:, :-1] * h + h**2 * (2.0 * a[:, :-1] + a[:, 1:]) / 6.0
+    x = np.concatenate([start, np.cumsum(increment, axis=1)], axis=1)
     return v, x
 
 
 def simulate_states(
     car: HalfCar, h: float, u: Array, *, held: bool, free: bool
 ) -> tuple[Array, Array]:
-    """Run the model of eq. 5.5 over inputs sampled every ``h`` seconds.
+    """Simulate the model of eq. 5.5 with inputs sampled every ``h`` seconds.
 
     Parameters
     ----------
     car : HalfCar
         SI units.
     h : float
-        s.
+        Sampling interval, s.
     u : (N, 4) array
         Inputs as of :class:`Integrated`.
     held : bool
-        Inputs held from sample to sample, what the reference's ``idgrey`` does when nothing else
-        is asked for; else straight lines.
+        Zero-order hold of the inputs, the default of ``idgrey`` in the reference; otherwise
+        first-order hold.
     free : bool
-        Whether the initial state is unknown.
+        Whether the initial state is estimated.
 
     Returns
     -------
     base : (N, 4) array
         States from rest.
     design : (N, 4, 4) or (N, 4, 0) array
-        What one unit of each initial state adds.
+        Response to a unit of each initial state.
     """
     Phi, Gamma0, Gamma1 = _step(position_form(car), h)
-    pushes = u[:-1] @ (Gamma0 + Gamma1).T if held else u[:-1] @ Gamma0.T + u[1:] @ Gamma1.T
-    base = _recursion(Phi, np.concatenate([np.zeros((1, 4)), pushes]))
+    increments = u[:-1] @ (Gamma0 + Gamma1).T if held else u[:-1] @ Gamma0.T + u[1:] @ Gamma1.T
+    base = _recursion(Phi, np.concatenate([np.zeros((1, 4)), increments]))
     if not free:
         return base, np.zeros((len(u), 4, 0))
     design = np.empty((len(u), 4, 4))
@@ -162,10 +164,10 @@ def simulate_states(
 
 
 def _step(system: LinearSystem, h: float) -> Step:
-    """Discretise as :func:`exact_step` does, by a series where the step is short.
+    """Discretise like :func:`exact_step`, by a power series if the step is short.
 
-    A search calls this thousands of times; 16 terms leave less than 1e-14 of a step that turns
-    the fastest motion by one radian, and beyond it the exponential is taken.
+    The optimisation calls this thousands of times.  For ‖A‖ h up to one, 16 terms have an error
+    below 1e-14; a longer step uses the matrix exponential.
     """
     A, B = system.A * h, system.B * h
     if float(np.abs(A).sum(axis=1).max()) > 1.0:
@@ -180,9 +182,9 @@ def _step(system: LinearSystem, h: float) -> Step:
     return Step(Phi, (held - ramp) @ B, ramp @ B)
 
 
-def _recursion(Phi: Array, pushes: Array) -> Array:
-    """States x_k = Φ x_{k−1} + p_k from x_{−1} = 0, by sums over 2, 4, 8 … samples."""
-    x, reach, power = pushes.copy(), 1, Phi
+def _recursion(Phi: Array, increments: Array) -> Array:
+    """Compute x_k = Φ x_{k−1} + p_k from x_{−1} = 0, by doubling sums over 2, 4, 8 … samples."""
+    x, reach, power = increments.copy(), 1, Phi
     while reach < len(x):
         x[reach:] = x[reach:] + x[:-reach] @ power.T
         reach, power = 2 * reach, power @ power

@@ -1,4 +1,4 @@
-"""Everything at once: tables, figures, and the document they come from."""
+"""The whole reproduction: tables, figures and the document."""
 
 from __future__ import annotations
 
@@ -8,13 +8,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from bayes_asv.domain.units import from_si
-from bayes_asv.reference.bench import engine_idling, one_sensor_everywhere
 from bayes_asv.reference.document import reproduction_document
+from bayes_asv.reference.experiments import (
+    common_sensor_readings,
+    engine_readings,
+    fit_exact_accelerations,
+    fit_exact_states,
+    reproduce_runs,
+    shipped_vehicle,
+    simulate_exact_states,
+    table_51_quantities,
+)
+from bayes_asv.reference.figures import Figure, draw_figures
 from bayes_asv.reference.greybox import nominal_car
-from bayes_asv.reference.pictures import Picture, pictures
 from bayes_asv.reference.printed import UNITS, car_of_table_41
-from bayes_asv.reference.roundtrip import exact_states, found_of, in_states, round_trip
-from bayes_asv.reference.runs import reproduce_runs, shipped_vehicle
 from bayes_asv.reference.spectral import DAMPINGS, spectral_study
 from bayes_asv.reference.tables import table_41, table_42, table_51, table_71
 
@@ -23,7 +30,7 @@ __all__ = ["RECORDS", "Reproduction", "reproduce"]
 Progress = Callable[[float, str], None]
 
 RECORDS = 50
-"""White-noise records of each length and damping."""
+"""Number of white-noise records of each length and damping."""
 
 
 @dataclass(frozen=True)
@@ -31,48 +38,48 @@ class Reproduction:
     """A document (schema ``bayes_asv/reproduce/1``) and its figures."""
 
     document: dict[str, Any]
-    figures: tuple[Picture, ...]
+    figures: tuple[Figure, ...]
 
 
 def reproduce(seed: int = 0, progress: Progress | None = None) -> Reproduction:
-    """Reproduce the reference from what travels with the package.
+    """Reproduce the reference from the data shipped with the package.
 
     Parameters
     ----------
     seed : int
-        Same seed, same answer.
+        Seed of all random numbers.
     progress : callable, optional
-        Told the share done and a few words.
+        Called with the fraction done and a description.
 
     Returns
     -------
     Reproduction
     """
     began = time.perf_counter()
-    tell = progress or (lambda share, words: None)
-    tell(0.0, "tables 4.1 to 7.1")
+    report = progress or (lambda share, words: None)
+    report(0.0, "tables 4.1 to 7.1")
     simulated, baja = (shipped_vehicle(n) for n in ("thesis_simulation.toml", "baja2008.toml"))
-    held = found_of(in_states(simulated, "held"), simulated)
-    ours = found_of(round_trip(simulated), simulated)
+    reference_method = table_51_quantities(fit_exact_states(simulated, "held"), simulated)
+    deflections = table_51_quantities(fit_exact_accelerations(simulated), simulated)
     printed_units = [
-        {name: from_si(value, *UNITS[name]) for name, value in found.items()}
-        for found in (held, ours)
+        {name: from_si(value, *UNITS[name]) for name, value in quantities.items()}
+        for quantities in (reference_method, deflections)
     ]
     tables = (table_41(), table_42(), table_51(*printed_units), table_71())
     studies = []
     for k, damping in enumerate(DAMPINGS):
-        tell(0.1 + 0.1 * k, f"white noise at {100 * damping:.0f} % damping")
+        report(0.1 + 0.1 * k, f"white noise at {100 * damping:.0f} % damping")
         studies.append(spectral_study(car_of_table_41(), damping, RECORDS, seed))
-    runs = reproduce_runs(baja, seed, lambda share, words: tell(0.4 + 0.5 * share, words))
-    tell(0.9, "figures")
-    figures = pictures(
+    runs = reproduce_runs(baja, seed, lambda share, words: report(0.4 + 0.5 * share, words))
+    report(0.9, "figures")
+    figures = draw_figures(
         studies,
-        exact_states(nominal_car(simulated)),
-        one_sensor_everywhere(baja),
-        engine_idling(baja, nominal_car(baja), seed),
+        simulate_exact_states(nominal_car(simulated)),
+        common_sensor_readings(baja),
+        engine_readings(baja, nominal_car(baja), seed),
         runs,
         baja.travel,
     )
     seconds = time.perf_counter() - began
-    tell(1.0, "done")
+    report(1.0, "done")
     return Reproduction(reproduction_document(tables, studies, runs, seed, seconds), tuple(figures))

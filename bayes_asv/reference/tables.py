@@ -1,21 +1,21 @@
-"""The reference's tables beside ours: printed, in its own way again, corrected, obtained.
+"""The reference's tables: printed, recomputed by its own rule, corrected, and obtained here.
 
-*Its way* follows the reference's rule on its figures and shows where a printed number comes from.
-*Corrected* is what the right rule gives, from a formula; *obtained* is what this package gives by
-another way.  The difference is that of the obtained from the printed.
+*As in the reference* applies the reference's rule to its figures and shows where a printed number
+comes from.  *Corrected* is the result of the correct formula, *obtained* the result of this package
+by another method.  The difference is that of the obtained from the printed figure.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from bayes_asv.domain.units import from_si
 from bayes_asv.models.half_car import HalfCar
 from bayes_asv.models.modes import modes
-from bayes_asv.reference.modal import axle_matrices, printed_way, right_way
+from bayes_asv.reference.modal import axle_matrices, corrected_modes, printed_modes
 from bayes_asv.reference.printed import (
     TABLE_41,
     TABLE_42,
@@ -28,38 +28,37 @@ from bayes_asv.reference.printed import (
     car_of_table_71,
 )
 
-__all__ = ["COLUMNS", "Row", "Table", "quantities", "table_41", "table_42", "table_51", "table_71"]
-
-COLUMNS: Final = ("printed", "its_way", "corrected", "obtained")
+__all__ = ["Row", "Table", "quantities", "table_41", "table_42", "table_51", "table_71"]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One printed figure and what becomes of it; None where there is nothing to say."""
+    """One printed figure with its recomputed values; None where there is none."""
 
     name: str
     label: str
     unit: str
     printed: float | None
-    its_way: float | None
+    as_in_reference: float | None
     corrected: float | None
     obtained: float | None
     where: str
 
     @property
     def difference(self) -> float | None:
-        """Obtained over printed, less one."""
+        """Relative difference of the obtained from the printed figure."""
         if self.printed is None or self.obtained is None or self.printed == 0.0:
             return None
         return self.obtained / self.printed - 1.0
 
     def plain(self) -> dict[str, Any]:
-        """Tell it as a dict for JSON."""
-        share = self.difference
+        """Convert to a dict for JSON."""
+        difference = self.difference
         return {
             "name": self.name, "label": self.label, "unit": self.unit,
-            **{column: getattr(self, column) for column in COLUMNS},
-            "difference_percent": None if share is None else 100.0 * share,
+            "printed": self.printed, "its_way": self.as_in_reference,
+            "corrected": self.corrected, "obtained": self.obtained,
+            "difference_percent": None if difference is None else 100.0 * difference,
             "where": self.where,
         }  # fmt: skip
 
@@ -71,11 +70,11 @@ class Table:
     Parameters
     ----------
     key, title : str
-        ``4.2``, and what it is about.
+        Number, such as ``4.2``, and title.
     rows : tuple of Row
         In the printed order.
     notes : tuple of str
-        What to know, in sentences.
+        Remarks.
     """
 
     key: str
@@ -93,12 +92,12 @@ LABELS: Final = {
 
 
 def quantities(car: HalfCar) -> dict[str, float]:
-    """Every quantity of a car in the reference's units, ratios from the rates."""
+    """Return all quantities of a car in the reference's units."""
     return {name: from_si(getattr(car, name), *of) for name, of in UNITS.items()}
 
 
 def _inputs(printed: Mapping[str, float], car: HalfCar, where: str) -> tuple[Row, ...]:
-    """Rows for given figures: obtained is what the simulated car has."""
+    """Return the rows of given figures; the obtained ones are those of the simulated car."""
     ours = quantities(car)
     return tuple(
         Row(name, LABELS[name], UNITS[name][0], value, None, value, ours[name], where)
@@ -107,7 +106,7 @@ def _inputs(printed: Mapping[str, float], car: HalfCar, where: str) -> tuple[Row
 
 
 def table_41() -> Table:
-    """Table 4.1, the car on which the spectrum was tried."""
+    """Build Table 4.1, the car of the spectral study."""
     car = car_of_table_41()
     rows = _inputs(TABLE_41, car, "Table 4.1")
     derived = quantities(car)
@@ -128,23 +127,25 @@ def table_41() -> Table:
 
 
 def table_42() -> Table:
-    """Table 4.2, the modes of that car: the printed rule, and the right one in two ways."""
+    """Build Table 4.2, the modes of that car, by the printed and by the correct rule."""
     car = car_of_table_41()
-    theirs, right = printed_way(car), right_way(car)
-    ours = modes(car)
-    words = {
+    printed, corrected = printed_modes(car), corrected_modes(car)
+    obtained = modes(car)
+    labels = {
         "damped": ("damped natural frequency", "Hz", "App. C.1, damped_freq"),
         "ratio": ("damping ratio", "", "App. C.1, damping_zeta"),
         "natural": ("natural frequency", "Hz", "App. C.1, natural_freq"),
     }
     rows = []
-    for name, (label, unit, where) in words.items():
+    for name, (label, unit, where) in labels.items():
         for k, mode in enumerate(("1st", "2nd")):
+            as_in_reference, right, ours = (
+                getattr(method[k], name) for method in (printed, corrected, obtained)
+            )
             rows.append(
                 Row(
                     f"{name}_{k + 1}", f"{label}, {mode} mode", unit, TABLE_42[name][k],
-                    getattr(theirs[k], name), getattr(right[k], name), getattr(ours[k], name),
-                    where,
+                    as_in_reference, right, ours, where,
                 )
             )  # fmt: skip
     M, _, _ = axle_matrices(car)
@@ -154,23 +155,23 @@ def table_42() -> Table:
         "Modal analysis of that car",
         tuple(rows),
         (
-            "Its way: the mass matrix of App. C.1 has m/4 in every place, a centre of gravity at "
-            "mid-wheelbase, although the car has 40 % of its weight in front (the right matrix has "
-            f"{ratio:.2f} times as much at the front axle as at the rear); and its damped "
-            "frequency is ω(1−ζ), since the square in sqrt(1−ζ)^2 stands outside the root.",
-            "Corrected: the mass where wdf puts it, and ω√(1−ζ²), from the generalised "
+            "As in the reference: all entries of the mass matrix of App. C.1 contain m/4, a centre "
+            "of gravity at mid-wheelbase, although the car has 40 % of its weight in front (the "
+            f"correct matrix has {ratio:.2f} times as much at the front axle as at the rear). The "
+            "damped frequency is ω(1−ζ), since the square in sqrt(1−ζ)^2 is outside the root.",
+            "Corrected: mass distribution according to wdf and ω√(1−ζ²), from the generalised "
             "eigenproblem of M, C, K. Obtained: eigenvalues of the system in deflections.",
         ),
     )
 
 
 def table_51(held: Mapping[str, float], deflection: Mapping[str, float]) -> Table:
-    """Table 5.1, what a grey box finds again.
+    """Build Table 5.1, the parameters that a grey box estimates from simulated data.
 
     Parameters
     ----------
     held, deflection : mapping of str to float
-        k_g (in) and ratios found with held inputs in states, and in deflections.
+        k_g, in, and damping ratios estimated from states with held inputs, and in deflections.
     """
     given = {name: value for name, value in TABLE_51.items() if name not in TABLE_51_FOUND}
     rows = _inputs(given, car_of_table_51(), "Table 5.1, input")
@@ -181,25 +182,25 @@ def table_51(held: Mapping[str, float], deflection: Mapping[str, float]) -> Tabl
     )  # fmt: skip
     return Table(
         "5.1",
-        "Parameters put into a simulation, and found again",
+        "Parameters of a simulation and their estimates",
         rows,
         (
-            "Corrected is what was put in. Its way: the four states at 300 instants, inputs held "
-            "between them as its idgrey does. Obtained: in deflections, accelerations in and out, "
-            "a spline between samples. Neither has noise.",
-            "Held inputs lag by half a sample, which the grey box takes for damping: both ratios "
-            "come out high, as printed. They take the radius of gyration down with them, which "
-            "is not printed; spacing and bump of the reference are not known, so this explains "
-            "its ratios and not its 9.985 in.",
+            "Corrected: the values of the simulation. As in the reference: the four states at 300 "
+            "instants, inputs held between them, the default of idgrey. Obtained: in deflections, "
+            "accelerations as inputs and outputs, a spline between samples. No noise in either.",
+            "Held inputs lag by half a sample, which the grey box compensates with damping: both "
+            "ratios are too high, as printed. The radius of gyration comes out too low, which is "
+            "not printed. Sampling interval and bump of the reference are unknown, so this "
+            "explains its ratios but not its 9.985 in.",
         ),
     )
 
 
 def table_71() -> Table:
-    """Table 7.1, the Baja car, what follows from other rows computed."""
+    """Build Table 7.1, the Baja car, with the dependent rows computed."""
     car = car_of_table_71()
     ours = quantities(car)
-    right = {
+    corrected = {
         **TABLE_71,
         "m": 500.0 / 32.2 / 12.0,
         "k_g": math.sqrt(TABLE_71["i"] / TABLE_71["m"]),
@@ -208,7 +209,16 @@ def table_71() -> Table:
         "zeta_r": TABLE_71["c_r"] / (2.0 * math.sqrt(100.0 * TABLE_71["m"] * 0.53)),
     }
     rows = tuple(
-        Row(name, LABELS[name], UNITS[name][0], value, None, right[name], ours[name], "Table 7.1")
+        Row(
+            name,
+            LABELS[name],
+            UNITS[name][0],
+            value,
+            None,
+            corrected[name],
+            ours[name],
+            "Table 7.1",
+        )
         for name, value in TABLE_71.items()
     )
     return Table(
@@ -218,11 +228,6 @@ def table_71() -> Table:
         (
             "Corrected: mass from 500 lbf over 32.2 ft/s² (App. C.2); radius of gyration and "
             "inertia each from the other as printed; ratios c / (2 √(k m_axle)). All agree with "
-            "what is printed to its digits, the ratios to one in the last.",
+            "the printed digits, the ratios to one unit in the last digit.",
         ),
     )
-
-
-def rows_of(tables: Sequence[Table]) -> int:
-    """Count printed figures."""
-    return sum(row.printed is not None for table in tables for row in table.rows)

@@ -12,7 +12,7 @@ from bayes_asv.analysis.run_consistency import COMPARED, DISAGREE_BELOW, RunCons
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimate import Estimate
+from bayes_asv.estimation import Estimate
 
 __all__ = ["agreement_document", "checks_document"]
 

@@ -20,7 +20,7 @@ from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimate import ANSWERS, DERIVED, Estimate, RunFit
+from bayes_asv.estimation import ANSWERS, DERIVED, Estimate, RunFit
 from bayes_asv.posterior.parameters import CAR
 from bayes_asv.posterior.residual_ar import portmanteau
 from bayes_asv.report.budget_document import width_document
@@ -47,7 +47,7 @@ def estimate_document(result: Estimate) -> Document:
     Parameters
     ----------
     result : Estimate
-        From :func:`bayes_asv.estimate.estimate`.
+        From :func:`bayes_asv.estimation.estimate`.
 
     Returns
     -------

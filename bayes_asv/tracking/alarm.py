@@ -1,4 +1,4 @@
-"""Is a damper below a chosen share of its nominal rate?  Asked of every row."""
+"""Alarm for a damper that is softer than a chosen share of its nominal rate."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ Array = NDArray[np.float64]
 
 AXLES = ("front", "rear")
 
+_Z95 = 1.959964
+
 
 @dataclass(frozen=True)
 class Alarm:
-    """A damper that has been too soft for long enough.
+    """A damper that has been too soft for the required time.
 
     Parameters
     ----------
@@ -30,13 +32,13 @@ class Alarm:
     time : float
         Stamp of the row at which the alarm was raised, s.
     since : float
-        Stamp of the first row at which it would have been, s.
+        Stamp of the first row from which on the probability exceeded the threshold, s.
     probability : float
-        That the rate is below the share.
+        Probability that the rate is below the share.
     median : float
-        Rate over nominal.
+        Median of the rate over its nominal value.
     low, high : float
-        Its 95 % interval.
+        95 % interval of that ratio.
     """
 
     axle: str
@@ -49,72 +51,72 @@ class Alarm:
 
 
 class AlarmMonitor:
-    """Looks at frames as they come.
+    """Tests every row for a damper below a share of its nominal rate.
 
     Parameters
     ----------
     vehicle : Vehicle
-        Its nominal damping rates are what a share is of.
+        Gives the nominal damping rates.
     share : float
-        Share of nominal below which a damper counts as worn.
-    level : float
-        Probability that has to be passed.
+        Share of the nominal rate below which a damper counts as worn.
+    threshold : float
+        Probability of a worn damper that has to be exceeded.
     hold : float
-        Seconds for which it has to be, so that one odd stretch of road raises nothing.
+        Time (s) for which it has to be exceeded without interruption, so that one unusual stretch
+        of road raises no alarm.
 
     Notes
     -----
-    Rows at which the filter is not consistent start the time anew: its intervals then mean
-    nothing, and a sensor is as likely at fault as a damper.
+    A row at which the filter is not consistent restarts the hold time: its intervals cannot be
+    trusted there, and a sensor is as likely at fault as a damper.
     """
 
-    def __init__(self, vehicle: Vehicle, share: float, level: float, hold: float) -> None:
-        self.share, self.level, self.hold = share, level, hold
+    def __init__(self, vehicle: Vehicle, share: float, threshold: float, hold: float) -> None:
+        self.share, self.threshold, self.hold = share, threshold, hold
         self._nominal = np.array([vehicle.c_f.value, vehicle.c_r.value])
         self._since = np.full(2, math.inf)
         self.probability = np.full(2, math.nan)
         self.rows = 0
-        self.rows_told = 0
+        self.rows_consistent = 0
 
-    def look(self, frames: Frames) -> Alarm | None:
-        """Take frames; return an alarm if there is one.
+    def update(self, frames: Frames) -> Alarm | None:
+        """Test frames.
 
         Parameters
         ----------
         frames : Frames
-            In order from call to call.
+            They follow those of the call before.
 
         Returns
         -------
         Alarm or None
-            The first; nothing behind it is looked at.
+            The first alarm in these frames.
         """
         if not len(frames):
             return None
-        edge = np.log(self.share * self._nominal)
-        p = ndtr((edge - np.log(frames.median[:, :2])) / frames.log_sd[:, :2])
-        told = frames.consistent
-        found: Alarm | None = None
+        limit = np.log(self.share * self._nominal)
+        p = ndtr((limit - np.log(frames.median[:, :2])) / frames.log_sd[:, :2])
+        alarm: Alarm | None = None
         for axle in range(2):
-            over = told & (p[:, axle] > self.level)
-            begins = over & ~np.concatenate([[math.isfinite(self._since[axle])], over[:-1]])
-            # the latest begin up to each row, or the one that is held from before
-            began = np.maximum.accumulate(np.where(begins, np.arange(len(frames)), -1))
-            since = np.where(began >= 0, frames.time[began], self._since[axle])
-            ripe = over & (frames.time - since >= self.hold)
-            if ripe.any():
-                k = int(np.argmax(ripe))
-                if found is None or frames.time[k] < found.time:
-                    found = self._alarm(frames, k, axle, float(since[k]), float(p[k, axle]))
-            self._since[axle] = since[-1] if over[-1] else math.inf
+            exceeds = frames.consistent & (p[:, axle] > self.threshold)
+            onset = exceeds & ~np.concatenate([[math.isfinite(self._since[axle])], exceeds[:-1]])
+            # the latest onset up to each row, or the one that is held from the call before
+            latest = np.maximum.accumulate(np.where(onset, np.arange(len(frames)), -1))
+            since = np.where(latest >= 0, frames.time[latest], self._since[axle])
+            due = exceeds & (frames.time - since >= self.hold)
+            if due.any():
+                k = int(np.argmax(due))
+                if alarm is None or frames.time[k] < alarm.time:
+                    alarm = self._alarm(frames, k, axle, float(since[k]), float(p[k, axle]))
+            self._since[axle] = since[-1] if exceeds[-1] else math.inf
         self.probability = p[-1]
         self.rows += len(frames)
-        self.rows_told += int(told.sum())
-        return found
+        self.rows_consistent += int(frames.consistent.sum())
+        return alarm
 
     def _alarm(self, frames: Frames, k: int, axle: int, since: float, p: float) -> Alarm:
         ratio = float(frames.median[k, axle] / self._nominal[axle])
-        width = math.exp(1.959964 * float(frames.log_sd[k, axle]))
+        factor = math.exp(_Z95 * float(frames.log_sd[k, axle]))
         return Alarm(
-            AXLES[axle], float(frames.time[k]), since, p, ratio, ratio / width, ratio * width
-        )  # fmt: skip
+            AXLES[axle], float(frames.time[k]), since, p, ratio, ratio / factor, ratio * factor
+        )

@@ -1,7 +1,7 @@
-"""A tracker put away in a file and taken up again, as if nothing had been between.
+"""Checkpoints: a tracker saved to a file and restored, without any effect on its results.
 
-The file is a NumPy archive without pickles: arrays by name, and one text of JSON for numbers and
-what the tracker was made with.  What is read is checked before anything is taken from it.
+The file is a NumPy archive without pickles: arrays by name, and one JSON text with numbers and with
+the settings of the tracker.  Everything read is checked before it is used.
 """
 
 from __future__ import annotations
@@ -21,122 +21,188 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, read_bytes, write_atomically
 from bayes_asv.filters.ukf_state import State, Steps
 
-__all__ = ["FORMAT", "packed", "read_packed", "taken_up", "write_packed"]
+__all__ = ["FORMAT", "read_checkpoint", "restore", "write_checkpoint"]
 
 FORMAT: Final = "bayes_asv/tracker/1"
 
-_LARGEST_FILE: Final = 200_000_000
-_MEND: Final = "give what a tracker's save() wrote"
+_MAX_FILE_SIZE: Final = 200_000_000
+_FIX: Final = "give a file that a tracker's save() wrote"
 
 Arrays = dict[str, NDArray[Any]]
 
-# What changes while a tracker runs, by the name of its class.
-_KEPT: Final[dict[str, tuple[str, ...]]] = {
-    "Tracker": ("_layout", "_filter", "watch", "fitness", "_tail", "_tail_end"),
-    "Layout": (
-        "_equalisers", "_wheels", "_origin", "_last_stamp", "_now", "_count", "_stamp", "_when",
-        "_reading", "_kind", "_step", "_done",
-    ),
-    "_Equaliser": ("time", "signal", "slow"),
-    "WheelCurve": (
-        "_waiting", "_time", "_value", "_reach", "_opens", "_upper", "_right", "_missed",
-        "_curve", "_deviation", "_settled", "_newest", "_complete",
-    ),
-    "Filter": (
-        "state", "looking_back", "resets", "time", "_patience", "_calm", "_looks", "_known",
-        "_held",
-    ),
-    "Consistency": (
-        "nis", "readings", "rows", "rows_consistent", "rows_well", "worst_colour", "worst_level",
-        "products", "_past", "_sums", "_since", "_doubt",
-    ),
-    "Fitness": ("rows", "first", "last", "present", "clipped", "total", "squares"),
-}  # fmt: skip
+# Attributes that change while a tracker runs, by class: name in the file -> name of the attribute.
+# The names in the file are part of the format and stay when an attribute is renamed.
+_FIELDS: Final[dict[str, dict[str, str]]] = {
+    "Tracker": {
+        "_layout": "_timeline",
+        "_filter": "_filter",
+        "watch": "consistency",
+        "fitness": "data_checks",
+        "_tail": "_recent",
+        "_tail_end": "_step_count",
+    },
+    "StreamingTimeline": {
+        "_equalisers": "_matchers",
+        "_wheels": "_wheels",
+        "_origin": "_origin",
+        "_last_stamp": "_last_stamp",
+        "_now": "_end",
+        "_count": "_step_count",
+        "_stamp": "_stamp",
+        "_when": "_time",
+        "_reading": "_reading",
+        "_kind": "_kind",
+        "_step": "_step",
+        "_done": "_scheduled",
+    },
+    "_BandwidthMatcher": {"time": "time", "signal": "signal", "slow": "filtered"},
+    "StreamingSpline": {
+        "_waiting": "_held",
+        "_time": "_time",
+        "_value": "_value",
+        "_reach": "_excursion",
+        "_opens": "_starts",
+        "_upper": "_superdiagonal",
+        "_right": "_rhs",
+        "_missed": "_errors",
+        "_curve": "_coefficients",
+        "_deviation": "_sd",
+        "_settled": "_final",
+        "_newest": "_newest",
+        "_complete": "_finished",
+    },
+    "OnlineFilter": {
+        "state": "state",
+        "looking_back": "relinearizing",
+        "resets": "resets",
+        "time": "time",
+        "_patience": "_fault_duration",
+        "_calm": "_settled_passes",
+        "_looks": "_passes",
+        "_known": "_window_start",
+        "_held": "_window_steps",
+    },
+    "ConsistencyMonitor": {
+        "nis": "nis",
+        "readings": "readings",
+        "rows": "rows",
+        "rows_consistent": "rows_consistent",
+        "rows_well": "rows_since_fault",
+        "worst_colour": "max_box_pierce",
+        "worst_level": "max_noise_factor",
+        "products": "lagged_products",
+        "_past": "_history",
+        "_sums": "_sums",
+        "_since": "_rows_since_recompute",
+        "_doubt": "_flags",
+    },
+    "DataChecks": {
+        "rows": "rows",
+        "first": "first",
+        "last": "last",
+        "present": "present",
+        "clipped": "clipped",
+        "total": "total",
+        "squares": "squares",
+    },
+}
 _RECORDS: Final[dict[str, Callable[..., Any]]] = {"State": State, "Steps": Steps}
 
 
-def packed(thing: object, name: str, arrays: Arrays) -> Any:
-    """Take a thing apart: arrays go into ``arrays``, the rest is returned as plain data.
+def _pack(value: object, name: str, arrays: Arrays) -> Any:
+    """Convert a value to plain data; arrays are added to ``arrays``.
 
     Parameters
     ----------
-    thing : object
-        One of the classes above, a record of arrays, an array, a list, or a plain value.
+    value : object
+        An instance of a class of ``_FIELDS``, a record of arrays, an array, a list, or plain data.
     name : str
-        Where it stands.
+        Path to the value, for the names of arrays.
     arrays : dict
-        Filled.
+        Added to in place.
     """
-    kind = type(thing).__name__
-    if kind in _KEPT:
-        return {key: packed(getattr(thing, key), f"{name}.{key}", arrays) for key in _KEPT[kind]}
-    if isinstance(thing, np.ndarray):
-        arrays[name] = thing
+    kind = type(value).__name__
+    if kind in _FIELDS:
+        return {
+            stored: _pack(getattr(value, attribute), f"{name}.{stored}", arrays)
+            for stored, attribute in _FIELDS[kind].items()
+        }
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
         return {"array": name}
-    if isinstance(thing, tuple) and kind in _RECORDS:
+    if isinstance(value, tuple) and kind in _RECORDS:
         return {
             "record": kind,
-            "parts": [packed(x, f"{name}.{k}", arrays) for k, x in enumerate(thing)],
+            "parts": [_pack(x, f"{name}.{k}", arrays) for k, x in enumerate(value)],
         }
-    if isinstance(thing, (list, tuple)):
-        return [packed(x, f"{name}.{k}", arrays) for k, x in enumerate(thing)]
-    if isinstance(thing, float) and not math.isfinite(thing):
-        return {"number": repr(thing)}
-    if thing is None or isinstance(thing, (bool, int, float, str)):
-        return thing
-    raise TypeError(f"{name} is a {kind}, which cannot be put away")
+    if isinstance(value, (list, tuple)):
+        return [_pack(x, f"{name}.{k}", arrays) for k, x in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"number": repr(value)}
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise TypeError(f"{name} is a {kind}, which cannot be saved")
 
 
-def taken_up(into: Any, plain: Any, arrays: Arrays) -> None:
-    """Put what :func:`packed` took apart into a thing made alike.
+def restore(target: Any, plain: Any, arrays: Arrays) -> None:
+    """Restore a saved object into a new one that was made with the same settings.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        When it does not fit.
+        When the data do not fit the object.
     """
-    for key in _KEPT[type(into).__name__]:
-        old, new = getattr(into, key), plain[key]
-        if type(old).__name__ in _KEPT:
-            taken_up(old, new, arrays)
-        elif isinstance(old, list) and any(type(x).__name__ in _KEPT for x in old):
-            if len(old) != len(new):
-                raise ValueError(f"{key} has another length")
-            for one, other in zip(old, new, strict=True):
-                if one is not None:
-                    taken_up(one, other, arrays)
+    for stored, attribute in _FIELDS[type(target).__name__].items():
+        current, saved = getattr(target, attribute), plain[stored]
+        if type(current).__name__ in _FIELDS:
+            restore(current, saved, arrays)
+        elif isinstance(current, list) and any(type(x).__name__ in _FIELDS for x in current):
+            if len(current) != len(saved):
+                raise ValueError(f"{stored} has another length")
+            for part, saved_part in zip(current, saved, strict=True):
+                if part is not None:
+                    restore(part, saved_part, arrays)
         else:
-            setattr(into, key, _value(new, old, arrays))
+            setattr(target, attribute, _unpack(saved, current, arrays))
 
 
-def _value(plain: Any, like: Any, arrays: Arrays) -> Any:
-    """Rebuild a value; it has to be of the kind of the one it replaces."""
+def _unpack(plain: Any, current: Any, arrays: Arrays) -> Any:
+    """Rebuild a value; types and shapes have to match the value that it replaces."""
     if isinstance(plain, dict) and "array" in plain:
-        found = arrays[plain["array"]]
-        if isinstance(like, np.ndarray) and (
-            found.dtype != like.dtype
-            or found.ndim != like.ndim
-            or found.shape[1:] != like.shape[1:]
+        array = arrays[plain["array"]]
+        if isinstance(current, np.ndarray) and (
+            array.dtype != current.dtype
+            or array.ndim != current.ndim
+            or array.shape[1:] != current.shape[1:]
         ):
             raise ValueError(f"{plain['array']} has another shape")
-        return found.copy()
+        return array.copy()
     if isinstance(plain, dict) and "record" in plain:
-        made = _RECORDS[plain["record"]](*(_value(x, None, arrays) for x in plain["parts"]))
-        if isinstance(like, tuple):
-            for one, other in zip(made, like, strict=True):
-                if one.shape != other.shape or one.dtype != other.dtype:
+        record = _RECORDS[plain["record"]](*(_unpack(x, None, arrays) for x in plain["parts"]))
+        if isinstance(current, tuple):
+            for new, old in zip(record, current, strict=True):
+                if new.shape != old.shape or new.dtype != old.dtype:
                     raise ValueError("a record has another shape")
-        return made
+        return record
     if isinstance(plain, dict) and "number" in plain:
         return float(plain["number"])
     if isinstance(plain, list):
-        rows = [_value(x, None, arrays) for x in plain]
-        return [tuple(row) if isinstance(row, list) else row for row in rows]
+        values = [_unpack(x, None, arrays) for x in plain]
+        return [tuple(value) if isinstance(value, list) else value for value in values]
     return plain
 
 
-def write_packed(path: PathLike, made_with: dict[str, Any], tracker: object) -> None:
-    """Write a tracker, whole or not at all.
+def write_checkpoint(path: PathLike, settings: dict[str, Any], tracker: object) -> None:
+    """Write a tracker atomically.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file.
+    settings : dict
+        Plain data that must agree when the tracker is restored.
+    tracker : Tracker
+        The tracker.
 
     Raises
     ------
@@ -144,23 +210,23 @@ def write_packed(path: PathLike, made_with: dict[str, Any], tracker: object) -> 
         If the file cannot be written.
     """
     arrays: Arrays = {}
-    plain = packed(tracker, "tracker", arrays)
-    text = json.dumps({"format": FORMAT, "made_with": made_with, "plain": plain})
+    plain = _pack(tracker, "tracker", arrays)
+    text = json.dumps({"format": FORMAT, "made_with": settings, "plain": plain})
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, json=np.frombuffer(text.encode(), np.uint8), **arrays)
     write_atomically(path, buffer.getvalue())
 
 
-def read_packed(path: PathLike) -> tuple[dict[str, Any], Any, Arrays]:
-    """Read what a tracker was made with, its plain data and its arrays.
+def read_checkpoint(path: PathLike) -> tuple[dict[str, Any], Any, Arrays]:
+    """Read settings, plain data and arrays of a saved tracker.
 
     Raises
     ------
     InputError
-        If it is no such file.
+        If the file is not a checkpoint.
     """
     where = os.fspath(path)
-    data = read_bytes(path, _LARGEST_FILE)
+    data = read_bytes(path, _MAX_FILE_SIZE)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -169,4 +235,4 @@ def read_packed(path: PathLike) -> tuple[dict[str, Any], Any, Arrays]:
             raise ValueError
         return document["made_with"], document["plain"], arrays
     except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile):
-        raise InputError(where, "is no saved tracker, or is cut off", _MEND) from None
+        raise InputError(where, "is no saved tracker, or is truncated", _FIX) from None

@@ -1,8 +1,9 @@
-"""Does the filter's noise explain what its predictions miss?  Asked while it runs.
+"""Consistency of the online filter: whether its errors match its stated uncertainty.
 
-A filter that is right has innovations that are white and of the variance it says.  Three
-numbers tell: the mean of their normalised squares over a window that slides along (NIS), the level
-that the noise had to be raised to, and the correlation from reading to reading.
+The innovations of a correct filter are white and have the variance that it states.  Three
+statistics test this while it runs: the mean normalised innovation squared (NIS) over a sliding
+window, the Box–Pierce statistic of their autocorrelation over a longer one, and the factor by which
+the filter had to raise its noise variance (Bar-Shalom, Li & Kirubarajan 2001, section 5.4).
 """
 
 from __future__ import annotations
@@ -12,36 +13,47 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters.consistency_sums import LAGS, SUMS, Limits, judge, slide
+from bayes_asv.filters.consistency_sums import (
+    LAGS,
+    SUMS,
+    ConsistencyLimits,
+    flag_inconsistency,
+    update_sums,
+)
 
-__all__ = ["LAGS", "WINDOW", "Consistency", "Summary", "Watched", "band"]
+__all__ = [
+    "LAGS", "WINDOW", "ConsistencyMonitor", "ConsistencySummary", "WindowStatistics", "nis_band",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 WINDOW = 0.5
 """Length of the window of the mean NIS, s."""
-MEMORY = 2.0
-"""Length of the window over which correlation is looked for, s."""
+WHITENESS_WINDOW = 2.0
+"""Length of the window of the Box–Pierce statistic, s."""
 
-_NORMAL95 = 1.959964
-_DOUBT = 4.5  # deviations of the mean: hardly ever by chance
-_COLOURED = 300.0  # χ² with 20 degrees of freedom: nothing that chance would do
-_WHITE_AGAIN = 150.0
-_SWOLLEN = 4.0  # times the declared variance
-_CUT = 3.0  # deviations
-_MOSTLY = 0.9  # share of the rows that have to be well
-_SLIGHT = 0.05  # of the mean NIS, a fortieth of a deviation: too little to matter
+_Z95 = 1.959964
+_NIS_ONSET = 4.5  # standard deviations of the mean NIS: 7 in a million by chance
+# χ² with 2 · LAGS = 20 degrees of freedom has mean 20 and standard deviation 6.3.
+_BOX_PIERCE_ONSET = 300.0
+_BOX_PIERCE_END = 150.0
+_NOISE_ONSET = 4.0  # times the declared variance; the flag ends at half of that
+_CLIP = 3.0  # standard deviations of an innovation that count in products
+_REQUIRED_SHARE = 0.9  # of the rows that have to be consistent
+_NIS_TOLERANCE = 0.05  # on the mean NIS of a whole recording: 2.5 % of a standard deviation
 
 
-def band(readings: Array, normal: float = _NORMAL95) -> tuple[Array, Array]:
-    """Where the mean of so many squared standard normals lies, after Wilson & Hilferty (1931).
+def nis_band(readings: Array, z: float = _Z95) -> tuple[Array, Array]:
+    """Interval of the mean of n squared standard normals (Wilson & Hilferty 1931).
+
+    The cube root of χ²_n / n is close to N(1 − c, c) with c = 2 / (9 n).
 
     Parameters
     ----------
     readings : (N,) array
-        How many; where there are none, the band is the whole line.
-    normal : float
-        Half-width in deviations of a normal; 95 % by default.
+        Number n of squares; where it is zero, the interval is [0, ∞).
+    z : float
+        Half-width in standard deviations; 95 % by default.
 
     Returns
     -------
@@ -49,66 +61,69 @@ def band(readings: Array, normal: float = _NORMAL95) -> tuple[Array, Array]:
     """
     n = np.maximum(np.asarray(readings, np.float64), 1.0)
     c = 2.0 / (9.0 * n)
-    low = np.maximum(1.0 - c - normal * np.sqrt(c), 0.0) ** 3
-    high = (1.0 - c + normal * np.sqrt(c)) ** 3
+    low = np.maximum(1.0 - c - z * np.sqrt(c), 0.0) ** 3
+    high = (1.0 - c + z * np.sqrt(c)) ** 3
     none = np.asarray(readings) < 0.5
     return np.where(none, 0.0, low), np.where(none, np.inf, high)
 
 
 @dataclass
-class Watched:
-    """What the watch says of each of N rows.
+class WindowStatistics:
+    """Statistics of the windows that end with each of N rows.
 
     Parameters
     ----------
     mean, low, high : (N,) arrays
-        Mean NIS a reading over the window, and its 95 % band.
-    colour : (N,) array
-        Box–Pierce statistic of both axles over :data:`LAGS` lags.
+        Mean NIS per reading, and its 95 % band.
+    box_pierce : (N,) array
+        Box–Pierce statistic over :data:`LAGS` lags, summed over both axles.
     consistent : (N,) bool array
-        Whether nothing was amiss of late.
+        Whether all statistics are inside their limits, with hysteresis.
     """
 
     mean: Array
     low: Array
     high: Array
-    colour: Array
+    box_pierce: Array
     consistent: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Summary:
-    """How a whole recording went.
+class ConsistencySummary:
+    """Consistency over a whole recording.
 
     Parameters
     ----------
     nis_mean : float
-        Mean of the normalised innovations squared; NaN without a reading.
+        Mean normalised innovation squared; NaN without a reading.
     nis_band95 : pair of float
-        Where it lies 95 % of the time if all is well.
+        Its 95 % band for a correct filter.
     readings : int
-        Readings that it stands on.
-    share : float
-        Share of the rows at which nothing was amiss.
-    level : float
-        Largest factor by which the noise's variance was raised.
-    colour : float
-        Largest Box–Pierce statistic of both axles over two seconds, χ² with twenty degrees.
+        Number of readings in that mean.
+    consistent_share : float
+        Share of the rows at which the filter was consistent.
+    max_noise_factor : float
+        Largest factor on the declared noise variance.
+    max_box_pierce : float
+        Largest Box–Pierce statistic of both axles; χ² with 20 degrees of freedom for white
+        innovations.
     correlation : (2, LAGS + 1) array
         Autocorrelation of the normalised innovations, front and rear.
     faults : tuple of str
-        ``swollen`` noise, ``coloured`` innovations, ``uneven`` ones, a filter that was
-        ``optimistic`` or ``pessimistic`` all along; empty when all was well.
+        ``swollen``: noise variance above the declared one; ``coloured``: correlated innovations;
+        ``uneven``: mean NIS out of its band for some of the time; ``optimistic`` or
+        ``pessimistic``: mean NIS of the whole recording above or below its band.  Empty for a
+        consistent filter.
     recovered : bool
-        Whether nothing was amiss for the last two seconds, whatever was before.
+        Whether the filter was consistent for the last two seconds.
     """
 
     nis_mean: float
     nis_band95: tuple[float, float]
     readings: int
-    share: float
-    level: float
-    colour: float
+    consistent_share: float
+    max_noise_factor: float
+    max_box_pierce: float
     correlation: Array
     faults: tuple[str, ...]
     recovered: bool
@@ -122,15 +137,16 @@ class Summary:
 
 
 @dataclass
-class Consistency:
-    """Keeps watch over rows as they come.
+class ConsistencyMonitor:
+    """Tests the innovations of each row as it comes.
 
     Parameters
     ----------
     rate : float
-        Rows a second.
+        Rows per second, Hz.
     declared : bool
-        Whether all sensors' noise was given: a raised level then means that something is amiss.
+        Whether the noise of all sensors was given; only then does a raised noise factor mean that
+        something is wrong.
     """
 
     rate: float
@@ -139,90 +155,97 @@ class Consistency:
     readings: float = 0.0
     rows: int = 0
     rows_consistent: int = 0
-    rows_well: int = 0
-    worst_colour: float = 0.0
-    worst_level: float = 1.0
-    products: Array = field(default_factory=lambda: np.zeros((2, LAGS + 1)))
-    _past: Array = field(init=False)
+    rows_since_fault: int = 0
+    max_box_pierce: float = 0.0
+    max_noise_factor: float = 1.0
+    lagged_products: Array = field(default_factory=lambda: np.zeros((2, LAGS + 1)))
+    _history: Array = field(init=False)
     _sums: Array = field(init=False)
-    _since: int = field(init=False)
-    _doubt: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, bool))
+    _rows_since_recompute: int = field(init=False)
+    _flags: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(3, bool))
 
     def __post_init__(self) -> None:
-        self._window = max(round(WINDOW * self.rate), 20)
-        self._long = max(round(MEMORY * self.rate), 100)
+        self._nis_window = max(round(WINDOW * self.rate), 20)
+        self._whiteness_window = max(round(WHITENESS_WINDOW * self.rate), 100)
         # NIS, readings, normalised innovations of both axles
-        self._past = np.zeros((self._long + LAGS, 4))
+        self._history = np.zeros((self._whiteness_window + LAGS, 4))
         self._sums = np.zeros(SUMS)
-        self._since = 0  # rows since these were summed afresh
-        counts = np.arange(2.0 * self._window + 1.0)  # as many readings as a window can hold
-        self._limits = Limits(
-            np.stack([*band(counts), *band(counts, _DOUBT)]),
-            _COLOURED,
-            _WHITE_AGAIN,
-            _SWOLLEN if self.declared else np.inf,
-            0.5 * _SWOLLEN if self.declared else np.inf,
+        self._rows_since_recompute = 0
+        counts = np.arange(2.0 * self._nis_window + 1.0)  # at most two readings a row
+        self._limits = ConsistencyLimits(
+            np.stack([*nis_band(counts), *nis_band(counts, _NIS_ONSET)]),
+            _BOX_PIERCE_ONSET,
+            _BOX_PIERCE_END,
+            _NOISE_ONSET if self.declared else np.inf,
+            0.5 * _NOISE_ONSET if self.declared else np.inf,
         )
 
-    def watch(self, nis: Array, readings: Array, innovations: Array, level: Array) -> Watched:
-        """Take N rows.
+    def update(
+        self, nis: Array, readings: Array, innovations: Array, noise_factor: Array
+    ) -> WindowStatistics:
+        """Process N rows.
 
         Parameters
         ----------
         nis, readings : (N,) arrays
-            Squared deviations of each row and the number of readings in it.
+            NIS of each row, and the number of readings in it.
         innovations : (N, 2) array
-            Normalised; zero where there is none.
-        level : (N, 2) array
-            Level of the noise's variance, front and rear.
+            Normalised innovations; zero where there is none.
+        noise_factor : (N, 2) array
+            Factor on the declared noise variance, front and rear.
         """
         n = len(nis)
-        # cut, so that a sharp edge or two, where a spline errs, do not pass for a colour
-        cut = np.clip(innovations, -_CUT, _CUT) * (readings > 0)[:, None]
-        rows = np.concatenate([self._past, np.column_stack([nis, readings, cut])])
-        self._past = rows[n:].copy()
-        totals, colour = np.empty((n, 2)), np.empty(n)
+        # Clipped, so that one or two sharp edges, where a spline errs, do not look like
+        # autocorrelation.
+        clipped = np.clip(innovations, -_CLIP, _CLIP) * (readings > 0)[:, None]
+        rows = np.concatenate([self._history, np.column_stack([nis, readings, clipped])])
+        self._history = rows[n:].copy()
+        sums, box_pierce = np.empty((n, 2)), np.empty(n)
         mean, low, high, consistent = np.empty(n), np.empty(n), np.empty(n), np.empty(n, bool)
-        self._since = slide(
-            rows, len(rows) - n, self._window, self._long, self._since, self._sums, self.products,
-            totals, colour,
+        self._rows_since_recompute = update_sums(
+            rows, len(rows) - n, self._nis_window, self._whiteness_window,
+            self._rows_since_recompute, self._sums, self.lagged_products, sums, box_pierce,
         )  # fmt: skip
-        judge(totals, colour, level, self._limits, self._doubt, mean, low, high, consistent)
+        flag_inconsistency(
+            sums, box_pierce, noise_factor, self._limits, self._flags, mean, low, high, consistent
+        )
         self.nis += float(nis.sum())
         self.readings += float(readings.sum())
         self.rows += n
         if n:
-            self.worst_colour = max(self.worst_colour, float(colour.max()))
-            self.worst_level = max(self.worst_level, float(level.max()))
+            self.max_box_pierce = max(self.max_box_pierce, float(box_pierce.max()))
+            self.max_noise_factor = max(self.max_noise_factor, float(noise_factor.max()))
         self.rows_consistent += int(consistent.sum())
-        wrong = np.flatnonzero(~consistent)
-        self.rows_well = n - 1 - int(wrong[-1]) if len(wrong) else self.rows_well + n
-        return Watched(mean, low, high, colour, consistent)
+        faulty = np.flatnonzero(~consistent)
+        self.rows_since_fault = (
+            n - 1 - int(faulty[-1]) if len(faulty) else self.rows_since_fault + n
+        )
+        return WindowStatistics(mean, low, high, box_pierce, consistent)
 
-    def summary(self) -> Summary:
-        """Say how it went from the first row to the last."""
+    def summary(self) -> ConsistencySummary:
+        """Summarise all rows so far."""
         mean = self.nis / self.readings if self.readings else np.nan
-        low, high = (float(v) for v in band(np.array(self.readings)))
+        low, high = (float(v) for v in nis_band(np.array(self.readings)))
         share = self.rows_consistent / self.rows if self.rows else 1.0
-        power = np.maximum(self.products[:, :1], 1e-300)
-        found = []
-        if share < _MOSTLY or self._doubt.any():
-            if self.worst_level > _SWOLLEN and self.declared:
-                found.append("swollen")
-            if self.worst_colour > _COLOURED:
-                found.append("coloured")
-            if not found:
-                found.append("uneven")
-        elif self.readings and not (low <= mean <= high) and abs(mean - 1.0) > _SLIGHT:
-            found.append("optimistic" if mean > 1.0 else "pessimistic")
-        return Summary(
+        power = np.maximum(self.lagged_products[:, :1], 1e-300)
+        faults = []
+        if share < _REQUIRED_SHARE or self._flags.any():
+            if self.max_noise_factor > _NOISE_ONSET and self.declared:
+                faults.append("swollen")
+            if self.max_box_pierce > _BOX_PIERCE_ONSET:
+                faults.append("coloured")
+            if not faults:
+                faults.append("uneven")
+        elif self.readings and not (low <= mean <= high) and abs(mean - 1.0) > _NIS_TOLERANCE:
+            faults.append("optimistic" if mean > 1.0 else "pessimistic")
+        return ConsistencySummary(
             nis_mean=float(mean),
             nis_band95=(low, high),
             readings=int(self.readings),
-            share=share,
-            level=self.worst_level,
-            colour=self.worst_colour,
-            correlation=np.asarray(self.products / power),
-            faults=tuple(found),
-            recovered=self.rows_well >= self._long and share > 0.5,
+            consistent_share=share,
+            max_noise_factor=self.max_noise_factor,
+            max_box_pierce=self.max_box_pierce,
+            correlation=np.asarray(self.lagged_products / power),
+            faults=tuple(faults),
+            recovered=self.rows_since_fault >= self._whiteness_window and share > 0.5,
         )

@@ -1,4 +1,9 @@
-"""The filter with its second thoughts: what it does when a run of the engine comes back."""
+"""The online filter: its initial state, and the decisions between runs of the compiled recursion.
+
+:func:`bayes_asv.filters.ukf.run` processes steps until it needs a decision.  It then returns one of
+three events: the parameters have learnt so much that the recent window has to be relinearized, a
+fault has lasted so long that the motion has to be reset, or the window is due for a review.
+"""
 
 from __future__ import annotations
 
@@ -9,60 +14,171 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters.cholesky_update import wander
-from bayes_asv.filters.ukf import LEARNED, LOOK, UPSET, run
+from bayes_asv.filters.cholesky_update import add_parameter_noise
+from bayes_asv.filters.ukf import RELINEARIZE, RESET, REVIEW, run
 from bayes_asv.filters.ukf_state import (
-    BROKEN,
-    CLOCK,
     COLUMNS,
-    LOST,
+    DRIFT_LAGS,
+    FAST_FACTOR,
+    FAULT_TIME,
+    INFORMATION_GAIN,
+    NOISE_SUM,
+    NOISE_WEIGHT,
+    REVIEW_TIME,
+    STATISTICS,
+    FilterSettings,
     Model,
-    Rules,
     State,
     Steps,
 )
-from bayes_asv.tracking.prior_state import (
-    RULES,
-    beginning,
-    copied,
-    forget_everything_but,
-    sound,
-    volume,
-)
-from bayes_asv.tracking.relinearization import Stretch, cut, joined_steps, relinearised
+from bayes_asv.tracking.parameters import Coordinates
+from bayes_asv.tracking.relinearization import Window, concatenate_steps, relinearize, slice_steps
 
-__all__ = ["ENGINES", "Engine", "Filter"]
+__all__ = [
+    "DEFAULT_SETTINGS", "ENGINES", "INITIAL_VARIANCE", "Engine", "OnlineFilter", "filter_model",
+    "initial_state", "parameter_covariance",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-Engine = Callable[[int, bool, State, Model, Rules, Steps, Array], tuple[int, int]]
+Engine = Callable[[int, bool, State, Model, FilterSettings, Steps, Array], tuple[int, int]]
 
-# A parameter is known well enough for a filter without second thoughts when its deviation is
-# below this, and the last two looks back moved it by less than a tenth of it.  One that does
-# not stay where it was is another matter, and looking back will not mend it.
+INITIAL_VARIANCE = np.array([0.1, 1.0, 0.1, 1.0, 1.0, 1.0]) ** 2
+"""Prior variances when a recording begins, as in :mod:`bayes_asv.preprocessing.timeline`:
+deflections (0.1 m) and their rates (1 m/s), and biases of the chassis channels against their wheel
+channels (1 m/s²)."""
+
+DEFAULT_SETTINGS = FilterSettings(
+    gate=16.0,  # four standard deviations: one reading in 16,000 by chance
+    prior_readings=40.0,  # a declared noise level has a relative standard deviation of 11 %
+    slow_window=500.0,
+    fast_window=32.0,
+    fast_threshold=2.5,
+    fault_threshold=9.0,
+    fault_duration=0.25,
+    drift_threshold=2.5,
+    information_gain=2.0,
+    review_interval=0.25,
+)
+
+_DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected
+# Relinearization ends when every parameter's relative standard deviation is below _KNOWN and
+# the last _SETTLED_PASSES moved none by more than _SETTLED standard deviations.  A parameter that
+# still moves after _MAX_PASSES is not constant, which relinearization cannot mend.
 _KNOWN = 0.05
-_MOVED = 0.1
-_LOOKS = 2
-_MOST_LOOKS = 5
-_LONGEST = 8.0  # s of record that are remembered
-_NOTHING = 0.02  # of the volume's logarithm: so little was learnt that the stretch may go
-_DOUBLED = 8.0  # s of patience at most
+_SETTLED = 0.1
+_SETTLED_PASSES = 2
+_MAX_PASSES = 5
+_MAX_WINDOW = 8.0  # s
+_MIN_GAIN = 0.02  # nats: a window with less information about the parameters is dropped
+_MAX_FAULT_DURATION = 8.0  # s
+
+
+def filter_model(coordinates: Coordinates, noise: Array, forget: float | None = None) -> Model:
+    """Assemble the model of car and sensors.
+
+    Parameters
+    ----------
+    coordinates : Coordinates
+        Parameters and their priors.
+    noise : (12,) array
+        From ``SensorModel.noise_parameters``.
+    forget : float, optional
+        Time constant of the parameters' random walk, s; constant parameters without it.
+    """
+    return Model(
+        coordinates.base, coordinates.element, coordinates.log, coordinates.centre,
+        coordinates.scale, noise, INITIAL_VARIANCE, coordinates.parameter_noise(forget),
+        coordinates.parameter_noise(_DRIFT_SECONDS),
+    )  # fmt: skip
+
+
+def initial_state(model: Model) -> State:
+    """Prior state before the first reading."""
+    p = len(model.element)
+    statistics = np.zeros(STATISTICS)
+    statistics[FAST_FACTOR : FAST_FACTOR + 2] = 1.0
+    autocovariance = np.zeros((2, 2, 1 + DRIFT_LAGS))
+    autocovariance[:, 1, 0] = 1.0
+    mu, D = np.zeros(p), np.eye(p)
+    return State(
+        mu=mu,
+        D=D,
+        x=np.zeros(10),
+        J=np.zeros((p, 10)),
+        m=np.zeros(p),
+        F=np.eye(p),
+        Pi=np.diag(np.concatenate([model.start, model.noise[4:8]])),
+        statistics=statistics,
+        snapshots=_snapshots(mu, D),
+        autocovariance=autocovariance,
+    )
+
+
+def parameter_covariance(state: State) -> Array:
+    """Covariance (p, p) of the coordinates, the reference being at the estimate."""
+    return np.asarray(state.D.T @ state.D)
+
+
+def _snapshots(mu: Array, D: Array) -> Array:
+    return np.stack([np.column_stack([mu, D])] * 2)
+
+
+def _copy(state: State) -> State:
+    return State(*(part.copy() for part in state))
+
+
+def _reset_motion(state: State, mu: Array, D: Array, model: Model) -> State:
+    """Prior state with the given parameters, and with slow noise factors of at most one."""
+    statistics = state.statistics.copy()
+    total = slice(NOISE_SUM, NOISE_SUM + 2)
+    statistics[FAST_FACTOR : FAST_FACTOR + 2] = 1.0
+    statistics[total] = np.minimum(statistics[total], statistics[NOISE_WEIGHT : NOISE_WEIGHT + 2])
+    return initial_state(model)._replace(
+        mu=mu.copy(), D=D.copy(), statistics=statistics, snapshots=_snapshots(mu, D)
+    )
+
+
+def _log_volume(state: State) -> float:
+    """Half the log-determinant of the parameters' covariance."""
+    return float(np.sum(np.log(np.abs(np.diag(state.D)))))
+
+
+def _is_valid(state: State) -> bool:
+    """Whether all numbers are finite and no variance is negative."""
+    finite = all(np.all(np.isfinite(part)) for part in state)
+    return finite and bool(np.all(np.diag(state.Pi) >= 0.0)) and not math.isnan(_log_volume(state))
+
+
+def _parameter_columns(state: State) -> Array:
+    """First six columns of a row of results: means and standard deviations."""
+    return np.concatenate([state.mu[:3], _parameter_sd(state)])
+
+
+def _parameter_sd(state: State) -> Array:
+    return np.asarray(np.sqrt(np.sum(state.D[:, :3] ** 2, axis=0)))
 
 
 def _reference(
-    first: int, fixed: bool, state: State, model: Model, rules: Rules, steps: Steps, out: Array
+    first: int,
+    fixed: bool,
+    state: State,
+    model: Model,
+    settings: FilterSettings,
+    steps: Steps,
+    out: Array,
 ) -> tuple[int, int]:
-    from bayes_asv.tracking.reference_ukf import run as readable
+    from bayes_asv.tracking.reference_ukf import run as run_reference
 
-    return readable(first, fixed, state, model, rules, steps, out)
+    return run_reference(first, fixed, state, model, settings, steps, out)
 
 
 ENGINES: dict[str, Engine] = {"compiled": run, "filterpy": _reference}
 
 
 @dataclass
-class Filter:
-    """States and parameters, row after row.
+class OnlineFilter:
+    """Joint filter of states and parameters.
 
     Parameters
     ----------
@@ -70,125 +186,137 @@ class Filter:
         Car and sensors.
     engine : str
         One of :data:`ENGINES`.
-    rules : Rules
-        When to doubt.
+    settings : FilterSettings
+        Thresholds.
+
+    Attributes
+    ----------
+    state : State
+        Belief after the last step.
+    relinearizing : bool
+        Whether the parameters are still so uncertain that the recent window is kept.
+    resets : list of float
+        Times at which the motion was reset, s after the first step.
+    time : float
+        Sum of all steps, s.
     """
 
     model: Model
     engine: str = "compiled"
-    rules: Rules = RULES
+    settings: FilterSettings = DEFAULT_SETTINGS
     state: State = field(init=False)
-    looking_back: bool = field(init=False, default=True)
+    relinearizing: bool = field(init=False, default=True)
     resets: list[float] = field(init=False, default_factory=list)
     time: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
-        self.state = beginning(self.model)
-        self._begin_stretch()
-        self._patience = self.rules.patience
-        self._calm = self._looks = 0
+        self.state = initial_state(self.model)
+        self._start_window()
+        self._fault_duration = self.settings.fault_duration
+        self._settled_passes = self._passes = 0
 
     def advance(self, steps: Steps) -> Array:
-        """Take steps; return what was known after each (N, COLUMNS), see ``filter_state``."""
+        """Process steps; return the results (N, COLUMNS) after each, see ``ukf_state``."""
         out = np.zeros((len(steps.step), COLUMNS))
         at = 0
         while at < len(steps.step):
-            began = at
+            first = at
             event, at = ENGINES[self.engine](
-                at, False, self.state, self._model(), self._rules(), steps, out
+                at, False, self.state, self._current_model(), self._current_settings(), steps, out
             )
-            taken = cut(steps, began, at)
-            self.time += float(taken.step.sum())
-            if not sound(self.state):
-                self._begin_again()
-                out[began:at] = 0.0
-                out[began:at, :6] = _told(self.state)
+            done = slice_steps(steps, first, at)
+            self.time += float(done.step.sum())
+            if not _is_valid(self.state):
+                self._restart()
+                out[first:at] = 0.0
+                out[first:at, :6] = _parameter_columns(self.state)
                 continue
-            if self.looking_back:
-                self._held.append(taken)
-            if event == LEARNED:
-                self._look_back()
-                out[at - 1, :6] = _told(self.state)
-            elif event == UPSET:
-                self._upset()
-            elif event == LOOK:
-                self._look()
+            if self.relinearizing:
+                self._window_steps.append(done)
+            if event == RELINEARIZE:
+                self._relinearize()
+                out[at - 1, :6] = _parameter_columns(self.state)
+            elif event == RESET:
+                self._reset()
+            elif event == REVIEW:
+                self._review_window()
         return out
 
-    def begin_another(self) -> None:
-        """Begin another recording with the same car: motion and biases are new."""
-        self.state = forget_everything_but(self.state, self.state.mu, self.state.D, self.model)
-        if self.looking_back:
-            self._begin_stretch()
+    def start_recording(self) -> None:
+        """Begin another recording of the same car: motion and biases return to their priors."""
+        self.state = _reset_motion(self.state, self.state.mu, self.state.D, self.model)
+        if self.relinearizing:
+            self._start_window()
 
-    def _model(self) -> Model:
-        """Parameters do not walk before they are known: looking back takes them for constant."""
-        if not self.looking_back:
+    def _current_model(self) -> Model:
+        """Model without a random walk while relinearizing, which takes parameters for constant."""
+        if not self.relinearizing:
             return self.model
-        still = np.zeros_like(self.model.walk)
-        return self.model._replace(walk=still, doubt=still)
+        none = np.zeros_like(self.model.parameter_noise)
+        return self.model._replace(parameter_noise=none, drift_noise=none)
 
-    def _rules(self) -> Rules:
-        rules = self.rules._replace(patience=self._patience)
-        return rules if self.looking_back else rules._replace(learned=math.inf, look=math.inf)
+    def _current_settings(self) -> FilterSettings:
+        settings = self.settings._replace(fault_duration=self._fault_duration)
+        if self.relinearizing:
+            return settings
+        return settings._replace(information_gain=math.inf, review_interval=math.inf)
 
-    def _begin_stretch(self) -> None:
-        self.state.memory[LOST] = self.state.memory[CLOCK] = 0.0
-        self._known = copied(self.state)
-        self._held: list[Steps] = []
+    def _start_window(self) -> None:
+        self.state.statistics[INFORMATION_GAIN] = self.state.statistics[REVIEW_TIME] = 0.0
+        self._window_start = _copy(self.state)
+        self._window_steps: list[Steps] = []
 
-    def _begin_again(self) -> None:
-        """Something overflowed: all that was learnt goes."""
-        self.state = beginning(self.model)
-        self.looking_back = True
-        self._begin_stretch()
+    def _restart(self) -> None:
+        """Return to the prior after an overflow."""
+        self.state = initial_state(self.model)
+        self.relinearizing = True
+        self._start_window()
         self.resets.append(self.time)
 
-    def _look_back(self) -> None:
-        """Run the stretch again; stop remembering when that changes nothing any more."""
-        stretch = Stretch(self._known, joined_steps(self._held))
-        found, moved = relinearised(stretch, self.state, self.model, self.rules)
-        self._held = [stretch.steps]
-        self.state.memory[LOST] = 0.0
-        self._calm = self._calm + 1 if moved < _MOVED else 0
-        if sound(found):
-            self.state = found
-        widest = np.max(np.sqrt(np.sum(self.state.D[:, :3] ** 2, axis=0)) * self.model.scale[:3])
-        self._looks = self._looks + 1 if widest < _KNOWN else 0
-        if self._looks and (self._calm >= _LOOKS or self._looks >= _MOST_LOOKS):
-            self.looking_back = False
-            self._held = []
-            if self.model.walk.any():  # what they may have done meanwhile
-                seconds = float(stretch.steps.step.sum())
-                wander(self.state.D, self.state.J, self.state.Pi, self.model.walk * seconds)
+    def _relinearize(self) -> None:
+        """Run the window again at the estimate; stop keeping it once that changes nothing."""
+        window = Window(self._window_start, concatenate_steps(self._window_steps))
+        state, moved = relinearize(window, self.state, self.model, self.settings)
+        self._window_steps = [window.steps]
+        self.state.statistics[INFORMATION_GAIN] = 0.0
+        self._settled_passes = self._settled_passes + 1 if moved < _SETTLED else 0
+        if _is_valid(state):
+            self.state = state
+        widest = np.max(_parameter_sd(self.state) * self.model.scale[:3])
+        self._passes = self._passes + 1 if widest < _KNOWN else 0
+        if self._passes and (
+            self._settled_passes >= _SETTLED_PASSES or self._passes >= _MAX_PASSES
+        ):
+            self.relinearizing = False
+            self._window_steps = []
+            if self.model.parameter_noise.any():  # the random walk over the window
+                noise = self.model.parameter_noise * float(window.steps.step.sum())
+                add_parameter_noise(self.state.D, self.state.J, self.state.Pi, noise)
 
-    def _look(self) -> None:
-        """Nothing special: forget a stretch that taught nothing, or that is too long."""
-        self.state.memory[CLOCK] = 0.0
-        held = sum(float(part.step.sum()) for part in self._held)
-        if volume(self._known) - volume(self.state) < _NOTHING:
-            self._begin_stretch()
-        elif held > _LONGEST:
-            self._look_back()
-            if self.looking_back:
-                self._begin_stretch()
+    def _review_window(self) -> None:
+        """Drop a window that has little information, or is too long."""
+        self.state.statistics[REVIEW_TIME] = 0.0
+        seconds = sum(float(part.step.sum()) for part in self._window_steps)
+        if _log_volume(self._window_start) - _log_volume(self.state) < _MIN_GAIN:
+            self._start_window()
+        elif seconds > _MAX_WINDOW:
+            self._relinearize()
+            if self.relinearizing:
+                self._start_window()
 
-    def _upset(self) -> None:
-        """More than noise is at fault: doubt motion and biases, and what was learnt since."""
-        safe = self.state.safe[0]
-        self.state = forget_everything_but(
-            self.state, safe[:, 0], np.ascontiguousarray(safe[:, 1:]), self.model
+    def _reset(self) -> None:
+        """Reset motion and biases, and return the parameters to the older snapshot."""
+        snapshot = self.state.snapshots[0]
+        self.state = _reset_motion(
+            self.state, snapshot[:, 0], np.ascontiguousarray(snapshot[:, 1:]), self.model
         )
-        self.state.memory[BROKEN] = 0.0
-        recent = bool(self.resets) and self.time - self.resets[-1] < 4.0 * self._patience + 1.0
-        self._patience = (
-            min(2.0 * self._patience, _DOUBLED) if recent else self.rules.patience
-        )  # fmt: skip
+        self.state.statistics[FAULT_TIME] = 0.0
+        since = self.time - self.resets[-1] if self.resets else math.inf
+        self._fault_duration = (
+            min(2.0 * self._fault_duration, _MAX_FAULT_DURATION)
+            if since < 4.0 * self._fault_duration + 1.0
+            else self.settings.fault_duration
+        )
         self.resets.append(self.time)
-        if self.looking_back:
-            self._begin_stretch()
-
-
-def _told(state: State) -> Array:
-    """First six columns of what is told."""
-    return np.concatenate([state.mu[:3], np.sqrt(np.sum(state.D[:, :3] ** 2, axis=0))])
+        if self.relinearizing:
+            self._start_window()

@@ -1,23 +1,27 @@
-"""What the online filter knew after each row."""
+"""Results of the online filter row by row, whole or decimated."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PARAMETERS", "Frames", "joined", "nothing"]
+__all__ = ["MAX_ROWS", "PARAMETERS", "DecimatedFrames", "Frames", "concatenate", "empty_frames"]
 
 Array = NDArray[np.float64]
 
 PARAMETERS = ("c_f", "c_r", "i")
 
+MAX_ROWS: Final = 8192
+"""Rows that :class:`DecimatedFrames` keeps at most; a figure shows 1500 of them."""
+
 
 @dataclass(frozen=True)
 class Frames:
-    """What the filter knew after each of N rows; SI units.
+    """State of the filter after each of N rows; SI units.
 
     Parameters
     ----------
@@ -26,24 +30,24 @@ class Frames:
     median : (N, 3) array
         Medians of c_f, c_r (N·s/m) and i (kg·m²).
     log_sd : (N, 3) array
-        Deviation of the logarithm of each: the 95 % interval is median · exp(±1.96 log_sd).
+        Standard deviation of the logarithm of each; the 95 % interval is
+        median · exp(±1.96 log_sd).
     deflection, deflection_sd : (N, 2) arrays
-        Front and rear suspension deflection, m, extension positive, and its deviation.
+        Front and rear suspension deflection, m, extension positive, and its standard deviation.
     measured : (N, 2) array
-        Front and rear chassis acceleration as read, m/s²; NaN where it did not enter.
+        Front and rear chassis acceleration as read, m/s²; NaN where the filter used none.
     predicted, predicted_sd : (N, 2) arrays
-        What the filter expected of that reading one step before, m/s², and its deviation.
+        One-step prediction of that reading, m/s², and its standard deviation.
     nis : (N,) array
         Normalised innovation squared, summed over the row's readings.
     readings : (N,) array
-        How many readings it stands on: 0, 1 or 2.
+        Number of readings in that sum: 0, 1 or 2.
     nis_mean, nis_low, nis_high : (N,) arrays
-        Mean of the NIS a reading over a window that slides along, and where it lies 95 % of
-        the time if the filter's noise is right.
+        Mean NIS per reading over a sliding window, and its 95 % band for a correct filter.
     consistent : (N,) bool array
-        Whether the mean is inside that band, or was until recently.
+        Whether the filter is consistent (:mod:`bayes_asv.tracking.consistency`).
     inflation : (N,) array
-        Factor by which the noise's deviations were widened; one while all is well.
+        Factor by which the noise's standard deviation was widened; one for a consistent filter.
     """
 
     time: Array
@@ -66,24 +70,95 @@ class Frames:
         return len(self.time)
 
 
-_WIDTH = {
+_COLUMNS = {
     "median": 3, "log_sd": 3, "deflection": 2, "deflection_sd": 2,
     "measured": 2, "predicted": 2, "predicted_sd": 2,
 }  # fmt: skip
 
 
-def nothing() -> Frames:
-    """Frames of no row at all."""
+def empty_frames() -> Frames:
+    """Frames without a row."""
     columns = {
-        f.name: np.empty((0, _WIDTH[f.name]) if f.name in _WIDTH else 0) for f in fields(Frames)
+        f.name: np.empty((0, _COLUMNS[f.name]) if f.name in _COLUMNS else 0) for f in fields(Frames)
     }
     return Frames(**{**columns, "consistent": np.empty(0, bool)})
 
 
-def joined(parts: Sequence[Frames]) -> Frames:
-    """Chunks one after the other, as one."""
+def concatenate(parts: Sequence[Frames]) -> Frames:
+    """Join frames in their order."""
     if not parts:
-        return nothing()
+        return empty_frames()
     return Frames(
         **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Frames)}
     )
+
+
+class DecimatedFrames:
+    """Collects frames of a drive of any length in bounded memory: the last row of every stride.
+
+    A kept row is consistent only if every row of its stride was, and has the largest inflation of
+    its stride; all else is as it was at that row.  The stride doubles whenever more than
+    ``max_rows`` rows would be kept.  The size of chunks has no effect.
+
+    Parameters
+    ----------
+    max_rows : int
+        Rows to keep, at least two.
+    """
+
+    def __init__(self, max_rows: int = MAX_ROWS) -> None:
+        self._max_rows = max_rows
+        self._stride = 1
+        self._received = 0
+        self._kept = 0
+        self._parts: list[Frames] = []
+        self._indices: list[NDArray[np.int64]] = []  # of the kept rows among those received
+
+    def append(self, frames: Frames) -> None:
+        """Add the frames that follow."""
+        if not len(frames):
+            return
+        indices = np.arange(self._received, self._received + len(frames))
+        self._received += len(frames)
+        if self._parts:  # the last stride may not be full
+            last = self._parts.pop()
+            index = self._indices.pop()
+            self._kept -= len(last)
+            frames, indices = concatenate([last, frames]), np.concatenate([index, indices])
+        self._add(frames, indices)
+        while self._kept > self._max_rows:
+            self._stride *= 2
+            frames, indices = concatenate(self._parts), np.concatenate(self._indices)
+            self._parts, self._indices, self._kept = [], [], 0
+            self._add(frames, indices)
+
+    def frames(self) -> Frames:
+        """Return the kept rows."""
+        return concatenate(self._parts)
+
+    def _add(self, frames: Frames, indices: NDArray[np.int64]) -> None:
+        """Keep one row per stride; the last row, whose stride may grow, as a part of its own."""
+        frames, indices = _decimate(frames, indices, self._stride)
+        for part in (slice(0, -1), slice(-1, None)):
+            if len(indices[part]):
+                self._parts.append(_select(frames, part))
+                self._indices.append(indices[part])
+        self._kept += len(indices)
+
+
+def _select(frames: Frames, rows: slice | NDArray[np.int64]) -> Frames:
+    return Frames(**{f.name: getattr(frames, f.name)[rows] for f in fields(Frames)})
+
+
+def _decimate(
+    frames: Frames, indices: NDArray[np.int64], stride: int
+) -> tuple[Frames, NDArray[np.int64]]:
+    """Take the last row of every stride, with the verdict and the inflation of all its rows."""
+    if stride == 1:
+        return frames, indices
+    first = np.flatnonzero(np.diff(indices // stride, prepend=-1))
+    last = np.append(first[1:], len(indices)) - 1
+    columns = {f.name: getattr(frames, f.name)[last] for f in fields(Frames)}
+    columns["consistent"] = np.logical_and.reduceat(frames.consistent, first)
+    columns["inflation"] = np.maximum.reduceat(frames.inflation, first)
+    return Frames(**columns), indices[last]

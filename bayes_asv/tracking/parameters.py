@@ -1,9 +1,9 @@
-"""What the filter learns of the car, in which coordinates, and what it believes beforehand.
+"""Parameters of the car that the online filter estimates, their coordinates and their priors.
 
-Each quantity that is not exact is one coordinate, standard normal beforehand: c_f, c_r and i
-first, then whatever was given with a deviation, in logarithms but for the weight share.  Only
-ratios to the mass show in the accelerations; the mass is a coordinate all the same, so that its
-uncertainty is in every answer.
+Each quantity that is not exact is one coordinate with a standard normal prior: c_f, c_r and i
+first, then every given value with a standard deviation.  All are logarithms but the weight share.
+The accelerations depend on ratios to the mass alone; the mass is a coordinate all the same, so that
+its uncertainty is part of every answer.
 """
 
 from __future__ import annotations
@@ -20,32 +20,37 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.parameters import CAR
 from bayes_asv.models.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
 
-__all__ = ["Coordinates", "coordinates"]
+__all__ = ["WALK_SHARE", "Coordinates", "coordinates"]
 
 Array = NDArray[np.float64]
+
+WALK_SHARE = 0.1
+"""Relative change of a parameter during the time constant of its random walk, one standard
+deviation."""
 
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Coordinates of the filter and the way to cars.
+    """Coordinates z of the filter, and the parameter vector of the model at z.
 
     Parameters
     ----------
     names : tuple of str
         ``c_f``, ``c_r``, ``i``, then names of given values and ``gain <channel>``.
     base : (12,) array
-        Car and sensors' gains where no coordinate says otherwise, in the kernels' order.
-    which : (p,) int array
-        Number of the car that a coordinate stands for.
+        Parameter vector where no coordinate changes it: eight parameters of the car in the order of
+        ``CAR``, then the gains of the four sensors.
+    element : (p,) int array
+        Element of that vector which each coordinate determines.
     log : (p,) bool array
-        Whether that number is exp(centre + scale z) or centre + scale z.
+        Whether that element is exp(centre + scale z) or centre + scale z.
     centre, scale : (p,) arrays
-        Mean and deviation of the number or of its logarithm beforehand.
+        Prior mean and standard deviation of the element or of its logarithm.
     """
 
     names: tuple[str, ...]
     base: Array
-    which: NDArray[np.int64]
+    element: NDArray[np.int64]
     log: NDArray[np.bool_]
     centre: Array
     scale: Array
@@ -53,34 +58,30 @@ class Coordinates:
     def __len__(self) -> int:
         return len(self.names)
 
-    def logs(self, z: Array) -> Array:
+    def log_parameters(self, z: Array) -> Array:
         """Logarithms (…, 3) of c_f, c_r and i (SI units) at coordinates (…, 3 or more)."""
         return np.asarray(self.centre[:3] + self.scale[:3] * z[..., :3])
 
-    def cars(self, z: Array) -> Array:
-        """Cars (W, 12) as the kernels take them, at coordinates (W, p)."""
+    def parameter_vectors(self, z: Array) -> Array:
+        """Parameter vectors (W, 12) of the model at coordinates (W, p)."""
         out = np.tile(self.base, (len(z), 1))
         value = self.centre + self.scale * z
-        out[:, self.which] = np.where(self.log, np.exp(np.where(self.log, value, 0.0)), value)
+        out[:, self.element] = np.where(self.log, np.exp(np.where(self.log, value, 0.0)), value)
         return out
 
-    def walk(self, seconds: float | None) -> Array:
-        """Variance (p,) that each coordinate gains in a second.
+    def parameter_noise(self, seconds: float | None) -> Array:
+        """Process noise of the coordinates' random walk, variance per second (p,).
 
         Parameters
         ----------
         seconds : float or None
-            Time in which c_f, c_r and i may each wander by :data:`WANDERED` at one deviation;
-            None for constants.  Given values never wander.
+            Time constant: in this time c_f, c_r and i change by :data:`WALK_SHARE`, one standard
+            deviation; None for constant parameters.  Given values are always constant.
         """
         out = np.zeros(len(self))
         if seconds is not None:
-            out[:3] = math.log1p(WANDERED) ** 2 / seconds / self.scale[:3] ** 2
+            out[:3] = math.log1p(WALK_SHARE) ** 2 / seconds / self.scale[:3] ** 2
         return out
-
-
-WANDERED = 0.1
-"""Share by which a parameter that may wander does so in the time that is given, one deviation."""
 
 
 def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coordinates:
@@ -89,9 +90,9 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
     Parameters
     ----------
     vehicle : Vehicle
-        Gives nominal values, known values and their deviations.
+        Gives nominal values, known values and their standard deviations.
     scale_sd : (4,) sequence of float
-        Relative deviation of each sensor's scale, zero where it is exact.
+        Relative standard deviation of each sensor's scale, zero where it is exact.
 
     Returns
     -------
@@ -113,11 +114,11 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
     for number, (channel, sd) in enumerate(zip(CHANNELS, scale_sd, strict=True), len(CAR)):
         if sd > 0.0:
             rows.append((f"gain {channel}", number, True, 0.0, sd))
-    names, which, log, centre, scale = zip(*rows, strict=True)
+    names, element, log, centre, scale = zip(*rows, strict=True)
     return Coordinates(
         names=tuple(names),
         base=base,
-        which=np.array(which, np.int64),
+        element=np.array(element, np.int64),
         log=np.array(log, np.bool_),
         centre=np.array(centre, np.float64),
         scale=np.array(scale, np.float64),

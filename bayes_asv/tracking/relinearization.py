@@ -1,13 +1,13 @@
-"""The last seconds run over again, from where the parameters have turned out to be.
+"""Relinearization of the online filter over a window of recent steps.
 
-An unscented filter draws a line through a curve where it happens to be when a reading comes.
-While next to nothing is known that place is far off, and what was learnt there cannot be taken
-back later.  So the filter remembers the stretch since it knew little: when it has learnt more, the
-stretch is run again with a fixed reference at the estimate and sigma points as far apart as
-the parameters are uncertain now, until the estimate stays (García-Fernández et al. 2015; with
-motion and biases at the beginning of the stretch as unknowns too, since a state that is found from
-the first readings depends on the parameters as much as they do).  Each round is a Gauss–Newton
-step on the log-posterior of the stretch; one that would lower it is shortened.
+An unscented filter linearizes at its estimate when a reading comes.  While the parameters are
+nearly unknown that estimate is far off, and what the filter infers there cannot be corrected later.
+So the filter keeps the window since it knew little.  When it has learnt more, the window is run
+again with a fixed reference at the estimate and sigma points spread by the present uncertainty, and
+this is iterated until the estimate stays (posterior linearization; García-Fernández et al. 2015).
+Motion and biases at the start of the window are unknowns too, because a state that is inferred from
+the first readings depends on the parameters as much as they do.  Each round is a Gauss–Newton step
+on the log-posterior of the window, shortened if it would decrease it.
 """
 
 from __future__ import annotations
@@ -18,58 +18,68 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.ukf import run
-from bayes_asv.filters.ukf_state import COLUMNS, LOST, QUICK, SCORE, Model, Rules, State, Steps
+from bayes_asv.filters.ukf_state import (
+    COLUMNS,
+    DEVIANCE,
+    FAST_FACTOR,
+    INFORMATION_GAIN,
+    FilterSettings,
+    Model,
+    State,
+    Steps,
+)
 
-__all__ = ["Stretch", "cut", "joined_steps", "relinearised"]
+__all__ = ["Window", "concatenate_steps", "relinearize", "slice_steps"]
 
 Array = NDArray[np.float64]
 
-_UNKNOWNS = 6  # motion and biases at the beginning
-_ROUNDS = 10
-_STILL = 0.05  # deviations: the estimate stays
-_FARTHEST = 1.5  # prior deviations of a parameter in one round
-_SHORTER = 0.4
-_GAIN = 0.02  # of −2 log p: less says nothing
-_SHORTEST = 0.02
+_INITIAL = 6  # motion and biases at the start of the window
+_MAX_ROUNDS = 10
+_CONVERGED = 0.05  # standard deviations by which the estimate moves
+_MAX_MOVE = 1.5  # prior standard deviations of a parameter in one round
+_SHORTEN = 0.4
+_MIN_LENGTH = 0.02  # of a Gauss–Newton step
+_TOLERANCE = 0.02  # on −2 log p
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A stretch of record and what was known where it begins.
+class Window:
+    """Recent steps, and the state at their start.
 
     Parameters
     ----------
-    known : State
-        What was known, the reference at the estimate.
+    start : State
+        State before the first step, the reference being at the estimate.
     steps : Steps
-        Everything since.
+        All steps since.
     """
 
-    known: State
+    start: State
     steps: Steps
 
 
-def cut(steps: Steps, first: int, last: int) -> Steps:
-    """Take the steps from one number to before another."""
-    step, moments, spread, kind, reading, afresh = steps
+def slice_steps(steps: Steps, first: int, last: int) -> Steps:
+    """Return the steps ``first`` to ``last − 1``."""
+    step, moments, spread, kind, reading, restart = steps
     part = slice(first, last)
     return Steps(
-        step[part], moments[part], spread[part], kind[part], reading[part], afresh[part]
+        step[part], moments[part], spread[part], kind[part], reading[part], restart[part]
     )  # fmt: skip
 
 
-def joined_steps(parts: list[Steps]) -> Steps:
-    """One after the other."""
+def concatenate_steps(parts: list[Steps]) -> Steps:
+    """Join steps in their order."""
     if len(parts) == 1:
         return parts[0]
     return Steps(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
 @dataclass(frozen=True)
-class _Joint:
-    """Parameters and unknowns of a beginning, q = (θ, u), both as they were known there.
+class _JointPrior:
+    """Prior of q = (θ, u) at the start of a window: parameters and initial motion and biases.
 
-    The state there is x + slopeᵀ (q − mean) + η with η ~ N(0, Π); q has the factor D.
+    q has mean ``mean`` and covariance Dᵀ D; the state there is x + slopeᵀ (q − mean) + η with
+    η ~ N(0, Π).
     """
 
     mean: Array
@@ -77,113 +87,123 @@ class _Joint:
     x: Array
     slope: Array
     Pi: Array
-    memory: Array
+    statistics: Array
 
     @classmethod
-    def of(cls, known: State, memory: Array) -> _Joint:
-        p = len(known.mu)
-        first = np.linalg.cholesky(known.Pi[:_UNKNOWNS, :_UNKNOWNS])
-        own = np.linalg.solve(first, known.Pi[:_UNKNOWNS]).T  # the state by its first six
-        D = np.eye(p + _UNKNOWNS)
-        D[:p, :p] = known.D
-        memory = memory.copy()
-        memory[QUICK : QUICK + 2] = 1.0  # the level that was learnt slowly holds for all of it
+    def of(cls, start: State, statistics: Array) -> _JointPrior:
+        p = len(start.mu)
+        factor = np.linalg.cholesky(start.Pi[:_INITIAL, :_INITIAL])
+        by_u = np.linalg.solve(factor, start.Pi[:_INITIAL]).T  # regression of the state on u
+        D = np.eye(p + _INITIAL)
+        D[:p, :p] = start.D
+        statistics = statistics.copy()
+        statistics[FAST_FACTOR : FAST_FACTOR + 2] = 1.0  # the slow factor holds for the window
         return cls(
-            mean=np.concatenate([known.mu, np.zeros(_UNKNOWNS)]),
+            mean=np.concatenate([start.mu, np.zeros(_INITIAL)]),
             D=D,
-            x=known.x,
-            slope=np.vstack([np.linalg.solve(known.D, known.J), own.T]),
-            Pi=known.Pi - own @ own.T,
-            memory=memory,
+            x=start.x,
+            slope=np.vstack([np.linalg.solve(start.D, start.J), by_u.T]),
+            Pi=start.Pi - by_u @ by_u.T,
+            statistics=statistics,
         )
 
-    def seen_from(self, place: Array, D: Array) -> State:
-        """Put the reference at a place, with sigma points spread by D."""
-        memory = self.memory.copy()
-        memory[SCORE] = 0.0
+    def state_at(self, reference: Array, D: Array) -> State:
+        """Express the prior with another reference and with directions D."""
+        statistics = self.statistics.copy()
+        statistics[DEVIANCE] = 0.0
         to_d = np.linalg.inv(D.T)
         return State(
-            mu=place.copy(),
+            mu=reference.copy(),
             D=np.ascontiguousarray(D),
-            x=self.x + self.slope.T @ (place - self.mean),
+            x=self.x + self.slope.T @ (reference - self.mean),
             J=np.ascontiguousarray(D @ self.slope),
-            m=to_d @ (self.mean - place),
+            m=to_d @ (self.mean - reference),
             F=np.ascontiguousarray(np.triu(self.D @ to_d.T)),
             Pi=self.Pi.copy(),
-            memory=memory,
-            safe=np.zeros((2, 0, 0)),
-            echo=np.zeros((2, 2, 0)),
+            statistics=statistics,
+            snapshots=np.zeros((2, 0, 0)),
+            autocovariance=np.zeros((2, 2, 0)),
         )
 
-    def misfit(self, place: Array) -> float:
-        """−2 log density of what was known, at a place."""
-        away = np.linalg.solve(self.D.T, place - self.mean)
-        return float(away @ away)
+    def deviance(self, q: Array) -> float:
+        """−2 log prior density at q, up to a constant."""
+        z = np.linalg.solve(self.D.T, q - self.mean)
+        return float(z @ z)
 
 
 def _pass(
-    joint: _Joint, stretch: Stretch, model: Model, rules: Rules, place: Array, D: Array
+    prior: _JointPrior,
+    window: Window,
+    model: Model,
+    settings: FilterSettings,
+    reference: Array,
+    D: Array,
 ) -> tuple[State, float]:
-    """Run over a stretch from a place; return what is known at its end and −2 log posterior."""
-    state = joint.seen_from(place, D)
-    run(0, True, state, model, rules, stretch.steps, np.empty((0, COLUMNS)))
-    score = float(state.memory[SCORE]) + joint.misfit(place)
-    return state, score if np.isfinite(score) else np.inf
+    """Filter a window with a fixed reference; return its final state and −2 log posterior."""
+    state = prior.state_at(reference, D)
+    run(0, True, state, model, settings, window.steps, np.empty((0, COLUMNS)))
+    deviance = float(state.statistics[DEVIANCE]) + prior.deviance(reference)
+    return state, deviance if np.isfinite(deviance) else np.inf
 
 
 def _estimate(state: State) -> tuple[Array, Array]:
-    """Mean of (θ, u) and its factor at the end of a pass."""
+    """Mean of q and its covariance factor at the end of a pass."""
     return state.mu + state.D.T @ state.m, np.triu(state.F @ state.D)
 
 
-def relinearised(stretch: Stretch, now: State, model: Model, rules: Rules) -> tuple[State, float]:
-    """Run a stretch again until its estimate stays.
+def relinearize(
+    window: Window, current: State, model: Model, settings: FilterSettings
+) -> tuple[State, float]:
+    """Filter a window repeatedly at its own estimate until that converges.
 
     Parameters
     ----------
-    stretch : Stretch
-        The stretch.
-    now : State
-        What the filter knows at its end: where the search begins, and whose memory is kept.
-    model, rules : Model, Rules
-        As the filter has them.
+    window : Window
+        Steps, and the state at their start.
+    current : State
+        State of the filter at the end of the window: the search starts at its parameters, and the
+        result inherits its statistics.
+    model, settings : Model and FilterSettings
+        Those of the filter.
 
     Returns
     -------
     state : State
-        What is known at the end of the stretch, the reference at the estimate.
+        State at the end of the window, the reference being at the estimate.
     moved : float
-        How far the parameters went from ``now``, in deviations of ``now``, the largest.
+        Largest change of a parameter from ``current``, in standard deviations of ``current``.
     """
-    p = len(now.mu)
-    joint = _Joint.of(stretch.known, now.memory)
-    D = np.eye(p + _UNKNOWNS)
-    D[:p, :p] = now.D
-    place = np.concatenate([now.mu, np.zeros(_UNKNOWNS)])
-    state, score = _pass(joint, stretch, model, rules, place, D)
-    for _ in range(_ROUNDS):
+    p = len(current.mu)
+    prior = _JointPrior.of(window.start, current.statistics)
+    D = np.eye(p + _INITIAL)
+    D[:p, :p] = current.D
+    reference = np.concatenate([current.mu, np.zeros(_INITIAL)])
+    state, deviance = _pass(prior, window, model, settings, reference, D)
+    for _ in range(_MAX_ROUNDS):
         target, D = _estimate(state)
-        move = target - place
-        if np.max(np.abs(np.linalg.solve(D.T, move))) < _STILL:
+        move = target - reference
+        if np.max(np.abs(np.linalg.solve(D.T, move))) < _CONVERGED:
             break
-        length = min(1.0, _FARTHEST / max(float(np.max(np.abs(move[:p]))), 1e-300))
+        length = min(1.0, _MAX_MOVE / max(float(np.max(np.abs(move[:p]))), 1e-300))
         while True:
-            tried, reached = _pass(joint, stretch, model, rules, place + length * move, D)
-            if reached <= score + _GAIN or length < _SHORTEST:
+            trial, trial_deviance = _pass(
+                prior, window, model, settings, reference + length * move, D
+            )
+            if trial_deviance <= deviance + _TOLERANCE or length < _MIN_LENGTH:
                 break
-            length *= _SHORTER
-        if reached > score + _GAIN:
+            length *= _SHORTEN
+        if trial_deviance > deviance + _TOLERANCE:
             break
-        settled = length == 1.0 and abs(reached - score) < _GAIN
-        place, state, score = place + length * move, tried, reached
-        if settled:
+        converged = length == 1.0 and abs(trial_deviance - deviance) < _TOLERANCE
+        reference, state, deviance = reference + length * move, trial, trial_deviance
+        if converged:
             break
     mean, D = _estimate(state)
-    moved = np.linalg.solve(now.D.T, mean[:p] - now.mu)
+    moved = np.linalg.solve(current.D.T, mean[:p] - current.mu)
     J = state.F @ state.J
-    memory = now.memory.copy()
-    memory[LOST] = 0.0
-    found = State(
+    statistics = current.statistics.copy()
+    statistics[INFORMATION_GAIN] = 0.0
+    result = State(
         mu=mean[:p].copy(),
         D=np.ascontiguousarray(D[:p, :p]),
         x=state.x + state.J.T @ state.m,
@@ -191,8 +211,8 @@ def relinearised(stretch: Stretch, now: State, model: Model, rules: Rules) -> tu
         m=np.zeros(p),
         F=np.eye(p),
         Pi=state.Pi + J[p:].T @ J[p:],
-        memory=memory,
-        safe=now.safe.copy(),
-        echo=now.echo.copy(),
+        statistics=statistics,
+        snapshots=current.snapshots.copy(),
+        autocovariance=current.autocovariance.copy(),
     )
-    return found, float(np.max(np.abs(moved)))
+    return result, float(np.max(np.abs(moved)))

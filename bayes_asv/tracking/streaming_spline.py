@@ -1,8 +1,8 @@
-"""What a wheel did, as its samples come in: a spline that waits for a few samples more.
+"""Spline of a wheel's acceleration that grows as samples arrive, with a fixed lookahead.
 
-The same curve as :mod:`bayes_asv.preprocessing.wheel_spline` draws through a whole recording, but
-for the samples that it does not wait for.  What it gives does not depend on how the samples were
-cut into chunks."""
+The spline is that of :mod:`bayes_asv.preprocessing.wheel_spline` up to the influence of samples
+beyond the lookahead.  The size of chunks has no effect.
+"""
 
 from __future__ import annotations
 
@@ -10,71 +10,78 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.discretization import ORDER
-from bayes_asv.filters.running_spline import eliminate, missed, pieces, step_moments
+from bayes_asv.filters.running_spline import (
+    forward_elimination,
+    interpolation_errors,
+    spline_coefficients,
+    step_moments,
+)
 
-__all__ = ["AHEAD", "WheelCurve"]
+__all__ = ["LOOKAHEAD", "StreamingSpline"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-AHEAD = 4
-"""Samples beyond the begin of an interval that are waited for.
+LOOKAHEAD = 4
+"""Samples after the start of an interval that its spline waits for.
 
-The curve itself would do with two, since a spline forgets by 0.27 a sample; how sharp the signal
-is around an interval shows two later."""
+The spline itself needs two, since the influence of a sample decays by 0.27 per sample; the
+interpolation errors around the interval need two more.
+"""
 
-_JUMP_SHARE = 0.15  # as in inference.wheels: what a spline errs for what it errs without a sample
-_NOISE_MARGIN = 6.0  # variances of the noise's own misses that are not taken for an edge
+_JUMP_SHARE = 0.15  # as in preprocessing.wheel_spline: error of the mean over interpolation error
+_NOISE_MARGIN = 6.0  # variances of the noise's own interpolation error that are ignored
 _SAME_INSTANT = 1e-9  # s
-_LONGEST_CLIP = 4  # samples at a rail that are waited through
+_MAX_CLIPPED = 4  # consecutive clipped samples that wait for their neighbours
 
 
-class WheelCurve:
-    """One wheel's acceleration between its samples, growing.
+class StreamingSpline:
+    """One wheel's acceleration between its samples.
 
     Parameters
     ----------
     noise : float
-        Variance of what a cubic through four neighbours misses for noise alone, m²/s⁴.
-    gap : float
-        Longest time between two samples that a curve may span, s.
+        Variance of the interpolation error (cubic through four neighbours) for noise alone, m²/s⁴.
+    max_gap : float
+        Longest interval between two samples that the spline may span, s.
     """
 
-    def __init__(self, noise: float, gap: float) -> None:
+    def __init__(self, noise: float, max_gap: float) -> None:
         self._noise = noise
-        self._gap = gap
-        self._waiting: list[tuple[float, float, float]] = []  # time, value, side of the rail
+        self._max_gap = max_gap
+        # clipped samples and their successors: time, value, side of the rail (±1, or 0 unclipped)
+        self._held: list[tuple[float, float, float]] = []
         self._time = np.empty(0)
         self._value = np.empty(0)
-        self._reach = np.empty(0)  # how far beyond its rail a clipped sample may have been
-        self._opens = np.empty(0, bool)
-        self._upper = np.empty(0)
-        self._right = np.empty(0)
-        self._missed = np.empty(0)
-        self._curve = np.empty((0, 4))
-        self._deviation = np.empty(0)
-        self._settled = 0
+        self._excursion = np.empty(0)  # how far beyond its rail a clipped sample may be
+        self._starts = np.empty(0, bool)
+        self._superdiagonal = np.empty(0)
+        self._rhs = np.empty(0)
+        self._errors = np.empty(0)
+        self._coefficients = np.empty((0, 4))
+        self._sd = np.empty(0)
+        self._final = 0  # intervals whose coefficients will not change
         self._newest = -np.inf
-        self._complete = False
+        self._finished = False
 
     @property
     def horizon(self) -> float:
-        """Time (s) up to which the curve will not change any more."""
+        """Time (s) up to which the spline is final."""
         if not len(self._time):
-            return self._newest if not self._waiting else -np.inf
-        if self._complete or self._dark:
+            return self._newest if not self._held else -np.inf
+        if self._finished or self._lost:
             return self._newest
-        return float(self._time[self._settled])
+        return float(self._time[self._final])
 
     @property
-    def _dark(self) -> bool:
-        """Whether so long nothing came that no curve will lead on from here."""
-        if self._waiting or not len(self._time):
+    def _lost(self) -> bool:
+        """Whether the last sample is so old that the spline ends there."""
+        if self._held or not len(self._time):
             return False
-        return self._newest - float(self._time[-1]) > self._gap
+        return self._newest - float(self._time[-1]) > self._max_gap
 
     def push(self, time: Array, value: Array, low: Flags, high: Flags) -> None:
-        """Take samples.
+        """Add samples.
 
         Parameters
         ----------
@@ -88,32 +95,32 @@ class WheelCurve:
         if not len(time):
             return
         self._newest = float(time[-1])
-        there = np.isfinite(value)
-        side = np.where(high, 1.0, np.where(low, -1.0, 0.0))[there]
-        if self._waiting or side.any():
-            self._admit(time[there], value[there], side)
+        present = np.isfinite(value)
+        side = np.where(high, 1.0, np.where(low, -1.0, 0.0))[present]
+        if self._held or side.any():
+            self._hold(time[present], value[present], side)
         else:
-            self._append(time[there], value[there], np.zeros(int(there.sum())))
-        if self._waiting and self._newest - self._waiting[-1][0] > self._gap:
-            self._release(len(self._waiting))
-        self._settle(len(self._time) - (1 if self._dark else AHEAD))
+            self._append(time[present], value[present], np.zeros(int(present.sum())))
+        if self._held and self._newest - self._held[-1][0] > self._max_gap:
+            self._release(len(self._held))
+        self._finalize(len(self._time) - (1 if self._lost else LOOKAHEAD))
 
     def finish(self) -> None:
-        """No sample will follow: settle with what is there."""
-        if self._waiting:
-            self._release(len(self._waiting))
-        self._complete = True
-        self._settle(len(self._time) - 1)
+        """Finalize all intervals: no sample will follow."""
+        if self._held:
+            self._release(len(self._held))
+        self._finished = True
+        self._finalize(len(self._time) - 1)
 
-    def lit(self, instants: Array) -> Flags:
-        """Whether the wheel's motion is known at instants (E,), s, not beyond the horizon."""
+    def covers(self, instants: Array) -> Flags:
+        """Whether the acceleration is known at instants (E,), s, not beyond the horizon."""
         if len(self._time) < 2:
             return np.zeros(len(instants), bool)
         at = np.searchsorted(self._time, instants + _SAME_INSTANT, side="right") - 1
         inside = (at >= 0) & (instants <= self._time[-1] + _SAME_INSTANT)
         at = np.clip(at, 0, len(self._time) - 1)
-        closed = np.append(self._opens[1:], True)[at]
-        return np.asarray(inside & (~closed | (np.abs(instants - self._time[at]) < _SAME_INSTANT)))
+        gap = np.append(self._starts[1:], True)[at]
+        return np.asarray(inside & (~gap | (np.abs(instants - self._time[at]) < _SAME_INSTANT)))
 
     def integrate(self, instants: Array, before: float) -> tuple[Array, Array, Flags]:
         """Moments of the acceleration over steps that end at instants.
@@ -121,9 +128,9 @@ class WheelCurve:
         Parameters
         ----------
         instants : (E,) array
-            In order, :meth:`lit`, not beyond :attr:`horizon`, s.
+            Increasing, covered (:meth:`covers`), not beyond :attr:`horizon`, s.
         before : float
-            Where the first step begins, s.
+            Start of the first step, s.
 
         Returns
         -------
@@ -131,111 +138,111 @@ class WheelCurve:
             ∫₀ʰ (h−s)ʲ/j! û ds.
         spread : (E, 2) array
             As ``step_moments`` fills it.
-        known : (E,) bool array
-            Whether a curve covers the whole step.
+        covered : (E,) bool array
+            Whether the spline covers the whole step.
         """
         n = len(instants)
-        moments, spread, known = np.zeros((n, ORDER)), np.zeros((n, 2)), np.ones(n, bool)
-        closed = np.append(self._opens[1:], True)
+        moments, spread, covered = np.zeros((n, ORDER)), np.zeros((n, 2)), np.ones(n, bool)
+        gaps = np.append(self._starts[1:], True)
         step_moments(
-            instants, before, self._time, self._curve, self._deviation, closed,
-            moments, spread, known,
+            instants, before, self._time, self._coefficients, self._sd, gaps, moments, spread,
+            covered,
         )  # fmt: skip
-        return moments, spread, known
+        return moments, spread, covered
 
-    def forget(self, before: float) -> None:
-        """Drop samples that no step from ``before`` (s) on needs."""
-        keep = int(np.searchsorted(self._time, before)) - 8
-        keep = min(keep, self._settled - 8)
-        if keep < 256:
+    def discard(self, before: float) -> None:
+        """Discard samples that no step starting at ``before`` (s) or later needs."""
+        unused = int(np.searchsorted(self._time, before)) - 8
+        unused = min(unused, self._final - 8)
+        if unused < 256:
             return
         for name in (
-            "_time", "_value", "_reach", "_opens", "_upper", "_right", "_missed", "_curve",
-            "_deviation",
+            "_time", "_value", "_excursion", "_starts", "_superdiagonal", "_rhs", "_errors",
+            "_coefficients", "_sd",
         ):  # fmt: skip
-            setattr(self, name, getattr(self, name)[keep:].copy())
-        self._settled -= keep
+            setattr(self, name, getattr(self, name)[unused:].copy())
+        self._final -= unused
 
-    def _admit(self, time: Array, value: Array, side: Array) -> None:
-        """Take samples one by one, holding back what is clipped until its neighbours are known."""
+    def _hold(self, time: Array, value: Array, side: Array) -> None:
+        """Add samples one by one; clipped ones are held until their neighbours are known."""
         for t, v, s in zip(time.tolist(), value.tolist(), side.tolist(), strict=True):
-            self._waiting.append((t, v, s))
-            plain = 0
-            for _, _, other in reversed(self._waiting):
+            self._held.append((t, v, s))
+            unclipped = 0
+            for _, _, other in reversed(self._held):
                 if other != 0.0:
                     break
-                plain += 1
-            if plain == len(self._waiting) or plain >= 2 or len(self._waiting) > _LONGEST_CLIP + 2:
-                self._release(len(self._waiting))
+                unclipped += 1
+            if unclipped == len(self._held) or unclipped >= 2 or len(self._held) > _MAX_CLIPPED + 2:
+                self._release(len(self._held))
 
     def _release(self, count: int) -> None:
-        """Let waiting samples in, clipped ones where their neighbours point."""
-        held = self._waiting[:count]
-        del self._waiting[:count]
+        """Append held samples; clipped ones are extrapolated from their neighbours."""
+        held = self._held[:count]
+        del self._held[:count]
         time, value, side = (np.array(column) for column in zip(*held, strict=True))
-        reach = np.zeros(count)
+        excursion = np.zeros(count)
         clipped = side != 0.0
         if clipped.any():
             near = slice(max(len(self._time) - 2, 0), len(self._time))
             t = np.concatenate([self._time[near], time[~clipped]])
             v = np.concatenate([self._value[near], value[~clipped]])
-            guess = _through(t, v, time[clipped]) if len(t) else value[clipped]
+            guess = _lagrange(t, v, time[clipped]) if len(t) else value[clipped]
             beyond = side[clipped] * (guess - value[clipped])
             # A cubic over a wide gap can point anywhere: never further than the rail itself.
             beyond = np.clip(beyond, 0.0, np.abs(value[clipped]))
             value[clipped] += side[clipped] * beyond
-            reach[clipped] = np.maximum(beyond, 0.1 * np.abs(value[clipped]))
-        self._append(time, value, reach)
+            excursion[clipped] = np.maximum(beyond, 0.1 * np.abs(value[clipped]))
+        self._append(time, value, excursion)
 
-    def _append(self, time: Array, value: Array, reach: Array) -> None:
+    def _append(self, time: Array, value: Array, excursion: Array) -> None:
         n = len(time)
         if not n:
             return
         old = len(self._time)
         last = self._time[-1] if old else -np.inf
-        opens = np.diff(time, prepend=last) > self._gap
+        starts = np.diff(time, prepend=last) > self._max_gap
         self._time = np.concatenate([self._time, time])
         self._value = np.concatenate([self._value, value])
-        self._reach = np.concatenate([self._reach, reach])
-        self._opens = np.concatenate([self._opens, opens])
-        room = np.zeros(n)
-        self._upper = np.concatenate([self._upper, room])
-        self._right = np.concatenate([self._right, room])
-        self._missed = np.concatenate([self._missed, room])
-        self._deviation = np.concatenate([self._deviation, room])
-        self._curve = np.concatenate([self._curve, np.zeros((n, 4))])
-        eliminate(
-            max(old - 1, 0), self._time, self._value, self._opens, self._upper, self._right
-        )  # fmt: skip
-
-    def _settle(self, upto: int) -> None:
-        """Draw the curve over intervals that enough samples follow, or a gap."""
-        opened = np.flatnonzero(self._opens)
-        upto = max(upto, int(opened[-1]) if len(opened) else 0)
-        first = self._settled
-        if upto <= first:
-            return
-        missed(
-            max(first - 1, 0), min(upto + 2, len(self._time)), self._time, self._value, self._opens,
-            self._missed,
-        )  # fmt: skip
-        pieces(
-            first, upto, AHEAD, self._time, self._value, self._opens, self._upper, self._right,
-            self._curve,
-        )  # fmt: skip
-        rest = np.maximum(
-            self._missed[max(first - 1, 0) : upto + 2] - _NOISE_MARGIN * self._noise, 0
+        self._excursion = np.concatenate([self._excursion, excursion])
+        self._starts = np.concatenate([self._starts, starts])
+        zeros = np.zeros(n)
+        self._superdiagonal = np.concatenate([self._superdiagonal, zeros])
+        self._rhs = np.concatenate([self._rhs, zeros])
+        self._errors = np.concatenate([self._errors, zeros])
+        self._sd = np.concatenate([self._sd, zeros])
+        self._coefficients = np.concatenate([self._coefficients, np.zeros((n, 4))])
+        forward_elimination(
+            max(old - 1, 0), self._time, self._value, self._starts, self._superdiagonal, self._rhs
         )
-        padded = np.concatenate([np.zeros(1 if first == 0 else 0), rest, np.zeros(3)])
-        n = upto - first
+
+    def _finalize(self, end: int) -> None:
+        """Compute the spline of intervals up to ``end``, or up to the last gap if that is later."""
+        starts = np.flatnonzero(self._starts)
+        end = max(end, int(starts[-1]) if len(starts) else 0)
+        first = self._final
+        if end <= first:
+            return
+        interpolation_errors(
+            max(first - 1, 0), min(end + 2, len(self._time)), self._time, self._value,
+            self._starts, self._errors,
+        )  # fmt: skip
+        spline_coefficients(
+            first, end, LOOKAHEAD, self._time, self._value, self._starts, self._superdiagonal,
+            self._rhs, self._coefficients,
+        )  # fmt: skip
+        excess = np.maximum(
+            self._errors[max(first - 1, 0) : end + 2] - _NOISE_MARGIN * self._noise, 0
+        )
+        padded = np.concatenate([np.zeros(1 if first == 0 else 0), excess, np.zeros(3)])
+        n = end - first
         local = 0.25 * (padded[:n] + padded[1 : n + 1] + padded[2 : n + 2] + padded[3 : n + 3])
-        reach = 0.5 * (self._reach[first:upto] + self._reach[first + 1 : upto + 1])
-        self._deviation[first:upto] = np.maximum(_JUMP_SHARE * np.sqrt(local), reach)
-        self._settled = upto
+        clipped = 0.5 * (self._excursion[first:end] + self._excursion[first + 1 : end + 1])
+        self._sd[first:end] = np.maximum(_JUMP_SHARE * np.sqrt(local), clipped)
+        self._final = end
 
 
-def _through(time: Array, value: Array, at: Array) -> Array:
-    """Polynomial through a few samples (Lagrange) at other times."""
+def _lagrange(time: Array, value: Array, at: Array) -> Array:
+    """Evaluate the polynomial through a few samples at other times."""
     out = np.zeros(len(at))
     for j in range(len(time)):
         weight = np.ones(len(at))

@@ -1,4 +1,4 @@
-"""What tracking a recording gave, from the first row to the last."""
+"""Tracking of a whole recording, and its result."""
 
 from __future__ import annotations
 
@@ -14,59 +14,60 @@ from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.parameters import CAR
-from bayes_asv.tracking.consistency import Summary
-from bayes_asv.tracking.data_checks import unlearned
-from bayes_asv.tracking.frames import Frames, joined
+from bayes_asv.tracking.consistency import ConsistencySummary
+from bayes_asv.tracking.data_checks import unidentified_parameters
+from bayes_asv.tracking.filter import parameter_covariance
+from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.parameters import Coordinates
-from bayes_asv.tracking.prior_state import car_covariance
 from bayes_asv.tracking.tracker import Tracker, tracker_for
 
-__all__ = ["Track", "concluded", "track"]
+__all__ = ["TrackResult", "conclude", "track"]
 
 Array = NDArray[np.float64]
 
 _CHUNK = 16_384  # rows
+_REFERENCE_CHUNK = 64  # rows, so that the progress of the slow engine is visible
 
 
 @dataclass(frozen=True)
-class Track:
-    """A recording tracked to its end.
+class TrackResult:
+    """Result of tracking a recording.
 
     Parameters
     ----------
     verdict : str
         ``ok`` or ``refused``.
     reasons, warnings : tuple of str
-        Why it was refused; what to know otherwise.
+        Why the recording was refused; faults that the filter coped with.
     vehicle : Vehicle
         The car as given.
     source, sha256 : str
-        The recording's name and hash; a port's name and nothing.
+        Name and hash of the recording; name of a port and an empty string.
     frames : Frames
-        What was known after each row; of a long drive from a port after some of them
-        (:class:`bayes_asv.tracking.decimation.DecimatedFrames`).
+        Results after each row; of a long drive from a port after some of them
+        (:class:`bayes_asv.tracking.frames.DecimatedFrames`).
     rows : int
-        How many rows there were.
+        Number of rows.
     begin, end : float
-        Stamps of the first and of the last, s.
+        First and last stamp, s.
     coordinates : Coordinates
-        What was learnt, in which coordinates.
+        Coordinates of the parameters.
     mean, covariance : (p,) and (p, p) arrays
         Of the coordinates after the last row.
-    consistency : Summary
-        Whether the filter's noise explains what its predictions missed.
+    consistency : ConsistencySummary
+        Consistency of the filter.
     noise : (4,) array
-        Noise of each sensor as given or heard, m/s².
+        Given or estimated noise of each sensor, m/s².
     resets : tuple of float
-        Seconds after the first row at which motion and biases were doubted and begun anew.
+        Times at which the motion was reset, s after the first row.
     rate : float
-        Rows a second.
+        Rows per second, Hz.
     forget : float or None
-        Seconds, see :class:`bayes_asv.tracking.tracker.Tracker`.
+        Time constant of the parameters' random walk, s.
     engine : str
-        Which form of the filter.
+        Implementation of the filter.
     seconds : float
-        Time it took.
+        Computing time, s.
     """
 
     verdict: str
@@ -82,7 +83,7 @@ class Track:
     coordinates: Coordinates
     mean: Array
     covariance: Array
-    consistency: Summary
+    consistency: ConsistencySummary
     noise: Array
     resets: tuple[float, ...]
     rate: float
@@ -90,32 +91,32 @@ class Track:
     engine: str
     seconds: float
 
-    def log_of(self, weights: dict[str, float]) -> tuple[float, float]:
-        """Mean and deviation of a sum of logarithms of the car's quantities.
+    def log_moments(self, exponents: dict[str, float]) -> tuple[float, float]:
+        """Mean and standard deviation of the logarithm of a product of powers.
 
         Parameters
         ----------
-        weights : dict of str to float
-            Weight of the logarithm of each, such as ``{"i": 0.5, "m": -0.5}`` for the radius of
-            gyration; ``1 - wdf`` is the rear's share.  Shares enter by the slope of their
-            logarithm at the mean.
+        exponents : dict of str to float
+            Exponent of each quantity, such as ``{"i": 0.5, "m": -0.5}`` for the radius of gyration;
+            ``1 - wdf`` is the rear weight share.  The logarithm of a share is linearized at the
+            mean.
 
         Returns
         -------
-        mean, deviation : float
+        mean, sd : float
         """
-        where = self.coordinates
-        value = where.cars(self.mean[None])[0]
-        total, slope = 0.0, np.zeros(len(where))
-        for name, weight in weights.items():
+        space = self.coordinates
+        value = space.parameter_vectors(self.mean[None])[0]
+        total, gradient = 0.0, np.zeros(len(space))
+        for name, exponent in exponents.items():
             own, sign = ("wdf", -1.0) if name == "1 - wdf" else (name, 1.0)
             x = float(value[CAR.index(own)])
             x = x if sign > 0.0 else 1.0 - x
-            total += weight * math.log(x)
-            if own in where.names:
-                k = where.names.index(own)
-                slope[k] += weight * where.scale[k] * (1.0 if where.log[k] else sign / x)
-        return total, float(np.sqrt(slope @ self.covariance @ slope))
+            total += exponent * math.log(x)
+            if own in space.names:
+                k = space.names.index(own)
+                gradient[k] += exponent * space.scale[k] * (1.0 if space.log[k] else sign / x)
+        return total, float(np.sqrt(gradient @ self.covariance @ gradient))
 
 
 def track(
@@ -125,7 +126,7 @@ def track(
     forget: float | None = None,
     engine: str = "compiled",
     progress: Callable[[float, str], None] | None = None,
-) -> Track:
+) -> TrackResult:
     """Track a recording from its first row to its last.
 
     Parameters
@@ -135,13 +136,13 @@ def track(
     vehicle : Vehicle
         The car.
     forget, engine
-        As :class:`bayes_asv.tracking.tracker.Tracker` takes them.
+        As for :class:`bayes_asv.tracking.tracker.Tracker`.
     progress : callable, optional
-        Told the share done and a few words.
+        Called with the share done and a short text.
 
     Returns
     -------
-    Track
+    TrackResult
 
     Raises
     ------
@@ -152,15 +153,15 @@ def track(
     acc = accelerations(recording, vehicle).T
     tracker = tracker_for(recording, vehicle, forget=forget, engine=engine)
     parts = []
-    chunk = _CHUNK if engine == "compiled" else 64
+    chunk = _CHUNK if engine == "compiled" else _REFERENCE_CHUNK
     for at in range(0, len(recording.time), chunk):
         if progress is not None:
             progress(at / len(recording.time), "tracking")
         parts.append(tracker.feed(recording.time[at : at + chunk], acc[at : at + chunk]))
     parts.append(tracker.finish())
-    return concluded(
+    return conclude(
         tracker,
-        joined(parts),
+        concatenate(parts),
         recording.source,
         recording.sha256,
         recording.warnings,
@@ -168,66 +169,68 @@ def track(
     )
 
 
-def concluded(
+def conclude(
     tracker: Tracker,
     frames: Frames,
     source: str,
     sha256: str = "",
     warnings: tuple[str, ...] = (),
     seconds: float = 0.0,
-) -> Track:
-    """Put together what a tracker that is finished has to say.
+) -> TrackResult:
+    """Assemble the result of a tracker that has finished.
 
     Parameters
     ----------
     tracker : Tracker
         After its ``finish``.
     frames : Frames
-        All that it gave, or as much of it as was kept.
+        All its frames, or those that were kept.
     source, sha256 : str
-        Where the rows came from.
+        Name and hash of the source.
     warnings : tuple of str
-        What the reader noticed.
+        Warnings of the reader.
     seconds : float
-        Time it took.
+        Computing time, s.
     """
     name = source.rsplit("/", 1)[-1]
-    where = tracker.coordinates
-    begun = tracker.begun
-    reasons = tracker.fitness.reasons(tracker.vehicle, tracker.sensing, name)
-    mean, covariance = np.zeros(len(where)), np.eye(len(where))
+    space, checks = tracker.coordinates, tracker.data_checks
+    consistency = tracker.consistency.summary()
+    mean, covariance = np.zeros(len(space)), np.eye(len(space))
     resets: tuple[float, ...] = ()
-    if begun:
+    if tracker.started:
         state = tracker.filter.state
-        mean, covariance = state.mu.copy(), car_covariance(state)
+        mean, covariance = state.mu.copy(), parameter_covariance(state)
         resets = tuple(tracker.filter.resets)
+    reasons = checks.reasons(tracker.vehicle, tracker.sensors, name)
     if not reasons:
-        sd = where.scale[:3] * np.sqrt(np.diag(covariance)[:3])
-        lost = tracker.watch.summary().verdict == "inconsistent"
-        reasons = unlearned(sd, where.scale[:3], lost=lost)
-    said = [*warnings, *tracker.fitness.warnings(name)]
-    unheard = [c for c, s in zip(CHANNELS, tracker.vehicle.sensors, strict=True) if s.noise is None]
-    if unheard:
-        said.append(
-            f"the vehicle file gives no noise for {', '.join(unheard)}; it was taken from the "
-            "first half second, and the innovations corrected it"
+        prior_sd = space.scale[:3]
+        sd = prior_sd * np.sqrt(np.diag(covariance)[:3])
+        inconsistent = consistency.verdict == "inconsistent"
+        reasons = unidentified_parameters(sd, prior_sd, inconsistent=inconsistent)
+    all_warnings = [*warnings, *checks.warnings(name)]
+    sensors = zip(CHANNELS, tracker.vehicle.sensors, strict=True)
+    unknown = [channel for channel, sensor in sensors if sensor.noise is None]
+    if unknown:
+        all_warnings.append(
+            f"the vehicle file gives no noise for {', '.join(unknown)}; it was estimated from the "
+            "first half second and corrected by the innovations"
         )
-    return Track(
+    return TrackResult(
         verdict="refused" if reasons else "ok",
         reasons=tuple(reasons),
-        warnings=tuple(said),
+        warnings=tuple(all_warnings),
         vehicle=tracker.vehicle,
         source=name,
         sha256=sha256,
         frames=frames,
-        rows=tracker.fitness.rows,
-        begin=tracker.fitness.first,
-        end=tracker.fitness.last,
-        coordinates=where,
+        rows=checks.rows,
+        begin=checks.first,
+        end=checks.last,
+        coordinates=space,
         mean=mean,
         covariance=covariance,
-        consistency=tracker.watch.summary(),
-        noise=tracker.sensing.noise,
+        consistency=consistency,
+        noise=tracker.sensors.noise,
         resets=resets,
         rate=tracker.rate,
         forget=tracker.forget,

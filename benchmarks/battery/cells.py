@@ -1,4 +1,4 @@
-"""What the battery asks: one cell is one name of a case, with many cars, drives and noises."""
+"""Cells of the battery: each is one kind of case, with many cars, drives and noises."""
 
 from __future__ import annotations
 
@@ -48,16 +48,18 @@ class Cell:
     runs: int
 
 
-NULL: Final = Group("null", "Nothing wrong")
-LIFTING: Final = Group("lifting", "Nothing wrong, tyres that leave the ground")
-COARSE: Final = Group("coarse", "Nothing wrong, ten bits and half the usual noise")
-MISSTATED: Final = Group("misstated", "Nothing wrong, noise 20 % off its data sheet")
-CLUTTER: Final = Group("clutter", "A little of everything")
-SINGLE: Final = Group("single", "One effect of the list")
-IN_CLUTTER: Final = Group("in-clutter", "One effect among a little of everything")
-MISSTATED_SINGLE: Final = Group("misstated-single", "One effect, noise 20 % off its data sheet")
-PAIR: Final = Group("pair", "Two effects of the list")
-OUTSIDE_LIST: Final = Group("outside", "Something that is not in the list")
+NULL: Final = Group("null", "No fault")
+LIFTING: Final = Group("lifting", "No fault, tyres that leave the ground")
+COARSE: Final = Group("coarse", "No fault, 10-bit converter and half the usual noise")
+MISSTATED: Final = Group("misstated", "No fault, noise 20 % off its declared value")
+CLUTTER: Final = Group("clutter", "Deviations within tolerance")
+SINGLE: Final = Group("single", "One listed effect")
+IN_CLUTTER: Final = Group("in-clutter", "One listed effect and deviations within tolerance")
+MISSTATED_SINGLE: Final = Group(
+    "misstated-single", "One listed effect, noise 20 % off its declared value"
+)
+PAIR: Final = Group("pair", "Two listed effects")
+OUTSIDE_LIST: Final = Group("outside", "A fault outside the list")
 GROUPS: Final = (
     NULL, LIFTING, COARSE, MISSTATED, CLUTTER, SINGLE, IN_CLUTTER, MISSTATED_SINGLE, PAIR,
     OUTSIDE_LIST,

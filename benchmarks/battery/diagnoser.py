@@ -85,10 +85,10 @@ def in_process(
         What it is to do without, of :data:`benchmarks.battery.ablations.ABLATIONS`.
     """
     from bayes_asv.diagnosis.workflow import diagnose
-    from bayes_asv.report.diagnose_document import diagnose_document
+    from bayes_asv.report.documents.diagnose import diagnose_document
 
     with without(ablation):
-        return diagnose_document(diagnose(recordings, holdout, vehicle, seed))
+        return diagnose_document(diagnose(recordings, holdout, vehicle, seed)).to_dict()
 
 
 def by_command(

@@ -9,9 +9,9 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import write_atomically
 from benchmarks.battery import pictures
 from benchmarks.battery.ablations import ABLATIONS
-from benchmarks.battery.cells import CELLS
+from benchmarks.battery.cells import CELLS, GROUPS
 from benchmarks.battery.judge import Judged, judge
-from benchmarks.battery.page_words import HOW, INTRODUCTION, LIMITS, SOURCES
+from benchmarks.battery.page_words import DEVELOPMENT, HOW, INTRODUCTION, LIMITS, SOURCES
 from benchmarks.battery.run import Result, load, pack_results
 from benchmarks.battery.seal import Answer, Key
 from benchmarks.battery.summary import by_group, confusion, strengths
@@ -36,12 +36,12 @@ LEFT_OUT = "ablations"
 
 
 def judged(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> list[Judged]:
-    """Hold every result against its sealed answer.
+    """Judge every result against its sealed answer.
 
     Raises
     ------
     InputError
-        When a result's answer is not sealed, or was sealed after the diagnosis began.
+        If the answer of a result is not sealed, or was sealed after the diagnosis began.
     """
     out = []
     for key, result in results.items():
@@ -61,16 +61,16 @@ def write_page(folder: Path, docs: Path, sealed: Mapping[Key, Answer]) -> None:
     Parameters
     ----------
     folder : Path
-        Results; they are packed.
+        Results, which are packed.
     docs : Path
-        Where ``battery.md`` and ``battery/`` go.
+        Destination of ``battery.md`` and ``battery/``.
     sealed : mapping
         Answers by name and number.
 
     Raises
     ------
     InputError
-        When there are no results, or one whose answer was not sealed before it.
+        If there are no results, or an answer was not sealed before its result.
     """
     results = load(folder)
     if not results:
@@ -81,9 +81,9 @@ def write_page(folder: Path, docs: Path, sealed: Mapping[Key, Answer]) -> None:
     beside.mkdir(parents=True, exist_ok=True)
     with pictures.look():
         shown = _pictures(cases, beside)
-    parts = [INTRODUCTION + _whose(cases), "## Short answer\n\n" + short_answer(cases)]
+    parts = [INTRODUCTION + _fleet(cases), _summary_head(results) + short_answer(cases)]
     parts += [*shown, *_tables(cases)]
-    parts += [HOW, _ablations(folder, sealed, cases), _sizes(cases), LIMITS + _fewer(cases)]
+    parts += [HOW, _ablations(folder, sealed, cases), _sizes(cases), LIMITS + _missing(cases)]
     parts.append(_origin(results, sealed))
     write_atomically(str(docs / "battery.md"), "\n".join(p for p in parts if p).encode("utf-8"))
 
@@ -95,7 +95,7 @@ def _pictures(cases: Sequence[Judged], beside: Path) -> list[str]:
     if one_effect:
         pictures.save(pictures.naming_picture(one_effect), beside / "naming.png")
         parts.append("![Single effects by strength](battery/naming.png)\n")
-        parts.append("## What is said, by what is true\n")
+        parts.append("## First name by true effect\n")
     for strength in strengths(one_effect):
         if len(confusion(groups, strength)[0]):
             name = f"confusion-{strength:g}.png"
@@ -113,12 +113,14 @@ def _tables(cases: Sequence[Judged]) -> list[str]:
     there = (
         ("By strength", "All in per cent.\n\n", by_strength),
         ("By effect", "Single effects of noncentrality 40 and more, in per cent.\n\n", by_effect),
-        ("By condition", "The same cases, and false alarms where nothing is wrong.\n\n",
+        ("By condition", "The same cases, and false alarms for cars without a fault.\n\n",
          by_condition),
-        ("What is not in the list", "", outside_table),
-        ("The held-out gap", "", gap_table),
-        ("Intervals before and after naming", "Share of 95 % intervals that hold, in per cent; "
-         "the width is the relative deviation that the widest of the three stands for, median.\n\n",
+        ("Faults outside the list", "", outside_table),
+        ("Held-out simulation error", "Fraction of the gap above the floor that is closed.\n\n",
+         gap_table),
+        ("Coverage before and after naming", "95 % intervals that contain the true value, in per "
+         "cent; the width is the relative standard deviation of the widest of the three, "
+         "median.\n\n",
          coverage_table),
     )  # fmt: skip
     parts = []
@@ -132,15 +134,15 @@ def _tables(cases: Sequence[Judged]) -> list[str]:
 def _sizes(cases: Sequence[Judged]) -> str:
     text = sizes_table(cases)
     return (
-        "## How large that is\n\nMedian size of the effects by noncentrality; of factors how far "
-        f"they are from one.\n\n{text}"
+        "## Sizes of the effects\n\nMedian size by noncentrality; for factors the deviation from "
+        f"one.\n\n{text}"
         if text.count("\n") > 2
         else ""
     )
 
 
 def _ablations(folder: Path, sealed: Mapping[Key, Answer], whole: Sequence[Judged]) -> str:
-    """Compare what was left out with the whole, on the cases that both did."""
+    """Compare ablations with the whole diagnosis, on common cases."""
     places = sorted(path for path in (folder / LEFT_OUT).glob("*") if path.is_dir())
     rows = []
     for place in places:
@@ -155,8 +157,8 @@ def _ablations(folder: Path, sealed: Mapping[Key, Answer], whole: Sequence[Judge
     if not rows:
         return ""
     return (
-        "## With something left out\n\nEach line below the whole diagnosis on the same cases; "
-        "shares in per cent.\n\n" + table(SUMMARY_HEAD, rows)
+        "## Ablations\n\nEach ablation follows the whole diagnosis on the same cases; proportions "
+        "in per cent.\n\n" + table(SUMMARY_HEAD, rows)
     )
 
 
@@ -164,15 +166,49 @@ def _left_out(name: str) -> str:
     return ABLATIONS[name].title if name in ABLATIONS else name.replace("_", " ")
 
 
-def _whose(cases: Sequence[Judged]) -> str:
-    """Say whose cars these are: nobody may take the cars one developed on for a test."""
+def _fleet(cases: Sequence[Judged]) -> str:
+    """State the families of cars and whether they are those of development."""
     families = ", ".join(dict.fromkeys(sorted(one.truth.family for one in cases)))
     if any(one.truth.fleet == "dev" for one in cases):
-        return f"\n**These are the cars of development ({families}), not those of the test.**\n"
-    return f"\nFamilies of cars: {families}; none of them is among those of development.\n"
+        return f"\n**These are the cars of the development set ({families}).**\n"
+    return f"\nFamilies of cars: {families}.\n{DEVELOPMENT}"
 
 
-def _fewer(cases: Sequence[Judged]) -> str:
+def _summary_head(results: Mapping[Key, Result]) -> str:
+    """Return the heading of the summary, with a warning if it mixes several commits."""
+    head = "## Summary\n\n"
+    commits: dict[str, list[str]] = {}
+    for (name, _), result in results.items():
+        commits.setdefault(result.about.commit, []).append(name)
+    if len(commits) < 2:
+        return head
+    parts = [
+        f"{len(names)} cases at commit {commit} ({_kinds(names)})"
+        for commit, names in sorted(commits.items(), key=lambda item: -len(item[1]))
+    ]
+    return (
+        head
+        + f"**The table mixes {len(commits)} versions of the diagnosis.** Cases of one version "
+        "were not repeated with the other:\n\n" + "".join(f"- {part}\n" for part in parts) + "\n"
+    )
+
+
+def _kinds(names: Sequence[str]) -> str:
+    """Summarise the cells of some cases by group and strength."""
+    groups = {cell.name: cell.group for cell in CELLS}
+    counts: dict[str, int] = {}
+    for name in names:
+        group = groups.get(name)
+        key = name if group is None else group.title[0].lower() + group.title[1:]
+        strength = name.rpartition("-")[2]
+        if strength.replace(".", "").isdigit():
+            key += f", {strength}"
+        counts[key] = counts.get(key, 0) + 1
+    return "; ".join(f"{key}: {count}" for key, count in sorted(counts.items()))
+
+
+def _missing(cases: Sequence[Judged]) -> str:
+    """Name what the full battery has and these runs have not."""
     there: dict[str, int] = {}
     for one in cases:
         there[one.truth.name] = there.get(one.truth.name, 0) + 1
@@ -181,7 +217,21 @@ def _fewer(cases: Sequence[Judged]) -> str:
         return ""
     missing = sum(cell.runs - there.get(cell.name, 0) for cell in short)
     whole = sum(cell.runs for cell in CELLS)
-    return f"- {missing} of the full battery's {whole} cases were not run.\n"
+    text = f"- {missing} of the {whole} cases of the full battery were not run.\n"
+    absent = [
+        group.title[0].lower() + group.title[1:]
+        for group in GROUPS
+        if not any(there.get(cell.name) for cell in CELLS if cell.group == group)
+    ]
+    weak = [cell for cell in CELLS if cell.name.endswith("-10")]
+    if weak and not any(there.get(cell.name) for cell in weak):
+        absent.append("single effects of noncentrality 10")
+    if absent:
+        text += (
+            "- **The hardest cells are among those that were not run:** " + "; ".join(absent)
+            + ". No figure on this page covers them.\n"
+        )  # fmt: skip
+    return text
 
 
 def _origin(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> str:
@@ -191,10 +241,10 @@ def _origin(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> str:
     lines += [f"- answers `{seal}`, sealed {when}" for seal, when in seals]
     lines.append(f"- first diagnosis {min(result.begun for result in results.values())}")
     return (
-        "## Do it again\n\n```sh\npython -m benchmarks.battery --set test        # hours; goes on "
+        "## Reproduce\n\n```sh\npython -m benchmarks.battery --set test        # hours; resumes "
         "where it was stopped\npython -m benchmarks.battery --report          # this page\n"
-        "python -m benchmarks.battery.peek --set dev    # what the last runs on other cars said\n"
-        "```\n\n`--list` names the cells, `--cells null bound_rebound --runs 2 --out FOLDER` does "
-        "some of them, `--ablation NAME` leaves a part of the diagnosis out.\n\n"
+        "python -m benchmarks.battery.peek --set dev    # last results of the development set\n"
+        "```\n\n`--list` lists the cells, `--cells null bound_rebound --runs 2 --out FOLDER` runs "
+        "some of them, `--ablation NAME` omits a part of the diagnosis.\n\n"
         + "\n".join(lines) + "\n" + SOURCES
     )  # fmt: skip

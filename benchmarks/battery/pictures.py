@@ -1,4 +1,4 @@
-"""Pictures of the page: confusion by strength, naming against strength, reliability."""
+"""Figures of the page: confusion matrices, naming against strength, reliability."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _canvas(width: float, height: float, rows: int, columns: int) -> tuple[Figur
 
 
 def confusion_picture(cases: Mapping[Group, Sequence[Judged]], strength: float) -> Figure:
-    """Heat map of what is said first by what is true.
+    """Draw the confusion matrix of the first reported effect by the true effect.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def confusion_picture(cases: Mapping[Group, Sequence[Judged]], strength: float) 
     ax.set_yticks(np.arange(len(rows) + 1) - 0.5, minor=True)
     ax.grid(which="minor", color="#e4e7eb", linewidth=0.6)
     ax.tick_params(which="minor", length=0)
-    ax.set_xlabel("said first, % of a row")
+    ax.set_xlabel("reported first, % of a row")
     ax.set_ylabel("true (cases)")
     ax.set_title(f"Noncentrality {strength:g}", loc="left")
     return figure
 
 
 def naming_picture(cases: Sequence[Judged]) -> Figure:
-    """Single effects: noticed, named, named by class, against strength, with Wilson's intervals.
+    """Draw detection and naming of single effects against strength, with Wilson's intervals.
 
     Parameters
     ----------
@@ -80,9 +80,9 @@ def naming_picture(cases: Sequence[Judged]) -> Figure:
     figure, axes = _canvas(5.2, 3.2, 1, 1)
     ax: Axes = axes[0, 0]
     ways = (
-        ("noticed", "detected", _GREY, "s"),
-        ("right class first", "of_class", _BLUE, "o"),
-        ("right name and place first", "first", _GREEN, "^"),
+        ("detected", "detected", _GREY, "s"),
+        ("first name's class correct", "of_class", _BLUE, "o"),
+        ("first name and location correct", "first", _GREEN, "^"),
         ("confidently wrong", "confidently_wrong", _ORANGE, "v"),
     )
     there = strengths(cases)
@@ -107,7 +107,7 @@ def naming_picture(cases: Sequence[Judged]) -> Figure:
 
 
 def reliability_picture(cases: Sequence[Judged]) -> Figure:
-    """How often an effect is true against the probability that was given to it.
+    """Draw the fraction of correct names against their stated probability.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def reliability_picture(cases: Sequence[Judged]) -> Figure:
     ax: Axes = axes[0, 0]
     ax.plot([0, 1], [0, 1], color=_GREY, linewidth=0.8, linestyle=(0, (4, 3)))
     ways = (
-        ("nothing said to be unexplained", False, _BLUE, "o"),
+        ("documents with nothing unexplained", False, _BLUE, "o"),
         ("all documents", True, _ORANGE, "s"),
     )
     for label, flagged, colour, marker in ways:
@@ -133,7 +133,7 @@ def reliability_picture(cases: Sequence[Judged]) -> Figure:
     ax.set_xlim(-0.02, 1.02)
     ax.set_ylim(-0.02, 1.02)
     ax.set_aspect("equal")
-    ax.set_xlabel("probability given")
-    ax.set_ylabel("share that is true")
+    ax.set_xlabel("stated probability")
+    ax.set_ylabel("fraction correct")
     figure.legend(loc="outside upper center", ncols=2, fontsize=7)
     return figure

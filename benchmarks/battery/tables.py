@@ -46,7 +46,7 @@ _WITHIN = "within two tolerances"
 
 
 def percent(one: Share) -> str:
-    """Share in per cent with Wilson's interval; nothing for nothing."""
+    """Format a proportion in per cent with Wilson's interval; empty without cases."""
     if one.of == 0:
         return ""
     low, high = one.interval
@@ -62,17 +62,17 @@ def _strong(cases: Sequence[Judged], least: float = ABOVE_THE_FLOOR) -> list[Jud
 
 
 def flagged_outside(cases: Sequence[Judged]) -> Share:
-    """Cases outside the list that are said to be unexplained."""
+    """Count unlisted faults that are reported as unexplained."""
     return counted([one.flagged for one in cases if one.verdict != "refused"])
 
 
 def misnamed_outside(cases: Sequence[Judged]) -> Share:
-    """Cases outside the list with a name of probability 0.9 or more and no such word."""
+    """Count unlisted faults that are named with a probability of at least 0.9 and not flagged."""
     return counted([one.confidently_wrong for one in cases if one.verdict != "refused"])
 
 
 def short_answer(cases: Sequence[Judged]) -> str:
-    """Every figure that is asked for, in one table."""
+    """Return the summary table."""
     groups = by_group(cases)
     rows: list[list[str]] = []
 
@@ -83,16 +83,18 @@ def short_answer(cases: Sequence[Judged]) -> str:
     for group in GROUPS[:4]:
         add(f"false alarms: {_lower(group.title)}", false_alarm(groups[group]))
     clutter = _of(groups, "clutter")
-    add("a little of everything: something is named or unexplained", false_alarm(clutter))
-    add("a little of everything: confidently named", naming(clutter).confidently_wrong)
+    add("deviations within tolerance: named or unexplained", false_alarm(clutter))
+    add("deviations within tolerance: confidently named", naming(clutter).confidently_wrong)
     one_effect = _of(groups, "single")
     above, weak = naming(_strong(one_effect)), naming(_weak(one_effect))
-    add("one effect of noncentrality 40 or more: right name and place first", above.first)
-    add("the same: right equivalence class first", above.of_class)
+    add("one effect of noncentrality 40 or more: first name and location correct", above.first)
+    add("the same: first name's class correct", above.of_class)
     add("the same: confidently wrong", above.confidently_wrong)
-    add("one effect of noncentrality 10: right equivalence class first", weak.of_class)
+    add("one effect of noncentrality 10: first name's class correct", weak.of_class)
     cluttered = naming(_of(groups, "in-clutter"))
-    add("one effect among a little of everything: right class first", cluttered.of_class)
+    add(
+        "one effect and deviations within tolerance: first name's class correct", cluttered.of_class
+    )
     two_effects = _strong(_of(groups, "pair"))
     pairs = naming(two_effects)
     add("two effects: both found", pairs.every)
@@ -100,35 +102,35 @@ def short_answer(cases: Sequence[Judged]) -> str:
     plain = [one for one in two_effects if _beyond(one) != _WITHIN]
     add("two effects, both beyond two tolerances: both found", naming(plain).every)
     outside = _strong(_of(groups, "outside"))
-    add("not in the list: said to be unexplained", flagged_outside(outside))
-    add("not in the list: confidently misnamed", misnamed_outside(outside))
+    add("fault outside the list: reported as unexplained", flagged_outside(outside))
+    add("fault outside the list: confidently misnamed", misnamed_outside(outside))
     gap = closed([*one_effect, *_of(groups, "pair")])
     if gap.cases:
         low, high = gap.median_interval
         words = f"{100 * gap.median:.1f} ({100 * low:.1f}–{100 * high:.1f}) %"
-        rows.append(["held-out gap above the floor that is closed, median", words, str(gap.cases)])
+        rows.append(["fraction of the held-out gap that is closed, median", words, str(gap.cases)])
         low, high = gap.tenth_interval
         words = f"{100 * gap.tenth:.1f} ({100 * low:.1f}–{100 * high:.1f}) %"
         rows.append(["the same, 10th percentile", words, str(gap.cases)])
-        add("held-out gap made worse", gap.worse)
+        add("held-out gap increased", gap.worse)
     for name, (before, after, _) in coverage(_strong(one_effect)).items():
-        add(f"95 % intervals of {name} that hold, before naming", before)
-        add(f"95 % intervals of {name} that hold, after naming", after)
-    for name, flagged in (("of all names", True), ("of names with nothing left beside", False)):
+        add(f"coverage of the 95 % interval of {name}, before naming", before)
+        add(f"coverage of the 95 % interval of {name}, after naming", after)
+    for name, flagged in (("of all names", True), ("of names with nothing unexplained", False)):
         pairs_of = probabilities(cases, flagged)
         if pairs_of:
             error, chance = calibration_error(pairs_of)
-            words = f"{error:.3f} (honest ones: below {chance:.3f} in 95 %)"
+            words = f"{error:.3f} (if calibrated: below {chance:.3f} with 95 %)"
             title = f"expected calibration error of the probabilities {name}"
             rows.append([title, words, str(len(pairs_of))])
     seconds = [one.seconds for one in cases]
-    rows.append(["seconds a diagnosis, median and 95th percentile",
+    rows.append(["seconds per diagnosis, median and 95th percentile",
                  f"{np.median(seconds):.1f}, {np.quantile(seconds, 0.95):.1f}",
                  str(len(seconds))])  # fmt: skip
     for verdict in ("refused", "error"):
         there = sum(one.verdict == verdict for one in cases)
         if there:
-            words = "refused" if verdict == "refused" else "broke down"
+            words = "refused" if verdict == "refused" else "failed"
             rows.append([f"diagnoses that {words}", str(there), str(len(cases))])
     return table(["figure", "found", "cases"], rows)
 
@@ -141,7 +143,7 @@ def _weak(cases: Sequence[Judged]) -> list[Judged]:
     return [one for one in cases if 0.0 < one.truth.strength < ABOVE_THE_FLOOR]
 
 
-_NAMING_HEAD = ("cases", "noticed", "name", "name and place", "class", "all found",
+_NAMING_HEAD = ("cases", "detected", "name", "name and location", "class", "all found",
                 "exactly", "confidently wrong")  # fmt: skip
 
 
@@ -152,7 +154,7 @@ def _naming_cells(cases: Sequence[Judged]) -> list[str]:
 
 
 def by_strength(cases: Sequence[Judged]) -> str:
-    """Naming by kind of case and strength."""
+    """Tabulate naming by kind of case and strength."""
     rows = []
     for group, there in by_group(cases).items():
         if group.key not in ("single", "in-clutter", "misstated-single", "pair"):
@@ -164,7 +166,7 @@ def by_strength(cases: Sequence[Judged]) -> str:
 
 
 def by_effect(cases: Sequence[Judged]) -> str:
-    """Naming of single effects well above the floor, an effect a row."""
+    """Tabulate naming of single effects well above the floor, one effect per row."""
     there = _strong(_of(by_group(cases), "single"))
     rows = []
     for name in EFFECTS:
@@ -175,7 +177,7 @@ def by_effect(cases: Sequence[Judged]) -> str:
 
 
 def by_condition(cases: Sequence[Judged]) -> str:
-    """Naming of single effects well above the floor, and false alarms, by terrain and the like."""
+    """Tabulate naming of single effects and false alarms by terrain, car, noise and size."""
     groups = by_group(cases)
     there, nulls = _strong(_of(groups, "single")), _of(groups, "null")
     ways: tuple[tuple[str, Callable[[Judged], str]], ...] = (
@@ -192,11 +194,11 @@ def by_condition(cases: Sequence[Judged]) -> str:
             alarms = false_alarm([one for one in nulls if of(one) == value])
             rows.append([f"{way}: {value}", str(len(own)), percent(n.first), percent(n.of_class),
                          percent(alarms)])  # fmt: skip
-    return table(["condition", "cases", "name and place", "class", "false alarms"], rows)
+    return table(["condition", "cases", "name and location", "class", "false alarms"], rows)
 
 
 def _beyond(one: Judged) -> str:
-    """Say whether all effects are larger than what a data sheet leaves open, where it says."""
+    """Classify effects as beyond or within two tolerances; empty without a tolerance."""
     known = [effect for effect in one.truth.effects if effect.tolerance > 0.0]
     if not known:
         return ""
@@ -205,7 +207,7 @@ def _beyond(one: Judged) -> str:
 
 
 def outside_table(cases: Sequence[Judged]) -> str:
-    """Tell what is said about things that are not in the list, a thing a row."""
+    """Tabulate the results for unlisted faults, one fault per row."""
     there = _strong(_of(by_group(cases), "outside"))
     rows = []
     for name in OUTSIDE:
@@ -218,12 +220,12 @@ def outside_table(cases: Sequence[Judged]) -> str:
         words = ", ".join(f"{what} {n}" for what, n in sorted(said.items(), key=lambda x: -x[1]))
         rows.append([name, str(len(own)), percent(flagged_outside(own)),
                      percent(misnamed_outside(own)), words])  # fmt: skip
-    return table(["thing", "cases", "unexplained, %", "confidently misnamed, %", "said first"],
+    return table(["fault", "cases", "unexplained, %", "confidently misnamed, %", "reported first"],
                  rows)  # fmt: skip
 
 
 def gap_table(cases: Sequence[Judged]) -> str:
-    """Share of the held-out gap closed, by strength."""
+    """Tabulate the fraction of the held-out gap that is closed, by strength."""
     rows = []
     for group, there in by_group(cases).items():
         if group.key not in ("single", "in-clutter", "pair"):
@@ -239,7 +241,7 @@ def gap_table(cases: Sequence[Judged]) -> str:
 
 
 def coverage_table(cases: Sequence[Judged]) -> str:
-    """Coverage of 95 % intervals before and after naming, by kind."""
+    """Tabulate the coverage of 95 % intervals before and after naming."""
     rows = []
     for group, there in by_group(cases).items():
         if group.key == "outside":
@@ -259,7 +261,7 @@ def coverage_table(cases: Sequence[Judged]) -> str:
     return table(["kind, noncentrality", "cases", *head, "widest after"], rows)
 
 
-# How the size of an effect is shown: parameter, value of none, factor, unit.
+# Display of effect sizes: parameter, value without the effect, factor, unit.
 _SHOWN = {
     "bound_rebound": ("ratio", 1.0, 100.0, "%"),
     "digressive_damper": ("knee", 0.0, 1.0, "m/s"),
@@ -280,7 +282,7 @@ _SHOWN = {
 
 
 def sizes_table(cases: Sequence[Judged]) -> str:
-    """Give the strengths in the effect's own words: median size by strength."""
+    """Tabulate the median size of each effect by strength."""
     there = _of(by_group(cases), "single")
     columns = strengths(there)
     rows = []
@@ -291,7 +293,7 @@ def sizes_table(cases: Sequence[Judged]) -> str:
                 factor * abs(e.parameters[key] - none)
                 for one in single(there, strength)
                 for e in one.truth.effects
-                # a tone of one channel is no force
+                # a tone of one channel is not a force
                 if e.name == name and not (unit == "N" and e.where in CHANNELS)
             ]
             cells.append(f"{np.median(sizes):.2g}" if sizes else "")
@@ -300,7 +302,7 @@ def sizes_table(cases: Sequence[Judged]) -> str:
 
 
 def summary_row(name: str, cases: Sequence[Judged]) -> list[str]:
-    """One line of what matters most, for comparisons: an ablation, a version."""
+    """Return one row of main figures, to compare ablations or versions."""
     groups = by_group(cases)
     above = naming(_strong(_of(groups, "single")))
     outside = _strong(_of(groups, "outside"))
@@ -322,6 +324,6 @@ def summary_row(name: str, cases: Sequence[Judged]) -> list[str]:
 
 
 SUMMARY_HEAD = (
-    "", "cases", "false alarms", "clutter misnamed", "name and place", "class",
+    "", "cases", "false alarms", "tolerances misnamed", "name and location", "class",
     "outside flagged", "outside misnamed", "gap closed", "calibration error", "seconds",
 )  # fmt: skip

@@ -115,14 +115,10 @@ class Cell:
         return np.random.default_rng([seed, zlib.crc32(self.name.encode()), run])
 
 
-DECLARED_400: Final = Group(
-    "declared-400", "Known values within their deviations, 400 Hz", "nominal"
-)
-DECLARED_800: Final = Group(
-    "declared-800", "Known values within their deviations, 800 Hz", "nominal"
-)
-EXACT_400: Final = Group("exact-400", "Known values exact, 400 Hz", "nominal")
-EXACT_800: Final = Group("exact-800", "Known values exact, 800 Hz", "nominal")
+DECLARED_400: Final = Group("declared-400", "Given values with declared errors, 400 Hz", "nominal")
+DECLARED_800: Final = Group("declared-800", "Given values with declared errors, 800 Hz", "nominal")
+EXACT_400: Final = Group("exact-400", "Given values exact, 400 Hz", "nominal")
+EXACT_800: Final = Group("exact-800", "Given values exact, 800 Hz", "nominal")
 
 
 def _cells() -> tuple[Cell, ...]:
@@ -138,21 +134,21 @@ def _cells() -> tuple[Cell, ...]:
         out.extend(Cell(group, t, runs=runs, **what) for t in TERRAIN_NAMES)  # type: ignore[arg-type]
 
     for rate in (200, 100):
-        add(f"declared-{rate}", f"Known values within their deviations, {rate} Hz", rate=rate)
+        add(f"declared-{rate}", f"Given values with declared errors, {rate} Hz", rate=rate)
     for group, hertz in ((EXACT_400, 400.0), (EXACT_800, 800.0)):
         out += [Cell(group, t, rate=hertz, runs=100, exact=True) for t in TERRAIN_NAMES]
-    add("half-noise", "Half the noise, declared", noise=0.5)
-    add("double-noise", "Twice the noise, declared", noise=2.0)
+    add("half-noise", "Half the usual noise, declared", noise=0.5)
+    add("double-noise", "Twice the usual noise, declared", noise=2.0)
     honest: Rule = "at least 90 %"
-    add("less-noise", "Noise 0.8 times what is declared", honest, misstated=0.8)
-    add("more-noise", "Noise 1.2 times what is declared", honest, misstated=1.2)
+    add("less-noise", "Noise 0.8 times the declared value", honest, misstated=0.8)
+    add("more-noise", "Noise 1.2 times the declared value", honest, misstated=1.2)
     for rate in (400, 800):
         add(f"white-{rate}", f"White sensor noise, {rate} Hz", honest, rate=rate, white=True)
-    add("engine", "An engine on the frame", honest, engine=True)
+    add("engine", "Engine on the frame", honest, engine=True)
     add("uneven", "Uneven time stamps and lost rows", uneven=True)
-    add("clocks", "Two boards with clocks of their own", clocks=True)
+    add("clocks", "Two boards with separate clocks", clocks=True)
     add("clipped", "A few clipped samples", clipped=True)
-    out.append(Cell(Group("model", "Drawn from the model itself"), MODEL, runs=1000, checked=20))
+    out.append(Cell(Group("model", "Draws from the model"), MODEL, runs=1000, checked=20))
     return tuple(out)
 
 

@@ -79,7 +79,7 @@ def write_page(folder: Path, docs: Path) -> None:
         parts = [INTRODUCTION, *_rig_parts(found, results, beside)]
         parts += _model_parts(results, beside)
     parts += [BOUND, HOW + _sampling(found, results)]
-    parts += ["## What falls short\n\n" + _falls_short(found) + LIMITS, _origin(results)]
+    parts += ["## Limitations\n\n" + _falls_short(found) + LIMITS, _origin(results)]
     write_atomically(str(docs / "calibration.md"), "\n".join(parts).encode("utf-8"))
     write_atomically(str(folder / "coverage.csv"), csv(found).encode("utf-8"))
 
@@ -89,10 +89,12 @@ def _rig_parts(found: dict[str, Summary], results: dict[str, Results], beside: P
         return []
     held = verdicts(found)
     settled = [v for v in held if v.settled]
-    words = f"{sum(v.met for v in settled)} of {len(settled)} demands are met."
+    words = (
+        f"{sum(v.met for v in settled)} of the {len(settled)} criteria with enough runs are met."
+    )
     if len(settled) < len(held):
-        words += f" {len(held) - len(settled)} more have too few runs to tell."
-    parts = [f"## Short answer\n\n{words}\n\n" + verdict_table(held)]
+        words += f" {len(held) - len(settled)} further criteria have too few runs for a verdict."
+    parts = [f"## Summary\n\n{words}\n\n" + verdict_table(held)]
     pictures.save(pictures.coverage_picture(found, 0.95), beside / "coverage.png")
     parts.append("![Coverage of 95 % intervals by condition, terrain and quantity]"
                  "(calibration/coverage.png)\n")  # fmt: skip
@@ -104,7 +106,7 @@ def _rig_parts(found: dict[str, Summary], results: dict[str, Results], beside: P
     if rest:
         parts.append(
             "## Other conditions\n\nCoverage of 95 % intervals; the ratio is that of the widest "
-            "quantity. All levels are in `benchmarks/results/calibration/coverage.csv`.\n\n"
+            "quantity. `benchmarks/results/calibration/coverage.csv` has all levels.\n\n"
             + conditions_table(found, rest)
         )
     return parts
@@ -113,7 +115,7 @@ def _rig_parts(found: dict[str, Summary], results: dict[str, Results], beside: P
 def _in_full(
     found: dict[str, Summary], results: dict[str, Results], groups: tuple[Group, ...], file: Path
 ) -> list[str]:
-    """Tables of all levels, and a picture of the whole distribution of places."""
+    """Return tables of all levels, and a figure of the distribution of posterior probabilities."""
     there = {name: s for name, s in found.items() if s.cell.group in groups}
     parts = [
         f"## {group.title}\n\n" + full_table(found, group)
@@ -129,9 +131,10 @@ def _in_full(
         picture = pictures.curves(panels, len(TERRAIN_NAMES), alpha, legend=True)
         pictures.save(picture, file)
         parts.append(
-            "Not only 95 %: each curve is the share of runs whose truth lies below a place in the "
-            "posterior, less what it should be. Within the grey band of its panel every level "
-            "keeps its promise.\n\n![Distribution of the truth's place in the posterior]"
+            "All levels: each curve is the empirical distribution function of the posterior "
+            "probability below the true value, minus the uniform one. Within the grey band of a "
+            "panel the coverage of every level is consistent with its nominal value.\n\n"
+            "![Distribution of the posterior probability below the true value]"
             f"(calibration/{file.name})\n"
         )
     return parts
@@ -156,12 +159,13 @@ def _model_parts(results: dict[str, Results], beside: Path) -> list[str]:
         coloured = sum(row.colour > 0 for row in there.rows)
         parts.append(
             f"{MODEL_DRAWS}\n{len(there.rows)} draws at {cell.rate:g} Hz, a quarter on the wheels "
-            f"of each terrain. The product would have refused {refused} of them, and took "
-            f"{coloured} for coloured.\n\n" + model_table(cell, there)
+            f"of each terrain. The estimator would have refused {refused} of them, and fitted "
+            f"coloured residuals in {coloured}.\n\n" + model_table(cell, there)
         )
         parts.append(
-            f"![Places of the truth, distribution functions](calibration/{cell.name}-places.png)\n"
-            f"\n![Places of the truth, histograms](calibration/{cell.name}-ranks.png)\n"
+            "![Posterior probabilities, distribution functions]"
+            f"(calibration/{cell.name}-places.png)\n\n![Posterior probabilities, histograms]"
+            f"(calibration/{cell.name}-ranks.png)\n"
         )
     return parts
 
@@ -170,17 +174,17 @@ def _sampling(found: dict[str, Summary], results: dict[str, Results]) -> str:
     how = Counter(row.how for one in results.values() for row in one.rows if row.places)
     total = sum(how.values())
     by = ", ".join(
-        f"{count} {'of the ensembles' if key == 'ensembles' else f'with {key} draws'}"
+        f"{count} {'from the ensembles' if key == 'ensembles' else f'with {key} draws'}"
         for key, count in sorted(how.items(), key=lambda item: -item[1])
     )
     middle = float(np.median([s.effective for s in found.values()])) if found else 0.0
-    text = f"\nOf {total} posteriors, {by}; effective number in the middle {middle:.0f}.\n"
+    text = f"\nOf {total} posteriors, {by}; median effective number {middle:.0f}.\n"
     same = agreement(results)
     if same is not None:
         text += (
-            f"\n{same.runs} recordings were also sampled by the product's own ensembles. The "
-            f"places of the truth differ by {same.place:.3f} (root mean square, largest "
-            f"{same.largest:.3f}), the widths by {100 * same.width:.1f} % in the middle.\n"
+            f"\n{same.runs} recordings were also sampled by the estimator's ensembles. The "
+            f"posterior probabilities differ by {same.place:.3f} (root mean square, largest "
+            f"{same.largest:.3f}), the widths by {100 * same.width:.1f} % (median).\n"
         )
     return text
 
@@ -192,8 +196,8 @@ def _falls_short(found: dict[str, Summary]) -> str:
     fewer = [name for name, s in found.items() if s.runs < s.cell.runs]
     if fewer:
         lines.append(
-            f"- {len(fewer)} cells hold fewer runs than the full bench asks for; what their tests "
-            "do not reject may still be off by several per cent.\n"
+            f"- {len(fewer)} cells have fewer runs than the full benchmark requires; a coverage "
+            "that their tests do not reject may still be off by several per cent.\n"
         )
     return "".join(lines)
 
@@ -202,10 +206,14 @@ def _origin(results: dict[str, Results]) -> str:
     about = dict.fromkeys(one for there in results.values() for one in there.about)
     lines = [
         f"- seed {one.seed}, commit {one.commit}, {one.versions}" for one in about
-    ]  # one line as a rule; several when cells were done again later
+    ]  # several lines if cells were repeated later
     return (
-        "## Do it again\n\n```sh\npython -m benchmarks.calibration            # hours; goes on "
+        "## Reproduce\n\n```sh\npython -m benchmarks.calibration            # hours; resumes "
         "where it was stopped\npython -m benchmarks.calibration --report   # this page\n```\n\n"
-        "`--list` names the cells, `--cells engine --runs 100 --out FOLDER` does some of them. "
-        "The same seed draws the same runs.\n\n" + "\n".join(lines) + "\n" + SOURCES
+        "`--list` lists the cells, `--cells engine --runs 100 --out FOLDER` runs some of them. "
+        "The same seed draws the same runs. The figures above belong to the versions listed "
+        "here; later versions were not run through this benchmark.\n\n"
+        + "\n".join(lines)
+        + "\n"
+        + SOURCES
     )

@@ -112,7 +112,7 @@ def coverage_picture(found: Mapping[str, Summary], level: float) -> Figure:
         for t in TERRAIN_NAMES
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4)
-    figure.supxlabel(f"intervals of {100 * level:.0f} % that hold the truth, %", fontsize=8)
+    figure.supxlabel(f"coverage of {100 * level:.0f} % intervals, %", fontsize=8)
     return figure
 
 
@@ -153,8 +153,8 @@ def curves(
     if legend:
         handles, labels = axes.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
-    figure.supxlabel("posterior probability below the truth", fontsize=8)
-    figure.supylabel("share of runs below, less the diagonal", fontsize=8)
+    figure.supxlabel("posterior probability below the true value", fontsize=8)
+    figure.supylabel("empirical minus uniform distribution function", fontsize=8)
     return figure
 
 
@@ -180,7 +180,7 @@ def ranks(panels: Mapping[str, Array], columns: int, alpha: float) -> Figure:
         ax.set_xlim(0.0, 1.0)
         ax.set_xticks([0.0, 0.5, 1.0], ["0", "0.5", "1"])
         ax.set_ylim(0.0, 1.15 * max(high, float(np.histogram(places, BINS, (0.0, 1.0))[0].max())))
-    figure.supxlabel("posterior probability below the truth", fontsize=8)
+    figure.supxlabel("posterior probability below the true value", fontsize=8)
     figure.supylabel("runs", fontsize=8)
     return figure
 

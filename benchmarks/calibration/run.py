@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.estimate import estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.posterior.sampler import run_ensembles

@@ -219,7 +219,7 @@ def _fewest(cells: list[Summary]) -> int:
 
 def _nominal(found: dict[str, Summary], group: Group, level: float, runs: int) -> Verdict:
     p = adjusted(found, group, level)
-    asked = f"{100 * level:.0f} % on bump, rough and rollers, no test rejects (Holm, 5 %)"
+    asked = f"coverage {100 * level:.0f} % on bump, rough and rollers, no test rejects (Holm, 5 %)"
     terrain, name = min(
         p, key=lambda key: (p[key], found[f"{group.key}-{key[0]}"].coverage[key[1], level].p)
     )
@@ -231,7 +231,7 @@ def _nominal(found: dict[str, Summary], group: Group, level: float, runs: int) -
 def _least(group: Group, cells: list[Summary], least: float, where: str) -> Verdict:
     every = [(s.coverage[n, 0.95], n, s.cell.terrain) for s in cells for n in judged(s.cell)]
     worst, name, terrain = min(every, key=lambda one: one[0].share)
-    asked = f"at least {100 * least:.0f} % of 95 % intervals {where}"
+    asked = f"coverage of 95 % intervals at least {100 * least:.0f} % {where}"
     words = f"{_share(worst)}, {name}, {terrain}"
     return Verdict(group, asked, worst.share >= least, words, _fewest(cells))
 

@@ -29,24 +29,24 @@ __all__ = [
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Markdown table; the first column is text, the others are numbers."""
+    """Format a Markdown table; the first column is text, the others are numbers."""
     rule = ["---", *("---:" for _ in head[1:])]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *rows)) + "\n"
 
 
 def percent(one: Coverage) -> str:
-    """Share in per cent with Jeffreys' interval."""
+    """Format a coverage in per cent with Jeffreys' interval."""
     low, high = one.interval
     return f"{100 * one.share:.1f} ({100 * low:.1f}–{100 * high:.1f})"
 
 
 def verdict_table(verdicts: Sequence[Verdict]) -> str:
-    """Say what is asked of each group, and whether it is met."""
+    """Tabulate the criteria of each group and whether they are met."""
     rows = []
     for v in verdicts:
         met = ("yes" if v.met else "**no**") if v.settled else f"too few runs ({v.runs})"
         rows.append([v.group.title, v.asked, met, v.found])
-    text = table(["drives", "asked", "met", "worst found"], rows)
+    text = table(["drives", "criterion", "met", "worst result"], rows)
     return text.replace("---:", "---")
 
 
@@ -119,8 +119,8 @@ def deviating(found: Mapping[str, Summary]) -> list[str]:
                 one = found[f"{group.key}-{terrain}"].coverage[name, level]
                 side = "too narrow" if one.share < level else "too wide"
                 out.append(
-                    f"{group.title}, {terrain}, {name}: intervals of {100 * level:.0f} % hold the "
-                    f"truth in {percent(one)} %, {side} (adjusted p {p:.2g})"
+                    f"{group.title}, {terrain}, {name}: {100 * level:.0f} % intervals contain the "
+                    f"true value in {percent(one)} %, {side} (adjusted p {p:.2g})"
                 )
     return out
 
@@ -133,7 +133,7 @@ def model_table(cell: Cell, results: Results) -> str:
         p = departure(x)
         uniform = "yes" if p >= 0.05 / len(there) else "**no**"
         rows.append([name, percent(coverage(x, 0.95)), f"{p:.3f}", uniform])
-    return table([cell.group.title.lower(), "95 % intervals that hold, %", "p", "uniform"], rows)
+    return table([cell.group.title.lower(), "coverage of 95 % intervals, %", "p", "uniform"], rows)
 
 
 def csv(found: Mapping[str, Summary]) -> str:

@@ -1,8 +1,8 @@
-"""What a linear half car says of a real car on the road, drive against drive.
+"""Estimates, consistency and predictions of the linear half car on drives of a real car.
 
 ``python -m benchmarks.roomster [FOLDER]`` reads the drives (by default from
 ``../shared/data/roomster``), writes ``benchmarks/results/roomster.json``, the tables of
-``docs/roomster.md`` and its picture.  ``--report`` writes tables and picture again.
+``docs/roomster.md`` and its figure.  ``--report`` only writes tables and figure again.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ SHOWN = ("04_1", "10_1", 20.0, 26.0)  # learnt from, predicted, s
 
 
 def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
-    """Everything that is asked of the drives."""
+    """Compute all results of the drives."""
 
-    def tell(words: str) -> None:
+    def report(words: str) -> None:
         print(words, file=sys.stderr, flush=True)
 
     out: Row = {"below": of.BELOW, "full_band": {}, "coherence": {}, "halves": {}, "bands": {}}
     lines, runs = {}, {}
     for name, recording in drives.items():
-        tell(f"drive {name}")
+        report(f"drive {name}")
         lines[name], runs[name] = of.run_of(recording, vehicle, seed)
     out["posterior"] = {name: of.posterior_row(lines[name], run) for name, run in runs.items()}
     worked = [runs[name] for name in of.WORKED_ON]
     for name in of.WORKED_ON:
-        tell(f"bands and halves of {name}")
+        report(f"bands and halves of {name}")
         best = runs[name].fit.space.cars(runs[name].fit.mode.z[None])[0]
         out["coherence"][name] = of.coherence_row(drives[name], vehicle, best)
         out["full_band"][name] = of.at_full_band(drives[name], vehicle)
@@ -65,7 +65,7 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
             f"{below:g}": of.posterior_row(*of.run_of(drives[name], vehicle, seed, below))
             for below in BANDS
         }
-    tell("between drives")
+    report("between drives")
     agreement = compare_runs(worked, 10000, seed)
     plain, counted = of.between(worked, counted=False), of.between(worked, counted=True)
     mean_car = agreement.quantities(agreement.population.centre, seed)
@@ -87,7 +87,7 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
     out["variants"] = {}
     chosen, cut = [], []
     for name in of.WORKED_ON:
-        tell(f"lags and gains of {name}")
+        report(f"lags and gains of {name}")
         row, asked = of.variants(drives[name], vehicle, seed)
         out["variants"][name] = row
         cut.append(asked.pop(of.CUT))
@@ -97,7 +97,7 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
     for what, those in (("best_variants", chosen), ("ends_cut", cut)):
         counted = of.between(those, counted=True)
         out["between"][what] = {"q": counted.q, "p": counted.p}
-    tell("prediction")
+    report("prediction")
     out["prediction"] = {}
     for name in drives:  # what 02 and 10 teach is used for nothing but their own columns
         cars = runs[name].fit.space.cars(runs[name].z)

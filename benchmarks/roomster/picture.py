@@ -1,4 +1,4 @@
-"""Picture of ``docs/roomster.md``: the bound, the drives, and one predicted from another."""
+"""Figure of ``docs/roomster.md``: coherence bound, drives, and a prediction between drives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FRONT, REAR, GREY = "#1b6ca8", "#c0392b", "#555555"
 
 
 def draw_picture(result: Row) -> None:
-    """Draw the picture from the results."""
+    """Draw the figure from the results."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -42,7 +42,7 @@ def draw_picture(result: Row) -> None:
 
 
 def _bound(axes: Any, result: Row) -> None:
-    """Draw what any linear relation and the half car leave over, by frequency."""
+    """Draw the residual power of any linear relation and of the half car over frequency."""
     rows = result["coherence"]
     edges = np.array([band[0] for band in rows[WORKED_ON[0]]["bands"]] + [20.0])
     for axle, (word, colour) in enumerate((("front", FRONT), ("rear", REAR))):
@@ -58,8 +58,8 @@ def _bound(axes: Any, result: Row) -> None:
     axes.axvline(result["below"], color=GREY, lw=0.9, ls=":")
     axes.text(result["below"] * 1.04, 108, "band used", color=GREY, fontsize=8)
     axes.set(
-        xscale="log", xlabel="frequency, Hz", ylabel="power left over, %", ylim=(0, 115),
-        title="What the wheels do not explain (mean of four drives)",
+        xscale="log", xlabel="frequency, Hz", ylabel="residual power, %", ylim=(0, 115),
+        title="Unexplained chassis power, mean of four drives",
     )  # fmt: skip
     axes.set_xticks([0.5, 1, 2, 4, 8, 16], ["0.5", "1", "2", "4", "8", "16"])
     axes.minorticks_off()
@@ -67,7 +67,7 @@ def _bound(axes: Any, result: Row) -> None:
 
 
 def _drives(axes: Any, result: Row, name: str, words: str, named: bool) -> None:
-    """Draw each drive's 95 % interval, and the mean car's with the spread between drives."""
+    """Draw the 95 % interval of each drive, and that of the mean car with the random effects."""
     for k, drive in enumerate(WORKED_ON):
         row = result["posterior"][drive][name]
         axes.plot([k, k], row["eti95"], color=GREY, lw=1.2)
@@ -85,19 +85,19 @@ def _drives(axes: Any, result: Row, name: str, words: str, named: bool) -> None:
     high = max(result["posterior"][drive][name]["eti95"][1] for drive in WORKED_ON)
     axes.set_ylim(low - 0.08 * (high - low), high + (0.45 if named else 0.08) * (high - low))
     if named:
-        axes.plot([], [], color=GREY, lw=1.2, label="all free")
-        axes.plot([], [], color=FRONT, lw=4.5, alpha=0.75, label="given held")
+        axes.plot([], [], color=GREY, lw=1.2, label="givens free")
+        axes.plot([], [], color=FRONT, lw=4.5, alpha=0.75, label="givens fixed")
         axes.fill_between([], [], color=REAR, alpha=0.2, label="mean car")
         axes.legend(fontsize=7, frameon=False, loc="upper left")
 
 
 def _predicted(axes: Any, shown: Row, axle: str) -> None:
-    """Draw measured readings and the predictive band of a car that another drive gave."""
+    """Draw measured readings and the predictive band of a model estimated from another drive."""
     time, row = np.array(shown["time"]), shown[axle]
     mean, sd = np.array(row["mean"]), np.array(row["sd"])
     colour = FRONT if axle == "front" else REAR
     axes.fill_between(time, mean - 1.96 * sd, mean + 1.96 * sd, color=colour, alpha=0.18, lw=0)
-    axes.plot(time, mean, color=colour, lw=1.4, label=f"car of drive {shown['from']}")
+    axes.plot(time, mean, color=colour, lw=1.4, label=f"model of drive {shown['from']}")
     axes.plot(
         row["read_at"], row["measured"], "k.", ms=4, label=f"measured in drive {shown['drive']}"
     )

@@ -1,4 +1,4 @@
-"""Tables of ``docs/roomster.md``, written between its marks from the results."""
+"""Tables of ``docs/roomster.md``, written between its markers from the results."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ BANDS = ("3", "4", "6")
 
 
 def write_tables(result: Row) -> None:
-    """Put every table between its two marks; the page must have all of them.
+    """Write every table between its two markers in the page.
 
     Raises
     ------
     ValueError
-        When a mark is missing.
+        If a marker is missing.
     """
     text = PAGE.read_text(encoding="utf-8")
     for name, table in tables(result).items():
         found = re.findall(rf"<!-- {name} -->\n(.*?)<!-- end {name} -->", text, re.DOTALL)
         if len(found) != 1:
-            raise ValueError(f"{PAGE}: mark {name} is there {len(found)} times")
+            raise ValueError(f"{PAGE}: marker {name} occurs {len(found)} times")
         marks = (f"<!-- {name} -->\n", f"<!-- end {name} -->")
         text = text.replace(f"{marks[0]}{found[0]}{marks[1]}", f"{marks[0]}{table}{marks[1]}")
     write_atomically(PAGE, text.encode("utf-8"))
 
 
 def tables(result: Row) -> dict[str, str]:
-    """Every table of the page by the name of its mark."""
+    """Return every table of the page by the name of its marker."""
     return {
         "coherence": _coherence(result["coherence"]),
         "posterior": _posterior(result["posterior"]),
@@ -67,7 +67,7 @@ def _coherence(rows: Row) -> str:
 
 def _posterior(rows: Row) -> str:
     head = ["drive", "s", "c_f/m, 1/s", "c_r/m, 1/s", "i/m, m²", "k_f/m, 1/s²", "k_r/m, 1/s²",
-            "c_f, N·s/m", "c_r, N·s/m", "i, kg·m²", "share", "left front, rear"]  # fmt: skip
+            "c_f, N·s/m", "c_r, N·s/m", "i, kg·m²", "power λ", "residual front, rear"]  # fmt: skip
     out = []
     for name, row in rows.items():
         share = row["share"]
@@ -100,7 +100,7 @@ def _bands(rows: Row) -> str:
 
 
 def _widths(result: Row) -> str:
-    head = ["what is compared", "q / contrasts, all readings", "q / contrasts, counted"]
+    head = ["comparison", "χ² / contrasts, full likelihood", "χ² / contrasts, with power λ"]
     out = []
     plain = counted = freedom = 0.0
     for name, row in result["halves"].items():
@@ -113,7 +113,7 @@ def _widths(result: Row) -> str:
     out.append(_ratio_row("the four drives", every, some, found["freedom"]))
     for key, words in (
         ("ends_cut", "the four drives without their ends"),
-        ("best_variants", "the four drives, each with the lag or gain that fits best"),
+        ("best_variants", "the four drives, each with the best-fitting lag or gain"),
     ):
         out.append([words, "–", f"{found[key]['q'] / found['freedom']:.1f} (of 9)"])
     return _table(head, out)
@@ -124,7 +124,7 @@ def _ratio_row(name: str, plain: float, counted: float, freedom: float) -> list[
 
 
 def _between(found: Row) -> str:
-    head = ["", "own deviation", "deviation from drive to drive (95 %)", "mean car (95 %)"]
+    head = ["", "own sd", "sd between drives (95 %)", "mean car (95 %)"]
     out = []
     for name, unit in (("c_f", "N·s/m"), ("c_r", "N·s/m"), ("i", "kg·m²")):
         low, middle, high = found["spread_percent"][name]
@@ -158,8 +158,8 @@ def _variants(rows: Row) -> str:
 
 
 def _prediction(rows: Row) -> str:
-    head = ["learnt from", "predicted", "car", "own car", "filter", "stiff", "inside 50 %",
-            "inside 95 %", "gain over filter", "gain over nothing"]  # fmt: skip
+    head = ["estimated from", "predicted", "model", "own model", "linear filter", "rigid",
+            "within 50 %", "within 95 %", "gain over filter", "gain over zero"]  # fmt: skip
     out = []
     for group, label in ((WORKED_ON, "the other three"), (HELD_OUT, "*02 and 10*")):
         for name in WORKED_ON:

@@ -12,7 +12,7 @@ import xarray as xr
 from bayes_asv.analysis.run_consistency import COMPARED, RunConsistency, compare_runs, run_alone
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimate import Estimate, estimate
+from bayes_asv.estimation import Estimate, estimate
 from bayes_asv.io.netcdf import write_netcdf
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.report.document import estimate_document
@@ -178,7 +178,7 @@ def test_white_residuals_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("a run was asked alone")
 
     monkeypatch.setattr("bayes_asv.posterior.sampler.run_ensembles", stop)
-    monkeypatch.setattr("bayes_asv.estimate.run_alone", asked)
+    monkeypatch.setattr("bayes_asv.estimation.run_alone", asked)
     runs = recordings(car_of(EXACT, 1), (1.0, 1.0), 10)
     with pytest.raises(ReachedSamplingError):
         estimate(runs, vehicle(EXACT), likelihood="output-error")

@@ -253,12 +253,12 @@ def test_what_nine_of_ten_say_is_counted(
     assert rows[-1].startswith("nothing")
     assert shares[-1, columns.index("agreement")] == 1.0
     words = short_answer(cases)
-    assert re.search(r"false alarms: nothing wrong \| 0 \(0–16\) % \| 20 \|", words)
+    assert re.search(r"false alarms: no fault \| 0 \(0–16\) % \| 20 \|", words)
     assert re.search(r"closed, median \| 98\.7 \(98\.7–98\.7\) %", words)
     counts = [re.search(rf"two effects{what} \|.*\| (\d+) \|", words) for what in (
         ": both found", ", both beyond two tolerances: both found")]  # fmt: skip
     assert [int(found[1]) for found in counts if found] == [60, 30]
-    assert "95 % intervals of i that hold, before naming | 0 (0–" in words
+    assert "coverage of the 95 % interval of i, before naming | 0 (0–" in words
     assert len(by_strength(cases).splitlines()) == 2 + 2 * len(STRENGTHS) + 2
 
 
@@ -279,7 +279,7 @@ def test_the_page_shows_what_was_found(
     assert "| maxwell_mount | 5 |" in page
     assert "| whitening | 60 |" in page
     assert "answers `5ea1`, sealed 2030-01-01T00:00:00Z" in page
-    assert "cases were not run" in page
+    assert "of the full battery were not run" in page
     targets = re.findall(r"\]\((battery/[^)]+)\)", page)
     assert len(targets) == 3  # naming, one confusion matrix, reliability
     for target in targets:

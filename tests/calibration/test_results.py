@@ -120,9 +120,9 @@ def test_intervals_that_are_too_narrow_are_named(tmp_path: Path) -> None:
     _full(tmp_path, {"declared-400-rough": 0.8, "declared-800-stops": 0.7, "engine-bump": 0.7})
     found = summaries(load(tmp_path))
     missed = {(v.group.key, v.asked.split(",")[0]) for v in verdicts(found) if not v.met}
-    assert ("declared-400", "95 % on bump") in missed
-    assert ("declared-800", "at least 92 % of 95 % intervals on stops") in missed
-    assert ("engine", "at least 90 % of 95 % intervals on every terrain") in missed
+    assert ("declared-400", "coverage 95 % on bump") in missed
+    assert ("declared-800", "coverage of 95 % intervals at least 92 % on stops") in missed
+    assert ("engine", "coverage of 95 % intervals at least 90 % on every terrain") in missed
     named = deviating(found)
     assert any("400 Hz, rough, c_f" in line and "too narrow" in line for line in named)
     assert not any("rollers" in line and "800 Hz" in line for line in named)
@@ -154,7 +154,7 @@ def test_the_page_shows_what_was_found(tmp_path: Path) -> None:
     page = (docs / "calibration.md").read_text(encoding="utf-8")
     assert "| bump, c_f | 40 |" in page
     assert "too few runs (40)" in page
-    assert "An engine on the frame: rough | 40 of 40 |" in page
+    assert "Engine on the frame: rough | 40 of 40 |" in page
     assert "too narrow (adjusted p" in page
     assert re.search(r"\| log-likelihood \| .* \| \*\*no\*\* \|", page)
     assert "commit abc1234" in page

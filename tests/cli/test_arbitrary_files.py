@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import bayes_asv.estimate as job
+import bayes_asv.estimation as job
 from bayes_asv.domain.errors import InputError
 from bayes_asv.report.saved import read_saved
 from tests.cli.conftest import Command

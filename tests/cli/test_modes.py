@@ -1,4 +1,4 @@
-"""``bayes-asv modes`` as a person runs it."""
+"""``bayes-asv modes`` on the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``bayes-asv reproduce`` as a person runs it."""
+"""``bayes-asv reproduce`` on the command line."""
 
 from __future__ import annotations
 

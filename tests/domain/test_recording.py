@@ -1,4 +1,4 @@
-"""Recordings: shapes, accelerations from counts, and the true time of every sample."""
+"""Recordings: shapes, accelerations from counts, and sample times."""
 
 import dataclasses
 import math
@@ -50,7 +50,7 @@ def test_arrays_are_copied_and_read_only() -> None:
         recording.source = "x"  # type: ignore[misc]
 
 
-def test_units_of_every_channel_count(baja: Vehicle) -> None:
+def test_each_channel_is_converted_from_its_own_unit(baja: Vehicle) -> None:
     values = np.array([[1.0, 2.0], [1.0, 2.0], [1.0, math.nan], [570.0, 0.0]])
     recording = Recording(np.arange(2.0), values, ("in/s^2", "g", "m/s^2", "counts"))
     sensor = baja.sensor("rear_chassis")
@@ -66,7 +66,7 @@ def test_units_of_every_channel_count(baja: Vehicle) -> None:
     np.testing.assert_allclose(accelerations(recording, baja), expected, rtol=1e-15)
 
 
-def test_lowest_and_highest_count_reach_the_range(baja: Vehicle) -> None:
+def test_extreme_counts_reach_the_limits_of_the_range(baja: Vehicle) -> None:
     ends = np.tile([0.0, 1023.0], (4, 1))
     result = accelerations(Recording(np.arange(2.0), ends, ("counts",) * 4), baja)
     for row, sensor in zip(result, baja.sensors, strict=True):
@@ -85,7 +85,7 @@ def test_counts_need_zero_and_scale(baja: Vehicle) -> None:
     accelerations(make(), dataclasses.replace(baja, sensors=(Sensor(),) * 4))
 
 
-def test_rate_is_not_moved_by_gaps() -> None:
+def test_gaps_do_not_change_the_rate() -> None:
     time = np.delete(np.arange(200) / 400, slice(50, 90))
     recording = Recording(time, np.zeros((4, time.size)), ("g",) * 4)
     assert nominal_rate(recording) == pytest.approx(400.0)
@@ -98,24 +98,24 @@ def test_declared_rate(text: str, rate: float) -> None:
 
 
 @pytest.mark.parametrize("text", ["fast", "-400 Hz", "0", "400 s", "1e300 Hz", "nan", ""])
-def test_rates_that_are_none(text: str) -> None:
+def test_implausible_rates_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="# sample_rate"):
         declared_rate(make(metadata=(("sample_rate", text),)))
 
 
-def test_vehicle_delays_hold_unless_the_recording_says_otherwise(baja: Vehicle) -> None:
+def test_delays_of_the_recording_override_those_of_the_vehicle(baja: Vehicle) -> None:
     recording = make(metadata=(("delay front_chassis", "0.44 ms"),))
     stamps = sample_times(recording, baja)
     for row, delay in enumerate((0.0, 0.00044, 0.0, 0.000675)):
         np.testing.assert_array_equal(stamps[row], recording.time + delay)
 
 
-def test_recording_may_say_zero_delay(baja: Vehicle) -> None:
+def test_recording_may_declare_zero_delay(baja: Vehicle) -> None:
     recording = make(metadata=(("delay rear_chassis", "0 s"),))
     np.testing.assert_array_equal(sample_times(recording, baja)[3], recording.time)
 
 
-def test_fast_clock_is_slowed_from_the_first_stamp(baja: Vehicle) -> None:
+def test_a_fast_clock_is_corrected_from_the_first_stamp(baja: Vehicle) -> None:
     car = dataclasses.replace(baja, sensors=(Sensor(),) * 4)
     time = 100.0 + np.arange(1001.0)
     recording = Recording(
@@ -134,7 +134,7 @@ def test_fast_clock_is_slowed_from_the_first_stamp(baja: Vehicle) -> None:
     assert rear_wheel[0] == rear_chassis[0] == 100.0
 
 
-def test_front_clock_moves_both_front_channels() -> None:
+def test_front_clock_applies_to_both_front_channels() -> None:
     assert timing(make(metadata=(("clock front", "10 ppm"),))).clock == pytest.approx(
         (1e-5, 1e-5, 0.0, 0.0)
     )
@@ -153,12 +153,12 @@ def test_front_clock_moves_both_front_channels() -> None:
         ("clock rear", "1e9 ppm", "not a plausible clock error"),
     ],
 )
-def test_timing_that_cannot_be_read(key: str, value: str, said: str) -> None:
+def test_unreadable_timing_is_refused(key: str, value: str, said: str) -> None:
     with pytest.raises(InputError, match=f"# {key}: .*{said}"):
         timing(make(metadata=((key, value),)))
 
 
-def test_other_metadata_are_left_alone() -> None:
+def test_other_metadata_are_ignored() -> None:
     said = timing(make(metadata=(("clock", "internal"), ("delayed", "yes"), ("note", "x"))))
     assert said.delay == (None,) * 4
     assert said.clock == (0.0,) * 4
@@ -177,7 +177,9 @@ def test_other_metadata_are_left_alone() -> None:
         ([0.0, 1.0], (3, 2), "do not match"),
     ],
 )
-def test_recordings_that_are_none(time: list[float], shape: tuple[int, int], said: str) -> None:
+def test_invalid_recordings_are_refused(
+    time: list[float], shape: tuple[int, int], said: str
+) -> None:
     with pytest.raises(InputError, match=said):
         Recording(np.array(time), np.zeros(shape), ("g",) * 4)
 
@@ -190,7 +192,7 @@ def test_wrong_units_and_infinite_readings() -> None:
             Recording(np.arange(2.0), np.full((4, 2), huge), ("g",) * 4)
 
 
-def test_metadata_are_folded_to_one_line() -> None:
+def test_white_space_in_metadata_is_collapsed() -> None:
     recording = make(metadata=(("a  key", " two\nlines\t"), ("a key", "last")))
     assert recording.metadata == (("a key", "two lines"), ("a key", "last"))
     assert recording.get("a key") == "last"

@@ -1,4 +1,4 @@
-"""The unit boundary: exact factors, no surprises, no evaluation."""
+"""Unit conversion: exact factors, refusals, no evaluation of text."""
 
 import math
 import subprocess
@@ -121,12 +121,12 @@ def test_agrees_with_pint(unit: str, dimension: str) -> None:
         ("(lbf*s^2)/(in)", "lbf*s^2/in"),
     ],
 )
-def test_spellings_mean_the_same(unit: str, same: str) -> None:
+def test_equivalent_spellings(unit: str, same: str) -> None:
     assert si_factor(unit, "mass") == si_factor(same, "mass")
 
 
 @pytest.mark.parametrize("unit", ["m/s2", "m s⁻²", "m·s⁻²", "m/s²", "m/s^2", "m/sec2"])
-def test_ways_to_write_metres_a_second_squared(unit: str) -> None:
+def test_spellings_of_metres_per_second_squared(unit: str) -> None:
     assert si_factor(unit, "acceleration") == 1.0
 
 
@@ -224,7 +224,7 @@ def test_any_text_is_a_factor_or_an_input_error(unit: str, dimension: str) -> No
 
 @given(st.floats(-1e6, 1e6), st.sampled_from(["US", "SI"]), st.sampled_from(DIMENSIONS))
 @settings(deadline=None)
-def test_there_and_back(value: float, system: str, dimension: str) -> None:
+def test_conversion_round_trip(value: float, system: str, dimension: str) -> None:
     unit = display_units(system)[dimension]
     assert from_si(to_si(value, unit, dimension), unit, dimension) == pytest.approx(
         value, rel=1e-15, abs=1e-300

@@ -1,4 +1,4 @@
-"""Vehicle files: what is read is what was meant, and what is wrong is said in one line."""
+"""Vehicle files: values, round trip, and one-line messages for faults."""
 
 import dataclasses
 import math
@@ -93,7 +93,7 @@ def test_simulated_car_is_table_5_1() -> None:
     assert car.sensors == (Sensor(),) * 4
 
 
-def test_ways_to_write_a_quantity(read: Callable[[str], Vehicle]) -> None:
+def test_equivalent_spellings_of_a_quantity(read: Callable[[str], Vehicle]) -> None:
     usual = read(BAJA)
     same = BAJA.replace('{ value = 68, unit = "in" }', '"68 in"')
     same = same.replace('{ value = 0.47, sd = "1 %" }', '{ value = 47, unit = "%", sd = "1%" }')
@@ -108,7 +108,7 @@ def test_ways_to_write_a_quantity(read: Callable[[str], Vehicle]) -> None:
     assert other.k_f.sd == pytest.approx(usual.k_f.sd)
 
 
-def test_range_of_one_value_is_both_ways(read: Callable[[str], Vehicle]) -> None:
+def test_range_of_one_value_is_symmetric(read: Callable[[str], Vehicle]) -> None:
     text = re.sub(r"range .*", 'range = { value = 5, unit = "g" }', BAJA, count=1)
     sensor = read(text).sensor("front_wheel")
     assert (sensor.low, sensor.high) == pytest.approx((-5 * 9.80665, 5 * 9.80665))
@@ -192,7 +192,7 @@ def test_unknown_channel_is_an_input_error() -> None:
         read_vehicle(VEHICLES / "baja2008.toml").sensor("rear_weel")
 
 
-def test_missing_file_names_its_neighbour() -> None:
+def test_missing_file_suggests_a_similar_name() -> None:
     with pytest.raises(InputError, match=r"did you mean .*baja2008\.toml"):
         read_vehicle(VEHICLES / "baja2007.toml")
 
@@ -261,7 +261,7 @@ def numbers(item: object) -> list[object]:
 
 @given(vehicle=vehicles())
 @per_test
-def test_reading_what_was_written_gives_it_back(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_written_file_reads_back_equal(tmp_path: Path, vehicle: Vehicle) -> None:
     path = tmp_path / "written.toml"
     write_vehicle(vehicle, path)
     again = read_vehicle(path)
@@ -274,7 +274,7 @@ def test_reading_what_was_written_gives_it_back(tmp_path: Path, vehicle: Vehicle
     assert to_toml(again) == to_toml(read_vehicle(path))
 
 
-def test_shipped_files_come_back_to_the_last_bit(tmp_path: Path) -> None:
+def test_shipped_files_round_trip_exactly(tmp_path: Path) -> None:
     for path in VEHICLES.glob("*.toml"):
         vehicle = read_vehicle(path)
         write_vehicle(vehicle, tmp_path / "again.toml")
@@ -302,7 +302,7 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("name", ["nowhere/car.toml", ".", "a\0b"])
-def test_places_that_cannot_be_written(tmp_path: Path, name: str) -> None:
+def test_unwritable_paths_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError):
         write_vehicle(read_vehicle(VEHICLES / "baja2008.toml"), f"{tmp_path}/{name}")
 
@@ -368,7 +368,7 @@ def test_written_file_keeps_permissions_and_links(tmp_path: Path) -> None:
     assert new.stat().st_mode & 0o777 == 0o640
 
 
-def test_two_sides_are_read_and_written_back(tmp_path: Path) -> None:
+def test_roll_tables_round_trip(tmp_path: Path) -> None:
     text = (VEHICLES / "baja2008_roll.toml").read_text(encoding="utf-8")
     text = text.replace(
         "[sensors.front_wheel]",

@@ -11,17 +11,17 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
 from bayes_asv.filters.discretization import ORDER
-from bayes_asv.filters.running_spline import eliminate, missed, pieces, step_moments
+from bayes_asv.filters.running_spline import forward_elimination, interpolation_errors, spline_coefficients, step_moments
 
 Array = NDArray[np.float64]
 
 
 def _curve(time: Array, value: Array, ahead: int) -> Array:
     n = len(time)
-    upper, right, out = np.zeros(n), np.zeros(n), np.zeros((n, 4))
-    opens = np.zeros(n, bool)
-    eliminate(0, time, value, opens, upper, right)
-    pieces(0, n - 1, ahead, time, value, opens, upper, right, out)
+    superdiagonal, right, out = np.zeros(n), np.zeros(n), np.zeros((n, 4))
+    starts = np.zeros(n, bool)
+    forward_elimination(0, time, value, starts, superdiagonal, right)
+    spline_coefficients(0, n - 1, ahead, time, value, starts, superdiagonal, right, out)
     return out
 
 
@@ -63,10 +63,10 @@ def test_what_a_cubic_misses_is_nothing_on_a_cubic() -> None:
     time = np.cumsum([0.0, 1.0, 0.7, 1.3, 0.9, 1.1, 1.0])
     value = time**3 - time
     out = np.full(7, np.nan)
-    missed(0, 7, time, value, np.zeros(7, bool), out)
+    interpolation_errors(0, 7, time, value, np.zeros(7, bool), out)
     np.testing.assert_allclose(out, 0.0, atol=1e-18)
     value[3] += 2.0
-    missed(0, 7, time, value, np.zeros(7, bool), out)
+    interpolation_errors(0, 7, time, value, np.zeros(7, bool), out)
     assert out[3] == pytest.approx(4.0)
 
 
@@ -80,8 +80,8 @@ def test_moments_are_integrals(seed: int) -> None:
     moments, spread = np.zeros((5, ORDER)), np.zeros((5, 2))
     known = np.ones(5, bool)
     deviation = rng.uniform(size=12)
-    closed = np.zeros(12, bool)
-    step_moments(instants, float(time[0]), time, curve, deviation, closed, moments, spread, known)
+    gaps = np.zeros(12, bool)
+    step_moments(instants, float(time[0]), time, curve, deviation, gaps, moments, spread, known)
     assert known.all()
 
     def signal(t: float) -> float:
@@ -107,10 +107,10 @@ def test_moments_are_integrals(seed: int) -> None:
 def test_no_curve_where_there_is_a_gap() -> None:
     time, value = np.array([0.0, 0.1, 0.2, 1.0, 1.1, 1.2]), np.arange(6.0)
     curve = _curve(time, value, 6)
-    closed = np.array([False, False, True, False, False, True])
+    gaps = np.array([False, False, True, False, False, True])
     moments, spread, known = np.zeros((3, ORDER)), np.zeros((3, 2)), np.ones(3, bool)
     step_moments(
-        np.array([0.15, 1.05, 1.15]), 0.05, time, curve, np.zeros(6), closed, moments, spread,
+        np.array([0.15, 1.05, 1.15]), 0.05, time, curve, np.zeros(6), gaps, moments, spread,
         known,
     )  # fmt: skip
     assert known.tolist() == [True, False, True]

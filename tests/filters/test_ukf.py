@@ -12,20 +12,20 @@ from scipy.linalg import expm
 
 from bayes_asv.filters import kalman as innovations
 from bayes_asv.filters import ukf as unscented
-from bayes_asv.filters.cholesky_update import follow, leverage, take, wander
+from bayes_asv.filters.cholesky_update import recentre, parameter_variance, measurement_update, add_parameter_noise
 from bayes_asv.filters.discretization import TAYLOR
-from bayes_asv.filters.simd_batch import begin_cars, moved, place_cars, step, structure_of
+from bayes_asv.filters.simd_batch import fill_lanes, unscented_moments, set_parameters, propagate, transition_matrices
 from bayes_asv.filters.simd_layout import BLOCK, blocks
-from bayes_asv.filters.ukf_state import COLUMNS, INNOVATION, LOG_P, Model, Rules, State, Steps
+from bayes_asv.filters.ukf_state import COLUMNS, INNOVATION, LOG_LIKELIHOOD, Model, FilterSettings, State, Steps
 from bayes_asv.models.half_car import HalfCar, deflection_form
-from bayes_asv.tracking.prior_state import beginning
+from bayes_asv.tracking.filter import initial_state
 from tests.filters.test_kalman import CAR, LaidOut, recursion_case
 
 Array = NDArray[np.float64]
 
-NEVER = Rules(
-    gate=math.inf, trust=1e300, window=500.0, quick=32.0, sudden=math.inf, broken=math.inf,
-    patience=math.inf, coloured=math.inf, learned=math.inf, look=math.inf,
+NEVER = FilterSettings(
+    gate=math.inf, prior_readings=1e300, slow_window=500.0, fast_window=32.0, fast_threshold=math.inf, fault_threshold=math.inf,
+    fault_duration=math.inf, drift_threshold=math.inf, information_gain=math.inf, review_interval=math.inf,
 )  # fmt: skip
 SCALE = np.array([1.1, 1.1, 0.7])
 
@@ -56,12 +56,12 @@ def test_with_known_parameters_it_is_the_linear_filter(
     kept = np.zeros((40, 2))
     expected = innovations.residuals(np.array(CAR), noise, *laid, kept)
     model = _model(noise, laid[6])
-    state = beginning(model)
+    state = initial_state(model)
     state.D[:] = 0.0
     state.Pi[range(6), range(6)] = laid[6]
     out = np.zeros((40, COLUMNS))
     unscented.run(0, fixed, state, model, NEVER, _steps(laid), out)
-    assert state.memory[LOG_P] == pytest.approx(expected, rel=1e-11, abs=1e-9)
+    assert state.statistics[LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-11, abs=1e-9)
     if not fixed:
         np.testing.assert_allclose(out[:, INNOVATION : INNOVATION + 2], kept, atol=1e-9)
 
@@ -102,9 +102,9 @@ def test_a_reading_is_taken_up_as_bayes_says(seed: int, p: int) -> None:
     m, F, weight = np.zeros(p), np.eye(p), np.zeros(p)
     PC = Pi @ by_s
     rest = float(by_s @ PC + noise)
-    assert leverage(g, F, weight) + rest == pytest.approx(variance)
-    take(y, float(by_s @ x), g, PC, rest, x, J, m, F, Pi, weight, np.zeros(p), True)
-    follow(mu, D, x, J, m, F)
+    assert parameter_variance(g, F, weight) + rest == pytest.approx(variance)
+    measurement_update(y, float(by_s @ x), g, PC, rest, x, J, m, F, Pi, weight, np.zeros(p), True)
+    recentre(mu, D, x, J, m, F)
     found_mean, found = _joint(mu, D, x, J, Pi)
     np.testing.assert_allclose(found_mean, wanted_mean, atol=1e-9)
     np.testing.assert_allclose(found, wanted, atol=1e-9)
@@ -119,7 +119,7 @@ def test_a_walk_adds_its_variance_and_nothing_else(seed: int, p: int) -> None:
     _, covariance = _joint(mu, D, x, J, Pi)
     before = np.sum(np.log(np.diag(D)))
     variance = rng.uniform(size=p) * (rng.uniform(size=p) < 0.7)
-    grown = wander(D, J, Pi, variance)
+    grown = add_parameter_noise(D, J, Pi, variance)
     _, found = _joint(mu, D, x, J, Pi)
     wanted = covariance + np.diag(np.append(variance, np.zeros(10)))
     np.testing.assert_allclose(found, wanted, atol=1e-9)
@@ -131,13 +131,13 @@ def test_lanes_carry_sigma_points_exactly(seed: int) -> None:
     rng = np.random.default_rng(seed)
     _, _, noise, laid = recursion_case(seed, n=2, missing=False)
     model = _model(noise, laid[6])
-    p, reach, h = 3, math.sqrt(3.0), float(laid[0][1])
+    p, distance, h = 3, math.sqrt(3.0), float(laid[0][1])
     mu, D = 0.2 * rng.normal(size=p), np.triu(0.2 * rng.normal(size=(p, p)))
     x, J = 0.1 * rng.normal(size=10), 0.05 * rng.normal(size=(p, 10))
     wanted = []
     for sign, i in [(0, 0), *((s, i) for i in range(p) for s in (1, -1))]:
-        theta = mu + sign * reach * D[i]
-        state = x + sign * reach * J[i]
+        theta = mu + sign * distance * D[i]
+        state = x + sign * distance * J[i]
         car = model.base[:8].copy()
         car[:3] = np.exp(model.centre + model.scale * theta)
         system = deflection_form(HalfCar(*car))
@@ -151,17 +151,17 @@ def test_lanes_carry_sigma_points_exactly(seed: int) -> None:
         wanted.append(after)
     points = np.array(wanted)
     W = np.zeros(blocks(p) * BLOCK)
-    begin_cars(W, p, model.base)
-    fastest = place_cars(W, mu, D, reach, model.which, model.log, model.centre, model.scale)
-    step(W, p, reach, x, J, h, laid[1][1], np.zeros((2, TAYLOR + 1)), fastest, True)
+    fill_lanes(W, p, model.base)
+    max_rate = set_parameters(W, mu, D, distance, model.element, model.log, model.centre, model.scale)
+    propagate(W, p, distance, x, J, h, laid[1][1], np.zeros((2, TAYLOR + 1)), max_rate, True)
     phi, gamma, qf, qr = (np.zeros(s) for s in ((4, 4), (4, 2), (4, 4), (4, 4)))
-    structure_of(W, p, h, phi, gamma, qf, qr)
-    bent = np.zeros((4, 4))
-    moved(W, p, reach, x, J, bent, np.empty((2, 4)))
+    transition_matrices(W, p, h, phi, gamma, qf, qr)
+    even_covariance = np.zeros((4, 4))
+    unscented_moments(W, p, distance, x, J, even_covariance, np.empty((2, 4)))
     even = 0.5 * (points[1::2] + points[2::2]) - points[0]
-    np.testing.assert_allclose(J[:, :4], (points[1::2] - points[2::2]) / (2 * reach), atol=1e-11)
+    np.testing.assert_allclose(J[:, :4], (points[1::2] - points[2::2]) / (2 * distance), atol=1e-11)
     np.testing.assert_allclose(x[:4], points[0] + even.sum(axis=0) / 3.0, atol=1e-11)
-    np.testing.assert_allclose(bent, even.T @ even / 3.0, atol=1e-11)
+    np.testing.assert_allclose(even_covariance, even.T @ even / 3.0, atol=1e-11)
     car = model.base[:8].copy()
     car[:3] = np.exp(model.centre + model.scale * mu)
     np.testing.assert_allclose(phi, expm(deflection_form(HalfCar(*car)).A * h), atol=1e-12)
@@ -171,7 +171,7 @@ def test_a_run_in_two_is_the_same_as_a_run_in_one() -> None:
     _, _, noise, laid = recursion_case(5, n=60)
     model = _model(noise, laid[6])
     steps = _steps(laid)
-    whole, halves = beginning(model), beginning(model)
+    whole, halves = initial_state(model), initial_state(model)
     out, other = np.zeros((60, COLUMNS)), np.zeros((60, COLUMNS))
     unscented.run(0, False, whole, model, NEVER, steps, out)
     first = Steps(*(cast(Array, part)[:23] for part in steps))  # type: ignore[arg-type]
@@ -185,12 +185,12 @@ def test_a_run_in_two_is_the_same_as_a_run_in_one() -> None:
 def test_it_comes_back_when_it_has_learnt_enough() -> None:
     _, _, noise, laid = recursion_case(5, n=400, missing=False)
     model = _model(noise, laid[6])
-    state: State = beginning(model)
+    state: State = initial_state(model)
     out = np.zeros((400, COLUMNS))
-    rules = NEVER._replace(learned=0.5)
-    event, at = unscented.run(0, False, state, model, rules, _steps(laid), out)
-    assert event == unscented.LEARNED
+    settings = NEVER._replace(information_gain=0.5)
+    event, at = unscented.run(0, False, state, model, settings, _steps(laid), out)
+    assert event == unscented.RELINEARIZE
     assert 0 < at < 400
     volume = np.sum(np.log(np.diag(state.D)))
-    assert volume == pytest.approx(-state.memory[9], abs=1e-9)
+    assert volume == pytest.approx(-state.statistics[9], abs=1e-9)
     assert volume < -0.5

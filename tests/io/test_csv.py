@@ -1,4 +1,4 @@
-"""Recordings as CSV: tolerant of what loggers and spreadsheets write, exact in what is kept."""
+"""Recordings as CSV: tolerant of variants of loggers and spreadsheets, exact in values."""
 
 import gzip
 import math
@@ -46,7 +46,7 @@ def same(a: Recording, b: Recording) -> bool:
     return numbers and a.units == b.units
 
 
-def test_usual_file(read: Read) -> None:
+def test_typical_file(read: Read) -> None:
     recording = read(USUAL)
     np.testing.assert_array_equal(recording.time, [0.0, 0.0025, 0.005])
     np.testing.assert_array_equal(recording.values[0], [1.5, -1.5, 1.5])
@@ -92,7 +92,7 @@ def test_semicolon_and_decimal_comma(read: Read) -> None:
     assert same(read(table), read(USUAL))
 
 
-def test_columns_in_any_order_and_further_ones(read: Read) -> None:
+def test_columns_in_any_order_and_extra_columns(read: Read) -> None:
     shuffled = ["temp [degC],rear_chassis [g],name,rear_wheel [g],time [ms]"]
     shuffled[0] += ",front_chassis [g],front_wheel [counts]"
     shuffled += ['20,4,"a, b",3,0,2,512', "21,4.5,c,3.5,2.5,2.5,513"]
@@ -109,7 +109,7 @@ def test_units_of_time(read: Read, unit: str, factor: float) -> None:
     assert recording.time[1] == pytest.approx(0.007 * factor)
 
 
-def test_metadata_may_stand_between_header_and_data(read: Read) -> None:
+def test_metadata_may_follow_the_header(read: Read) -> None:
     recording = read(f"# a = 1\n{HEADER}\n# b=2=3\n# only words\n0,1,1,1,1\n1,1,1,1,1\n")
     assert recording.metadata == (("a", "1"), ("b", "2=3"), ("comment", "only words"))
 
@@ -123,7 +123,7 @@ def test_without_stamps_the_rate_is_needed(read: Read) -> None:
         read(text.split("\n", 1)[1])
 
 
-def test_stamps_govern_and_the_rate_is_a_check(read: Read) -> None:
+def test_stamps_take_precedence_and_the_rate_is_a_check(read: Read) -> None:
     assert read(USUAL, rate=400.0).warnings == ()
     (warning,) = read(USUAL.replace("400 Hz", "800 Hz")).warnings
     assert warning.startswith("sample_rate is 800 Hz, but the time stamps give 400 Hz")
@@ -184,7 +184,7 @@ def test_faults_name_the_line(read: Read, old: str, new: str, line: int, said: s
         (b"# clock reer = 3 ppm\n" + USUAL.encode(), "did you mean rear"),
     ],
 )
-def test_files_that_are_no_recording(read: Read, data: bytes, said: str) -> None:
+def test_files_without_a_recording_are_refused(read: Read, data: bytes, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         read(data)
     assert "run.csv" in str(caught.value)
@@ -203,19 +203,19 @@ def test_too_many_bytes(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
         read(USUAL)
 
 
-def test_rate_that_is_none(read: Read) -> None:
+def test_implausible_rate_is_refused(read: Read) -> None:
     for rate in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(InputError, match="rate for"):
             read(USUAL, rate=rate)
 
 
 @pytest.mark.parametrize("unit", ["us", "hour"])
-def test_odd_rates_are_told(read: Read, unit: str) -> None:
+def test_unusual_rates_give_a_warning(read: Read, unit: str) -> None:
     warnings = read(USUAL.replace("[s]", f"[{unit}]")).warnings
     assert any("check the unit of the time column" in warning for warning in warnings)
 
 
-def test_places_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_paths_are_refused(tmp_path: Path) -> None:
     (tmp_path / "run3.csv").write_text(USUAL)
     with pytest.raises(InputError, match=r"no such file; did you mean .*run3\.csv"):
         read_recording(tmp_path / "run2.csv")
@@ -229,7 +229,7 @@ def test_places_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
-def test_pipe_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_is_refused_without_blocking(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="not an ordinary file"):
         read_recording(tmp_path / "pipe")
@@ -285,7 +285,7 @@ def recordings(draw: st.DrawFn) -> Recording:
 
 @given(recording=recordings())
 @per_test
-def test_reading_what_was_written_gives_it_back(tmp_path: Path, recording: Recording) -> None:
+def test_written_file_reads_back_equal(tmp_path: Path, recording: Recording) -> None:
     write_recording(recording, tmp_path / "again.csv")
     again = read_recording(tmp_path / "again.csv")
     assert same(again, recording)

@@ -1,4 +1,4 @@
-"""The logger's text format: integers in columns, gaps kept at their true time."""
+"""The logger's text format: integer columns, and gaps in time."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -32,7 +32,7 @@ def read(tmp_path: Path) -> Read:
     return read_text
 
 
-def test_usual_file(read: Read) -> None:
+def test_typical_file(read: Read) -> None:
     recording = read(USUAL, rate=400.0)
     np.testing.assert_array_equal(recording.time, np.array([0, 1, 2, 4]) / 400)
     np.testing.assert_array_equal(
@@ -51,7 +51,7 @@ def test_rate_from_metadata(read: Read) -> None:
     assert recording.metadata == (("sample_rate", "800 Hz"), ("note", "stops"))
 
 
-def test_given_rate_comes_first_and_is_told(read: Read) -> None:
+def test_given_rate_takes_precedence_with_a_warning(read: Read) -> None:
     recording = read("# sample_rate = 800 Hz\n" + USUAL, rate=400.0)
     assert recording.time[-1] == 4 / 400
     assert recording.metadata == (("sample_rate", "400.0 Hz"),)
@@ -67,7 +67,7 @@ def test_windows_lines_blank_lines_and_mark(read: Read) -> None:
     np.testing.assert_array_equal(read(text, 400.0).values, read(USUAL, 400.0).values)
 
 
-def test_readings_beyond_ten_bits_are_told(read: Read) -> None:
+def test_readings_beyond_ten_bits_give_a_warning(read: Read) -> None:
     (warning,) = read(USUAL.replace("1023", "4095"), rate=400.0).warnings
     assert warning == "2 readings are outside 0 to 1023 counts"
 
@@ -112,7 +112,7 @@ indices = st.lists(st.integers(1, 100_000), min_size=2, max_size=20, unique=True
     data=st.data(),
 )
 @per_test
-def test_reading_what_was_written_gives_it_back(
+def test_written_file_reads_back_equal(
     tmp_path: Path, index: list[int], rate: float, data: st.DataObject
 ) -> None:
     counts = st.lists(st.integers(0, 1023), min_size=len(index), max_size=len(index))
@@ -143,7 +143,7 @@ def test_reading_what_was_written_gives_it_back(
         ([0, 1e12], 1.0, "counts", (("sample_rate", "100 Hz"),), "off the grid of 100 Hz"),
     ],
 )
-def test_what_the_format_cannot_hold_is_refused(
+def test_recordings_that_the_format_cannot_store_are_refused(
     tmp_path: Path,
     time: list[float],
     values: float,

@@ -46,7 +46,7 @@ def whole(**changes: Any) -> FullCar7:
     return FullCar7(**(plain | changes))
 
 
-def test_quarter_car_is_the_printed_one() -> None:
+def test_quarter_car_has_the_printed_modes() -> None:
     """x⁴ − 4786 x² + 293·10³ = 0, 1.25 and 10.9 Hz, and 0.104 of the body's motion at the wheel."""
     M, _, K, _, _ = SALOON.system()
     pencil = np.linalg.solve(M, K)
@@ -69,7 +69,7 @@ def test_quarter_car_is_the_printed_one() -> None:
         (100.0, 1000.0, 6.0, 4.0, 2000.0, 2000.0, (6.13, 10.31), 1e-2),
     ],
 )
-def test_on_stiff_tyres_the_half_car_is_the_printed_one(
+def test_half_car_on_stiff_tyres_has_the_printed_modes(
     m: float, i: float, l_f: float, l_r: float, k_f: float, k_r: float,
     printed: tuple[float, float], digits: float,
 ) -> None:  # fmt: skip
@@ -86,7 +86,7 @@ def test_on_stiff_tyres_the_half_car_is_the_printed_one(
     assert kinds["roll"] == pytest.approx(roll, rel=1e-9)
 
 
-def test_masses_that_do_not_know_each_other_are_quarter_cars() -> None:
+def test_uncoupled_masses_are_quarter_cars() -> None:
     """With i = m l_f l_r, and i_roll = m (t/2)², every corner is the printed quarter car."""
     k, k_t, m_u = SALOON.k, SALOON.k_t, SALOON.m_u
     quarter = naturals(SALOON.system())
@@ -104,7 +104,7 @@ def test_masses_that_do_not_know_each_other_are_quarter_cars() -> None:
     np.testing.assert_allclose(naturals(car.system()), expected, rtol=1e-9)
 
 
-def test_left_and_right_alike_part_into_a_half_car_and_a_rolling_one() -> None:
+def test_a_symmetric_car_decouples_into_half_car_and_roll() -> None:
     car = whole(bar_f=9e3, bar_r=4e3)
     half = HalfCar4(
         car.m, car.i, car.l_f, car.l_r, 80.0, 90.0, 40e3, 48e3, 3000.0, 3600.0, 380e3, 380e3,
@@ -137,7 +137,7 @@ def test_left_and_right_alike_part_into_a_half_car_and_a_rolling_one() -> None:
         assert np.min(np.abs(together - value)) < 1e-8 * abs(value)
 
 
-def test_without_wheels_it_is_the_car_that_rolls() -> None:
+def test_without_wheels_the_full_car_is_the_roll_car() -> None:
     k, c = ROLLING[9:13], ROLLING[0:4]
     car = FullCar7(
         ROLLING.m, ROLLING.i, ROLLING.i_roll, ROLLING.l_f, ROLLING.l_r, ROLLING.t_f, ROLLING.t_r,
@@ -149,7 +149,7 @@ def test_without_wheels_it_is_the_car_that_rolls() -> None:
         assert np.min(np.abs(limit - value)) < 1e-5 * abs(value)
 
 
-def test_with_both_sides_alike_the_half_car_is_in_it() -> None:
+def test_a_symmetric_roll_car_contains_the_half_car() -> None:
     half = HalfCar(1400.0, 1800.0, 70.0, 227.0, 1.73, 0.47, 17e3, 18e3)
     car = RollCar(
         700.0, 700.0, 900.0, 900.0, 70.0, 28.0, 227.0, 1.73, 0.47, 8.5e3, 8.5e3, 9e3, 9e3,
@@ -206,7 +206,7 @@ def test_energy_leaves_only_through_the_dampers(seed: int, which: str) -> None:
     np.testing.assert_allclose(system.K @ lifted, system.K_u.sum(axis=1), atol=1e-6)
 
 
-def test_deflections_are_the_car_in_other_coordinates() -> None:
+def test_deflection_form_agrees_with_the_second_order_form() -> None:
     """Wheel accelerations in, against wheel positions in: the same chassis accelerations."""
     rng = np.random.default_rng(8)
     size, pace = rng.normal(size=(4, 3)), rng.uniform(3.0, 15.0, size=(4, 3))
@@ -240,14 +240,14 @@ def test_deflections_are_the_car_in_other_coordinates() -> None:
     np.testing.assert_allclose(two[:4], H @ one[:3] - wheel(time, 0), atol=1e-8)
 
 
-def test_nothing_answers_along_the_warp() -> None:
+def test_no_force_acts_along_the_warp() -> None:
     n = warp(ROLLING)
     np.testing.assert_allclose(n @ ROLLING.corners, 0.0, atol=1e-12)
     assert np.linalg.norm(n) == pytest.approx(1.0)
     np.testing.assert_allclose(n @ deflections(ROLLING).A[4:], 0.0, atol=1e-9)
 
 
-def test_a_car_follows_a_slow_road_and_a_sine_as_theory_says() -> None:
+def test_response_to_a_slow_road_and_a_sine_agrees_with_theory() -> None:
     car = QuarterCar(300.0, 40.0, 2e4, 1500.0, 2e5, 60.0)
     omega = 12.0
     time = np.arange(0.0, 9.0, 2e-4)

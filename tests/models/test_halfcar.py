@@ -1,4 +1,4 @@
-"""The half car against textbook formulas, itself in other coordinates, and energy."""
+"""The half car against textbook formulas, other coordinates and energy."""
 
 from typing import Any
 
@@ -50,7 +50,7 @@ def test_nominal_car_has_the_published_geometry_and_ratios() -> None:
     assert BAJA.zeta_r == pytest.approx(0.603, abs=1e-3)
 
 
-def test_nominal_modes_are_those_worked_out_by_hand() -> None:
+def test_nominal_modes_agree_with_a_hand_calculation() -> None:
     slow, fast = modes(BAJA)
     assert (slow.natural, slow.ratio) == pytest.approx((2.03, 0.54), abs=0.005)
     assert (fast.natural, fast.ratio) == pytest.approx((2.99, 0.82), abs=0.005)
@@ -116,7 +116,7 @@ def test_energy_leaves_only_through_the_dampers(car: HalfCar) -> None:
     assert energy[0] - energy[-1] == pytest.approx(lost, rel=1e-5)
 
 
-def test_exact_step_agrees_with_many_small_ones() -> None:
+def test_exact_step_agrees_with_many_small_steps() -> None:
     system = deflection_form(BAJA)
     coarse = simulate_linear(system, np.array([0.0, 0.02]), np.array([[1.0, -2.0], [3.0, 0.5]]))
     time = np.linspace(0.0, 0.02, 401)
@@ -126,7 +126,7 @@ def test_exact_step_agrees_with_many_small_ones() -> None:
 
 
 @given(h=st.floats(1e-5, 0.5))
-def test_exact_step_of_one_pole_is_the_closed_form(h: float) -> None:
+def test_exact_step_of_one_pole_has_its_closed_form(h: float) -> None:
     pole = 30.0
     system = LinearSystem(np.array([[-pole]]), np.array([[pole]]), np.eye(1), np.zeros((1, 1)))
     step = exact_step(system, h)
@@ -137,7 +137,7 @@ def test_exact_step_of_one_pole_is_the_closed_form(h: float) -> None:
     assert step.Gamma0[0, 0] == pytest.approx(1.0 - decay - ramp, rel=1e-6, abs=1e-12)
 
 
-def test_an_overdamped_mode_is_two_real_poles() -> None:
+def test_an_overdamped_mode_has_two_real_poles() -> None:
     found = modes(BAJA._replace(c_f=4.0 * BAJA.c_f, c_r=4.0 * BAJA.c_r))
     assert len(found) == 4
     assert all(mode.damped == 0.0 and mode.ratio == pytest.approx(1.0) for mode in found)

@@ -1,4 +1,4 @@
-"""The information of one recording against the posterior's own curvature, noise levels free."""
+"""Fisher information of one recording against the curvature of the posterior with free noise."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from bayes_asv.planning.information import SEEN, information
-from bayes_asv.planning.widths import known, widths
+from bayes_asv.planning.information import IDENTIFIABLE, fisher_information
+from bayes_asv.planning.predicted_sd import predicted_sd, prior_sd
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.posterior.newton import derivatives
@@ -18,7 +18,7 @@ from tests.posterior.cases import DECLARED, case, vehicle
 
 
 @pytest.mark.parametrize("terrain", ["bump", "rough"])
-def test_it_is_the_curvature_of_the_posterior_at_the_truth(terrain: str) -> None:
+def test_it_equals_the_curvature_of_the_posterior_at_the_true_car(terrain: str) -> None:
     """Both at the nominal car, which made the rig's recording up to its draw.
 
     The Hessian is of one recording and the formula its expectation; noise levels and their
@@ -30,7 +30,9 @@ def test_it_is_the_curvature_of_the_posterior_at_the_truth(terrain: str) -> None
     lines, reasons, _ = lay_out([recording], car)
     assert not reasons
     where = space(car, lines)
-    logs = {name: math.log(getattr(truth, name) / getattr(car, name).value) for name in SEEN[:3]}
+    logs = {
+        name: math.log(getattr(truth, name) / getattr(car, name).value) for name in IDENTIFIABLE[:3]
+    }
     z = where.from_logs(logs)
     z[where.names.index("filtered share 0")] = ndtri(0.98)
     scale = np.full(where.dimension, 0.3)
@@ -38,7 +40,7 @@ def test_it_is_the_curvature_of_the_posterior_at_the_truth(terrain: str) -> None
     with shared_work(Posterior(where, (WHITE,))) as target:
         _, _, hessian = derivatives(target, z, scale)
     covariance = np.asarray(np.linalg.inv(-hessian) * np.outer(scale, scale), dtype=np.float64)
-    found = widths(information(lines[0], car), 1, known(car))
+    found = predicted_sd(fisher_information(lines[0], car), 1, prior_sd(car))
     # the drawn dampers are not the nominal ones, so information is taken at the wrong car: that
     # and the free noise are what the tolerance is for
     for k, name in enumerate(("c_f", "c_r", "i")):
@@ -50,11 +52,11 @@ def test_it_is_the_curvature_of_the_posterior_at_the_truth(terrain: str) -> None
     assert found[3] == pytest.approx(sd, rel=0.35)
 
 
-def test_information_is_positive_and_grows_with_the_noise_taken_away() -> None:
+def test_the_information_matrix_is_positive_definite() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 6, DECLARED)
     lines, _, _ = lay_out([recording], car)
-    J = information(lines[0], car)
+    J = fisher_information(lines[0], car)
     assert pytest.approx(J.T) == J
     assert np.linalg.eigvalsh(J)[0] > 0.0
     # one common factor on c, k and m moves nothing: at fixed mass it does

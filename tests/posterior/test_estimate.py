@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Given, Nominal, Sensor, Vehicle
-from bayes_asv.estimate import Estimate, estimate
+from bayes_asv.estimation import Estimate, estimate
 from bayes_asv.report.document import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, INCH, case, vehicle
 from tests.rig import RigCar, SensorSpec

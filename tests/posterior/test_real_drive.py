@@ -6,7 +6,7 @@ import pytest
 
 from bayes_asv.domain.recording import nominal_rate
 from bayes_asv.domain.vehicle import read_vehicle
-from bayes_asv.estimate import estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 
 DRIVES = Path(__file__).resolve().parents[3] / "shared" / "data" / "roomster"

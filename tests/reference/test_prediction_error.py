@@ -1,4 +1,4 @@
-"""The grey box's minimiser and the tests of what it leaves."""
+"""The prediction-error minimiser and its residual tests."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bayes_asv.reference.prediction_error import minimise
-from bayes_asv.reference.residuals import fit_percent, independence, whiteness
+from bayes_asv.reference.prediction_error import (
+    fit_percent,
+    independence_test,
+    minimise,
+    whiteness_test,
+)
 
 Array = NDArray[np.float64]
 
@@ -25,7 +29,7 @@ def decay(time: Array) -> object:
     return model
 
 
-def test_it_finds_what_was_put_in_without_noise() -> None:
+def test_it_recovers_the_parameters_without_noise() -> None:
     time = np.linspace(0.0, 3.0, 200)
     model = decay(time)
     base, _ = model(np.log([1.7, 2.4]))  # type: ignore[operator]
@@ -35,8 +39,8 @@ def test_it_finds_what_was_put_in_without_noise() -> None:
     assert found.beta == pytest.approx([0.3, -0.2], abs=1e-6)
 
 
-def test_its_deviations_hold_for_correlated_white_noise() -> None:
-    """120 data sets, seed 5: errors over claimed deviations have a variance of one."""
+def test_standard_deviations_are_valid_for_correlated_white_noise() -> None:
+    """120 data sets, seed 5: standardised errors have a variance of one."""
     rng = np.random.default_rng(5)
     time = np.linspace(0.0, 3.0, 120)
     model = decay(time)
@@ -53,7 +57,7 @@ def test_its_deviations_hold_for_correlated_white_noise() -> None:
     assert np.abs(variance - 1.0).max() < 4.0 * 0.13
 
 
-def test_rows_without_a_reading_do_not_count() -> None:
+def test_rows_with_missing_readings_are_ignored() -> None:
     time = np.linspace(0.0, 3.0, 200)
     model = decay(time)
     base, _ = model(np.log([1.7, 2.4]))  # type: ignore[operator]
@@ -63,7 +67,7 @@ def test_rows_without_a_reading_do_not_count() -> None:
     assert np.exp(found.theta) == pytest.approx([1.7, 2.4], rel=1e-6)
 
 
-def test_more_unknowns_cost_more() -> None:
+def test_information_criteria_penalise_unknowns() -> None:
     rng = np.random.default_rng(1)
     time = np.linspace(0.0, 3.0, 200)
     model = decay(time)
@@ -82,25 +86,25 @@ def test_more_unknowns_cost_more() -> None:
     assert found.log_likelihood == pytest.approx(float(direct), rel=1e-9)
 
 
-def test_tests_of_residuals_are_even_under_their_null() -> None:
+def test_residual_tests_have_their_nominal_size() -> None:
     """300 records, seed 11: a test at 10 % rejects between 4 and 17 % of them."""
     rng = np.random.default_rng(11)
-    white, apart = [], []
+    whiteness, independence = [], []
     for _ in range(300):
         u = np.convolve(rng.normal(size=820), np.ones(20) / 20.0, "valid")[:800]
-        white.append(whiteness(rng.normal(size=800)).p)
+        whiteness.append(whiteness_test(rng.normal(size=800)).p)
         coloured = np.convolve(rng.normal(size=805), [1.0, 0.6, 0.3], "valid")[:800]
-        apart.append(independence(coloured, u).p)
-    for p in (white, apart):
+        independence.append(independence_test(coloured, u).p)
+    for p in (whiteness, independence):
         assert 0.04 < np.mean(np.array(p) < 0.1) < 0.17
 
 
-def test_tests_of_residuals_see_colour_and_input() -> None:
+def test_residual_tests_detect_correlation_and_input() -> None:
     rng = np.random.default_rng(3)
     e, u = rng.normal(size=800), rng.normal(size=800)
-    assert whiteness(np.convolve(e, [1.0, 0.4], "same")).p < 1e-6
-    assert independence(e + 0.3 * np.roll(u, 4), u).p < 1e-4
-    assert independence(e, u).p > 1e-3
+    assert whiteness_test(np.convolve(e, [1.0, 0.4], "same")).p < 1e-6
+    assert independence_test(e + 0.3 * np.roll(u, 4), u).p < 1e-4
+    assert independence_test(e, u).p > 1e-3
 
 
 def test_fit_percent() -> None:

@@ -1,4 +1,4 @@
-"""White noise, its spectrum, and modes from covariances."""
+"""White-noise response, its spectrum, and modes from covariances."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from scipy.signal import welch
 
 from bayes_asv.models.discretization import exact_step
 from bayes_asv.models.modes import modes
+from bayes_asv.reference.modal import poles_from_covariances, subspace_modes
 from bayes_asv.reference.printed import car_of_table_41, car_of_table_71
-from bayes_asv.reference.spectral import spectral_study, wilson
-from bayes_asv.reference.subspace import poles_from_covariances, subspace_modes
-from bayes_asv.reference.whitenoise import expected_spectrum, velocity_form, white_drive
+from bayes_asv.reference.spectral import (
+    simulate_white_noise,
+    spectral_study,
+    theoretical_spectrum,
+    velocity_form,
+    wilson_interval,
+)
 
 
 def test_the_velocity_form_has_the_cars_poles() -> None:
@@ -21,22 +26,22 @@ def test_the_velocity_form_has_the_cars_poles() -> None:
     assert found == pytest.approx([m.natural for m in modes(car)], rel=1e-9)
 
 
-def test_at_rest_and_at_no_frequency_the_chassis_follows_the_wheels() -> None:
+def test_at_zero_frequency_the_chassis_follows_the_wheels() -> None:
     """|T_ff + T_fr| is one at zero frequency; powers of independent wheels add to less than two."""
     car = car_of_table_71()
     A, B, C, _ = velocity_form(car)
     still = -C @ np.linalg.solve(A, B)
     np.testing.assert_allclose(still, np.eye(2), atol=1e-9)
-    np.testing.assert_allclose(expected_spectrum(car, np.array([1e-6])), [[1.0, 1.0]], atol=1e-6)
+    np.testing.assert_allclose(theoretical_spectrum(car, np.array([1e-6])), [[1.0, 1.0]], atol=1e-6)
 
 
 def test_drives_have_the_expected_spectrum() -> None:
     """Forty records of 100 s: mean density within five deviations of the transmissibility."""
     car = car_of_table_41(0.3)
-    y = white_drive(car, 100.0, 100.0, 40, np.random.default_rng(4))
+    y = simulate_white_noise(car, 100.0, 100.0, 40, np.random.default_rng(4))
     frequency, density = welch(y, 100.0, nperseg=2000, axis=1)
     band = (frequency > 0.4) & (frequency < 4.0)
-    ratio = density.mean(axis=0)[band] / expected_spectrum(car, frequency[band])
+    ratio = density.mean(axis=0)[band] / theoretical_spectrum(car, frequency[band])
     # 40 records of some 9 segments, 72 frequencies of two channels, neighbours not independent
     assert np.abs(ratio.mean(axis=0) - 1.0).max() < 5.0 / np.sqrt(40 * 9 * 24)
     assert np.abs(ratio - 1.0).max() < 5.0 / np.sqrt(40 * 5)
@@ -60,7 +65,7 @@ def test_exact_covariances_give_the_exact_poles() -> None:
 def test_a_long_record_gives_the_modes() -> None:
     """One record of an hour (seed 9): 2 % of the frequencies, 0.03 of the ratios."""
     car = car_of_table_41(0.1)
-    y = white_drive(car, 3600.0, 20.0, 1, np.random.default_rng(9))[0]
+    y = simulate_white_noise(car, 3600.0, 20.0, 1, np.random.default_rng(9))[0]
     found = subspace_modes(y, 20.0, 20)
     for mine, truth in zip(found, modes(car), strict=True):
         assert mine.natural == pytest.approx(truth.natural, rel=0.02)
@@ -70,8 +75,8 @@ def test_a_long_record_gives_the_modes() -> None:
 def test_two_peaks_at_ten_per_cent_and_one_from_thirty_on() -> None:
     car = car_of_table_41()
     light, heavy = (spectral_study(car, damping, 12, 3) for damping in (0.1, 0.3))
-    assert light.readable
-    assert not heavy.readable
+    assert light.peaks_visible
+    assert not heavy.peaks_visible
     assert [len(p) for p in light.peaks] == [2, 2]
     assert [len(p) for p in heavy.peaks] == [1, 1]
     short, long = light.readings
@@ -81,8 +86,8 @@ def test_two_peaks_at_ten_per_cent_and_one_from_thirty_on() -> None:
     assert again.readings == light.readings
 
 
-def test_wilsons_interval() -> None:
-    low, high = wilson(5, 10)
+def test_wilson_interval() -> None:
+    low, high = wilson_interval(5, 10)
     assert (low, high) == pytest.approx((0.2366, 0.7634), abs=1e-4)  # Wilson 1927, by hand
-    assert wilson(0, 10)[0] == 0.0
-    assert wilson(10, 10)[1] == 1.0
+    assert wilson_interval(0, 10)[0] == 0.0
+    assert wilson_interval(10, 10)[1] == 1.0

@@ -26,7 +26,7 @@ def ideal(baja: Vehicle) -> Vehicle:
 
 
 @pytest.mark.parametrize("name", ROADS)
-def test_every_road_shakes_without_clipping(baja: Vehicle, name: str) -> None:
+def test_every_road_excites_the_car_without_clipping(baja: Vehicle, name: str) -> None:
     drive = simulate(baja, road(name, np.random.default_rng(0)), seconds=2.5)
     acc = accelerations(drive.recording, baja)
     assert drive.recording.units == ("counts",) * 4
@@ -38,7 +38,7 @@ def test_every_road_shakes_without_clipping(baja: Vehicle, name: str) -> None:
     assert 0.005 < np.max(np.abs(drive.deflection)) < 0.16
 
 
-def test_rear_follows_front_a_wheel_base_later(ideal: Vehicle) -> None:
+def test_rear_hub_follows_the_front_a_wheelbase_later(ideal: Vehicle) -> None:
     way = road("bump", np.random.default_rng(0))
     drive = simulate(ideal, way, seconds=2.5)
     lag = ideal.l.value / way.speed
@@ -55,13 +55,15 @@ def test_the_hub_acceleration_is_the_road_s_second_derivative(ideal: Vehicle) ->
     assert np.max(np.abs(again - height)) < 0.02 * np.max(height)
 
 
-def test_noise_has_the_declared_size_and_memory(baja: Vehicle) -> None:
+def test_noise_has_the_declared_deviation_and_correlation(baja: Vehicle) -> None:
     noisy = Sensor(noise=0.05, bandwidth=50.0)
     still = road("bump", np.random.default_rng(0), speed=0.1)
     car = replace(baja, sensors=(noisy,) * 4)
     drive = simulate(car, still, seconds=20.0)
-    quiet = simulate(replace(car, sensors=(replace(noisy, noise=None),) * 4), still, seconds=20.0)
-    x = accelerations(drive.recording, car)[0] - accelerations(quiet.recording, car)[0]
+    noise_free = simulate(
+        replace(car, sensors=(replace(noisy, noise=None),) * 4), still, seconds=20.0
+    )
+    x = accelerations(drive.recording, car)[0] - accelerations(noise_free.recording, car)[0]
     assert x.std() == pytest.approx(0.05, rel=0.05)
     assert np.mean(x[1:] * x[:-1]) / x.var() == pytest.approx(0.456, abs=0.05)
 
@@ -81,6 +83,6 @@ def test_seeds(baja: Vehicle) -> None:
     assert not np.array_equal(one, three)
 
 
-def test_an_unknown_road_names_the_known_ones() -> None:
+def test_an_unknown_road_is_an_error_that_lists_the_roads() -> None:
     with pytest.raises(ValueError, match="stops"):
         road("moon", np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""Drives of the rig, and trackers run over them."""
+"""Drives of the rig, and trackers that have processed them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.tracking.frames import Frames, joined
+from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.tracker import Tracker, tracker_for
 from tests.posterior.cases import DECLARED, as_recording, vehicle
 from tests.rig import (
@@ -52,7 +52,7 @@ def long_drive(
 
 
 def faded(time: Array, loss: float, fade: float) -> Array:
-    """Share of its rate that a fading damper of the rig has left at a time (s)."""
+    """Share of its rate that a fading damper of the rig has left at times (s)."""
     through = np.clip(time / fade, 0.0, 1.0)
     return np.asarray(1.0 - loss * (1.0 - np.exp(-3.0 * through)) / (1.0 - np.exp(-3.0)))
 
@@ -65,7 +65,7 @@ def tracked(
     forget: float | None = None,
     engine: str = "compiled",
 ) -> tuple[Tracker, Frames]:
-    """A tracker that has seen a recording, and what it said."""
+    """A tracker that has processed a recording, and its frames."""
     car = vehicle(DECLARED) if car is None else car
     tracker = tracker_for(recording, car, forget=forget, engine=engine)
     acc = accelerations(recording, car).T
@@ -73,7 +73,7 @@ def tracked(
         tracker.feed(recording.time[k : k + chunk], acc[k : k + chunk])
         for k in range(0, len(recording.time), chunk)
     ]
-    return tracker, joined([*parts, tracker.finish()])
+    return tracker, concatenate([*parts, tracker.finish()])
 
 
 def with_values(recording: Recording, values: Array) -> Recording:
@@ -81,11 +81,11 @@ def with_values(recording: Recording, values: Array) -> Recording:
     return replace(recording, values=values)
 
 
-def truth(car: RigCar) -> Array:
+def true_parameters(car: RigCar) -> Array:
     """True c_f, c_r and i, SI units."""
     return np.array([car.c_f, car.c_r, car.i])
 
 
-def distance(frames: Frames, car: RigCar, row: int = -1) -> Array:
-    """Errors of the logarithms in claimed deviations, (3,)."""
-    return np.asarray(np.log(frames.median[row] / truth(car)) / frames.log_sd[row])
+def z_scores(frames: Frames, car: RigCar, row: int = -1) -> Array:
+    """Errors of the logarithms in stated standard deviations, (3,)."""
+    return np.asarray(np.log(frames.median[row] / true_parameters(car)) / frames.log_sd[row])

@@ -1,11 +1,11 @@
-"""The last interval of the online filter against the whole posterior, on the same drives."""
+"""The last interval of the online filter against the posterior of the whole recording."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from bayes_asv.estimate import estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.tracking.drives import tracked
@@ -15,11 +15,11 @@ DRIVES = [("bump", 41), ("bump", 42), ("stops", 41), ("stops", 42),
           ("rough", 41), ("rough", 42), ("rollers", 41), ("rollers", 42)]  # fmt: skip
 
 
-def test_it_ends_where_the_posterior_of_the_whole_recording_is() -> None:
-    """Eight drives, given values exact, so that mass and springs do not make all widths alike.
+def test_last_estimate_agrees_with_the_map_estimate() -> None:
+    """Mode and curvature of the posterior over eight drives, given values exact.
 
-    Mode and curvature of the posterior that learns the noise of each sensor too; the filter learns
-    one level for an axle, so that its widths differ by as much as two seconds tell of noise.
+    The posterior has a noise level for each sensor, the filter one factor for each axle, so that
+    the widths differ by what two seconds tell about the noise.
     """
     shifts, ratios = [], []
     for terrain, seed in DRIVES:
@@ -39,8 +39,8 @@ def test_it_ends_where_the_posterior_of_the_whole_recording_is() -> None:
     assert np.median(ratios) == pytest.approx(1.0, abs=0.08)
 
 
-def test_its_interval_is_the_one_that_estimate_samples() -> None:
-    """With given values uncertain: share of both intervals that they have in common; seed 43."""
+def test_last_interval_agrees_with_the_sampled_posterior() -> None:
+    """Overlap of both 95 % intervals, with uncertain given values; seed 43."""
     _, _, recording = case("stops", 43, DECLARED)
     car = vehicle(DECLARED)
     sampled = estimate([recording], car, seed=1)

@@ -1,4 +1,4 @@
-"""What breaks on the way: the filter says so, widens, and recovers."""
+"""Sensor faults and worn dampers: detection, recovery and alarms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.frames import Frames
 from tests.posterior.cases import DECLARED, vehicle
-from tests.tracking.drives import distance, faded, long_drive, tracked, truth, with_values
+from tests.tracking.drives import faded, long_drive, tracked, true_parameters, with_values, z_scores
 
 Array = NDArray[np.float64]
 
@@ -46,43 +46,43 @@ def _at(frames: Frames, time: float) -> int:
 
 
 @pytest.mark.parametrize("fault", ["shifted", "rattling", "stuck", "silent", "radio gap"])
-def test_it_recovers(fault: str) -> None:
+def test_filter_recovers_from_a_fault(fault: str) -> None:
     """The same 14 s with and without a fault; seed 11."""
     _, recording = long_drive(SECONDS, 11)
-    _, sound = tracked(recording)
+    _, healthy = tracked(recording)
     tracker, frames = tracked(_broken(recording, fault))
     during, end = _at(frames, BREAKS + 0.2), len(frames) - 1
     if fault in ("shifted", "rattling", "stuck"):
         assert frames.inflation[_at(frames, BREAKS) : during].max() > 5.0
         assert not frames.consistent[during]
         assert tracker.filter.resets[0] == pytest.approx(BREAKS + 0.27, abs=0.15)
-        assert tracker.watch.summary().faults
+        assert tracker.consistency.summary().faults
     else:
         assert frames.consistent.mean() > 0.97
         assert not tracker.filter.resets
-    # in the end it knows the car as well as if nothing had been, and says so
+    # at the end the estimate is as good as without the fault
     assert frames.consistent[end]
     assert frames.inflation[end] < 1.3
-    np.testing.assert_allclose(frames.log_sd[end], sound.log_sd[-1], rtol=0.1)
-    apart = np.log(frames.median[end] / sound.median[-1])
-    assert np.all(np.abs(apart) < 0.1 * sound.log_sd[-1])
+    np.testing.assert_allclose(frames.log_sd[end], healthy.log_sd[-1], rtol=0.1)
+    difference = np.log(frames.median[end] / healthy.median[-1])
+    assert np.all(np.abs(difference) < 0.1 * healthy.log_sd[-1])
 
 
-def test_while_it_lasts_the_answer_does_not_run_away() -> None:
+def test_estimate_stays_close_during_a_fault() -> None:
     car, recording = long_drive(SECONDS, 11)
-    _, sound = tracked(recording)
+    _, healthy = tracked(recording)
     _, frames = tracked(_broken(recording, "shifted"))
     for time in np.arange(BREAKS, BREAKS + 2.0, 0.1):
         k = _at(frames, float(time))
-        apart = np.log(frames.median[k] / sound.median[k])
-        assert np.all(np.abs(apart) < 0.5 * frames.log_sd[k])
-    assert np.all(np.abs(distance(frames, car)) < 3.0)
+        difference = np.log(frames.median[k] / healthy.median[k])
+        assert np.all(np.abs(difference) < 0.5 * frames.log_sd[k])
+    assert np.all(np.abs(z_scores(frames, car)) < 3.0)
 
 
 @pytest.mark.parametrize("ranged", [True, False], ids=["beyond its range", "without a range"])
 @pytest.mark.parametrize("channel", [0, 3])
-def test_one_absurd_reading_moves_nothing(channel: int, ranged: bool) -> None:
-    """A bit that flipped: 1e6 in/s² once; the interval of the end is that without it."""
+def test_one_outlier_has_no_effect(channel: int, ranged: bool) -> None:
+    """A flipped bit, 1e6 in/s² once: the final interval is that without it."""
     _, recording = long_drive(SECONDS, 11)
     given = vehicle(DECLARED)
     if not ranged:
@@ -90,11 +90,11 @@ def test_one_absurd_reading_moves_nothing(channel: int, ranged: bool) -> None:
         given = replace(given, sensors=free)  # type: ignore[arg-type]
     values = recording.values.copy()
     values[channel, _row(recording, BREAKS)] = 1e6
-    _, sound = tracked(recording, given)
+    _, healthy = tracked(recording, given)
     _, frames = tracked(with_values(recording, values), given)
-    apart = np.log(frames.median[-1] / sound.median[-1])
-    assert np.all(np.abs(apart) < 0.1 * sound.log_sd[-1])
-    np.testing.assert_allclose(frames.log_sd[-1], sound.log_sd[-1], rtol=0.05)
+    difference = np.log(frames.median[-1] / healthy.median[-1])
+    assert np.all(np.abs(difference) < 0.1 * healthy.log_sd[-1])
+    np.testing.assert_allclose(frames.log_sd[-1], healthy.log_sd[-1], rtol=0.05)
     assert frames.consistent[-1]
 
 
@@ -102,68 +102,70 @@ def _row(recording: Recording, time: float) -> int:
     return int(np.searchsorted(recording.time, time))
 
 
-def _lag(time: Array, followed: Array, true: Array, seconds: float) -> float:
-    """Seconds by which a curve is behind the truth: the shift with the smallest error."""
+def _lag(time: Array, tracked_share: Array, true: Array, seconds: float) -> float:
+    """Delay of a curve behind the truth, s: the shift with the smallest error."""
     shifts = np.arange(0.0, 4.0, 0.05)
     inside = (time > 2.0) & (time < seconds)
-    errors = [np.mean((followed - np.interp(time - s, time, true))[inside] ** 2) for s in shifts]
+    errors = [
+        np.mean((tracked_share - np.interp(time - s, time, true))[inside] ** 2) for s in shifts
+    ]
     return float(shifts[int(np.argmin(errors))])
 
 
-@pytest.mark.parametrize("forget", [60.0, None], ids=["walking", "taken for constant"])
-def test_a_damper_that_fades_is_followed(forget: float | None) -> None:
-    """30 % over 20 s on a rough road; the errors of mass and springs leave its course alone."""
+@pytest.mark.parametrize("forget", [60.0, None], ids=["random walk", "constant"])
+def test_fading_damper_is_tracked(forget: float | None) -> None:
+    """30 % over 20 s on a rough road, up to the constant error of mass and springs."""
     car, recording = long_drive(24.0, 12, 0.3, 20.0)
     tracker, frames = tracked(recording, forget=forget)
     true = faded(frames.time, 0.3, 20.0)
     late = frames.time > 2.0
     share = frames.median[:, 0] / car.c_f
-    offset = np.median((share / true)[late])  # what the given values are off by
+    offset = np.median((share / true)[late])  # errors of the given values
     assert abs(offset - 1.0) < 0.03
     assert np.max(np.abs(share / true / offset - 1.0)[late]) < 0.03
     assert _lag(frames.time, share / offset, true, 20.0) < 2.0
     if forget is not None:
-        assert tracker.watch.summary().verdict == "consistent"
-    # the rear damper and the inertia stay where they are
-    apart = np.log(frames.median[-1, 1:] / truth(car)[1:]) / frames.log_sd[-1, 1:]
-    assert np.all(np.abs(apart) < 3.5)
+        assert tracker.consistency.summary().verdict == "consistent"
+    # the rear damper and the inertia do not change
+    difference = np.log(frames.median[-1, 1:] / true_parameters(car)[1:]) / frames.log_sd[-1, 1:]
+    assert np.all(np.abs(difference) < 3.5)
 
 
-def _alarm(frames: Frames, dog: AlarmMonitor, chunk: int = 200) -> Alarm | None:
+def _alarm(frames: Frames, monitor: AlarmMonitor, chunk: int = 200) -> Alarm | None:
     for k in range(0, len(frames), chunk):
         part = Frames(**{n: getattr(frames, n)[k : k + chunk] for n in Frames.__dataclass_fields__})
-        found = dog.look(part)
+        found = monitor.update(part)
         if found is not None:
             return found
     return None
 
 
-def test_the_watchdog_barks_at_a_worn_damper_and_at_no_other() -> None:
+def test_alarm_for_a_worn_damper_only() -> None:
     car, recording = long_drive(24.0, 12, 0.3, 20.0)
     nominal = vehicle(DECLARED)
     _, frames = tracked(recording, forget=60.0)
     at_start = car.c_f / nominal.c_f.value
-    dog = AlarmMonitor(nominal, 0.85 * at_start, 0.99, 1.0)
-    alarm = _alarm(frames, dog)
+    monitor = AlarmMonitor(nominal, 0.85 * at_start, 0.99, 1.0)
+    alarm = _alarm(frames, monitor)
     assert alarm is not None
     assert alarm.axle == "front"
     crossed = float(frames.time[np.argmax(faded(frames.time, 0.3, 20.0) < 0.85)])
     assert crossed < alarm.time < crossed + 6.0
     assert alarm.time - alarm.since >= 1.0
     assert alarm.low < alarm.median < alarm.high
-    # chunks make no difference
+    # chunk size has no effect
     again = _alarm(frames, AlarmMonitor(nominal, 0.85 * at_start, 0.99, 1.0), 13)
     assert again == alarm
-    quiet = AlarmMonitor(nominal, 0.6 * at_start, 0.99, 1.0)
-    assert _alarm(frames, quiet) is None
-    assert quiet.rows == len(frames)
-    assert np.all(quiet.probability < 0.5)
+    silent = AlarmMonitor(nominal, 0.6 * at_start, 0.99, 1.0)
+    assert _alarm(frames, silent) is None
+    assert silent.rows == len(frames)
+    assert np.all(silent.probability < 0.5)
 
 
-def test_an_inconsistent_filter_raises_no_alarm() -> None:
+def test_inconsistent_filter_raises_no_alarm() -> None:
     _, recording = long_drive(24.0, 12, 0.3, 20.0)
     _, frames = tracked(recording, forget=60.0)
     never = replace(frames, consistent=np.zeros(len(frames), bool))
-    dog = AlarmMonitor(vehicle(DECLARED), 1.5, 0.99, 1.0)
-    assert _alarm(never, dog) is None
-    assert dog.rows_told == 0
+    monitor = AlarmMonitor(vehicle(DECLARED), 1.5, 0.99, 1.0)
+    assert _alarm(never, monitor) is None
+    assert monitor.rows_consistent == 0

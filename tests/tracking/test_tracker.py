@@ -1,4 +1,4 @@
-"""The tracker from rows to frames, on drives of the rig."""
+"""The tracker from rows to frames, on simulated drives."""
 
 from __future__ import annotations
 
@@ -15,22 +15,24 @@ from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.shipped import shipped
-from bayes_asv.tracking.frames import Frames, joined
-from bayes_asv.tracking.prior_state import car_covariance
+from bayes_asv.tracking.filter import parameter_covariance
+from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.tracker import Tracker, tracker_for
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.rig import SensorSpec
-from tests.tracking.drives import distance, long_drive, tracked, truth
+from tests.tracking.drives import long_drive, tracked, true_parameters, z_scores
+
+DATA = Path(__file__).parent / "data"
 
 
 def _differing(one: Frames, two: Frames) -> list[str]:
-    """Names of what differs."""
+    """Names of the columns that differ."""
     pairs = ((name, getattr(one, name), getattr(two, name)) for name in Frames.__dataclass_fields__)
     return [name for name, a, b in pairs if not np.array_equal(a, b, equal_nan=True)]
 
 
-def test_the_answer_is_that_of_the_posterior() -> None:
-    """On a shipped drive with uncertain given values, against mode and curvature of estimate."""
+def test_estimate_agrees_with_the_posterior() -> None:
+    """Mode and curvature of the posterior, on a shipped drive with uncertain given values."""
     recording = read_recording(str(shipped("recordings", "bump-400hz.csv")))
     car = read_vehicle(str(shipped("vehicles", "baja2008.toml")))
     lines, reasons, _ = lay_out([recording], car)
@@ -44,8 +46,8 @@ def test_the_answer_is_that_of_the_posterior() -> None:
         assert frames.log_sd[-1, k] == pytest.approx(sd, rel=0.1)
 
 
-def test_errors_are_as_large_as_the_covariance_says() -> None:
-    """NEES over twelve drives of as many cars, constants exactly known; seeds 700 to 711.
+def test_nees_over_twelve_drives() -> None:
+    """NEES over twelve drives of as many cars, with exact given values; seeds 700 to 711.
 
     The sum is χ² with 36 degrees of freedom; one set of seeds in a hundred lies outside.
     """
@@ -54,18 +56,18 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
         terrain = ("bump", "stops", "rough", "rollers")[seed % 4]
         car, _, recording = case(terrain, seed, EXACT)
         tracker, frames = tracked(recording, vehicle(EXACT))
-        error = np.log(frames.median[-1] / truth(car))
+        error = np.log(frames.median[-1] / true_parameters(car))
         scale = tracker.coordinates.scale[:3]
-        covariance = car_covariance(tracker.filter.state)[:3, :3] * np.outer(scale, scale)
+        covariance = parameter_covariance(tracker.filter.state)[:3, :3] * np.outer(scale, scale)
         total += float(error @ np.linalg.solve(covariance, error))
-        inside += int(np.sum(np.abs(distance(frames, car)) < 1.96))
+        inside += int(np.sum(np.abs(z_scores(frames, car)) < 1.96))
         assert np.median(np.abs(error)) < 0.01
-        assert tracker.watch.summary().verdict == "consistent"
+        assert tracker.consistency.summary().verdict == "consistent"
     assert chi2.ppf(0.005, 36) < total < chi2.ppf(0.995, 36)
     assert inside >= 31  # of 36: fewer are seen once in a hundred
 
 
-def test_at_rest_it_learns_nothing() -> None:
+def test_nothing_is_learnt_at_rest() -> None:
     _, _, recording = case("flat", 1, DECLARED, seconds=3.0)
     _, frames = tracked(recording)
     before = tracker_for(recording, vehicle(DECLARED)).coordinates.scale[:3]
@@ -73,14 +75,14 @@ def test_at_rest_it_learns_nothing() -> None:
     assert np.abs(frames.deflection[-2]).max() < 0.01
 
 
-def test_chunks_make_no_difference() -> None:
+def test_chunk_size_has_no_effect() -> None:
     _, _, recording = case("stops", 3, DECLARED, seconds=0.9, sensors=SensorSpec(dropped=0.02))
     _, whole = tracked(recording)
     for chunk in (3, 100):
         assert _differing(whole, tracked(recording, chunk=chunk)[1]) == []
 
 
-def test_frames_say_what_they_promise() -> None:
+def test_columns_of_the_frames() -> None:
     _, run, recording = case("rough", 4, DECLARED)
     _, frames = tracked(recording)
     n = len(recording.time)
@@ -90,34 +92,48 @@ def test_frames_say_what_they_promise() -> None:
     seen = np.isfinite(frames.measured)
     np.testing.assert_array_equal(frames.measured[seen], measured[seen])
     assert seen.mean() > 0.99
-    # once the car is known, one-step predictions miss by what they say
+    # once the car is known, one-step prediction errors match their standard deviation
     late = slice(n // 2, n - 1)
     z = (frames.measured - frames.predicted)[late] / frames.predicted_sd[late]
     assert 0.8 < np.nanstd(z) < 1.2
-    # travel, but for what the sensors' filters and biases do to it
-    apart = frames.deflection[n // 2 :] - run.deflection.T[n // 2 :]
-    assert np.nanstd(apart) < 0.25 * run.deflection.std()
+    # deflection, up to the sensors' filters and biases
+    difference = frames.deflection[n // 2 :] - run.deflection.T[n // 2 :]
+    assert np.nanstd(difference) < 0.25 * run.deflection.std()
     assert np.all(frames.log_sd[n // 2 :, :] < 0.05)
     assert np.all((frames.nis_low <= 1.0) & (frames.nis_high >= 1.0))
     assert np.all(frames.inflation >= 1.0)
 
 
-def test_saved_and_taken_up_it_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
+def test_restored_tracker_gives_the_same_results(tmp_path: Path) -> None:
     _, _, recording = case("bump", 6, DECLARED)
     car = vehicle(DECLARED)
     acc = accelerations(recording, car).T
     _, whole = tracked(recording)
     file = tmp_path / "car.npz"
-    for at in (30, 180, 500):  # before it knows anything, while it looks back, and later
+    for at in (30, 180, 500):  # before it learns, while it relinearizes, and later
         first = tracker_for(recording, car)
         parts = [first.feed(recording.time[:at], acc[:at])]
         first.save(file)
         second = Tracker.restore(file, car)
         parts += [second.feed(recording.time[at:], acc[at:]), second.finish()]
-        assert _differing(whole, joined(parts)) == []
+        assert _differing(whole, concatenate(parts)) == []
 
 
-def test_what_was_not_saved_is_not_taken_up(tmp_path: Path) -> None:
+def test_checkpoint_of_an_earlier_version_can_be_restored() -> None:
+    """A file that version 0.1 wrote after 180 rows, while it relinearized."""
+    _, _, recording = case("bump", 6, DECLARED)
+    acc = accelerations(recording, vehicle(DECLARED)).T
+    _, whole = tracked(recording)
+    tracker = Tracker.restore(DATA / "checkpoint-1.npz", vehicle(DECLARED))
+    assert tracker.filter.relinearizing
+    frames = concatenate([tracker.feed(recording.time[180:], acc[180:]), tracker.finish()])
+    rows = slice(-len(frames), None)
+    np.testing.assert_allclose(frames.median, whole.median[rows], rtol=1e-9)
+    np.testing.assert_allclose(frames.log_sd, whole.log_sd[rows], rtol=1e-9)
+    np.testing.assert_array_equal(frames.consistent, whole.consistent[rows])
+
+
+def test_damaged_or_foreign_checkpoints_are_refused(tmp_path: Path) -> None:
     _, _, recording = case("bump", 6, DECLARED, seconds=0.5)
     tracker, _ = tracked(recording)
     file = tmp_path / "car.npz"
@@ -133,36 +149,36 @@ def test_what_was_not_saved_is_not_taken_up(tmp_path: Path) -> None:
         Tracker.restore(tmp_path / "none.npz", vehicle(DECLARED))
 
 
-def test_another_recording_goes_on_from_what_is_known_of_the_car() -> None:
+def test_another_recording_starts_from_the_known_parameters() -> None:
     car, _, first = case("bump", 8, DECLARED)
     tracker, frames = tracked(first)
     second = replace(long_drive(2.0, 3)[1], time=first.time)
     tracker.resume()
     acc = accelerations(second, vehicle(DECLARED)).T
-    again = joined([tracker.feed(second.time, acc), tracker.finish()])
+    again = concatenate([tracker.feed(second.time, acc), tracker.finish()])
     np.testing.assert_allclose(again.median[0], frames.median[-1], rtol=1e-9)
     np.testing.assert_allclose(again.log_sd[0], frames.log_sd[-1], rtol=1e-9)
     assert car.c_f > 0.0
 
 
-def test_noise_that_is_not_given_is_listened_to() -> None:
+def test_missing_noise_levels_are_estimated() -> None:
     car, _, recording = case("rough", 5, DECLARED, seconds=3.0)
-    deaf = vehicle(DECLARED)
-    deaf = replace(deaf, sensors=tuple(replace(s, noise=None) for s in deaf.sensors))  # type: ignore[arg-type]
-    tracker = tracker_for(recording, deaf)
-    acc = accelerations(recording, deaf).T
+    sensors = tuple(replace(s, noise=None) for s in vehicle(DECLARED).sensors)
+    car_without_noise = replace(vehicle(DECLARED), sensors=sensors)  # type: ignore[arg-type]
+    tracker = tracker_for(recording, car_without_noise)
+    acc = accelerations(recording, car_without_noise).T
     assert len(tracker.feed(recording.time[:150], acc[:150])) == 0
-    assert not tracker.begun
-    frames = joined([tracker.feed(recording.time[150:], acc[150:]), tracker.finish()])
+    assert not tracker.started
+    frames = concatenate([tracker.feed(recording.time[150:], acc[150:]), tracker.finish()])
     assert len(frames) == len(recording.time)
-    assert np.all(np.abs(distance(frames, car)) < 3.0)
-    assert tracker.watch.summary().verdict == "consistent"
+    assert np.all(np.abs(z_scores(frames, car)) < 3.0)
+    assert tracker.consistency.summary().verdict == "consistent"
 
 
 @pytest.mark.parametrize(
     ("rate", "forget", "engine"),
     [(0.0, None, "compiled"), (400.0, -1.0, "compiled"), (400.0, None, "steam")],
 )
-def test_what_makes_no_sense_is_refused(rate: float, forget: float | None, engine: str) -> None:
+def test_impossible_arguments_are_refused(rate: float, forget: float | None, engine: str) -> None:
     with pytest.raises(InputError):
         Tracker(vehicle(EXACT), rate, forget=forget, engine=engine)

@@ -1,0 +1,318 @@
+"""``asv.estimate``: the posterior of damping rates and pitch inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike
+from bayes_asv.library.inputs import check_inputs
+from bayes_asv.library.parameter import Parameter, from_draws, nominal_of
+from bayes_asv.library.progress import Progress, part_of, progress_bar
+from bayes_asv.library.result import Result
+
+if TYPE_CHECKING:
+    from bayes_asv.domain.recording import Recording
+    from bayes_asv.domain.vehicle import Vehicle
+    from bayes_asv.estimation import Estimate as HalfCarEstimate
+    from bayes_asv.library.diagnoses import Diagnosis
+    from bayes_asv.library.plots import EstimatePlots
+    from bayes_asv.library.tracks import Track
+    from bayes_asv.models.effects import Site
+    from bayes_asv.posterior.roll.estimate import RollEstimate
+    from bayes_asv.report.schema import EstimateDocument, RollDocument
+
+__all__ = ["Estimate", "check_seed", "estimate"]
+
+Likelihood = Literal["innovations", "output-error"]
+Car = Literal["half", "roll"]
+
+_AUTO = "auto"
+_SHARE_OF_DIAGNOSIS = 0.6  # of the time, where effects are found before they are estimated
+
+
+class Estimate(Result):
+    """Posterior of one car's parameters, from :func:`bayes_asv.estimate`.
+
+    ``verdict`` is ``"ok"``, ``"not_converged"`` or ``"refused"``.  Parameters are ``c_f``,
+    ``c_r``, ``i``, ``k_g``, ``zeta_f`` and ``zeta_r``, or those of the roll car.
+    """
+
+    document: EstimateDocument | RollDocument
+
+    def __init__(
+        self,
+        engine: HalfCarEstimate | RollEstimate,
+        document: EstimateDocument | RollDocument,
+        parameters: dict[str, Parameter],
+        searched: bool = False,
+    ):
+        super().__init__(document, parameters, engine.vehicle)
+        self._engine = engine
+        self._searched = searched
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The recordings, as given."""
+        return self._engine.recordings
+
+    @property
+    def effects(self) -> list[Any]:
+        """Effects in the model, each with ``name``, ``where`` and ``parameters``."""
+        return list(getattr(self.document, "effects", []))
+
+    @cached_property
+    def plot(self) -> EstimatePlots:
+        """Figures: ``plot.posterior()``, ``plot.simulation()``, ``plot.damper_velocity()``."""
+        from bayes_asv.library.plots import EstimatePlots
+
+        return EstimatePlots(self._half_car_document("plot"))
+
+    def report(
+        self,
+        path: PathLike,
+        *,
+        diagnosis: Diagnosis | None = None,
+        track: Track | None = None,
+    ) -> None:
+        """Write a report, HTML or PDF by the suffix of the file.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Ends in ``.html`` or ``.pdf``.
+        diagnosis : Diagnosis, optional
+            Of the same recordings, to be reported beside the estimate.
+        track : Track, optional
+            Of one of the recordings, likewise.
+
+        Raises
+        ------
+        InputError
+            If the suffix is another one or the file cannot be written.
+        """
+        from bayes_asv.report.render import write_report
+
+        beside = {"diagnosis": diagnosis, "online": track}
+        given = {key: result.document for key, result in beside.items() if result is not None}
+        write_report(self._half_car_document("report").model_copy(update=given), path)
+
+    def to_inference_data(self) -> Any:
+        """Return the draws as ArviZ inference data, all in SI units.
+
+        Returns
+        -------
+        arviz.InferenceData or xarray.DataTree
+            As the installed ArviZ has it.  Groups are ``posterior`` (with noise levels and
+            effects), ``sample_stats``, ``prior`` and ``observed_data``, and for runs of a linear
+            half car that are consistent with each other ``log_likelihood`` (by recording),
+            ``log_prior`` and ``posterior_predictive``.
+
+        Raises
+        ------
+        ImportError
+            If ArviZ is not installed.
+        InputError
+            If there are no draws.
+        """
+        from bayes_asv.library.inference_data import inference_data
+
+        return inference_data(self._drawn("to_inference_data"))
+
+    def to_netcdf(self, path: PathLike) -> None:
+        """Write :meth:`to_inference_data` as a netCDF file, which ArviZ opens.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+        """
+        from bayes_asv.library.inference_data import write_netcdf
+
+        write_netcdf(self._drawn("to_netcdf"), path)
+
+    def lines(self) -> list[str]:
+        """State the result in sentences, as the command line prints them."""
+        from bayes_asv.report.schema import EstimateDocument
+        from bayes_asv.report.sections.effects import effect_lines
+        from bayes_asv.report.sections.verdict import roll_lines, verdict_lines
+
+        if not isinstance(self.document, EstimateDocument):
+            return roll_lines(self.document)
+        lines = [*verdict_lines(self.document), *effect_lines(self.document.effects)]
+        if self._searched and not self.effects and self.verdict != "refused":
+            lines.append("No effect was named, so the model is the linear half car.")
+        return lines
+
+    def half_car(self, purpose: str) -> HalfCarEstimate:
+        """Return the engine's value of a half car's estimate.
+
+        Raises
+        ------
+        InputError
+            For the roll car.
+        """
+        from bayes_asv.estimation import Estimate as HalfCarEstimate
+
+        if not isinstance(self._engine, HalfCarEstimate):
+            raise InputError(purpose, "needs an estimate of the half car", "leave out car='roll'")
+        return self._engine
+
+    def _half_car_document(self, purpose: str) -> EstimateDocument:
+        from bayes_asv.report.schema import EstimateDocument
+
+        self.half_car(purpose)
+        assert isinstance(self.document, EstimateDocument)
+        return self.document
+
+    def _drawn(self, purpose: str) -> HalfCarEstimate:
+        result = self.half_car(purpose)
+        if not result.draws:
+            raise InputError(purpose, "there are no draws", "see the result's reasons")
+        return result
+
+
+def estimate(
+    recordings: Recording | Iterable[Recording],
+    vehicle: Vehicle,
+    *,
+    effects: str | Sequence[str] = (),
+    likelihood: Likelihood = "innovations",
+    below: float | None = None,
+    car: Car | None = None,
+    seed: int = 0,
+    progress: Progress = None,
+) -> Estimate:
+    """Estimate damping rates and pitch inertia from one or several recordings of one car.
+
+    Parameters
+    ----------
+    recordings : Recording or iterable of Recording
+        Runs of the same car; each has its own biases, initial state and noise.
+    vehicle : Vehicle
+        The car: given and nominal values with their standard deviations, and sensors.
+    effects : str or sequence of str, optional
+        Effects that the car has, such as ``"bound_rebound@rear"`` (``docs/effects.md``);
+        ``"auto"`` adds those that :func:`bayes_asv.diagnose` finds more likely than not.
+    likelihood : {'innovations', 'output-error'}
+        With the noise of the wheel sensors in the covariance, or with white residuals.
+    below : float, optional
+        Use only the motion below this frequency, Hz.
+    car : {'half', 'roll'}, optional
+        Model of the car; by default that of the recordings' channels.
+    seed : int
+        The same seed gives the same answer.
+    progress : bool or callable, optional
+        None shows a bar on a terminal or in a notebook, False never; a callable is called with
+        the share done and a description.
+
+    Returns
+    -------
+    Estimate
+        A refusal and a lack of convergence are verdicts, not exceptions.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of another type.
+    InputError
+        If an option, a channel or a calibration does not fit; the message says what to do.
+    """
+    check_seed(seed)
+    car = car or _car_of(recordings)
+    if car not in ("half", "roll"):
+        raise InputError(f"car={car!r}", "there is no such car", "give 'half' or 'roll'")
+    runs, vehicle = check_inputs("estimate", recordings, vehicle, car=car)
+    names = (effects,) if isinstance(effects, str) else tuple(effects)
+    if car == "roll":
+        if names or likelihood != "innovations" or below is not None:
+            raise InputError(
+                "estimate", "the roll car has no effects, other likelihood or band",
+                "leave out effects, likelihood and below, or give car='half'",
+            )  # fmt: skip
+        return _estimate_roll(runs, vehicle, seed, progress)
+    if names and (below is not None or likelihood != "innovations"):
+        raise InputError(
+            "estimate", "effects need the whole band and the innovations likelihood",
+            "leave out below and likelihood, or effects",
+        )  # fmt: skip
+    from bayes_asv import estimation
+
+    if likelihood not in estimation.LIKELIHOODS:
+        raise InputError(
+            f"likelihood={likelihood!r}", "is unknown",
+            f"give one of {', '.join(estimation.LIKELIHOODS)}",
+        )  # fmt: skip
+    with progress_bar(progress) as report:
+        sites, report = _sites(names, runs, vehicle, seed, report)
+        result = estimation.estimate(
+            runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,
+            sites=sites,
+        )  # fmt: skip
+    from bayes_asv.report.documents.estimate import estimate_document
+
+    parameters = {
+        name: from_draws(name, result.draws[name], nominal_of(name, vehicle), vehicle.units)
+        for name in (*estimation.ANSWERS, *estimation.DERIVED)
+        if name in result.draws
+    }
+    return Estimate(result, estimate_document(result), parameters, searched=_AUTO in names)
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that random generators do not take."""
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
+        raise InputError(
+            f"seed={seed!r}", "is not a seed", "give a whole number from 0 to 4294967295"
+        )
+
+
+def _car_of(recordings: object) -> Car:
+    """Model of the car whose channels the recordings have."""
+    from bayes_asv.domain.recording import ROLL_CHANNELS
+
+    first = next(iter(recordings), None) if isinstance(recordings, Sequence) else recordings
+    return "roll" if getattr(first, "channels", None) == ROLL_CHANNELS else "half"
+
+
+def _sites(
+    names: tuple[str, ...],
+    runs: tuple[Recording, ...],
+    vehicle: Vehicle,
+    seed: int,
+    report: Any,
+) -> tuple[tuple[Site, ...], Any]:
+    """Effects by their names, those that a diagnosis names among them, and what is left to do."""
+    from bayes_asv.posterior.effect_fit import read_site
+
+    sites = tuple(dict.fromkeys(read_site(name) for name in names if name != _AUTO))
+    if _AUTO not in names:
+        return sites, report
+    from bayes_asv.diagnosis.workflow import named_in
+
+    found = named_in(runs, vehicle, seed, part_of(report, 0.0, _SHARE_OF_DIAGNOSIS))
+    sites += tuple(site for site in found if site not in sites)
+    return sites, part_of(report, _SHARE_OF_DIAGNOSIS, 1.0)
+
+
+def _estimate_roll(
+    runs: tuple[Recording, ...], vehicle: Vehicle, seed: int, progress: Progress
+) -> Estimate:
+    from bayes_asv.models.from_vehicle import roll_car
+    from bayes_asv.posterior.roll.estimate import estimate_roll
+    from bayes_asv.report.documents.estimate import roll_document
+
+    with progress_bar(progress) as report:
+        result = estimate_roll(runs, vehicle, seed=seed, progress=report)
+    document = roll_document(result)
+    weights = None if result.weighted is None else result.weighted.weight
+    nominal = roll_car(vehicle)
+    parameters = {
+        name: from_draws(
+            name, result.quantities[name], float(getattr(nominal, name)), vehicle.units, weights
+        )
+        for name in document.parameters
+    }
+    return Estimate(result, document, parameters)

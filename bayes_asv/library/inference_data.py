@@ -1,0 +1,283 @@
+"""The draws of an estimate as ArviZ inference data, SI units, one chain an ensemble."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from bayes_asv import __version__
+from bayes_asv.domain.files import write_atomically
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units
+from bayes_asv.estimation import Estimate
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.filters.noise_simulation import NORMALS, noise_path
+from bayes_asv.library.extras import import_extra
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.likelihood import Posterior, shared_work
+from bayes_asv.posterior.free_simulation import simulate_free
+from bayes_asv.posterior.parameters import CAR, LOGS, ParameterSpace
+
+__all__ = ["coordinates", "groups", "inference_data", "write_netcdf"]
+
+Array = NDArray[np.float64]
+
+_PRIOR_DRAWS = 1000
+_PREDICTIVE_DRAWS = 200
+_MAX_PREDICTIVE = 2_000_000  # readings in all: fewer draws of a long recording
+_CHASSIS = ((0, "front_chassis"), (1, "rear_chassis"))
+_DIMS = ("chain", "draw")
+
+
+def inference_data(result: Estimate) -> Any:
+    """Convert an estimate with draws.
+
+    Parameters
+    ----------
+    result : Estimate
+        Of the half car.
+
+    Returns
+    -------
+    arviz.InferenceData or xarray.DataTree
+        With the groups of :func:`groups`, in the class that the installed ArviZ uses.
+    """
+    arviz = import_extra("arviz", "to_inference_data()")
+    datasets = groups(result)
+    if int(arviz.__version__.split(".")[0]) < 1:
+        return arviz.InferenceData(**datasets)
+    return import_extra("xarray", "to_inference_data()").DataTree.from_dict(datasets)
+
+
+def write_netcdf(result: Estimate, path: str | os.PathLike[str]) -> None:
+    """Write the groups of :func:`groups` as netCDF, which ArviZ 0.23 and 1.x open.
+
+    Parameters
+    ----------
+    result : Estimate
+        Of the half car, with draws.
+    path : str or os.PathLike
+        Written whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    import_extra("h5netcdf", "a netCDF file")
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draws.nc"
+        for n, (group, dataset) in enumerate(groups(result).items()):
+            dataset.to_netcdf(draft, mode="a" if n else "w", group=group, engine="h5netcdf")
+        write_atomically(path, draft.read_bytes())
+
+
+def groups(result: Estimate) -> dict[str, Any]:
+    """Make the datasets of an estimate.
+
+    Parameters
+    ----------
+    result : Estimate
+        Of the half car, with draws.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        ``posterior``: the car's parameters, noise levels (m/s², by recording) and parameters of
+        effects.  ``sample_stats``: ``lp``, the log posterior, not normalised.  ``prior``: draws of
+        the same.  ``observed_data``: chassis readings by channel and recording.  Where the
+        recordings are consistent and the model has no effects, besides: ``log_prior`` by variable
+        (density of the logarithm of a positive one), ``log_likelihood`` by recording, and, unless
+        residuals are modelled as coloured, ``posterior_predictive``: readings as the simulation
+        and the sensors' noise make them.
+    """
+    posterior = {**result.draws, **_nuisance(result.nuisance), **_effects(result.effects)}
+    datasets = {
+        "posterior": _dataset(posterior, _units(posterior)),
+        "sample_stats": _dataset({"lp": result.log_posterior}, {}),
+        "prior": _prior(result),
+        "observed_data": _readings(result, None),
+    }
+    z = coordinates(result)
+    if z is not None:
+        assert result.space is not None
+        target = Posterior(result.space, tuple(run.colour for run in result.runs))
+        datasets["log_prior"] = _dataset(_log_prior(result, result.space), {})
+        datasets["log_likelihood"] = _log_likelihood(target, z)
+        if all(run.colour.order == 0 for run in result.runs):
+            datasets["posterior_predictive"] = _readings(result, _predicted(result, target, z))
+    return datasets
+
+
+def coordinates(result: Estimate) -> Array | None:
+    """Coordinates (E, S, D) of the draws; None for a model with effects or runs that differ.
+
+    The inverse of :meth:`bayes_asv.posterior.parameters.ParameterSpace.quantities`.
+    """
+    space = result.space
+    if space is None or space.sites or result.joint:
+        return None
+    z = np.empty((*result.log_posterior.shape, space.dimension))
+    rank = space.seen.shape[1]
+    z[..., :rank] = scaled_logs(result, space) @ space.seen
+    for k, name in enumerate(space.names[rank:], rank):
+        value = result.draws["wdf"] if name == "wdf" else result.nuisance[name]
+        if name.startswith("filtered"):
+            value = ndtri(value)
+        elif name != "wdf":
+            value = np.log(value)
+        z[..., k] = (value - space.centre[k]) / space.scale[k]
+    return z
+
+
+def scaled_logs(result: Estimate, space: ParameterSpace) -> Array:
+    """Logarithms (…, 7) of the car's positive parameters, in prior standard deviations."""
+    out = np.zeros((*result.log_posterior.shape, len(LOGS)))
+    for k, name in enumerate(LOGS):
+        if name in result.draws and space.log_sd[k] > 0.0:
+            out[..., k] = (np.log(result.draws[name]) - space.log_mean[k]) / space.log_sd[k]
+    return out
+
+
+def _nuisance(values: dict[str, Array]) -> dict[str, Array]:
+    return {name.replace(" ", "_"): x for name, x in values.items()}
+
+
+def _effects(values: dict[Site, dict[str, Array]]) -> dict[str, Array]:
+    return {
+        f"{str(site).replace('@', '_')}_{name}": x
+        for site, parameters in values.items()
+        for name, x in parameters.items()
+    }
+
+
+def _units(names: Any) -> dict[str, str]:
+    si = display_units("SI")
+    return {
+        name: si[QUANTITIES[name][0]]
+        if name in QUANTITIES
+        else si["acceleration"]
+        if name.startswith("noise_")
+        else ""
+        for name in names
+    }
+
+
+def _dataset(values: dict[str, Array], units: dict[str, str]) -> Any:
+    """Make a dataset of arrays (chain, draw)."""
+    xarray = import_extra("xarray", "inference data")
+    first = next(iter(values.values()))
+    return xarray.Dataset(
+        {name: (_DIMS, x, {"units": units.get(name, "")}) for name, x in values.items()},
+        coords={name: np.arange(n) for name, n in zip(_DIMS, first.shape, strict=True)},
+        attrs=_about(),
+    )
+
+
+def _about() -> dict[str, str]:
+    return {"inference_library": "bayes_asv", "inference_library_version": __version__}
+
+
+def _prior(result: Estimate) -> Any:
+    """Draws of the prior, in one chain."""
+    space = result.space
+    assert space is not None
+    rng = np.random.default_rng([result.seed, 10])
+    z = rng.standard_normal((_PRIOR_DRAWS, space.dimension))
+    values = {**space.quantities(z, result.seed), **_effects(space.effect_draws(z))}
+    if not result.joint:  # of runs that differ, this space is that of the first alone
+        values |= _nuisance(space.nuisance(z))
+    return _dataset({name: x[None] for name, x in values.items()}, _units(values))
+
+
+def _log_prior(result: Estimate, space: ParameterSpace) -> dict[str, Array]:
+    """Log prior density by variable, of the logarithm of a positive one."""
+    half_log_2pi = 0.5 * math.log(2.0 * math.pi)
+    logs = scaled_logs(result, space)
+    out = {
+        name: -0.5 * logs[..., k] ** 2 - half_log_2pi - math.log(space.log_sd[k])
+        for k, name in enumerate(LOGS)
+        if name in result.draws
+    }
+    for k, name in enumerate(space.names):
+        if name == "wdf" or name in result.nuisance:
+            value = result.draws["wdf"] if name == "wdf" else result.nuisance[name]
+            if name.startswith("filtered"):
+                out[name.replace(" ", "_")] = np.zeros_like(value)  # uniform
+                continue
+            u = ((value if name == "wdf" else np.log(value)) - space.centre[k]) / space.scale[k]
+            out[name.replace(" ", "_")] = -0.5 * u**2 - half_log_2pi - math.log(space.scale[k])
+    return out
+
+
+def _log_likelihood(target: Posterior, z: Array) -> Any:
+    """Log likelihood of every recording at every draw."""
+    xarray = import_extra("xarray", "inference data")
+    with shared_work(target) as shared:
+        values = shared.by_run(z.reshape(-1, z.shape[-1]))
+    values = np.moveaxis(values.reshape(-1, *z.shape[:2]), 0, -1)
+    sources = [line.source for line in target.space.timelines]
+    return xarray.Dataset(
+        {"recordings": ((*_DIMS, "recording"), values)},
+        coords={
+            **{name: np.arange(n) for name, n in zip(_DIMS, z.shape[:2], strict=True)},
+            "recording": sources,
+        },
+        attrs=_about(),
+    )
+
+
+def _predicted(result: Estimate, target: Posterior, z: Array) -> list[Array]:
+    """Chassis readings (S, E, 2) of every recording, as car and sensors make them."""
+    out = []
+    flat = z.reshape(-1, z.shape[-1])
+    cars = np.stack([np.broadcast_to(_car(result, n), flat.shape[0]) for n in CAR], axis=1)
+    for n, line in enumerate(target.space.timelines):
+        count = len(line.step)
+        size = max(min(_PREDICTIVE_DRAWS, _MAX_PREDICTIVE // (2 * count)), 2)
+        rng = np.random.default_rng([result.seed, n, 11])
+        rows = np.empty((size, count, 2))
+        for s, k in enumerate(np.linspace(0, len(flat) - 1, size).astype(int)):
+            noise = np.empty((count, 1, 2))
+            normals = rng.standard_normal((count, 1, NORMALS))
+            noise_path(
+                cars[k], target.space.noises(flat[k][None], n)[0], line.step, line.spread,
+                line.extra, normals, noise,
+            )  # fmt: skip
+            rows[s] = simulate_free(line, cars[k]).output + noise[:, 0]
+        out.append(rows)
+    return out
+
+
+def _car(result: Estimate, name: str) -> Array | float:
+    """Draws of a parameter of the car, or its exact value."""
+    if name in result.draws:
+        return result.draws[name].ravel()
+    return float(getattr(result.vehicle, name).value)
+
+
+def _readings(result: Estimate, predicted: list[Array] | None) -> Any:
+    """Chassis readings, m/s²: as measured, or predicted (S, E, 2) for every recording."""
+    xarray = import_extra("xarray", "inference data")
+    variables: dict[str, Any] = {}
+    coords: dict[str, Any] = {}
+    for n, run in enumerate(result.runs):
+        for axle, channel in _CHASSIS:
+            there = run.line.kind[:, axle] == VALUE
+            name, time = f"{channel}_{n}", f"time_{channel}_{n}"
+            coords[time] = run.line.instants[there]
+            if predicted is None:
+                variables[name] = ((time,), run.line.reading[there, axle])
+            else:
+                variables[name] = (("chain", "draw", time), predicted[n][None, :, there, axle])
+    dataset = xarray.Dataset(variables, coords=coords, attrs=_about())
+    for name in variables:
+        dataset[name].attrs["units"] = display_units("SI")["acceleration"]
+    return dataset

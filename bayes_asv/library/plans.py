@@ -1,0 +1,208 @@
+"""``asv.plan``: which drive makes the parameters known well enough, before it is driven."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike, write_atomically
+from bayes_asv.library.estimates import check_seed
+from bayes_asv.library.extras import import_extra
+from bayes_asv.library.inputs import check_vehicle
+from bayes_asv.library.progress import Progress, progress_bar
+from bayes_asv.library.quantities import positive_quantity
+from bayes_asv.library.result import json_text
+
+if TYPE_CHECKING:
+    import pandas as pd  # type: ignore[import-untyped]
+
+    from bayes_asv.domain.vehicle import Vehicle
+    from bayes_asv.planning.plan import Plan as EnginePlan
+
+__all__ = ["Plan", "plan", "wanted_deviations"]
+
+_ANSWERS = ("c_f", "c_r", "i", "k_g")
+_DEFAULT_PERCENT = 5.0
+
+
+class Plan:
+    """Drives compared before they are driven, from :func:`bayes_asv.plan`.
+
+    ``verdict`` is ``"ok"``, or ``"refused"`` if no drive gives what is wanted; ``reasons`` say why.
+    """
+
+    def __init__(self, engine: EnginePlan):
+        from bayes_asv.planning.document import plan_document
+
+        self._engine = engine
+        self.document: dict[str, Any] = plan_document(engine)
+        self.vehicle = engine.vehicle
+
+    @property
+    def verdict(self) -> str:
+        """``"ok"`` or ``"refused"``."""
+        return self._engine.verdict
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why no drive suffices; empty otherwise."""
+        return tuple(self.document["reasons"])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed."""
+        return tuple(self.document["warnings"])
+
+    @property
+    def recommended(self) -> dict[str, Any] | None:
+        """The drive to take: ``words``, ``passes`` and the ``width_percent`` that it gives."""
+        found: dict[str, Any] | None = self.document["recommended"]
+        return found
+
+    def summary(self) -> pd.DataFrame:
+        """Return all drives as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a drive: ``road``, ``speed`` with its unit, ``rate`` (Hz), ``usable``,
+            ``gentle``, the passes that reach the wanted deviation of each parameter, and
+            ``passes`` that reach all; missing where no number does.
+        """
+        pandas = import_extra("pandas", "summary()")
+        rows = []
+        for drive in self.document["drives"]:
+            needed = drive["passes_needed"]
+            every = [n for n in needed.values() if n is not None]
+            rows.append(
+                {
+                    "road": drive["road"]["words"],
+                    "speed": drive["speed"]["value"],
+                    "unit": drive["speed"]["unit"],
+                    "rate": drive["rate"],
+                    "usable": drive["usable"],
+                    "gentle": drive["gentle"],
+                    **needed,
+                    "passes": max(every) if len(every) == len(needed) else None,
+                }
+            )
+        return pandas.DataFrame(rows)
+
+    def to_json(self, path: PathLike | None = None) -> str | None:
+        """Write the document that ``bayes-asv plan --json`` writes, or return its text."""
+        text = json_text(self.document)
+        if path is None:
+            return text
+        write_atomically(path, text.encode("utf-8", "replace"))
+        return None
+
+    def lines(self) -> list[str]:
+        """State the plan in sentences, as the command line prints them."""
+        from bayes_asv.planning.text import plan_lines
+
+        return plan_lines(self._engine)
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def __repr__(self) -> str:
+        drive = self.recommended or self.document["nearest"]
+        words = drive["words"] if drive else "no drive can be used"
+        return f"<Plan {self.verdict!r} for {self.vehicle.name[:60]}: {words[:300]}>"
+
+
+def plan(
+    vehicle: Vehicle,
+    *,
+    want: float | Mapping[str, float] = _DEFAULT_PERCENT,
+    rates: Sequence[float] | None = None,
+    roads: Sequence[str] | None = None,
+    speed_limit: str | None = None,
+    tyre_rate: str | None = None,
+    unsprung: str | None = None,
+    passes: int = 10,
+    seed: int = 0,
+    progress: Progress = None,
+) -> Plan:
+    """Compare drives by the standard deviations that they promise, and choose one.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Its nominal values are taken as true, its sensors as declared.
+    want : float or mapping
+        Wanted standard deviation in percent of the value, of c_f, c_r, i and k_g alike or of some
+        of them: ``{"c_f": 2}``; 5 % of the others.
+    rates : sequence of float, optional
+        Sampling rates, Hz; 100, 200, 400 and 800 by default.
+    roads : sequence of str, optional
+        Kinds of road: ``bump``, ``stops``, ``rollers``, ``rough``; all by default.
+    speed_limit, tyre_rate, unsprung : str, optional
+        Quantities with a unit, such as ``"12 mph"``, ``"300 lbf/in"`` (both tyres of an axle) and
+        ``"65 lbm"`` (mass of an axle that is not on springs); the last two are typical values by
+        default.
+    passes : int
+        Largest number of passes that will be driven.
+    seed : int
+        The same seed gives the same answer.
+    progress : bool or callable, optional
+        As for :func:`bayes_asv.estimate`.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    TypeError, InputError
+        If an argument is of another type or does not fit; the message says what to write.
+    """
+    check_seed(seed)
+    check_vehicle("plan", vehicle)
+    from bayes_asv.planning import plan as engine
+    from bayes_asv.planning.drives import KINDS, RATES, speeds
+
+    wanted = wanted_deviations(want)
+    unknown = [road for road in roads or () if road not in KINDS]
+    if unknown:
+        raise InputError(f"road '{unknown[0]}'", "is unknown", f"give one of {', '.join(KINDS)}")
+    limit = positive_quantity("speed_limit", speed_limit, "velocity", "12 mph")
+    limit = math.inf if limit is None else limit
+    slowest = min(speeds(kind, vehicle.units)[0] for kind in roads or KINDS)
+    if limit < slowest:
+        raise InputError(
+            f"speed_limit={speed_limit!r}", "no drive of the plan is that slow",
+            f"the slowest goes at {slowest:.2f} m/s",
+        )  # fmt: skip
+    with progress_bar(progress) as report:
+        result = engine.plan(
+            vehicle,
+            wanted,
+            rates=sorted(set(rates)) if rates else RATES,
+            kinds=[kind for kind in KINDS if kind in (roads or KINDS)],
+            speed_limit=limit,
+            max_passes=passes,
+            tyre_rate=positive_quantity("tyre_rate", tyre_rate, "stiffness", "300 lbf/in"),
+            unsprung=positive_quantity("unsprung", unsprung, "mass", "65 lbm"),
+            seed=seed,
+            progress=report,
+        )
+    return Plan(result)
+
+
+def wanted_deviations(want: float | Mapping[str, float]) -> dict[str, float]:
+    """Wanted standard deviations as shares of the values, from percentages."""
+    given = dict(want) if isinstance(want, Mapping) else dict.fromkeys(_ANSWERS, want)
+    for name, percent in given.items():
+        if name not in _ANSWERS:
+            raise InputError(
+                f"want {name!r}", "is not a planned parameter", f"name {', '.join(_ANSWERS)}"
+            )
+        if not 1e-4 <= percent <= 100.0:
+            raise InputError(
+                f"want {name}", f"{percent:g} % is not possible",
+                "give a percentage between 0.0001 and 100",
+            )  # fmt: skip
+    return {name: given.get(name, _DEFAULT_PERCENT) / 100.0 for name in _ANSWERS}

@@ -1,0 +1,203 @@
+"""A report of recordings or of saved documents: what is missing is computed first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import PathLike
+from bayes_asv.library.progress import Progress, part_of, progress_bar
+
+if TYPE_CHECKING:
+    from bayes_asv.domain.recording import Recording
+    from bayes_asv.domain.vehicle import Vehicle
+    from bayes_asv.report.schema import (
+        DiagnoseDocument,
+        EstimateDocument,
+        ReportDocument,
+        TrackDocument,
+    )
+
+__all__ = ["KINDS", "report", "short_lines"]
+
+KINDS = ("estimate", "diagnosis", "track")
+"""Documents that a report holds, one of each."""
+
+_SHARES = (0.0, 0.24, 0.76, 0.8)  # of the time: estimate, diagnosis, track, writing
+
+
+class _Documents(NamedTuple):
+    """At most one document of each kind."""
+
+    estimate: EstimateDocument | None = None
+    diagnosis: DiagnoseDocument | None = None
+    track: TrackDocument | None = None
+
+    def combined(self) -> ReportDocument:
+        """Return the estimate with the others in it, or the only document there is."""
+        given: list[ReportDocument] = [one for one in self if one is not None]
+        if self.estimate is None:
+            if len(given) > 1:
+                raise InputError(
+                    "report", "a diagnosis and a track need the estimate beside them", "give it too"
+                )
+            return given[0]
+        beside = {"diagnosis": self.diagnosis, "online": self.track}
+        return self.estimate.model_copy(
+            update={key: one for key, one in beside.items() if one is not None}
+        )
+
+
+def report(
+    output: PathLike,
+    recordings: Sequence[Recording] = (),
+    vehicle: Vehicle | None = None,
+    *,
+    saved: Sequence[PathLike] = (),
+    diagnosis: bool = True,
+    seed: int = 0,
+    progress: Progress = None,
+) -> ReportDocument:
+    """Write a report of recordings and saved documents.
+
+    Parameters
+    ----------
+    output : str or os.PathLike
+        The report, HTML or PDF by its suffix.
+    recordings : sequence of Recording
+        Estimated, diagnosed and tracked, as far as this was not saved.
+    vehicle : Vehicle or None
+        The car; None where nothing is to be computed.
+    saved : sequence of path-like
+        JSON that estimate, diagnose or track wrote, at most one of each.
+    diagnosis : bool
+        Whether recordings are diagnosed.
+    seed : int
+        The same seed gives the same answer.
+    progress : bool or callable, optional
+        As for :func:`bayes_asv.estimate`.
+
+    Returns
+    -------
+    EstimateDocument, DiagnoseDocument or TrackDocument
+        What the report was made of.
+
+    Raises
+    ------
+    InputError
+        If a document cannot be read or was made of other recordings, or the report cannot be
+        written.
+    """
+    from bayes_asv.report.render import check_suffix, write_report
+
+    check_suffix(output)
+    documents = _read(saved)
+    _check_recordings(saved, recordings)
+    with progress_bar(progress) as bar:
+        if vehicle is not None:
+            parts = [
+                part_of(bar, *span) or False
+                for span in zip(_SHARES[:-1], _SHARES[1:], strict=True)
+            ]  # fmt: skip
+            documents = _complete(documents, recordings, vehicle, diagnosis, seed, parts)
+        document = documents.combined()
+        if bar is not None:
+            bar(_SHARES[-1] if vehicle is not None else 0.0, f"writing {output}")
+        write_report(document, output)
+    return document
+
+
+def _read(paths: Sequence[PathLike]) -> _Documents:
+    from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument, read_saved
+
+    documents = _Documents()
+    for path in paths:
+        document = read_saved(path)
+        kind = (
+            "estimate" if isinstance(document, EstimateDocument)
+            else "diagnosis" if isinstance(document, DiagnoseDocument)
+            else "track"
+        )  # fmt: skip
+        if getattr(documents, kind) is not None:
+            raise InputError(
+                str(path), f"is a second {kind}, and a report holds one", "give one of each kind"
+            )
+        documents = documents._replace(**{kind: document})
+    return documents
+
+
+def _check_recordings(saved: Sequence[PathLike], recordings: Sequence[Recording]) -> None:
+    """Refuse a saved document of other recordings."""
+    from bayes_asv.report.schema import read_saved
+
+    given = {run.sha256 for run in recordings}
+    if not given:
+        return
+    for path in saved:
+        document = read_saved(path)
+        known = {file.sha256 for file in document.provenance.recordings}
+        same = {
+            "bayes_asv/estimate/1": known == given,
+            "bayes_asv/diagnose/1": given <= known,
+            "bayes_asv/track/1": known <= given,
+        }[document.schema_name]
+        if known and not same:
+            raise InputError(
+                str(path), "was made of other recordings", "give those, or leave the file out"
+            )
+
+
+def _complete(
+    documents: _Documents,
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    diagnosis: bool,
+    seed: int,
+    parts: Sequence[Progress],
+) -> _Documents:
+    """Compute the documents that were not saved."""
+    from bayes_asv.library.diagnoses import diagnose
+    from bayes_asv.library.estimates import estimate
+    from bayes_asv.library.tracks import track
+    from bayes_asv.report.schema import EstimateDocument
+
+    document = documents.estimate
+    if document is None:
+        found = estimate(recordings, vehicle, car="half", seed=seed, progress=parts[0]).document
+        assert isinstance(found, EstimateDocument)
+        document = found
+        documents = documents._replace(estimate=document)
+    if document.verdict == "refused":
+        return documents
+    if diagnosis and documents.diagnosis is None and document.diagnosis is None:
+        found_missing = diagnose(recordings, vehicle, seed=seed, progress=parts[1])
+        documents = documents._replace(diagnosis=found_missing.document)
+    if documents.track is None:
+        tracked = track(recordings[:1], vehicle, seed=seed, progress=parts[2])
+        documents = documents._replace(track=tracked.document)
+    return documents
+
+
+def short_lines(document: ReportDocument) -> list[str]:
+    """State the headline of a document, or the reasons of a refusal."""
+    from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument
+    from bayes_asv.report.sections.diagnosis import diagnosis_headline, diagnosis_lines
+    from bayes_asv.report.sections.verdict import (
+        headline,
+        track_headline,
+        track_lines,
+        verdict_lines,
+    )
+
+    refused = document.verdict == "refused"
+    if isinstance(document, DiagnoseDocument):
+        return diagnosis_lines(document) if refused else [diagnosis_headline(document)]
+    if not isinstance(document, EstimateDocument):
+        return track_lines(document) if refused else [track_headline(document)]
+    if refused:
+        return verdict_lines(document)
+    lines = [headline(document)]
+    if document.diagnosis is not None:
+        lines.append(diagnosis_headline(document.diagnosis))
+    return lines

@@ -1,0 +1,164 @@
+"""``asv.simulate``: a recording of a car over a road."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.library.estimates import check_seed
+from bayes_asv.library.inputs import Recording, as_recording, check_vehicle
+from bayes_asv.library.quantities import positive_quantity
+
+if TYPE_CHECKING:
+    from bayes_asv.domain.vehicle import Vehicle
+    from bayes_asv.models.half_car import HalfCar
+    from bayes_asv.models.roll_car import RollCar
+
+    _Car = TypeVar("_Car", HalfCar, RollCar)
+
+__all__ = ["SPEED_LIMITS", "Drive", "simulate", "simulate_drive"]
+
+SPEED_LIMITS = (0.1, 60.0)  # m/s
+_SKEW_LIMITS = (0.0, 100.0)  # m
+_DEFAULT_SKEW = 0.5  # m, a quarter of a small car's wheelbase
+_RATE_LIMITS = (10.0, 10_000.0)  # Hz
+_MAX_SECONDS = 600.0
+
+
+class Drive(NamedTuple):
+    """A simulated drive.
+
+    Attributes
+    ----------
+    recording : Recording
+        What the sensors read.
+    truth : dict of str to float
+        Parameters of the simulated car, SI units.
+    speed : float
+        m/s.
+    """
+
+    recording: Recording
+    truth: dict[str, float]
+    speed: float
+
+
+def simulate(
+    vehicle: Vehicle,
+    road: str = "stops",
+    *,
+    speed: str | None = None,
+    rate: float = 400.0,
+    seconds: float = 2.5,
+    change: Mapping[str, float] | None = None,
+    car: Literal["half", "roll"] = "half",
+    skew: str | None = None,
+    seed: int = 0,
+) -> Recording:
+    """Simulate a recording of the car over a road, with the sensors of its vehicle file.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Nominal values and sensors.
+    road : {'stops', 'bump', 'rough', 'rollers', 'noise'}
+        What is driven over.
+    speed : str, optional
+        Such as ``"8 mph"``; each road has its own by default.
+    rate : float
+        Sampling rate, Hz.
+    seconds : float
+        Length of the recording.
+    change : mapping, optional
+        Factors on the car's parameters: ``{"c_r": 0.8}`` for a rear damper that has lost a fifth.
+    car : {'half', 'roll'}
+        Model of the car; ``'roll'`` drives a left and a right track (``docs/cars.md``).
+    skew : str, optional
+        For the roll car: how much later the right wheels meet the road, such as ``"20 in"``; by
+        default half a metre, and a track of its own on a random road.
+    seed : int
+        The same seed gives the same recording.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    TypeError, InputError
+        If an argument is of another type or does not fit; the message says what to write.
+    """
+    return simulate_drive(
+        vehicle, road, speed=speed, rate=rate, seconds=seconds, change=change, car=car, skew=skew,
+        seed=seed,
+    ).recording  # fmt: skip
+
+
+def simulate_drive(
+    vehicle: Vehicle,
+    road: str = "stops",
+    *,
+    speed: str | None = None,
+    rate: float = 400.0,
+    seconds: float = 2.5,
+    change: Mapping[str, float] | None = None,
+    car: Literal["half", "roll"] = "half",
+    skew: str | None = None,
+    seed: int = 0,
+) -> Drive:
+    """Simulate as :func:`simulate` does, and return the parameters of the car with it."""
+    check_seed(seed)
+    check_vehicle("simulate", vehicle)
+    from bayes_asv.models.from_vehicle import roll_car
+    from bayes_asv.models.half_car import HalfCar
+    from bayes_asv.simulation import ROADS
+    from bayes_asv.simulation import simulate as engine
+    from bayes_asv.simulation.roads import road as profile
+
+    if road not in ROADS:
+        raise InputError(f"road {road!r}", "is unknown", f"give one of {', '.join(ROADS)}")
+    if not _RATE_LIMITS[0] <= rate <= _RATE_LIMITS[1]:
+        raise InputError(f"rate={rate!r}", "is not possible", "give 10 to 10000 Hz")
+    if not 0.1 <= seconds <= _MAX_SECONDS:
+        raise InputError(f"seconds={seconds!r}", "is not possible", "give 0.1 to 600 s")
+    if car not in ("half", "roll"):
+        raise InputError(f"car={car!r}", "there is no such car", "give 'half' or 'roll'")
+    if skew is not None and car != "roll":
+        raise InputError("skew", "belongs to the roll car", "give car='roll'")
+    pace = positive_quantity("speed", speed, "velocity", "8 mph", SPEED_LIMITS)
+    apart = positive_quantity("skew", skew, "length", "20 in", _SKEW_LIMITS)
+    ground = profile(road, np.random.default_rng([seed, 0]), pace)
+    driven: HalfCar | RollCar
+    if car == "roll":
+        driven = _changed(roll_car(vehicle), change or {})
+        right = ground
+        if apart is None:
+            right = profile(road, np.random.default_rng([seed, 2]), pace)
+            apart = 0.0 if road in ("rough", "noise") else _DEFAULT_SKEW
+        drive = engine.simulate_roll(
+            vehicle, (ground, right), skew=apart, rate=rate, seconds=seconds, seed=seed, car=driven
+        )
+    else:
+        nominal = HalfCar(*(getattr(vehicle, field).value for field in HalfCar._fields))
+        driven = _changed(nominal, change or {})
+        drive = engine.simulate(vehicle, ground, rate=rate, seconds=seconds, seed=seed, car=driven)
+    return Drive(as_recording(drive.recording), driven._asdict(), ground.speed)
+
+
+def _changed(car: _Car, change: Mapping[str, Any]) -> _Car:
+    """Multiply parameters of a car by factors."""
+    for name, factor in change.items():
+        if name not in car._fields or not 0.01 <= factor <= 100.0:
+            raise InputError(
+                f"{name}={factor:g}" if isinstance(factor, int | float) else name,
+                "is not a change",
+                f"give one of {', '.join(car._fields)} and a factor between 0.01 and 100",
+            )
+        car = car._replace(**{name: getattr(car, name) * factor})
+    if not 0.0 < car.wdf < 1.0 or not math.isfinite(car.wdf):
+        raise InputError("change wdf", "leaves no weight on one of the axles", "give less")
+    return car

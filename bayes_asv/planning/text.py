@@ -1,0 +1,358 @@
+"""Text about a plan, for the terminal and for the document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si, si_factor
+from bayes_asv.planning.drives import Drive, RoadProfile
+from bayes_asv.planning.information import UNIDENTIFIABLE, CorrelatedPair, correlated_pairs
+from bayes_asv.planning.plan import Plan, RatedDrive
+from bayes_asv.planning.predicted_sd import PARAMETERS, LimitingValues
+from bayes_asv.report.readable import plain, readable_unit
+
+__all__ = [
+    "assumption_lines",
+    "drive_text",
+    "length",
+    "limit_lines",
+    "limit_sentence",
+    "pair_text",
+    "percent_text",
+    "plan_lines",
+    "road_text",
+    "speed",
+    "times_text",
+    "unidentifiable_lines",
+    "unreachable_reason",
+]
+
+_INCH, _FOOT, _MPH, _KMH = 0.0254, 0.3048, 0.44704, 1.0 / 3.6
+_Z95 = 1.96
+_MAX_PAIRS = 4  # listed on the terminal; one poorly determined direction makes many pairs
+
+
+def length(value: float, units: str) -> tuple[float, str]:
+    """Convert a length, m, to inches or whole feet, or to centimetres or metres."""
+    if units == "US":
+        feet = value / _FOOT
+        if feet > 1.5 and abs(feet - round(feet)) < 1e-6:
+            return float(round(feet)), "ft"
+        return round(value / _INCH, 6), "in"
+    return (round(value, 6), "m") if value >= 0.5 else (round(100.0 * value, 6), "cm")
+
+
+def speed(value: float, units: str) -> tuple[float, str]:
+    """Convert a speed, m/s, to miles or kilometres per hour."""
+    return (round(value / _MPH, 6), "mph") if units == "US" else (round(value / _KMH, 6), "km/h")
+
+
+def road_text(road: RoadProfile, units: str) -> str:
+    """Describe a road with its dimensions."""
+    if road.kind == "rough":
+        return f"a rough road (ISO 8608 class {road.iso})"
+    height = _quantity_text(length(road.height, units))
+    distance = _quantity_text(length(road.length, units))
+    if road.kind == "bump":
+        return f"a bump {height} high and {distance} long"
+    if road.kind == "stops":
+        return f"two parking stops {height} high and {distance} apart"
+    return f"{road.count} rollers {height} high, {distance} from crest to crest"
+
+
+def drive_text(drive: Drive, units: str) -> str:
+    """Describe a drive: ``over a bump 3 in high and 3 ft long at 6 mph, recorded at 400 Hz …``."""
+    return (
+        f"over {road_text(drive.road, units)} at {_quantity_text(speed(drive.speed, units))}, "
+        f"recorded at {drive.rate:g} Hz for {drive.seconds:.1f} s"
+    )
+
+
+def percent_text(fraction: float) -> str:
+    """Format a fraction in percent with two significant digits, ``> 100 %`` from one on."""
+    if not math.isfinite(fraction) or fraction >= 1.0:
+        return "> 100 %"
+    if fraction < 1e-5:
+        return "0 %"
+    digits = max(0, 1 - math.floor(math.log10(100.0 * fraction) + 1e-9))
+    return f"{100.0 * fraction:.{digits}f} %"
+
+
+def times_text(passes: int) -> str:
+    """``once``, ``twice``, ``3 times``."""
+    return {1: "once", 2: "twice"}.get(passes, f"{passes} times")
+
+
+def pair_text(pair: CorrelatedPair) -> str:
+    """Describe a pair of strongly correlated parameters."""
+    first, second = (_label(name) for name in pair.names)
+    return f"{first} and {second} (correlation {pair.correlation:+.2f})".replace("-", "−")
+
+
+def unidentifiable_lines() -> list[str]:
+    """Describe the combinations of parameters that no drive identifies."""
+    return [
+        f"{_join([_label(name) for name in names])}: {words} has the same accelerations"
+        for names, words in UNIDENTIFIABLE
+    ]
+
+
+def limit_sentence(limiting: LimitingValues, plan: Plan) -> str:
+    """State which given value to measure better, and how well."""
+    return _limit_sentence((limiting.parameter,), limiting, plan)
+
+
+def limit_lines(plan: Plan) -> list[str]:
+    """Return the limit sentences of all parameters, one for those with the same requirement."""
+    groups: dict[str, list[LimitingValues]] = {}
+    for limiting in plan.limits:
+        key = f"{plan.want[limiting.parameter]} {_required_text(limiting, plan)}"
+        groups.setdefault(key, []).append(limiting)
+    return [
+        _limit_sentence([limiting.parameter for limiting in group], group[0], plan)
+        for group in groups.values()
+    ]
+
+
+def _required_text(limiting: LimitingValues, plan: Plan) -> str:
+    """List the limiting values with their required deviations; empty if there are none."""
+    parts = [
+        f"the {_label(name)} to {percent_text(sd)} (given: {percent_text(plan.prior.log_sd[name])})"
+        for name, sd in limiting.required_sd.items()
+    ]
+    return _join(parts) if parts else ""
+
+
+def _limit_sentence(parameters: Sequence[str], limiting: LimitingValues, plan: Plan) -> str:
+    """Write one sentence for parameters with the same requirement."""
+    labels = _join([f"the {_label(name)}" for name in parameters])
+    wanted = percent_text(plan.want[limiting.parameter])
+    if limiting.required_sd:
+        return f"to estimate {labels} to {wanted}, measure {_required_text(limiting, plan)}"
+    return (
+        f"{plan.max_passes} passes do not determine {labels} to {wanted} even with exact given "
+        "values: allow more passes, or use sensors with less noise"
+    )
+
+
+def unreachable_reason(plan: Plan, one: RatedDrive, parameter: str) -> str:
+    """Explain why no number of passes reaches the wanted standard deviation of a parameter."""
+    if not one.evaluation.usable:
+        return one.evaluation.reasons[0]
+    floor, want = plan.sd_floor[parameter], plan.want[parameter]
+    if floor > want:
+        return (
+            f"stays at {percent_text(floor)} however often you drive: accelerations give it "
+            f"only in proportion to given values ({_given_text(plan, parameter)})"
+        )
+    return "needs more than a thousand passes"
+
+
+def assumption_lines(plan: Plan) -> list[str]:
+    """State what the plan assumes because the vehicle file does not give it."""
+    lines = []
+    if plan.assumed_noise:
+        which = "any sensor" if len(plan.assumed_noise) == 4 else _join(
+            [name.replace("_", " ") for name in plan.assumed_noise]
+        )  # fmt: skip
+        lines.append(
+            f"the vehicle file gives no noise for {which}; the plan assumes a small 10-bit logger"
+        )
+    if not plan.tyres_given:
+        rate = [_value_text(value, "stiffness", plan) for value in plan.tyres.rate]
+        mass = [_mass_text(value, plan) for value in plan.tyres.mass]
+        lines.append(
+            f"the plan assumes tyre rates of {rate[0]} and {rate[1]} and unsprung masses of "
+            f"{mass[0]} and {mass[1]}, front and rear; give --tyre-rate and --unsprung if "
+            "yours differ"
+        )
+    if any(not math.isfinite(s.low) and not math.isfinite(s.high) for s in plan.vehicle.sensors):
+        lines.append(
+            "the vehicle file gives no range for some sensors; compare the largest readings of "
+            "the drive with the data sheets"
+        )
+    travel = plan.vehicle.travel
+    if None in (travel.front_bump, travel.front_droop, travel.rear_bump, travel.rear_droop):
+        lines.append(
+            "the vehicle file does not give every suspension travel; the missing ones are unchecked"
+        )
+    return lines
+
+
+def _value_text(value: float, dimension: str, plan: Plan) -> str:
+    """Format a quantity in the vehicle's units with two significant digits."""
+    unit = display_units(plan.vehicle.units)[dimension]
+    digits = 1 - math.floor(math.log10(value / si_factor(unit, dimension)))
+    return f"{round(from_si(value, unit, dimension), digits):g} {readable_unit(unit)}"
+
+
+def _mass_text(value: float, plan: Plan) -> str:
+    """Format a mass in lbm or kg."""
+    unit = "lbm" if plan.vehicle.units == "US" else "kg"
+    return f"{from_si(value, unit, 'mass'):.0f} {unit}"
+
+
+def plan_lines(plan: Plan) -> list[str]:
+    """Describe a plan on the terminal.
+
+    Parameters
+    ----------
+    plan : Plan
+        From :func:`bayes_asv.planning.plan.plan`.
+
+    Returns
+    -------
+    list of str
+        Lines.
+    """
+    units = plan.vehicle.units
+    lines = [f"Plan for {plain(plan.vehicle.name)}", ""]
+    best = plan.best
+    if best is None:
+        lines += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]
+        return lines
+    words = f"{times_text(plan.passes)} {drive_text(best.evaluation.drive, units)}."
+    if plan.chosen is None:
+        lines += [
+            f"No drive reaches every wanted standard deviation in {plan.max_passes} passes.",
+            f"Nearest: drive {words}",
+        ]
+    else:
+        lines.append(f"Drive {words}")
+    lines += ["", *_sd_table(plan, best), ""]
+    lines += [f"- {text}" for text in limit_lines(plan)]
+    lines += [f"- {note}" for note in best.evaluation.notes]
+    lines += [f"- {text}" for text in assumption_lines(plan)]
+    lines += _unidentifiable_section(plan, best)
+    lines += ["", *_roads_table(plan, best)]
+    rates = _rates_table(plan, best)
+    return [*lines, "", *rates] if rates else lines
+
+
+def common_reasons(rated: Sequence[RatedDrive]) -> list[str]:
+    """Return the three most frequent reasons why drives cannot be used."""
+    counted: dict[str, int] = {}
+    for one in rated:
+        for reason in one.evaluation.reasons:
+            counted[reason] = counted.get(reason, 0) + 1
+    return sorted(counted, key=lambda reason: -counted[reason])[:3]
+
+
+def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
+    """Format the predicted standard deviations of one drive, one line per parameter."""
+    sd = plan.sd_after(one, plan.passes)
+    rows = [
+        (
+            f"{_label(name)} ({name})",
+            percent_text(sd[name]),
+            f"± {percent_text(_Z95 * sd[name])}",
+            percent_text(plan.want[name]),
+        )
+        for name in PARAMETERS
+    ]
+    return _columns([("", "deviation", "95 %", "wanted"), *rows])
+
+
+def _unidentifiable_section(plan: Plan, one: RatedDrive) -> list[str]:
+    """List what no drive, and what this drive, cannot separate."""
+    lines = ["", "No drive can separate:"]
+    lines += [f"- {words}" for words in unidentifiable_lines()]
+    limited = [name for name in PARAMETERS if plan.sd_floor[name] > 1e-5]
+    for floor in dict.fromkeys(percent_text(plan.sd_floor[name]) for name in limited):
+        same = [name for name in limited if percent_text(plan.sd_floor[name]) == floor]
+        lines.append(f"- so {_join(same)} cannot be determined to better than {floor}")
+    strongest = correlated_pairs(one.evaluation.information)
+    if strongest:
+        lines += [
+            "This drive hardly separates:",
+            *(f"- {pair_text(p)}" for p in strongest[:_MAX_PAIRS]),
+        ]
+    if len(strongest) > _MAX_PAIRS:
+        lines.append(f"- and {len(strongest) - _MAX_PAIRS} more pairs")
+    return lines
+
+
+def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
+    """Format the best drive over each road at the rate of the chosen one."""
+    units, rate = plan.vehicle.units, best.evaluation.drive.rate
+    rows: list[tuple[str, ...]] = []
+    by_road: dict[RoadProfile, list[RatedDrive]] = {}
+    for one in plan.rated:
+        if one.evaluation.drive.rate == rate:
+            by_road.setdefault(one.evaluation.drive.road, []).append(one)
+    for road, candidates in by_road.items():
+        usable = [one for one in candidates if one.evaluation.usable]
+        name = road_text(road, units).removeprefix("a ")
+        if not usable:
+            rows.append((name, "none", *["–"] * len(PARAMETERS), ""))
+            continue
+        top = min(usable, key=lambda one: (not one.evaluation.gentle, one.worst_ratio))
+        sd = plan.sd_after(top, plan.passes)
+        unusable = [one.evaluation.drive.speed for one in candidates if not one.evaluation.usable]
+        rows.append(
+            (
+                name,
+                _quantity_text(speed(top.evaluation.drive.speed, units)),
+                *(percent_text(sd[a]) for a in PARAMETERS),
+                f"unusable from {_quantity_text(speed(min(unusable), units))} on"
+                if unusable
+                else "",
+            )
+        )
+    head = f"At {rate:g} Hz, {times_text(plan.passes)}, best speed for each road:"
+    return [head, *_columns([("", "speed", *PARAMETERS, ""), *rows])]
+
+
+def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
+    """Format the chosen drive at every sampling rate; empty for a single rate."""
+    drive = best.evaluation.drive
+    same = [
+        one
+        for one in plan.rated
+        if (one.evaluation.drive.road, one.evaluation.drive.speed) == (drive.road, drive.speed)
+    ]
+    if len(same) < 2:
+        return []
+    rows = []
+    for one in same:
+        cells = ["–"] * len(PARAMETERS)
+        if one.evaluation.usable:
+            cells = [percent_text(sd) for sd in plan.sd_after(one, plan.passes).values()]
+        rows.append((f"{one.evaluation.drive.rate:g} Hz", *cells))
+    return ["The drive above at other rates:", *_columns([("", *PARAMETERS), *rows])]
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Align the first column to the left and the others to the right."""
+    width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [row[0].ljust(width[0])]
+        cells += [cell.rjust(w) for cell, w in zip(row[1:], width[1:], strict=True)]
+        lines.append(("  " + "  ".join(cells)).rstrip())
+    return lines
+
+
+def _given_text(plan: Plan, parameter: str) -> str:
+    """List the given values that limit a parameter: ``sprung mass 1 %, wheelbase 0.5 %``."""
+    names = {"c_f": ("m",), "c_r": ("m",), "i": ("m", "l"), "k_g": ("l",)}[parameter]
+    parts = [
+        f"{_label(name)} {percent_text(plan.prior.log_sd[name])}"
+        for name in names
+        if plan.prior.log_sd[name] > 0.0
+    ]
+    return ", ".join(parts)
+
+
+def _label(name: str) -> str:
+    return QUANTITIES[name][1]
+
+
+def _join(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _quantity_text(quantity: tuple[float, str]) -> str:
+    return f"{quantity[0]:g} {quantity[1]}"

@@ -1,0 +1,186 @@
+"""Predicted deviations against the estimator's formula, closed forms and invariants."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
+from bayes_asv.planning.information import IDENTIFIABLE, correlated_pairs
+from bayes_asv.planning.predicted_sd import (
+    GIVEN,
+    PARAMETERS,
+    PriorSd,
+    limiting_values,
+    predicted_sd,
+    prior_sd,
+    required_passes,
+    sd_floors,
+)
+from bayes_asv.posterior.parameters import space
+from bayes_asv.shipped import shipped
+
+Array = NDArray[np.float64]
+
+BAJA = read_vehicle(shipped("vehicles", "baja2008.toml"))
+DRAWN = settings(max_examples=40, deadline=None)
+
+
+def _information(seed: int, strength: float = 1e4) -> Array:
+    """Draw a positive definite information matrix."""
+    root = np.random.default_rng(seed).normal(size=(6, 9))
+    return np.asarray(strength * root @ root.T)
+
+
+def _car(m: float, l: float, wdf: float, k: float) -> Vehicle:
+    return replace(
+        BAJA,
+        m=Given(BAJA.m.value, m * BAJA.m.value),
+        l=Given(BAJA.l.value, l * BAJA.l.value),
+        wdf=Given(BAJA.wdf.value, wdf * BAJA.wdf.value),
+        k_f=Given(BAJA.k_f.value, k * BAJA.k_f.value),
+        k_r=Given(BAJA.k_r.value, 2.0 * k * BAJA.k_r.value),
+    )
+
+
+@pytest.mark.parametrize("car", [BAJA, _car(0.0, 0.0, 0.01, 0.05), _car(0.02, 0.01, 0.0, 0.0)])
+def test_predicted_deviations_are_those_of_the_estimators_coordinates(car: Vehicle) -> None:
+    """The same precision in the sampled coordinates, mapped back by the estimator."""
+    J, passes = _information(3), 4
+    parameters = space(car, ())
+    d = parameters.car_dimension
+    # ∂ ln θ / ∂z of the identifiable parameters, by central differences
+    step = 1e-5
+    slope = np.zeros((len(IDENTIFIABLE), d))
+    order = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")
+    for k in range(d):
+        by = np.zeros((1, parameters.dimension))
+        by[0, k] = step
+        up, down = np.log(parameters.cars(by)[0]), np.log(parameters.cars(-by)[0])
+        change = dict(zip(order, (up - down) / (2.0 * step), strict=True))
+        for row, name in enumerate(IDENTIFIABLE):
+            slope[row, k] = change[name]
+            if name != "wdf":
+                slope[row, k] -= change["m"] + (2.0 * change["l"] if name == "i" else 0.0)
+    precision: Array = np.eye(d) + passes * slope.T @ J @ slope
+    covariance: Array = np.linalg.inv(precision).astype(np.float64)
+    found = predicted_sd(J, passes, prior_sd(car))
+    for k, name in enumerate(PARAMETERS[:3]):
+        sd = parameters.log_deviation(covariance, name)
+        assert found[k] == pytest.approx(math.sqrt(math.expm1(sd**2)), rel=1e-5)
+
+
+def test_without_data_the_deviations_are_those_of_the_prior() -> None:
+    found = predicted_sd(np.zeros((6, 6)), 1, prior_sd(BAJA))
+    assert found[0] == pytest.approx(math.sqrt(math.expm1(math.log(3.0) ** 2)))
+    assert found[2] == pytest.approx(math.sqrt(math.expm1(math.log(2.0) ** 2)))
+    own, m = math.log(2.0), prior_sd(BAJA).log_sd["m"]
+    assert found[3] == pytest.approx(math.sqrt(math.expm1(0.25 * (own**2 + m**2))))
+
+
+def test_infinitely_many_passes_leave_mass_and_wheelbase() -> None:
+    """Closed form where springs are wide: c as m, i as m l², k_g as l."""
+    wide = {"c_f": 1.1, "c_r": 1.1, "i": 0.7, "k_f": 9.0, "k_r": 9.0, "wdf": 0.01}
+    prior = PriorSd({**wide, "m": 0.02, "l": 0.01})
+    found = sd_floors(prior)
+    wanted = [0.02, 0.02, math.hypot(0.02, 0.02), 0.01]
+    assert found == pytest.approx(wanted, rel=2e-3)
+    assert predicted_sd(_information(1), 1e7, prior) == pytest.approx(found, rel=1e-3)
+    assert sd_floors(prior.with_exact_given()) == pytest.approx(np.zeros(4), abs=1e-12)
+
+
+@given(
+    seed=st.integers(0, 10_000), strength=st.floats(1.0, 1e6),
+    sds=st.lists(st.sampled_from([0.0, 0.003, 0.02, 0.1]), min_size=4, max_size=4),
+)  # fmt: skip
+@DRAWN
+def test_more_passes_and_better_given_values_reduce_deviations(
+    seed: int, strength: float, sds: list[float]
+) -> None:
+    J, prior = _information(seed, strength), prior_sd(_car(*sds))
+    one, many = predicted_sd(J, 1, prior), predicted_sd(J, 7, prior)
+    assert np.all(many <= one * (1.0 + 1e-9))
+    assert np.all(sd_floors(prior) <= many * (1.0 + 1e-6) + 1e-12)
+    for name in GIVEN:
+        better = predicted_sd(J, 7, prior.replaced(**{name: 0.5 * prior.log_sd[name]}))
+        assert np.all(better <= many * (1.0 + 1e-9))
+
+
+@given(seed=st.integers(0, 10_000), want=st.floats(0.002, 0.5))
+@DRAWN
+def test_the_required_passes_are_the_smallest_number(seed: int, want: float) -> None:
+    J, prior = _information(seed, 100.0), prior_sd(BAJA)
+    for k, n in enumerate(required_passes(J, prior, np.full(4, want))):
+        if n is None:
+            assert predicted_sd(J, 1000, prior)[k] > want
+        else:
+            assert predicted_sd(J, n, prior)[k] <= want
+            assert n == 1 or predicted_sd(J, n - 1, prior)[k] > want
+
+
+@given(
+    seed=st.integers(0, 10_000), parameter=st.sampled_from(PARAMETERS), want=st.floats(0.001, 0.05),
+    sds=st.lists(st.sampled_from([0.0, 0.01, 0.05]), min_size=4, max_size=4),
+)  # fmt: skip
+@DRAWN
+def test_the_required_accuracy_of_given_values_is_sufficient_and_necessary(
+    seed: int, parameter: str, want: float, sds: list[float]
+) -> None:
+    J, prior, index = _information(seed, 3e4), prior_sd(_car(*sds)), PARAMETERS.index(parameter)
+    limiting = limiting_values(J, 5, prior, parameter, want)
+    if limiting is None:
+        assert predicted_sd(J, 5, prior)[index] <= want
+        return
+    if not limiting.required_sd:
+        assert predicted_sd(J, 5, prior.with_exact_given())[index] > want
+        return
+    # one given value improves alone, or all improve by the same factor
+    factor = max(sd / prior.log_sd[name] for name, sd in limiting.required_sd.items())
+    assert factor < 1.0
+    if len(limiting.required_sd) == 1:
+        improved = prior.replaced(**limiting.required_sd)
+        slightly_worse = prior.replaced(
+            **{name: 1.01 * sd for name, sd in limiting.required_sd.items()}
+        )
+        if predicted_sd(J, 5, improved)[index] <= want * (1.0 + 1e-6):
+            assert predicted_sd(J, 5, slightly_worse)[index] > want * (1.0 - 1e-3)
+            return
+    improved = prior.replaced(**{name: factor * prior.log_sd[name] for name in GIVEN})
+    assert predicted_sd(J, 5, improved)[index] <= want * (1.0 + 1e-6)
+
+
+def test_a_mass_known_to_one_per_cent_limits_the_rates() -> None:
+    limiting = limiting_values(_information(2, 1e7), 10, prior_sd(BAJA), "c_f", 0.005)
+    assert limiting is not None
+    assert list(limiting.required_sd) == ["m"]
+    assert limiting.required_sd["m"] == pytest.approx(0.005, rel=0.02)
+    assert limiting_values(_information(2, 1e7), 10, prior_sd(BAJA), "c_f", 0.02) is None
+    weak = limiting_values(_information(2, 1.0), 1, prior_sd(BAJA), "c_f", 0.005)
+    assert weak is not None
+    assert weak.required_sd == {}
+
+
+def test_strongly_correlated_parameters_are_found() -> None:
+    """Two columns of sensitivities at a known angle: the estimates' correlation is −cos."""
+    for angle, correlated in ((0.3, True), (1.2, False)):
+        slope = np.eye(6) * 100.0
+        slope[IDENTIFIABLE.index("k_f")] = 0.0
+        slope[IDENTIFIABLE.index("k_f"), :4] = 0.0
+        slope[IDENTIFIABLE.index("k_f"), IDENTIFIABLE.index("c_f")] = 100.0 * math.cos(angle)
+        slope[IDENTIFIABLE.index("k_f"), IDENTIFIABLE.index("k_f")] = 100.0 * math.sin(angle)
+        found = correlated_pairs(slope @ slope.T)
+        assert bool(found) == correlated
+        if correlated:
+            assert found[0].names == ("c_f", "k_f")
+            assert found[0].correlation == pytest.approx(-math.cos(angle), abs=1e-3)
+            assert found[0].sd_inflation == pytest.approx(1.0 / math.sin(angle), rel=0.01)
+
+
+def test_an_uninformative_drive_has_no_correlated_pairs() -> None:
+    assert correlated_pairs(np.zeros((6, 6))) == []
