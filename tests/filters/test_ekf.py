@@ -1,4 +1,4 @@
-"""The recursion of a car that is not linear, against the linear one and a general solver."""
+"""The extended Kalman filter against the linear one, and free responses against a general solver."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bayes_asv.filters import ekf as extended
+from bayes_asv.filters.free_response import free_response
+from bayes_asv.filters.kalman import Laws, filter_pass
 from bayes_asv.models.effects import EFFECTS, site
-from bayes_asv.posterior.effects import patterns, rows
+from bayes_asv.posterior.effects import law_table, patterns
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.posterior.parameters import space
@@ -46,25 +47,24 @@ def test_without_laws_it_is_the_linear_recursion(target: Posterior) -> None:
         assert again == pytest.approx(log_p, abs=1e-6)
 
 
-def test_a_law_that_bends_nothing_is_no_law(target: Posterior) -> None:
-    """Where there is no law forces and their slopes are not worked out at all."""
+def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
+    """Without a law forces and their slopes are not computed at all."""
     rng = np.random.default_rng(4)
-    straight = rows({site("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}, 0)
+    where = {site("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}
+    table = law_table(target.space.car, where, 0)[None]
     line, known = target.space.timelines[0], target.patterns[0]
-    z = rng.normal(0.0, 0.3, target.space.dimension)
-    driven, reading, wheel = target.as_declared(z, 0)
-    car, noise = target.space.measured(z[None], 0)[0], target.space.noises(z[None], 0)[0]
-    added = rng.normal(0.0, 5.0, reading.shape)
-    told = []
-    for table in (straight, straight[:0]):
-        out = np.zeros_like(reading), np.zeros_like(reading), np.zeros((len(reading), 6))
-        value = extended.residuals(
-            car, noise, table, known.pole, line.step, driven, line.spread, line.kind, reading,
-            line.extra, line.start, wheel, line.elapsed, added, *out,
-        )  # fmt: skip
-        told.append((value, *out))
-    for bent, plain in zip(*told, strict=True):
-        np.testing.assert_allclose(bent, plain, rtol=1e-9, atol=1e-9)
+    z = rng.normal(0.0, 0.3, (1, target.space.dimension))
+    added = rng.normal(0.0, 5.0, line.reading.shape)
+    system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
+    found = [
+        filter_pass(
+            system, noise, line.measurements,
+            Laws(laws, known.pole, known.wheel, line.elapsed, added),
+        )
+        for laws in (table, table[:, :0])
+    ]  # fmt: skip
+    for with_law, without in zip(*found, strict=True):
+        np.testing.assert_allclose(with_law, without, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -72,9 +72,9 @@ def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str)
     """The car moves, then the sensors filter: states of the true motion, not of the filtered."""
     line, known = target.space.timelines[0], target.patterns[0]
     where = site(name)
-    table = rows({where: CASES[name]}, 0)
-    car = target.space.measured(np.zeros((1, target.space.dimension)), 0)[0]
-    c_f, c_r, i, m, l, wdf, k_f, k_r = car[:8]
+    centre = np.zeros((1, target.space.dimension))
+    table = law_table(target.space.car, {where: CASES[name]}, 0)[None]
+    c_f, c_r, i, m, l, wdf, k_f, k_r = target.space.cars(centre)[0]
     l_f, l_r = l * (1.0 - wdf), l * wdf
     give = np.array([[1 / m + l_f**2 / i, 1 / m - l_f * l_r / i], [0.0, 1 / m + l_r**2 / i]])
     give[1, 0] = give[0, 1]
@@ -110,10 +110,9 @@ def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str)
         slope, (begin_t, until), first, t_eval=line.instants[: n + 1], rtol=1e-8, atol=1e-10,
         max_step=5e-4,
     )  # fmt: skip
-    output, states = np.zeros((len(line.step), 2)), np.zeros((len(line.step), 6))
-    extended.free_run(
-        car, table, pole, line.step, line.moments, known.wheel, line.elapsed, np.zeros(6),
-        output, states,
+    output, _ = free_response(
+        target.space.state_space(centre, 0), line.measurements, np.zeros(6),
+        Laws(table, pole, known.wheel, line.elapsed, np.zeros_like(line.reading)),
     )  # fmt: skip
     wanted = solved.y[4:6].T
     error = output[: n + 1] - wanted

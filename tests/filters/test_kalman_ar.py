@@ -1,45 +1,42 @@
-"""Colour by the compiled recursion, against dense algebra and against the recursion without it."""
+"""The filter with a residual autoregression, against dense algebra and against the plain filter."""
+
+from __future__ import annotations
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bayes_asv.filters import kalman as innovations
-from bayes_asv.filters import kalman_ar as coloured
+from bayes_asv.filters import kalman_ar
+from bayes_asv.filters.kalman import MISSING, VALUE, filter_pass, log_likelihood
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import deflection_form
-from tests.filters.test_kalman import CAR, LaidOut, recursion_case
+from bayes_asv.models.half_car import LinearSystem
+from tests.filters.linear_cases import KINDS, Case, linear_case
 
 Array = NDArray[np.float64]
 
 
-def _value(noise: Array, laid: LaidOut, closes: NDArray[np.bool_], *colour: Array) -> float:
-    out = np.zeros(1)
-    coloured.log_likelihood(np.array([CAR]), noise[None], *laid, closes, *colour, out)
-    return float(out[0])
+def _value(case: Case, closes: NDArray[np.bool_], ar: Array, root: Array) -> float:
+    value = kalman_ar.log_likelihood(case.system, case.noise, case.data, closes, ar, root)
+    return float(value[0])
 
 
-@settings(max_examples=25)
-@given(seed=st.integers(0, 10_000))
-def test_without_colour_it_is_the_plain_recursion(seed: int) -> None:
+@pytest.mark.parametrize("name", KINDS)
+def test_without_lags_it_is_the_plain_filter(name: str) -> None:
     """Two ways to integrate out the initial state and the biases give one number."""
-    _, _, noise, laid = recursion_case(seed, n=40)
-    plain, kept = np.full((40, 2), np.nan), np.full((40, 2), np.nan)
-    base = innovations.residuals(np.array(CAR), noise, *laid, plain)
+    case = linear_case(name, 2, n=40)
+    ny = case.data.kind.shape[1]
+    plain = float(log_likelihood(case.system, case.noise, case.data)[0])
     every = np.ones(40, bool)
-    white = (np.zeros((0, 2, 2)), np.eye(2))
-    assert _value(noise, laid, every, *white) == pytest.approx(base, abs=1e-7)
-    value = coloured.residuals(np.array(CAR), noise, *laid, every, *white, kept)
-    assert value == _value(noise, laid, every, *white)
-    np.testing.assert_array_equal(np.isnan(kept), laid[3] == innovations.MISSING)
+    white = np.zeros((0, ny, ny)), np.eye(ny)
+    assert _value(case, every, *white) == pytest.approx(plain, abs=1e-6)
+    kept = kalman_ar.innovations(case.system, case.noise, case.data, every, *white)
+    np.testing.assert_array_equal(kept == 0.0, case.data.kind == MISSING)
 
 
 def _whitened(nu: Array, ar: Array, root: Array) -> Array:
-    """Take an autoregression out of a series (N, 2), plainly."""
+    """Take an autoregression out of a series (N, ny), plainly."""
     out = np.zeros(nu.shape)
     for k in range(len(nu)):
         e = nu[k].copy()
@@ -49,80 +46,84 @@ def _whitened(nu: Array, ar: Array, root: Array) -> Array:
     return out
 
 
-@settings(max_examples=25)
-@given(seed=st.integers(0, 10_000))
-def test_colour_is_a_linear_whitening_of_the_innovations(seed: int) -> None:
-    """Dense algebra: whitened innovations are linear in the six unknowns, which are normal."""
+@pytest.mark.parametrize("name", KINDS)
+def test_it_whitens_the_innovations_linearly(name: str) -> None:
+    """Dense algebra: whitened innovations are linear in the unknowns, which are normal."""
     n = 40
-    time, _, noise, laid = recursion_case(seed, n=n, missing=False)
-    rng = np.random.default_rng(seed)
-    ar = 0.2 * rng.normal(size=(3, 2, 2))
-    root = np.array([[1.3, 0.0], [-0.4, 0.8]])
-    step, moments, spread, kind, reading, extra, start = laid
-    certain = np.full(6, 1e-24)
+    case = linear_case(name, 3, n=n, missing=False)
+    nx, nu, ny = case.system.A.shape[1], case.inputs.shape[1], case.data.kind.shape[1]
+    nd = case.system.N.shape[1]
+    rng = np.random.default_rng(3)
+    ar = 0.2 * rng.normal(size=(3, ny, ny))
+    root = np.tril(0.3 * rng.normal(size=(ny, ny)), -1) + np.diag(rng.uniform(0.8, 1.3, ny))
+    start = case.data.start
+    certain = 1e-24 * np.eye(len(start))
 
     def innovations_of(readings: Array, driven: Array) -> tuple[Array, float]:
-        kept = np.zeros((n, 2))
-        value = innovations.residuals(
-            np.array(CAR), noise, step, driven, spread, kind, readings, extra, certain, kept
-        )
-        return kept, value + 0.5 * float(np.sum(kept**2))
+        data = case.data._replace(moments=driven, reading=readings, start=certain)
+        found = filter_pass(case.system, case.noise, data)
+        kept = found.innovations[0]
+        return kept, float(found.log_likelihood[0]) + 0.5 * float(np.sum(kept**2))
 
-    nu, log_scale = innovations_of(reading, moments)
-    w = _whitened(nu, ar, root).ravel()
-    system = deflection_form(CAR)
-    design = np.zeros((2 * n, 6))
-    for a in range(6):
-        free = np.zeros((n, 2))
-        if a < 4:
-            free = simulate_linear(system, time, np.zeros((n, 2)), np.eye(4)[a]) @ system.C.T
+    nus, log_scale = innovations_of(case.data.reading, case.data.moments)
+    w = _whitened(nus, ar, root).ravel()
+    A, B, C = (x[0] for x in case.system[:3])
+    linear = LinearSystem(A, B, C, np.zeros((ny, nu)))
+    design = np.zeros((ny * n, len(start)))
+    for a in range(len(start)):
+        free = np.zeros((n, ny))
+        if a < nx:
+            still = np.zeros((n, nu))
+            free = simulate_linear(linear, case.time, still, np.eye(nx)[a]) @ C.T
+        elif a < nx + nd:
+            held = -np.broadcast_to(case.system.N[:, a - nx], (n, nu))
+            free = simulate_linear(linear, case.time, held, np.zeros(nx)) @ C.T
         else:
-            free[:, a - 4] = 1.0
-        design[:, a] = _whitened(innovations_of(free, 0.0 * moments)[0], ar, root).ravel()
-    spread_of_w = np.eye(2 * n) + design @ np.diag(start) @ design.T
-    _, log_det = np.linalg.slogdet(spread_of_w)
-    expected = log_scale + n * math.log(1.3 * 0.8)
-    expected -= 0.5 * (log_det + w @ np.linalg.solve(spread_of_w, w))
-    value = _value(noise, laid, np.ones(n, bool), ar, root)
-    assert value == pytest.approx(expected, rel=1e-8, abs=1e-6)
-    kept = np.zeros((n, 2))
-    coloured.residuals(np.array(CAR), noise, *laid, np.ones(n, bool), ar, root, kept)
-    precision = design.T @ design + np.diag(1.0 / start)
-    best = np.linalg.solve(precision, design.T @ w)
-    np.testing.assert_allclose(kept.ravel(), w - design @ best, atol=1e-6)
+            free[:, a - nx - nd] = 1.0
+        nothing = 0.0 * case.data.moments
+        design[:, a] = _whitened(innovations_of(free, nothing)[0], ar, root).ravel()
+    covariance = np.eye(ny * n) + design @ start @ design.T
+    _, log_det = np.linalg.slogdet(covariance)
+    expected = log_scale + n * float(np.sum(np.log(np.diag(root))))
+    expected -= 0.5 * (log_det + w @ np.linalg.solve(covariance, w))
+    every = np.ones(n, bool)
+    assert _value(case, every, ar, root) == pytest.approx(expected, rel=1e-7, abs=1e-5)
+    kept = kalman_ar.innovations(case.system, case.noise, case.data, every, ar, root)
+    best = np.linalg.solve(design.T @ design + np.linalg.inv(start), design.T @ w)
+    np.testing.assert_allclose(kept.ravel(), w - design @ best, atol=1e-5)
 
 
-def test_two_instants_a_row_are_one_row_for_the_colour() -> None:
+def test_two_instants_a_row_are_one_group() -> None:
     """Two boards with two clocks: splitting a row by nothing must change nothing."""
-    _, _, noise, laid = recursion_case(9, n=12, missing=False)
-    colour = np.full((2, 2, 2), 0.1), np.array([[1.1, 0.0], [0.2, 0.9]])
-    whole = _value(noise, laid, np.ones(12, bool), *colour)
-    step, moments, spread, reading, extra = (
-        np.repeat(x, 2, axis=0) for x in (*laid[:3], laid[4], laid[5])
+    case = linear_case("half", 9, n=12, missing=False)
+    ar, root = np.full((2, 2, 2), 0.1), np.array([[1.1, 0.0], [0.2, 0.9]])
+    whole = _value(case, np.ones(12, bool), ar, root)
+    step, moments, spread, kind, reading, extra = (
+        np.repeat(x, 2, axis=0) for x in case.data[:6]
     )
-    kind = np.repeat(laid[3], 2, axis=0)
     step[1::2] = 0.0  # the second instant of a row comes no later
-    kind[0::2, 1] = innovations.MISSING
-    kind[1::2, 0] = innovations.MISSING
+    kind[0::2, 1] = MISSING
+    kind[1::2, 0] = MISSING
     closes = np.ones(24, bool)
     closes[0::2] = False
-    split = (step, moments, spread, kind, reading, extra, laid[6])
-    assert _value(noise, split, closes, *colour) == pytest.approx(whole, abs=1e-9)
+    data = type(case.data)(step, moments, spread, kind, reading, extra, case.data.start)
+    assert _value(case._replace(data=data), closes, ar, root) == pytest.approx(whole, abs=1e-9)
 
 
-def test_colour_scores_a_lone_reading_by_its_own_deviation() -> None:
-    """With one reading of a pair missing the other has its marginal, not conditional, spread."""
-    _, _, noise, laid = recursion_case(5, n=2, missing=False)
-    root = np.array([[1.3, 0.0], [-0.4, 0.8]])
-    laid[3][:] = innovations.MISSING
-    laid[3][1, 1] = innovations.VALUE
-    laid[6][:] = 1e-24  # nothing to integrate out
-    plain, kept = np.zeros((2, 2)), np.zeros((2, 2))
-    base = innovations.residuals(np.array(CAR), noise, *laid, plain)
-    ar, every = np.zeros((1, 2, 2)), np.ones(2, bool)
-    value = coloured.residuals(np.array(CAR), noise, *laid, every, ar, root, kept)
+@pytest.mark.parametrize("there", [[1], [0], [0, 2], [1, 2]])
+def test_part_of_a_group_counts_by_its_marginal(there: list[int]) -> None:
+    """With readings of a group missing the others have their marginal, not conditional, spread."""
+    case = linear_case("roll", 5, n=2, missing=False)
+    root = np.array([[1.3, 0.0, 0.0], [-0.4, 0.8, 0.0], [0.2, -0.1, 1.1]])
+    case.data.kind[:] = MISSING
+    case.data.kind[1, there] = VALUE
+    case.data.start[:] = 1e-24 * np.eye(len(case.data.start))  # nothing to integrate out
+    found = filter_pass(case.system, case.noise, case.data)
+    nu = found.innovations[0][1, there]
+    ar, every = np.zeros((1, 3, 3)), np.ones(2, bool)
     inverse = np.linalg.inv(root)
-    sd = math.sqrt((inverse @ inverse.T)[1, 1])
-    assert kept[1, 1] == pytest.approx(plain[1, 1] / sd)
-    shift = 0.5 * plain[1, 1] ** 2 - 0.5 * kept[1, 1] ** 2 - math.log(sd)
-    assert value == pytest.approx(base + shift)
+    covariance = (inverse @ inverse.T)[np.ix_(there, there)]
+    shift = 0.5 * nu @ nu - 0.5 * nu @ np.linalg.solve(covariance, nu)
+    shift -= 0.5 * math.log(np.linalg.det(covariance))
+    expected = found.log_likelihood[0] + shift
+    assert _value(case, every, ar, root) == pytest.approx(expected, abs=1e-9)
