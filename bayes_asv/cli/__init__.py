@@ -1,6 +1,6 @@
-"""The command line: argument → call → print.  Imported by nothing.
+"""The command line: arguments in, a call of the library, text and JSON out.
 
-Commands are imported when they are run, so that ``--help`` answers at once.
+Commands are imported when they are run, so that ``--help`` is fast.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from bayes_asv.domain.errors import BayesAsvError
 
 __all__ = ["COMMANDS", "cli", "main"]
 
-# Name, module under bayes_asv.cli, and what it does.
+# Name, and what it does; the module is bayes_asv.cli.NAME_command.
 COMMANDS = {
-    "estimate": "Posterior of c_f, c_r and i from one or several recordings.",
-    "track": "The same online, row by row, with a check of itself; or live from a port.",
-    "watch": "Track, and raise an alarm when a damper has lost more than a chosen share.",
-    "diagnose": "Where simulation and measurement disagree, and what is missing.",
-    "report": "An HTML or PDF report of recordings or of saved estimates.",
-    "acquire": "A recording from the data logger over a serial port.",
-    "logger": "The data logger without hardware, on simulated chips.",
-    "plan": "Which road, speed, rate and passes give what is wanted, before the drive.",
-    "simulate": "A recording from a road and a vehicle, with a seed.",
-    "modes": "Eigenvalue modes, and the spectrum of a recording.",
-    "greybox": "Prediction-error point estimate, the reference's own method.",
-    "reproduce": "The reference's tables, as printed, as corrected, as obtained here.",
-    "demo": "The whole way on shipped data, with a report at the end.",
+    "estimate": "Estimate damping rates and pitch inertia from recordings.",
+    "track": "Track the parameters row by row, from a recording or live from a port.",
+    "watch": "Track, and raise an alarm when a damper has become too soft.",
+    "diagnose": "Find where simulation and measurement disagree, and what is missing.",
+    "report": "Write an HTML or PDF report of recordings or saved results.",
+    "acquire": "Read a recording from the data logger over a serial port.",
+    "logger": "Run the data logger without hardware, on simulated chips.",
+    "plan": "Find the drive that determines the parameters as well as wanted.",
+    "simulate": "Simulate a recording of the vehicle over a road.",
+    "modes": "Compute eigenvalue modes, and the spectrum of a recording.",
+    "greybox": "Estimate by prediction errors, the reference's own method.",
+    "reproduce": "Reproduce the reference's tables: as printed, corrected and recomputed.",
+    "demo": "Estimate, diagnose and report shipped recordings.",
 }
 
 
 class _LazyGroup(click.Group):
-    """A group that knows its commands by name and imports one only to run it."""
+    """A group that lists its commands by name and imports one only to run it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -55,7 +55,7 @@ class _LazyGroup(click.Group):
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
-            _silence()  # click would leave with 1; whoever read our output has what they wanted
+            _discard_output()  # click would exit with 1, but the reader of a pipe may close it
             ctx.exit(0)
 
     def resolve_command(
@@ -82,18 +82,20 @@ class _LazyGroup(click.Group):
 )
 @click.version_option(__version__, prog_name="bayes-asv")
 def cli() -> None:
-    """Damping rates and pitch inertia of a small car, with intervals you can trust.
+    """Estimate damping rates and pitch inertia of a small car, with credible intervals.
 
-    Four accelerometers (wheel hubs and chassis, front and rear), one drive over a bump, and the
-    nominal values of the car are all it needs.
+    It needs four accelerometers (wheel hubs and chassis, front and rear), one drive over a bump,
+    and the nominal values of the car.
     """
 
 
 def main() -> NoReturn:
-    """Run the command line and leave with its exit status."""
+    """Run the command line and exit with its status."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without a sign gets a question mark
+            stream.reconfigure(
+                errors="replace"
+            )  # a terminal without a character shows a question mark
     try:
         status = cli.main(standalone_mode=False, prog_name="bayes-asv")
         sys.stdout.flush()
@@ -101,36 +103,36 @@ def main() -> NoReturn:
         click.echo(error.format_message(), err=True)
         sys.exit(2)
     except click.ClickException as error:
-        _complain(_usage(error))
+        _print_error(_usage(error))
         sys.exit(2)
     except click.Abort:
-        _complain("interrupted")
+        _print_error("interrupted")
         sys.exit(130)
     except BayesAsvError as error:
-        _complain(str(error))
+        _print_error(str(error))
         sys.exit(2)
     except OSError as error:
-        _silence()
-        if not isinstance(error, BrokenPipeError):  # else whoever read has left: nothing to say
-            _complain(f"output cannot be written ({error.strerror}); free some space")
+        _discard_output()
+        if not isinstance(error, BrokenPipeError):  # else the reader of a pipe has closed it
+            _print_error(f"output cannot be written ({error.strerror}); free some space")
             sys.exit(2)
         sys.exit(0)
     sys.exit(status if isinstance(status, int) else 0)
 
 
-def _silence() -> None:
-    """Throw away what standard output still holds, so that leaving does not fail on it again."""
+def _discard_output() -> None:
+    """Discard what standard output still holds, so that the exit does not fail on it again."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _usage(error: click.ClickException) -> str:
-    """One line for a usage error, naming the command to ask."""
+    """One line for a usage error, with the command that shows the help."""
     text = " ".join(error.format_message().split()).rstrip(".")
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "bayes-asv"
     return f"{text}; see {path} --help"
 
 
-def _complain(text: str) -> None:
+def _print_error(text: str) -> None:
     click.echo(f"bayes-asv: {text}", err=True)

@@ -19,25 +19,29 @@ if TYPE_CHECKING:
     from bayes_asv.acquire.outcome import Outcome
     from bayes_asv.acquire.run import Request
     from bayes_asv.acquire.watch import Watch
+    from bayes_asv.library.progress import Report
 
 __all__ = ["command"]
 
 _STATUS = {"ok": 0, "incomplete": 3, "refused": 3}
-_FRAMES = 83  # of a full block, before its HEAD says it
+_FRAMES = 83  # of a full block, until its HEAD frame has come
 
 
 @click.command("acquire")
 @click.option("-o", "output", required=True, metavar="REC", help="The recording to write.")
-@click.option("--port", metavar="P", help="The logger's port; without it the only one there is.")
+@click.option("--port", metavar="P", help="The logger's port; by default the only one there is.")
 @click.option("--start", is_flag=True, help="Start the run from here; otherwise wait for it.")
 @click.option(
     "--frequency", type=click.Choice([str(rate) for rate in RATES]), metavar="HZ",
-    help=f"Rows a second: {', '.join(map(str, RATES))}; without it as the knob says.",
+    help=f"Sampling rate: {', '.join(map(str, RATES))}; by default that of the logger's knob.",
 )  # fmt: skip
 @click.option(
-    "--mode", type=click.Choice(MODES), help="From the start on, or a loop that waits for a bump."
+    "--mode", type=click.Choice(MODES), help="Record from the start, or in a loop until a trigger."
 )
-@click.option("--synch", type=click.Choice(SYNCHS), help="Six steps, the short form, or by radio.")
+@click.option(
+    "--synch", type=click.Choice(SYNCHS),
+    help="Clock synchronisation: six steps, the short form, or by radio.",
+)  # fmt: skip
 @click.option(
     "--readings", type=click.Choice(["1", "2", "4", "8", "16", "32"]), metavar="N",
     help="Conversions averaged to one reading.  [default: 4]",
@@ -48,11 +52,11 @@ _FRAMES = 83  # of a full block, before its HEAD says it
 )  # fmt: skip
 @click.option(
     "--threshold", type=click.IntRange(1, 1023), metavar="COUNTS",
-    help="With --mode loop: what counts as a shake.  [default: 20]",
+    help="With --mode loop: change of a reading that triggers.  [default: 20]",
 )  # fmt: skip
 @click.option(
     "--trigger", type=click.FloatRange(0.0, 3600.0), metavar="SECONDS",
-    help="With --mode loop: trigger from here so long after arming.",
+    help="With --mode loop: trigger from here this long after arming.",
 )  # fmt: skip
 @click.option(
     "--wait", type=click.FloatRange(0.0), metavar="SECONDS",
@@ -60,21 +64,21 @@ _FRAMES = 83  # of a full block, before its HEAD says it
 )  # fmt: skip
 @click.option(
     "--patience", type=click.FloatRange(1.0), default=60.0, show_default=True, metavar="SECONDS",
-    help="Give up after so long without an answer.",
+    help="Give up after this long without an answer.",
 )  # fmt: skip
 @click.option(
     "--cable", type=click.FloatRange(0.0), default=600.0, show_default=True, metavar="SECONDS",
-    help="Wait so long for a cable that was pulled.",
+    help="Wait this long for a cable that was unplugged.",
 )  # fmt: skip
-@click.option("--discard", is_flag=True, help="Drop a run that the logger holds already.")
-@click.option("--text", is_flag=True, help="Take the text dump, more than once, instead of frames.")
-@click.option("--raw", metavar="FILE", help="Where every byte is kept.  [default: REC.raw]")
-@click.option("--resume", is_flag=True, help="Go on with the run whose bytes are in the raw file.")
+@click.option("--discard", is_flag=True, help="Discard a run that the logger already holds.")
+@click.option("--text", is_flag=True, help="Read the text dump, more than once, instead of frames.")
+@click.option("--raw", metavar="FILE", help="File for every byte.  [default: REC.raw]")
+@click.option("--resume", is_flag=True, help="Continue the run whose bytes are in the raw file.")
 @click.option(
-    "--watch", is_flag=True, help="Track c_f, c_r and i while the rows come; needs --vehicle."
+    "--watch", is_flag=True, help="Track c_f, c_r and i while rows arrive; needs --vehicle."
 )
-@click.option("--vehicle", "-v", metavar="V.toml", help="With --watch: what is known of the car.")
-@click.option("--replay", metavar="FILE", help="Read kept bytes again instead of a port.")
+@click.option("--vehicle", "-v", metavar="V.toml", help="With --watch: the vehicle file.")
+@click.option("--replay", metavar="FILE", help="Read a raw file again instead of a port.")
 @common.rate_option
 @common.json_option
 def command(
@@ -89,10 +93,10 @@ def command(
     vehicle: str | None,
     **wanted: Any,
 ) -> int:
-    """Bring a recording from the data logger over its serial port.
+    """Read a recording from the data logger over its serial port.
 
-    Every byte is on disk before it is looked at. What is missing is asked for again; what never
-    came is missing in the recording, which says so, and the exit status is 3.
+    Every byte is written to disk before it is read. Missing frames are requested again; what never
+    arrives is missing in the recording, with a note, and the exit status is 3.
     """
     request = _request(resume=resume, **{k: wanted[k] for k in _OF_REQUEST})
     if replay is not None and (port is not None or resume or raw is not None or request.start):
@@ -116,13 +120,12 @@ def command(
     if outcome.recording is not None:
         write_recording(outcome.recording, output)
         if watcher is not None:
-            from bayes_asv.report.track_document import track_document
-            from bayes_asv.report.track_words import track_lines
+            from bayes_asv.library.tracks import track_of
 
-            made["track"] = track_document(watcher.finish(outcome.recording))
-            said += track_lines(made["track"])
-    common.write_json(made, json_file)
-    click.echo("\n".join(said), err=json_file == "-")
+            track = track_of(watcher.finish(outcome.recording))
+            made["track"] = track.document.to_dict()
+            said += track.lines()
+    common.output(made, said, json_file)
     return _STATUS[outcome.verdict]
 
 
@@ -147,7 +150,7 @@ def _request(
     text: bool,
     resume: bool,
 ) -> Request:
-    """Put the options together, and refuse what does not fit."""
+    """Combine the options, and refuse combinations that do not fit."""
     from bayes_asv.acquire.messages import Settings
     from bayes_asv.acquire.run import Request
 
@@ -156,7 +159,7 @@ def _request(
         if value is not None and not loop:
             raise click.UsageError(f"{name} belongs to --mode loop")
     if resume and (start or discard):
-        raise click.UsageError("--resume goes on with a run: leave out --start and --discard")
+        raise click.UsageError("--resume continues a run: leave out --start and --discard")
     given = (frequency, mode, synch, readings, pre, threshold)
     settings = None
     if any(value is not None for value in given):
@@ -182,22 +185,23 @@ def _fetched(
     cable: float,
     watcher: Watch | None,
 ) -> Outcome:
-    """Bring a run over the port, words on standard error and a bar on a terminal."""
+    """Read a run over the port, with messages and a progress bar on standard error."""
     from bayes_asv.acquire.job import acquire
     from bayes_asv.acquire.port import KeptPort, found_port
+    from bayes_asv.library.progress import progress_bar
 
     held = _held(kept) if request.resumed else b""
     if not request.resumed and os.path.exists(kept):
         raise InputError(
-            kept, "is there already", "give --resume to go on with it, or name another by --raw"
+            kept, "exists already", "give --resume to continue it, or another file with --raw"
         )
     chosen = name or found_port()
     with ExitStack() as stack:
-        progress = stack.enter_context(common.progress_bar())
+        progress = stack.enter_context(progress_bar())
         port = stack.enter_context(
-            KeptPort(chosen, kept, resume=request.resumed, patience=cable, say=_say)
+            KeptPort(chosen, kept, resume=request.resumed, patience=cable, say=common.say)
         )
-        _say(f"{chosen}: every byte is kept in {kept}")
+        common.say(f"{chosen}: every byte is kept in {kept}")
         return acquire(
             port,
             request,
@@ -205,26 +209,20 @@ def _fetched(
             held=held,
             source=output,
             rate=rate,
-            say=_say,
+            say=common.say,
             grown=_grown(progress, watcher),
         )
-
-
-def _say(text: str) -> None:
-    click.echo(text, err=True)
 
 
 def _watcher(vehicle: str) -> Watch:
     from bayes_asv.acquire.watch import Watch
     from bayes_asv.domain.vehicle import read_vehicle
 
-    return Watch(read_vehicle(vehicle), _say)
+    return Watch(read_vehicle(vehicle), common.say)
 
 
-def _grown(
-    progress: Callable[[float, str], None] | None, watcher: Watch | None
-) -> Callable[[Block], None]:
-    """Make what is done with a block whenever a frame of it has come."""
+def _grown(progress: Report | None, watcher: Watch | None) -> Callable[[Block], None]:
+    """Make the function that is called with a block whenever a frame of it has arrived."""
 
     def grown(block: Block) -> None:
         if watcher is not None:

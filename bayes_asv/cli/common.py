@@ -1,43 +1,38 @@
-"""Options and habits that the commands share."""
+"""Options, checks and outputs that the commands share."""
 
 from __future__ import annotations
 
-import json
+import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import click
 
 from bayes_asv.domain.errors import InputError
 
-if TYPE_CHECKING:
-    from bayes_asv.domain.recording import Recording
-    from bayes_asv.domain.vehicle import Vehicle
-
 __all__ = [
     "EXIT_STATUS",
     "check_outputs",
     "json_option",
-    "part_of",
-    "progress_bar",
+    "make_folder",
+    "output",
+    "quantity",
     "rate_option",
-    "read_inputs",
     "recordings_argument",
+    "say",
     "seed_option",
     "vehicle_option",
     "write_json",
 ]
 
-Progress = Callable[[float, str], None]
-
 EXIT_STATUS = {"ok": 0, "refused": 3, "not_converged": 4}
+"""Exit status of the verdicts of every command that estimates."""
 
 recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="REC...")
 vehicle_option = click.option(
-    "--vehicle", "-v", required=True, metavar="V.toml", help="What is known of the car."
+    "--vehicle", "-v", required=True, metavar="V.toml", help="The vehicle file."
 )
 json_option = click.option(
     "--json", "json_file", metavar="FILE", help="Write the result as JSON; '-' for standard output."
@@ -47,28 +42,35 @@ seed_option = click.option(
     help="The same seed gives the same answer.",
 )  # fmt: skip
 rate_option = click.option(
-    "--rate", type=float, metavar="HZ", help="Sampling rate of a recording that has no time stamps."
+    "--rate", type=float, metavar="HZ", help="Sampling rate of a recording without time stamps."
 )
 
 
-def read_inputs(
-    paths: tuple[str, ...], vehicle: str, rate: float | None, rolls: bool = False
-) -> tuple[list[Recording], Vehicle]:
-    """Read the vehicle first, then every recording; of single corners where the car rolls."""
-    from bayes_asv.domain.recording import require_half_car, require_roll_car
-    from bayes_asv.domain.vehicle import read_vehicle
-    from bayes_asv.io import read_recording
+def quantity(
+    dimension: str, example: str, limits: tuple[float, float] = (0.0, math.inf)
+) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Make the check of an option that takes a positive quantity with its unit.
 
-    car = read_vehicle(vehicle)
-    runs: list[Recording] = []
-    for path in paths:
-        run = read_recording(path, rate=rate)
-        (require_roll_car if rolls else require_half_car)(run)
-        twin = next((r for r in runs if r.sha256 == run.sha256), None)
-        if twin is not None:  # it would be counted as twice the evidence
-            raise InputError(path, f"holds the same as {twin.source}", "give each recording once")
-        runs.append(run)
-    return runs, car
+    Parameters
+    ----------
+    dimension : str
+        As in :mod:`bayes_asv.domain.units`.
+    example : str
+        A text that fits.
+    limits : pair of float
+        Smallest and largest value, SI units.
+    """
+
+    def check(ctx: click.Context, param: click.Parameter, text: str | None) -> str | None:
+        from bayes_asv.library.quantities import positive_quantity
+
+        try:
+            positive_quantity(param.opts[0], text, dimension, example, limits)
+        except InputError as fault:
+            raise click.UsageError(str(fault), ctx) from None
+        return text
+
+    return check
 
 
 def check_outputs(inputs: Iterable[str | None], *outputs: str | None) -> None:
@@ -79,7 +81,7 @@ def check_outputs(inputs: Iterable[str | None], *outputs: str | None) -> None:
     inputs : iterable of str or None
         Files that are read.
     *outputs : str or None
-        Files that will be written; None and ``-`` are nothing to check.
+        Files that will be written; None and ``-`` are not checked.
     """
     from bayes_asv.domain.files import check_writable
 
@@ -94,60 +96,41 @@ def check_outputs(inputs: Iterable[str | None], *outputs: str | None) -> None:
         taken[place] = "is written twice by this command"
 
 
-def write_json(document: dict[str, Any], file: str | None) -> None:
-    """Write a document where the user asked for it, whole or not at all."""
+def make_folder(folder: str) -> None:
+    """Make the folder of the outputs."""
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be made ({error.strerror})", "name another folder"
+        ) from None
+
+
+def write_json(document: Mapping[str, Any], file: str | None) -> None:
+    """Write a document to a file atomically, or to standard output for ``-``."""
     if file is None:
         return
-    # ASCII passes every terminal and pipe; a file is UTF-8 and easier to read.
-    text = json.dumps(document, indent=1, ensure_ascii=file == "-", allow_nan=False) + "\n"
+    from bayes_asv.domain.files import write_atomically
+    from bayes_asv.library.result import json_text
+
+    # ASCII passes every terminal and pipe; a file is UTF-8, which is easier to read.
+    text = json_text(document, ascii_only=file == "-")
     if file == "-":
         sys.stdout.write(text)
         sys.stdout.flush()
         return
-    from bayes_asv.domain.files import write_atomically
-
     write_atomically(file, text.encode("utf-8", "replace"))  # a file's name need not be Unicode
 
 
-def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """Let a part of a longer work tell how far it is.
+def output(document: Mapping[str, Any], lines: Iterable[str], json_file: str | None) -> None:
+    """Write the document where it was asked for, and print the lines.
 
-    Parameters
-    ----------
-    progress : callable or None
-        Of the whole.
-    begin, end : float
-        Shares of the whole where the part begins and ends.
+    The lines go to standard error where standard output holds the JSON.
     """
-    if progress is None:
-        return None
-
-    def tell(share: float, words: str) -> None:
-        progress(begin + (end - begin) * share, words)
-
-    return tell
+    write_json(document, json_file)
+    click.echo("\n".join(lines), err=json_file == "-")
 
 
-@contextmanager
-def progress_bar() -> Iterator[Progress | None]:
-    """Show a bar on standard error while something long runs, only on a terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("[bold]{task.percentage:3.0f} %"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-
-        def tell(share: float, words: str) -> None:
-            # what is asked again does not undo what was done
-            bar.update(task, completed=max(share, bar.tasks[0].completed), description=words)
-
-        yield tell
+def say(text: str) -> None:
+    """Print a message on standard error."""
+    click.echo(text, err=True)

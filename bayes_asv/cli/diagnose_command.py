@@ -16,7 +16,7 @@ __all__ = ["command"]
     "--holdout",
     multiple=True,
     metavar="REC",
-    help="A recording to prove it on, not fitted; may be given several times.",
+    help="A recording that is not fitted, for validation; may be given several times.",
 )
 @common.json_option
 @common.rate_option
@@ -29,21 +29,15 @@ def command(
     rate: float | None,
     seed: int,
 ) -> int:
-    """Where simulation and measurement disagree, what is missing, and the gap before and after.
+    """Find where simulation and measurement disagree, and which effects the half car lacks.
 
     Without --holdout the last recording is held out, or the second half of the only one.
     """
     common.check_outputs((*recordings, *holdout, vehicle), json_file)
-    runs, car = common.read_inputs((*recordings, *holdout), vehicle, rate)
-    fit, held = runs[: len(recordings)], runs[len(recordings) :]
-    with common.progress_bar() as progress:
-        from bayes_asv.diagnosis.workflow import diagnose
+    import bayes_asv as asv
 
-        found = diagnose(fit, held, car, seed, progress)
-    from bayes_asv.report.diagnose_document import diagnose_document
-    from bayes_asv.report.diagnose_words import diagnosis_lines
-
-    document = diagnose_document(found, runs)
-    common.write_json(document, json_file)
-    click.echo("\n".join(diagnosis_lines(document)), err=json_file == "-")
-    return 3 if document["verdict"] == "refused" else 0
+    car = asv.read_vehicle(vehicle)
+    runs, held = (asv.read_recordings(paths, rate=rate) for paths in (recordings, holdout))
+    result = asv.diagnose(runs, car, holdout=held, seed=seed)
+    common.output(result.document.to_dict(), result.lines(), json_file)
+    return common.EXIT_STATUS["refused" if result.verdict == "refused" else "ok"]

@@ -14,7 +14,8 @@ __all__ = ["command"]
 @common.vehicle_option
 @click.option(
     "--coordinates", type=click.Choice(("both", "deflection", "integrated")), default="both",
-    show_default=True, help="Accelerations as they are, or integrated twice as the reference does.",
+    show_default=True,
+    help="Accelerations as they are, or integrated twice as in the reference.",
 )  # fmt: skip
 @click.option(
     "--initial", type=click.Choice(("estimated", "zero")), default="estimated", show_default=True,
@@ -23,12 +24,12 @@ __all__ = ["command"]
 @click.option(
     "--remove", type=click.Choice(("trend", "constant", "rest", "none")), default="trend",
     show_default=True,
-    help="What to take off before integrating: the linear trend, the constant that makes "
-    "displacements end on zero, the mean of the first 0.1 s, or nothing.",
+    help="What is subtracted before the integration: the linear trend, the constant that makes "
+    "displacements end at zero, the mean of the first 0.1 s, or nothing.",
 )  # fmt: skip
 @click.option(
     "--hold", type=click.Choice(("held", "straight")), default="held", show_default=True,
-    help="Integrated inputs between samples.",
+    help="Integrated inputs between samples: constant or linear.",
 )  # fmt: skip
 @common.rate_option
 @common.json_option
@@ -44,31 +45,21 @@ def command(
     json_file: str | None,
     seed: int,
 ) -> int:
-    """Prediction-error point estimate, the reference's own method."""
+    """Estimate the parameters by prediction errors, the reference's own method."""
     common.check_outputs((recording, vehicle), json_file)
-    runs, car = common.read_inputs((recording,), vehicle, rate)
-    from bayes_asv import __version__
-    from bayes_asv.reference.document import GREYBOX_SCHEMA, greybox_document, nan_to_none
-    from bayes_asv.reference.greybox import COORDINATES, grey_box
+    import bayes_asv as asv
+    from bayes_asv.library.reference import greybox
     from bayes_asv.reference.text import greybox_lines
 
-    ways = COORDINATES if coordinates == "both" else (coordinates,)
-    found = [
-        grey_box(runs[0], car, coordinates=way, initial=initial, detrending=remove, hold=hold)
-        for way in ways
-    ]
-    verdicts = [estimate.verdict for estimate in found]
-    document = nan_to_none(
-        {
-            "schema": GREYBOX_SCHEMA,
-            "verdict": next((v for v in ("refused", "not_converged") if v in verdicts), "ok"),
-            "reasons": list(found[0].reasons),
-            "warnings": list(found[0].warnings),
-            "estimates": [greybox_document(estimate, car.units) for estimate in found],
-            "seed": seed,  # nothing here is drawn; the same for every seed
-            "version": __version__,
-        }
+    car = asv.read_vehicle(vehicle)
+    document = greybox(
+        asv.read_recording(recording, rate=rate),
+        car,
+        coordinates=coordinates,
+        initial=initial,
+        detrending=remove,
+        hold=hold,
+        seed=seed,
     )
-    common.write_json(document, json_file)
-    click.echo("\n".join(greybox_lines(document)), err=json_file == "-")
+    common.output(document, greybox_lines(document), json_file)
     return common.EXIT_STATUS[document["verdict"]]

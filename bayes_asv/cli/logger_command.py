@@ -16,25 +16,28 @@ __all__ = ["command"]
 
 
 @click.command("logger")
-@click.option("--emulated", is_flag=True, help="On simulated chips; needs a source checkout.")
+@click.option("--emulated", is_flag=True, help="Run on simulated chips; needs a source checkout.")
 @click.option(
     "--recording", metavar="REC",
-    help="What the sensors see, again and again; a simulated car over two parking stops without.",
+    help="What the sensors measure, repeated; by default a simulated car over two parking stops.",
 )  # fmt: skip
 @click.option(
-    "--vehicle", "-v", metavar="V.toml", help="Its sensors' zero and scale.  [default: the Baja]"
+    "--vehicle",
+    "-v",
+    metavar="V.toml",
+    help="Zero and scale of its sensors.  [default: baja2008.toml]",
 )
 @click.option(
     "--loss", type=click.FloatRange(0.0, 0.5), default=0.05, show_default=True, metavar="SHARE",
-    help="Radio packets lost between the boards.",
+    help="Share of the radio packets between the boards that is lost.",
 )  # fmt: skip
 @click.option(
     "--errors", type=click.FloatRange(0.0, 0.01), default=1e-4, show_default=True,
-    metavar="SHARE", help="Bits inverted between the modems.",
+    metavar="SHARE", help="Share of the bits between the modems that is inverted.",
 )  # fmt: skip
 @click.option(
     "--speed", type=click.FloatRange(0.1, 20.0), default=1.0, show_default=True, metavar="X",
-    help="Virtual seconds a second.",
+    help="Simulated seconds per second.",
 )  # fmt: skip
 @common.rate_option
 @common.seed_option
@@ -48,12 +51,13 @@ def command(
     rate: float | None,
     seed: int,
 ) -> int:
-    """Run the data logger without hardware: its firmware, radios and modem, and a car on a road.
+    """Run the data logger without hardware: firmware, radios, modem, and a car on a road.
 
-    It tells the port at which it is to be reached, and runs until Ctrl-C.
+    It prints the port of the emulated logger, and runs until Ctrl-C.
     """
     if not emulated:
-        raise click.UsageError("give --emulated; a real logger is reached by bayes-asv acquire")
+        raise click.UsageError("give --emulated; for a real logger use bayes-asv acquire")
+    import bayes_asv as asv
     from bayes_asv.acquire.emulated import (
         EVERY,
         Emulation,
@@ -63,15 +67,17 @@ def command(
         started,
         write_voltages,
     )
-    from bayes_asv.shipped import shipped
+    from bayes_asv.library.inputs import check_inputs
 
-    chosen = vehicle or str(shipped("vehicles", "baja2008.toml"))
-    runs, car = common.read_inputs(() if recording is None else (recording,), chosen, rate)
+    chosen = vehicle or str(asv.example("baja2008.toml"))
+    car = asv.read_vehicle(chosen)
+    drive = None if recording is None else asv.read_recording(recording, rate=rate)
+    if drive is not None:
+        check_inputs("logger", drive, car)
     firmware = built()
     with tempfile.TemporaryDirectory(prefix="logger-") as name:
         folder = Path(name)
-        drive = runs[0] if runs else default_drive(car, seed)
-        inputs, warning = write_voltages(drive, car, folder)
+        inputs, warning = write_voltages(drive or default_drive(car, seed), car, folder)
         if warning:
             click.echo(f"Note: {warning}.", err=True)
         wanted = Emulation(seed=seed, loss=loss, errors=errors, speed=speed)
@@ -83,13 +89,13 @@ def command(
             "In another terminal:\n"
             f"  bayes-asv acquire --port {port} --start --mode loop --frequency 400 -o run.csv\n"
             f"  bayes-asv estimate run.csv --vehicle {chosen}\n"
-            "Ctrl-C ends it."
+            "Stop it with Ctrl-C."
         )
         sys.stdout.flush()
         try:
             with contextlib.suppress(KeyboardInterrupt):
                 process.wait()
-        finally:  # nobody is to be left at the port, whatever ends this
+        finally:  # the process must not keep the port, however this ends
             process.terminate()
             process.wait(timeout=10)
     return 0

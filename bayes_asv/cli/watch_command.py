@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from typing import TYPE_CHECKING
 
 import click
 
 from bayes_asv.cli import common
+from bayes_asv.cli.live_options import BAUD, baud_option
 from bayes_asv.cli.track_command import engine_option
-
-if TYPE_CHECKING:
-    from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.live.sources import Source
-    from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
-    from bayes_asv.tracking.tracker import Tracker
 
 __all__ = ["command"]
 
-_ALARM = 5
-_BAUD = 115_200
+_STATUS = {**common.EXIT_STATUS, "alarm": 5}
 
 
 @click.command("watch")
@@ -32,25 +24,23 @@ _BAUD = 115_200
 )  # fmt: skip
 @click.option(
     "--sure", type=click.FloatRange(50.0, 99.999), default=99.0, show_default=True,
-    metavar="PERCENT", help="Probability of that which has to be passed.",
+    metavar="PERCENT", help="Probability of wear above which the alarm is raised.",
 )  # fmt: skip
 @click.option(
     "--hold", type=click.FloatRange(0.0, 3600.0), default=1.0, show_default=True,
-    metavar="SECONDS", help="Time for which it has to be.",
+    metavar="SECONDS", help="Time for which the probability has to be above it.",
 )  # fmt: skip
 @click.option(
     "--forget", type=click.FloatRange(0.0, min_open=True), default=60.0, show_default=True,
-    metavar="SECONDS", help="Let c_f, c_r and i wander by 10 % (one deviation) in this time.",
+    metavar="SECONDS",
+    help="Let c_f, c_r and i change by 10 % (one standard deviation) in this time.",
 )  # fmt: skip
 @engine_option
 @click.option("--port", metavar="P", help="A serial port instead of a recording.")
-@click.option(
-    "--baud", type=click.IntRange(300, 4_000_000), default=_BAUD, show_default=True, metavar="N",
-    help="Bits a second of the port.",
-)  # fmt: skip
+@baud_option(BAUD)
 @click.option(
     "--keep", metavar="FILE",
-    help="Where every byte of the port is kept.  [default: watch-DATE-TIME.txt]",
+    help="File for every byte of the port.  [default: watch-DATE-TIME.txt]",
 )  # fmt: skip
 @common.json_option
 @common.rate_option
@@ -81,57 +71,25 @@ def command(
     if port is not None and keep is None:
         keep = time.strftime("watch-%Y%m%d-%H%M%S.txt")
     common.check_outputs((recording, vehicle), json_file, keep)
-    runs, car = common.read_inputs(() if recording is None else (recording,), vehicle, rate)
-    from bayes_asv.live.sources import PortSource, RecordingSource
-    from bayes_asv.tracking.alarm import AlarmMonitor
+    import bayes_asv as asv
+    from bayes_asv.library.live import SerialPort, watch
 
-    source: Source
-    if runs:
-        source = RecordingSource(runs[0], car)
-    else:
-        from bayes_asv.live.port import PortReader
-
-        assert port is not None
-        assert keep is not None
-        source = PortSource(PortReader(port, keep, baud), port, car, rate)
-        click.echo(f"Every byte of {port} is kept in {keep}; Ctrl-C ends it", err=True)
-    dog = AlarmMonitor(car, below / 100.0, sure / 100.0, hold)
-    tracker, alarm = _watch(source, dog, car, forget, engine)
-    if tracker is None:
-        click.echo("nothing came in, so there is nothing to tell", err=True)
+    car = asv.read_vehicle(vehicle)
+    result = watch(
+        None if recording is None else asv.read_recording(recording, rate=rate),
+        car,
+        port=None if port is None or keep is None else SerialPort(port, keep, baud),
+        below=below,
+        probability=sure,
+        hold=hold,
+        forget=forget,
+        engine=engine,
+        rate=rate,
+        seed=seed,
+        say=common.say,
+    )
+    if result is None:
+        common.say("no rows were received, so there is no result")
         return common.EXIT_STATUS["refused"]
-    from bayes_asv.report.watch_document import watch_document
-    from bayes_asv.report.watch_words import watch_lines
-
-    name = runs[0].source if runs else str(port)
-    document = watch_document(tracker, dog, alarm, name, seed)
-    common.write_json(document, json_file)
-    click.echo("\n".join(watch_lines(document)), err=json_file == "-")
-    return _ALARM if alarm is not None else common.EXIT_STATUS[document["verdict"]]
-
-
-def _watch(
-    source: Source, dog: AlarmMonitor, vehicle: Vehicle, forget: float, engine: str
-) -> tuple[Tracker | None, Alarm | None]:
-    """Follow a source until an alarm, its end, or Ctrl-C."""
-    from bayes_asv.tracking.tracker import tracker_for
-
-    stop = threading.Event()
-    tracker: Tracker | None = None
-    alarm: Alarm | None = None
-    try:
-        about = source.begin(stop)
-        if about is None:
-            return None, None
-        tracker = tracker_for(about.start, vehicle, rate=about.rate, forget=forget, engine=engine)
-        for rows in source.rows(stop):
-            alarm = dog.look(tracker.feed(rows.time, rows.acceleration))
-            if alarm is not None:
-                return tracker, alarm
-        alarm = dog.look(tracker.finish())
-    except KeyboardInterrupt:
-        pass  # whoever ends it wants to know how it stands
-    finally:
-        stop.set()
-        source.close()
-    return tracker, alarm
+    common.output(result.document.to_dict(), result.lines(), json_file)
+    return _STATUS[result.verdict]

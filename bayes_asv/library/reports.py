@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
@@ -12,41 +13,17 @@ from bayes_asv.library.progress import Progress, part_of, progress_bar
 if TYPE_CHECKING:
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.report.schema import (
-        DiagnoseDocument,
-        EstimateDocument,
-        ReportDocument,
-        TrackDocument,
-    )
+    from bayes_asv.report.schema import ReportDocument
 
-__all__ = ["KINDS", "report", "short_lines"]
+__all__ = ["report", "short_lines"]
 
-KINDS = ("estimate", "diagnosis", "track")
-"""Documents that a report holds, one of each."""
+_KIND_OF = {
+    "bayes_asv/estimate/1": "estimate",
+    "bayes_asv/diagnose/1": "diagnosis",
+    "bayes_asv/track/1": "track",
+}
 
 _SHARES = (0.0, 0.24, 0.76, 0.8)  # of the time: estimate, diagnosis, track, writing
-
-
-class _Documents(NamedTuple):
-    """At most one document of each kind."""
-
-    estimate: EstimateDocument | None = None
-    diagnosis: DiagnoseDocument | None = None
-    track: TrackDocument | None = None
-
-    def combined(self) -> ReportDocument:
-        """Return the estimate with the others in it, or the only document there is."""
-        given: list[ReportDocument] = [one for one in self if one is not None]
-        if self.estimate is None:
-            if len(given) > 1:
-                raise InputError(
-                    "report", "a diagnosis and a track need the estimate beside them", "give it too"
-                )
-            return given[0]
-        beside = {"diagnosis": self.diagnosis, "online": self.track}
-        return self.estimate.model_copy(
-            update={key: one for key, one in beside.items() if one is not None}
-        )
 
 
 def report(
@@ -96,35 +73,45 @@ def report(
     _check_recordings(saved, recordings)
     with progress_bar(progress) as bar:
         if vehicle is not None:
-            parts = [
-                part_of(bar, *span) or False
-                for span in zip(_SHARES[:-1], _SHARES[1:], strict=True)
-            ]  # fmt: skip
+            parts = [part_of(bar, *span) or False for span in pairwise(_SHARES)]
             documents = _complete(documents, recordings, vehicle, diagnosis, seed, parts)
-        document = documents.combined()
+        document = _combined(documents)
         if bar is not None:
             bar(_SHARES[-1] if vehicle is not None else 0.0, f"writing {output}")
         write_report(document, output)
     return document
 
 
-def _read(paths: Sequence[PathLike]) -> _Documents:
-    from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument, read_saved
+def _read(paths: Sequence[PathLike]) -> dict[str, Any]:
+    """Read saved documents by kind."""
+    from bayes_asv.report.schema import read_saved
 
-    documents = _Documents()
+    documents: dict[str, Any] = {}
     for path in paths:
         document = read_saved(path)
-        kind = (
-            "estimate" if isinstance(document, EstimateDocument)
-            else "diagnosis" if isinstance(document, DiagnoseDocument)
-            else "track"
-        )  # fmt: skip
-        if getattr(documents, kind) is not None:
+        kind = _KIND_OF[document.schema_name]
+        if kind in documents:
             raise InputError(
-                str(path), f"is a second {kind}, and a report holds one", "give one of each kind"
+                str(path), f"a report holds one {kind}", "give --from once for each kind"
             )
-        documents = documents._replace(**{kind: document})
+        documents[kind] = document
     return documents
+
+
+def _combined(documents: dict[str, Any]) -> ReportDocument:
+    """Return the estimate with the others in it, or the only document there is."""
+    found: ReportDocument
+    if "estimate" not in documents:
+        if len(documents) > 1:
+            raise InputError(
+                "report", "a diagnosis and a track need the estimate beside them", "give it too"
+            )
+        (found,) = documents.values()
+        return found
+    beside = {"diagnosis": documents.get("diagnosis"), "online": documents.get("track")}
+    given = {key: one for key, one in beside.items() if one is not None}
+    found = documents["estimate"].model_copy(update=given)
+    return found
 
 
 def _check_recordings(saved: Sequence[PathLike], recordings: Sequence[Recording]) -> None:
@@ -149,34 +136,31 @@ def _check_recordings(saved: Sequence[PathLike], recordings: Sequence[Recording]
 
 
 def _complete(
-    documents: _Documents,
+    documents: dict[str, Any],
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     diagnosis: bool,
     seed: int,
     parts: Sequence[Progress],
-) -> _Documents:
+) -> dict[str, Any]:
     """Compute the documents that were not saved."""
     from bayes_asv.library.diagnoses import diagnose
     from bayes_asv.library.estimates import estimate
     from bayes_asv.library.tracks import track
-    from bayes_asv.report.schema import EstimateDocument
 
-    document = documents.estimate
-    if document is None:
-        found = estimate(recordings, vehicle, car="half", seed=seed, progress=parts[0]).document
-        assert isinstance(found, EstimateDocument)
-        document = found
-        documents = documents._replace(estimate=document)
-    if document.verdict == "refused":
-        return documents
-    if diagnosis and documents.diagnosis is None and document.diagnosis is None:
-        found_missing = diagnose(recordings, vehicle, seed=seed, progress=parts[1])
-        documents = documents._replace(diagnosis=found_missing.document)
-    if documents.track is None:
+    found = dict(documents)
+    if "estimate" not in found:
+        result = estimate(recordings, vehicle, car="half", seed=seed, progress=parts[0])
+        found["estimate"] = result.document
+    if found["estimate"].verdict == "refused":
+        return found
+    if diagnosis and "diagnosis" not in found and found["estimate"].diagnosis is None:
+        missing = diagnose(recordings, vehicle, seed=seed, progress=parts[1])
+        found["diagnosis"] = missing.document
+    if "track" not in found:
         tracked = track(recordings[:1], vehicle, seed=seed, progress=parts[2])
-        documents = documents._replace(track=tracked.document)
-    return documents
+        found["track"] = tracked.document
+    return found
 
 
 def short_lines(document: ReportDocument) -> list[str]:

@@ -7,8 +7,8 @@ import signal
 import sys
 from pathlib import Path
 
-from bayes_asv.cli.common import progress_bar
 from bayes_asv.domain.errors import InputError
+from bayes_asv.library.progress import progress_bar
 from benchmarks.calibration.bench import ROOT, about, work
 from benchmarks.calibration.cells import CELLS, Cell
 from benchmarks.calibration.page import write_page

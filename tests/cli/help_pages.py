@@ -17,18 +17,19 @@ _WIDTH = 90
 _ABOUT = """\
 # Commands
 
-What `bayes-asv --help` and `bayes-asv COMMAND --help` say, written by
-`python -m tests.cli.help_pages`. `python -m bayes_asv` is the same program.
+The help of `bayes-asv` and of each of its commands, written by `python -m tests.cli.help_pages`.
+`python -m bayes_asv` is the same program. The library does the same from Python:
+[library.md](library.md).
 
 Every command that computes takes `--json FILE` (`-` for standard output) and `--seed N`; the same
-seed gives the same answer. Progress shows on a terminal only.
+seed gives the same answer. Progress is shown on a terminal only.
 
 | exit status | |
 |---|---|
 | 0 | done |
-| 2 | wrong usage or unreadable input: one line says which file, line or key, and the mend |
-| 3 | the data cannot answer: too short, saturated or not excited; the reasons are in the JSON |
-| 4 | not converged: the numbers are written, but not to be relied on |
+| 2 | wrong usage or unreadable input: one line says which file, line or key is at fault, and how to fix it |
+| 3 | refused: the recordings are too short, saturated or not excited; the reasons are in the JSON |
+| 4 | not converged: the numbers are written, but are not to be relied on |
 | 5 | `watch` raised its alarm |
 """
 

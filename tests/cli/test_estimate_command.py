@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from bayes_asv import __version__
-from bayes_asv.cli.common import part_of
+from bayes_asv.library.progress import part_of
 from tests.cli.conftest import ROOT, Command, Saved
 
 UNITS = {"c_f": "lbf*s/in", "c_r": "lbf*s/in", "i": "lbf*s^2*in", "k_g": "in"}
