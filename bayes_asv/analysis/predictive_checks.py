@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import (
-    AT_LEAST, AT_MOST, VALUE, Measurements, SensorNoise, StateSpace,
+    AT_LEAST, AT_MOST, VALUE, Measurements, StateSpace,
 )  # fmt: skip
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.posterior.free_simulation import free_run
@@ -128,11 +128,11 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
     data = line.measurements
     systems = target.space.state_space(picked, run)
     for k, point in enumerate(picked):
-        system = _one(systems, k)
+        system = systems.one(k)
         fitted = free_run(target, point, run).output
         basis = _basis(system, data, views)
         normals = rng.standard_normal((count, paths, normal_count))
-        noisy = simulate_noise(system, SensorNoise(*(x[k : k + 1] for x in noises)), data, normals)
+        noisy = simulate_noise(system, noises.one(k), data, normals)
         for y, view in enumerate(views):
             noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], line, view)
         measured = _stacked(line.reading[:, None, :], views)
@@ -264,10 +264,6 @@ def _statistics(reading: Array, residual: Array, views: list[_View]) -> Array:
             for view, part in zip(views, np.split(values, ends), strict=True)
         ]
     )
-
-
-def _one(systems: StateSpace, k: int) -> StateSpace:
-    return StateSpace(*(x[k : k + 1] for x in systems[:-1]), systems.N)
 
 
 def _basis(system: StateSpace, data: Measurements, views: list[_View]) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS
+from bayes_asv.filters.prediction import OPTIONS
 
 __all__ = ["add_parameter_noise", "measurement_update", "parameter_variance", "recentre"]
 

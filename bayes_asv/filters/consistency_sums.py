@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS
+from bayes_asv.filters.prediction import OPTIONS
 
 __all__ = ["LAGS", "SUMS", "ConsistencyLimits", "flag_inconsistency", "update_sums"]
 

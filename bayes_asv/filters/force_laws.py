@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import INLINE, OPTIONS
+from bayes_asv.filters.prediction import INLINE, OPTIONS
 
 __all__ = [
     "BOUND_REBOUND",

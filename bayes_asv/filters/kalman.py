@@ -71,6 +71,14 @@ class StateSpace(NamedTuple):
     rates: Array
     N: Array
 
+    def one(self, k: int) -> StateSpace:
+        """Parameter set k alone."""
+        only = slice(k, k + 1)
+        return StateSpace(
+            self.A[only], self.B[only], self.C[only], self.E[only], self.G[only],
+            self.rates[only], self.N,
+        )  # fmt: skip
+
 
 class SensorNoise(NamedTuple):
     """Noise of the sensors for W parameter sets, inputs before outputs.
@@ -87,6 +95,12 @@ class SensorNoise(NamedTuple):
     white: Array
     filtered: Array
     poles: Array
+
+    def one(self, k: int) -> SensorNoise:
+        """Parameter set k alone."""
+        return SensorNoise(
+            self.white[k : k + 1], self.filtered[k : k + 1], self.poles[k : k + 1]
+        )
 
 
 class Measurements(NamedTuple):

@@ -271,7 +271,7 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., float]:
                         for a in range(unknown):
                             value += store[k, y, 1 + a] * solution[a]
                         kept[k, y] = value
-        return total
+        return float(total)
 
     return run  # type: ignore[no-any-return]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS
+from bayes_asv.filters.prediction import OPTIONS
 from bayes_asv.filters.ukf_state import (
     DRIFT_DETECTED,
     DRIFT_LAGS,

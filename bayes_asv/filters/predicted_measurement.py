@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS
+from bayes_asv.filters.prediction import OPTIONS
 from bayes_asv.filters.simd_batch import set_states
 from bayes_asv.filters.simd_outputs import outputs
 from bayes_asv.filters.ukf_state import State

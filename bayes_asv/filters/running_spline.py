@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS, ORDER
+from bayes_asv.filters.prediction import OPTIONS, ORDER
 
 __all__ = ["forward_elimination", "interpolation_errors", "spline_coefficients", "step_moments"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from bayes_asv.filters.discretization import OPTIONS
+from bayes_asv.filters.prediction import OPTIONS
 
 __all__ = [
     "A0", "A1", "A2", "A3", "A4", "A5", "A6", "A7", "BLOCK", "BLOCK_SIZE", "GF", "GR", "LANES",

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS
+from bayes_asv.filters.prediction import OPTIONS
 from bayes_asv.filters.simd_layout import (
     A0,
     A1,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import CHANNELS, channel
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.drives import Drive
 from bayes_asv.planning.information import IDENTIFIABLE, fisher_information
@@ -20,7 +20,6 @@ from bayes_asv.planning.measurement import (
 )
 from bayes_asv.planning.ride_simulation import Motion
 from bayes_asv.posterior.map_fit import lay_out
-from bayes_asv.preprocessing.data_checks import PLAIN
 
 __all__ = ["Evaluation", "evaluate"]
 
@@ -108,7 +107,7 @@ def evaluate(
             vehicle, drive, () if rate_independent else filtered, seed
         )
         near_limit = [
-            PLAIN[n] for n, used in zip(CHANNELS, range_use, strict=True) if used > _MAX_RANGE_USE
+            channel(n).words for n, used in zip(CHANNELS, range_use, strict=True) if used > _MAX_RANGE_USE
         ]
         if near_limit and not notes:
             notes = [
@@ -145,7 +144,7 @@ def _evaluate_recordings(
         information += fisher_information(prepared[0], vehicle) / len(filtered)
         clipped = np.maximum(clipped, prepared[0].clipped.sum(axis=1))
     notes = [
-        f"the {PLAIN[name]} sensor would reach the end of its range in {count} of "
+        f"the {channel(name).words} sensor would reach the end of its range in {count} of "
         f"{round(drive.seconds * drive.rate)} samples"
         for name, count in zip(CHANNELS, clipped, strict=True)
         if count

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from bayes_asv.domain.vehicle import Given, Vehicle
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -70,13 +71,14 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle) -> Array:
         k_r=_with_sd(vehicle.k_r, _SPRING_SD),
         wdf=_with_sd(vehicle.wdf, _WDF_SD),
     )
-    parameters = space(free, (recording,))
+    wide = replace(recording, car=car_model(recording.car.name, free))
+    parameters = space(free, (wide,))
     posterior = Posterior(parameters, (WHITE,))
     z = np.zeros(parameters.dimension)
     if "filtered share 0" in parameters.names:
         z[parameters.names.index("filtered share 0")] = ndtri(_FILTERED_SHARE)
     d = parameters.car_dimension
-    jacobian = np.empty((recording.step.size * 2, d))
+    jacobian = np.empty((recording.kind.size, d))
     for k in range(d):
         dz = np.zeros(parameters.dimension)
         dz[k] = _STEP

@@ -123,9 +123,7 @@ class Posterior:
         out = np.empty(len(z))
         for w in range(len(z)):
             data, laws = self._declared(recording, run, readings[w], tables[w : w + 1])
-            one = type(system)(*(x[w : w + 1] for x in system[:-1]), system.N)
-            of_one = type(noise)(*(x[w : w + 1] for x in noise))
-            out[w] = kalman.log_likelihood(one, of_one, data, laws)[0]
+            out[w] = kalman.log_likelihood(system.one(w), noise.one(w), data, laws)[0]
         return out
 
     def _declared(
@@ -144,7 +142,7 @@ class Posterior:
         cut = self.space.timelines[run].cut
         if cut is None:
             return np.zeros(len(z))
-        return log_determinant(cut, self.space.noises(z, run))
+        return np.asarray(log_determinant(cut, self.space.noises(z, run)))
 
     def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
         """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).

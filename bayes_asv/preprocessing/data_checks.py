@@ -210,7 +210,7 @@ def _alike(line: PreparedRecording, left: int) -> bool:
     rms = float(np.std(apart[np.isfinite(apart)]))
     noise = [
         np.hypot(
-            noise_level(line, c) if line.noise[c] is None else line.noise[c],
+            noise_level(line, c) if (given := line.noise[c]) is None else given,
             line.steps[c] / np.sqrt(12.0),
         )
         for c in (one, other)

@@ -76,7 +76,7 @@ def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> 
     return MissingBand(
         np.asarray(frequency[some]),
         np.asarray(groups * gone[some] / lines),
-        frequency_response(system, frequency[some]),
+        frequency_response(system, np.asarray(frequency[some], np.float64)),
         step,
         float(1.0 - gone.mean()),
     )

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters.free_response import free_run
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.filters.free_response import free_response
+from bayes_asv.models.car_model import state_space
+from bayes_asv.models.half_car import HalfCar
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.reference.integrated import Integrated, integrate, simulate_states
@@ -186,16 +187,17 @@ def fit_deflections(
     rates unless `initial` is zero.
     """
     nominal = nominal_car(vehicle)
-    start = np.zeros((4, 5 if initial == "estimated" else 1))
-    start[:, 1:] = np.eye(4)[:, : start.shape[1] - 1]
-    driven = np.zeros(start.shape[1])
-    driven[0] = 1.0
+    starts = np.eye(6)[: 4 if initial == "estimated" else 0]
+    driven = line.measurements
+    still = driven._replace(moments=np.zeros_like(driven.moments))
 
     def run(theta: Array) -> tuple[Array, Array]:
-        system = deflection_form(_car(nominal, theta))
-        states = np.empty((len(line.step), 4, start.shape[1]))
-        free_run(system.A, line.step, line.moments, start, driven, states)
-        return states, np.einsum("oa,nac->noc", system.C, states)
+        values = {n: np.array([x]) for n, x in _car(nominal, theta)._asdict().items()}
+        system = state_space(line.car, values, line.output_models)
+        responses = [free_response(system, driven, np.zeros(6))]
+        responses += [free_response(system, still, start) for start in starts]
+        outputs, states = (np.stack(x, axis=2) for x in zip(*responses, strict=True))
+        return states, outputs
 
     def model(theta: Array) -> tuple[Array, Array]:
         outputs = run(theta)[1]

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import CHANNELS, channel
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.preprocessing.data_checks import PLAIN, clipping_limit, least_rate, nominal_modes
+from bayes_asv.models.cars import car_model
+from bayes_asv.models.modes import nominal_modes
+from bayes_asv.preprocessing.data_checks import clipping_limit, least_rate
 from bayes_asv.tracking.sensor_noise import SensorModel
 
 __all__ = ["DataChecks", "unidentified_parameters"]
@@ -68,7 +70,7 @@ class DataChecks:
 
     def reasons(self, vehicle: Vehicle, sensors: SensorModel, source: str) -> list[str]:
         """List why these rows cannot answer; empty when they may."""
-        modes = nominal_modes(vehicle)
+        modes = nominal_modes(car_model("half", vehicle))
         slowest, fastest = modes[0].natural, modes[-1].natural
         seconds = max(self.last - self.first, 0.0)
         needed = max(_MIN_PERIODS / slowest, 0.3)
@@ -88,14 +90,14 @@ class DataChecks:
         for c, name in enumerate(CHANNELS):
             if self.clipped[c] > clipping_limit(self.rows):
                 out.append(
-                    f"the {PLAIN[name]} sensor of {source} was at the end of its range in "
+                    f"the {channel(name).words} sensor of {source} was at the end of its range in "
                     f"{self.clipped[c]} of {self.rows} samples; drive slower, take a lower bump "
                     "or use a sensor with a wider range"
                 )
             missing = self.rows - int(self.present[c])
             if missing > _MAX_MISSING * self.rows:
                 out.append(
-                    f"{missing} of {self.rows} readings of the {PLAIN[name]} sensor of {source} "
+                    f"{missing} of {self.rows} readings of the {channel(name).words} sensor of {source} "
                     "are missing; check its wiring and the transfer"
                 )
         for axle, c in (("front", 0), ("rear", 2)):
@@ -115,14 +117,14 @@ class DataChecks:
             if self.clipped[c]:
                 out.append(
                     f"{self.clipped[c]} {'sample' if self.clipped[c] == 1 else 'samples'} of the "
-                    f"{PLAIN[name]} sensor of {source} at the end of its range, used as "
+                    f"{channel(name).words} sensor of {source} at the end of its range, used as "
                     f"{'a bound' if self.clipped[c] == 1 else 'bounds'}"
                 )
             if self.present[c] < self.rows:
                 missing = self.rows - int(self.present[c])
                 out.append(
                     f"{missing} {'reading' if missing == 1 else 'readings'} of the "
-                    f"{PLAIN[name]} sensor of {source} missing"
+                    f"{channel(name).words} sensor of {source} missing"
                 )
         return out
 

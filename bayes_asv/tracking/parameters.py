@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.parameters import CAR
+from bayes_asv.models.half_car import HalfCar
 from bayes_asv.models.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
 
 __all__ = ["WALK_SHARE", "Coordinates", "coordinates"]
@@ -100,9 +100,9 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
         With the priors of :mod:`bayes_asv.posterior.parameters`.
     """
     base = np.ones(12)
-    base[: len(CAR)] = [getattr(vehicle, name).value for name in CAR]
+    base[: len(HalfCar._fields)] = [getattr(vehicle, name).value for name in HalfCar._fields]
     rows: list[tuple[str, int, bool, float, float]] = []
-    for number, name in enumerate(CAR):
+    for number, name in enumerate(HalfCar._fields):
         if name == "wdf":
             if vehicle.wdf.sd > 0.0:
                 rows.append((name, number, False, vehicle.wdf.value, vehicle.wdf.sd))
@@ -111,7 +111,7 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
         sd = prior_log_sd(getattr(vehicle, name), factor)
         if sd > 0.0:
             rows.append((name, number, True, math.log(base[number]), sd))
-    for number, (channel, sd) in enumerate(zip(CHANNELS, scale_sd, strict=True), len(CAR)):
+    for number, (channel, sd) in enumerate(zip(CHANNELS, scale_sd, strict=True), len(HalfCar._fields)):
         if sd > 0.0:
             rows.append((f"gain {channel}", number, True, 0.0, sd))
     names, element, log, centre, scale = zip(*rows, strict=True)

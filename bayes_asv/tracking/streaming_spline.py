@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import ORDER
+from bayes_asv.filters.prediction import ORDER
 from bayes_asv.filters.running_spline import (
     forward_elimination,
     interpolation_errors,

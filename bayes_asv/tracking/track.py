@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.parameters import CAR
+from bayes_asv.models.half_car import HalfCar
 from bayes_asv.tracking.consistency import ConsistencySummary
 from bayes_asv.tracking.data_checks import unidentified_parameters
 from bayes_asv.tracking.filter import parameter_covariance
@@ -110,7 +110,7 @@ class TrackResult:
         total, gradient = 0.0, np.zeros(len(space))
         for name, exponent in exponents.items():
             own, sign = ("wdf", -1.0) if name == "1 - wdf" else (name, 1.0)
-            x = float(value[CAR.index(own)])
+            x = float(value[HalfCar._fields.index(own)])
             x = x if sign > 0.0 else 1.0 - x
             total += exponent * math.log(x)
             if own in space.names:
