@@ -111,7 +111,7 @@ def without_engine(
     for line in held:
         alone = setting(where.vehicle, (line,))
         own = _tones(alone, elsewhere(alone), alarm)
-        silent.append(notched(line, where.vehicle, _with(tones, own.tones)))
+        silent.append(notched(line, _with(tones, own.tones)))
     return quiet, cut, engine, tuple(silent)
 
 
@@ -132,7 +132,7 @@ def _silenced(
     where: Dataset, tones: tuple[Notch, ...], fit: Callable[[Dataset], FittedModel]
 ) -> tuple[Dataset, FittedModel]:
     """Cut tones out of all recordings, and fit the model to what is left."""
-    lines = tuple(notched(line, where.vehicle, tones) for line in where.lines)
+    lines = tuple(notched(line, tones) for line in where.lines)
     quiet = setting(where.vehicle, lines)
     return quiet, fit(quiet)
 

@@ -102,7 +102,7 @@ def leading(
     granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
     chosen: dict[tuple[str, int | None], CandidateGroup] = {}
     gain = 0.5 * one_sided(found.score, found)
-    pushed = np.array([c.site.effect.name == "external_force" for c in found.candidates])
+    pushed = np.array([c.site.effect.in_one_run for c in found.candidates])
     for score in (found.score, granted):
         value = one_sided(score, found) - _CHOSEN * pushed
         taken: list[tuple[str, int | None]] = []

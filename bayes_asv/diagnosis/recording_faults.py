@@ -44,7 +44,7 @@ def _one(line: PreparedRecording) -> list[Found]:
     steps = np.diff(line.times[0])
     usual = float(np.median(steps))
     lost = float(np.sum(np.maximum(np.round(steps / usual) - 1.0, 0.0)))
-    missing = int(lost) + int(np.count_nonzero(~np.isfinite(line.acceleration)))
+    missing = int(lost) + int(np.count_nonzero(~np.isfinite(line.values)))
     uneven = float(np.std(steps[steps < _LOST * usual]))
     clipped = int(np.count_nonzero(line.clipped))
     begins = _times_noise(line)
@@ -67,7 +67,7 @@ def _one(line: PreparedRecording) -> list[Found]:
 def _times_noise(line: PreparedRecording) -> float:
     """How loud the loudest channel begins, in deviations of its noise."""
     largest = 0.0
-    for c, (time, signal) in enumerate(zip(line.times, line.acceleration, strict=True)):
+    for c, (time, signal) in enumerate(zip(line.times, line.values, strict=True)):
         begins = signal[np.isfinite(signal) & (time < time[0] + _BEGINNING)]
         if len(begins) < _FEWEST:
             continue

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, t
 
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.filters.noise_simulation import NORMALS, noise_path
+from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, foretold_at
@@ -134,11 +134,13 @@ def left_over(where: Dataset, stage: FittedModel, seed: int, *, own: bool = Fals
         residual.append(line.paired(left))
         times.append(line.instants[line.pairs.max(axis=1)])
         rng = np.random.default_rng([seed, run, 31])
-        normals = rng.standard_normal((len(line.step), _RECORDS, NORMALS))
-        out = np.zeros((len(line.step), _RECORDS, 2))
-        car = target.space.cars(z[None])[0]
-        noise = target.space.noises(z[None], run)[0]
-        noise_path(car, noise, line.step, line.noise_spread, line.extra, normals, out)
+        needed = normals_needed(len(line.wheels), line.kind.shape[1])
+        out = simulate_noise(
+            target.space.state_space(z[None], run),
+            target.space.noises(z[None], run),
+            line.measurements._replace(spread=line.noise_spread),
+            rng.standard_normal((len(line.step), _RECORDS, needed)),
+        )
         floor.append(float(np.sqrt(np.mean(out.transpose(0, 2, 1)[there] ** 2))))
     return Left(tuple(residual), tuple(times), tuple(floor))
 

@@ -142,7 +142,7 @@ class Posterior:
         cut = self.space.timelines[run].cut
         if cut is None:
             return np.zeros(len(z))
-        return np.asarray(log_determinant(cut, self.space.noises(z, run)))
+        return log_determinant(cut, self.space.noises(z, run))
 
     def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
         """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).
@@ -178,7 +178,7 @@ class Posterior:
         system, noise = self.space.state_space(z[None], run), self.space.noises(z[None], run)
         if colour.order == 0:
             passed = kalman.filter_pass(system, noise, recording.measurements)
-            return passed.innovations[0]
+            return np.asarray(passed.innovations[0])
         return kalman_ar.innovations(
             system, noise, recording.measurements, recording.closes, *colour
         )

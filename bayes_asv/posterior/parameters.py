@@ -14,13 +14,14 @@ log-normal and the filtered share of the noise uniform.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
@@ -410,6 +411,37 @@ class ParameterSpace:
         zeta = np.linalg.lstsq(prior.root, moved, rcond=1e-12)[0]
         z[: prior.identified.shape[1]] = zeta @ prior.identified
         return z
+
+    def car_coordinates(self, draws: Mapping[str, Array]) -> Array:
+        """Coordinates (…, n) of the car from draws of its parameters; inverse of `quantities`.
+
+        Parameters
+        ----------
+        draws : mapping of str to (…) array
+            At least the parameters that vary.
+        """
+        prior = self.prior
+        shape = next(iter(draws.values())).shape
+        moved = np.zeros((*shape, len(prior.logs)))
+        for k, name in enumerate(prior.logs):
+            if name in draws and prior.log_sd[k] > 0.0:
+                moved[..., k] = np.log(draws[name]) - prior.log_mean[k]
+        zeta = moved @ np.linalg.pinv(prior.root).T
+        out = np.zeros((*shape, self.car_dimension))
+        out[..., : prior.identified.shape[1]] = zeta @ prior.identified
+        for k, one in enumerate(self.coordinates[: self.car_dimension]):
+            if one.kind == "fraction":
+                out[..., k] = (draws[one.name] - one.centre) / one.scale
+        return out
+
+    def nuisance_coordinates(self, values: Mapping[str, Array]) -> Array:
+        """Coordinates (…, D − n) of what is not the car; inverse of `nuisance`, without effects."""
+        out = []
+        for one in self.coordinates[self.car_dimension :]:
+            value = values[one.name]
+            value = ndtri(value) if one.kind == "filtered_share" else np.log(value)
+            out.append((value - one.centre) / one.scale)
+        return np.stack(out, axis=-1)
 
     def log_slopes(self, name: str) -> Array:
         """Derivatives (r,) of the logarithm of a parameter by the identified coordinates."""
