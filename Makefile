@@ -1,4 +1,4 @@
-# Two commands need nothing but Python 3.11, 3.12 or 3.13: make demo and make test.
+# Two commands need nothing but Python 3.11 or later: make demo and make test.
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
@@ -11,8 +11,8 @@ help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
 $(VENV)/bin/python:
-	@$(PYTHON) -c 'import sys; v = sys.version_info; ok = (3, 11) <= v < (3, 14); sys.exit(0 if ok \
-	 else "Python %d.%d found, but 3.11, 3.12 or 3.13 is needed: make PYTHON=python3.12 …" % v[:2])'
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) \
+	 else "Python %d.%d found, but 3.11 or later is needed: make PYTHON=python3.12 …" % v[:2])'
 	@echo "Making an environment in $(VENV)"
 	@$(PYTHON) -m venv $(VENV)
 

@@ -16,24 +16,17 @@ first used, so that ``import bayes_asv`` costs nothing.  ``docs/library.md`` sho
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any, Final
+TYPE_CHECKING = False  # typing alone would take longer to import than everything here
 
 if TYPE_CHECKING:
     from bayes_asv.domain.errors import InputError
     from bayes_asv.library.comparisons import Comparison, compare
     from bayes_asv.library.diagnoses import Diagnosis, diagnose
     from bayes_asv.library.estimates import Estimate, estimate
-    from bayes_asv.library.inputs import (
-        Recording,
-        Vehicle,
-        example,
-        read_recording,
-        read_recordings,
-        read_vehicle,
-    )
+    from bayes_asv.library.inputs import Vehicle, example, read_vehicle
     from bayes_asv.library.parameter import Parameter
     from bayes_asv.library.plans import Plan, plan
+    from bayes_asv.library.recordings import Recording, read_recording, read_recordings
     from bayes_asv.library.simulations import simulate
     from bayes_asv.library.tracks import Track, track
 
@@ -62,7 +55,7 @@ __all__ = [
     "track",
 ]
 
-_MODULES: Final = {
+_MODULES = {
     "InputError": "domain.errors",
     "Comparison": "library.comparisons",
     "compare": "library.comparisons",
@@ -70,11 +63,11 @@ _MODULES: Final = {
     "diagnose": "library.diagnoses",
     "Estimate": "library.estimates",
     "estimate": "library.estimates",
-    "Recording": "library.inputs",
+    "Recording": "library.recordings",
     "Vehicle": "library.inputs",
     "example": "library.inputs",
-    "read_recording": "library.inputs",
-    "read_recordings": "library.inputs",
+    "read_recording": "library.recordings",
+    "read_recordings": "library.recordings",
     "read_vehicle": "library.inputs",
     "Parameter": "library.parameter",
     "Plan": "library.plans",
@@ -85,13 +78,17 @@ _MODULES: Final = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _MODULES:
-        raise AttributeError(f"module 'bayes_asv' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"bayes_asv.{_MODULES[name]}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # so that a type checker finds a misspelt name
+
+    def __getattr__(name: str) -> object:
+        """Import a public name when it is first used."""
+        if name not in _MODULES:
+            raise AttributeError(f"module 'bayes_asv' has no attribute {name!r}")
+        from importlib import import_module
+
+        value = getattr(import_module(f"bayes_asv.{_MODULES[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

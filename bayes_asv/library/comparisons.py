@@ -17,26 +17,25 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.analysis.random_effects import Site, contrast, site_of
-from bayes_asv.analysis.run_consistency import COMPARED, DISAGREE_BELOW
+from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.library.estimates import Estimate
 from bayes_asv.library.extras import import_extra
-from bayes_asv.library.inference_data import scaled_logs
 from bayes_asv.library.result import json_text
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.report.words import capitalized, difference, p_value, plain, probability
 
 if TYPE_CHECKING:
-    import pandas as pd  # type: ignore[import-untyped]
+    import pandas as pd
 
     from bayes_asv.estimation import Estimate as HalfCarEstimate
 
@@ -157,6 +156,10 @@ class Comparison:
             "version": __version__,
         }
 
+    @overload
+    def to_json(self, path: None = None) -> str: ...
+    @overload
+    def to_json(self, path: PathLike) -> None: ...
     def to_json(self, path: PathLike | None = None) -> str | None:
         """Write :meth:`to_dict` as JSON to a file, or return its text."""
         text = json_text(self.to_dict())
@@ -236,7 +239,7 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
     space = first.space
     assert space is not None
     n = space.car_dimension
-    way = np.stack([space.from_logs({name: 1.0})[:n] for name in COMPARED], axis=1)
+    way = np.stack([space.from_logs({name: 1.0})[:n] for name in space.car.estimated], axis=1)
     sites = [_site(first), _site(second)]
     whole = contrast(sites, way)
     if whole.freedom == 0:
@@ -248,7 +251,7 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
             name, QUANTITIES[name][1], math.exp(mean[k]), float(sd[k]),
             contrast(sites, way, [k]).p,
         )
-        for k, name in enumerate(COMPARED)
+        for k, name in enumerate(space.car.estimated)
         if sd[k] > 0.0
     }  # fmt: skip
     verdict = "changed" if whole.p < DISAGREE_BELOW else "consistent"
@@ -259,11 +262,7 @@ def _site(result: HalfCarEstimate) -> Site:
     """Gaussian likelihood over the car's coordinates, from the moments of the draws."""
     space = result.space
     assert space is not None
-    z = scaled_logs(result, space) @ space.seen
-    if "wdf" in space.names:
-        k = space.names.index("wdf")
-        wdf = (result.draws["wdf"] - space.centre[k]) / space.scale[k]
-        z = np.concatenate([z, wdf[..., None]], axis=-1)
+    z = space.car_coordinates(result.draws)
     flat = z.reshape(-1, z.shape[-1])
     return site_of(flat.mean(axis=0), np.cov(flat, rowvar=False))
 
@@ -271,7 +270,7 @@ def _site(result: HalfCarEstimate) -> Site:
 def _change(sites: list[Site], way: Array, space: ParameterSpace) -> tuple[Array, Array]:
     """Mean and standard deviation (3,) of the changes u of the logarithms."""
     n, count = way.shape
-    sigma = np.array([space.log_prior_of(name)[1] for name in COMPARED])
+    sigma = np.array([space.log_prior_of(name)[1] for name in space.car.estimated])
     free = np.flatnonzero(sigma > 0.0)
     B = way[:, free]
     (H1, h1), (H2, h2) = sites

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from bayes_asv.library.plots import EstimatePlots
     from bayes_asv.library.tracks import Track
     from bayes_asv.models.effects import Site
-    from bayes_asv.posterior.roll.estimate import RollEstimate
     from bayes_asv.report.schema import EstimateDocument, RollDocument
 
 __all__ = ["Estimate", "check_seed", "estimate"]
@@ -44,7 +43,7 @@ class Estimate(Result):
 
     def __init__(
         self,
-        engine: HalfCarEstimate | RollEstimate,
+        engine: HalfCarEstimate,
         document: EstimateDocument | RollDocument,
         parameters: dict[str, Parameter],
         searched: bool = False,
@@ -300,19 +299,15 @@ def _sites(
 def _estimate_roll(
     runs: tuple[Recording, ...], vehicle: Vehicle, seed: int, progress: Progress
 ) -> Estimate:
-    from bayes_asv.models.from_vehicle import roll_car
-    from bayes_asv.posterior.roll.estimate import estimate_roll
+    from bayes_asv.estimation import estimate as engine
     from bayes_asv.report.documents.estimate import roll_document
 
     with progress_bar(progress) as report:
-        result = estimate_roll(runs, vehicle, seed=seed, progress=report)
+        result = engine(runs, vehicle, seed=seed, progress=report, car="roll")
     document = roll_document(result)
-    weights = None if result.weighted is None else result.weighted.weight
-    nominal = roll_car(vehicle)
+    nominal = {} if result.space is None else result.space.car.nominal
     parameters = {
-        name: from_draws(
-            name, result.quantities[name], float(getattr(nominal, name)), vehicle.units, weights
-        )
+        name: from_draws(name, result.draws[name], float(nominal[name][0]), vehicle.units)
         for name in document.parameters
     }
     return Estimate(result, document, parameters)

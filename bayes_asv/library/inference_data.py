@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from bayes_asv import __version__
 from bayes_asv.domain.files import write_atomically
@@ -18,12 +17,12 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units
 from bayes_asv.estimation import Estimate
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.filters.noise_simulation import NORMALS, noise_path
+from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.library.extras import import_extra
 from bayes_asv.models.effects import Site
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior, shared_work
-from bayes_asv.posterior.free_simulation import simulate_free
-from bayes_asv.posterior.parameters import CAR, LOGS, ParameterSpace
+from bayes_asv.posterior.parameters import ParameterSpace
 
 __all__ = ["coordinates", "groups", "inference_data", "write_netcdf"]
 
@@ -124,26 +123,10 @@ def coordinates(result: Estimate) -> Array | None:
     space = result.space
     if space is None or space.sites or result.joint:
         return None
-    z = np.empty((*result.log_posterior.shape, space.dimension))
-    rank = space.seen.shape[1]
-    z[..., :rank] = scaled_logs(result, space) @ space.seen
-    for k, name in enumerate(space.names[rank:], rank):
-        value = result.draws["wdf"] if name == "wdf" else result.nuisance[name]
-        if name.startswith("filtered"):
-            value = ndtri(value)
-        elif name != "wdf":
-            value = np.log(value)
-        z[..., k] = (value - space.centre[k]) / space.scale[k]
-    return z
-
-
-def scaled_logs(result: Estimate, space: ParameterSpace) -> Array:
-    """Logarithms (…, 7) of the car's positive parameters, in prior standard deviations."""
-    out = np.zeros((*result.log_posterior.shape, len(LOGS)))
-    for k, name in enumerate(LOGS):
-        if name in result.draws and space.log_sd[k] > 0.0:
-            out[..., k] = (np.log(result.draws[name]) - space.log_mean[k]) / space.log_sd[k]
-    return out
+    car = space.car_coordinates(result.draws)
+    if space.dimension == space.car_dimension:
+        return car
+    return np.concatenate([car, space.nuisance_coordinates(result.nuisance)], axis=-1)
 
 
 def _nuisance(values: dict[str, Array]) -> dict[str, Array]:
@@ -200,20 +183,25 @@ def _prior(result: Estimate) -> Any:
 def _log_prior(result: Estimate, space: ParameterSpace) -> dict[str, Array]:
     """Log prior density by variable, of the logarithm of a positive one."""
     half_log_2pi = 0.5 * math.log(2.0 * math.pi)
-    logs = scaled_logs(result, space)
-    out = {
-        name: -0.5 * logs[..., k] ** 2 - half_log_2pi - math.log(space.log_sd[k])
-        for k, name in enumerate(LOGS)
-        if name in result.draws
-    }
-    for k, name in enumerate(space.names):
-        if name == "wdf" or name in result.nuisance:
-            value = result.draws["wdf"] if name == "wdf" else result.nuisance[name]
-            if name.startswith("filtered"):
-                out[name.replace(" ", "_")] = np.zeros_like(value)  # uniform
-                continue
-            u = ((value if name == "wdf" else np.log(value)) - space.centre[k]) / space.scale[k]
-            out[name.replace(" ", "_")] = -0.5 * u**2 - half_log_2pi - math.log(space.scale[k])
+    out = {}
+    for name in space.prior.logs:
+        mean, sd = space.log_prior_of(name)
+        if name in result.draws and sd > 0.0:
+            u = (np.log(result.draws[name]) - mean) / sd
+            out[name] = -0.5 * u**2 - half_log_2pi - math.log(sd)
+    for one in space.coordinates:
+        if one.kind == "fraction":
+            value = result.draws[one.name]
+        elif one.name in result.nuisance:
+            value = result.nuisance[one.name]
+        else:
+            continue
+        label = one.name.replace(" ", "_")
+        if one.kind == "filtered_share":
+            out[label] = np.zeros_like(value)  # uniform
+            continue
+        u = ((value if one.kind == "fraction" else np.log(value)) - one.centre) / one.scale
+        out[label] = -0.5 * u**2 - half_log_2pi - math.log(one.scale)
     return out
 
 
@@ -235,32 +223,22 @@ def _log_likelihood(target: Posterior, z: Array) -> Any:
 
 
 def _predicted(result: Estimate, target: Posterior, z: Array) -> list[Array]:
-    """Chassis readings (S, E, 2) of every recording, as car and sensors make them."""
+    """Draw outputs (S, E, ny) of every recording, as car and sensors make them."""
     out = []
     flat = z.reshape(-1, z.shape[-1])
-    cars = np.stack([np.broadcast_to(_car(result, n), flat.shape[0]) for n in CAR], axis=1)
     for n, line in enumerate(target.space.timelines):
-        count = len(line.step)
-        size = max(min(_PREDICTIVE_DRAWS, _MAX_PREDICTIVE // (2 * count)), 2)
+        count, ny = line.kind.shape
+        size = max(min(_PREDICTIVE_DRAWS, _MAX_PREDICTIVE // (ny * count)), 2)
         rng = np.random.default_rng([result.seed, n, 11])
-        rows = np.empty((size, count, 2))
+        rows = np.empty((size, count, ny))
         for s, k in enumerate(np.linspace(0, len(flat) - 1, size).astype(int)):
-            noise = np.empty((count, 1, 2))
-            normals = rng.standard_normal((count, 1, NORMALS))
-            noise_path(
-                cars[k], target.space.noises(flat[k][None], n)[0], line.step, line.spread,
-                line.extra, normals, noise,
-            )  # fmt: skip
-            rows[s] = simulate_free(line, cars[k]).output + noise[:, 0]
+            normals = rng.standard_normal((count, 1, normals_needed(len(line.wheels), ny)))
+            system = target.space.state_space(flat[k][None], n)
+            noise = target.space.noises(flat[k][None], n)
+            drawn = simulate_noise(system, noise, line.measurements, normals)
+            rows[s] = free_run(target, flat[k], n).output + drawn[:, 0]
         out.append(rows)
     return out
-
-
-def _car(result: Estimate, name: str) -> Array | float:
-    """Draws of a parameter of the car, or its exact value."""
-    if name in result.draws:
-        return result.draws[name].ravel()
-    return float(getattr(result.vehicle, name).value)
 
 
 def _readings(result: Estimate, predicted: list[Array] | None) -> Any:

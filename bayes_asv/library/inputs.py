@@ -1,185 +1,26 @@
-"""Recordings and vehicles: read, checked, shown in a notebook, and exchanged with pandas."""
+"""Vehicles and shipped examples, and the checks of what a function of the library is given."""
 
 from __future__ import annotations
 
-import glob
 import os
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import fields, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self, TypeVar
-
-import numpy as np
+from typing import Final
 
 from bayes_asv.domain import recording as domain
 from bayes_asv.domain import vehicle as vehicles
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.domain.units import display_units, from_si, si_factor
-from bayes_asv.library.extras import import_extra
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.library.recordings import check_different
 
-if TYPE_CHECKING:
-    import pandas as pd  # type: ignore[import-untyped]
+__all__ = ["Vehicle", "check_inputs", "check_vehicle", "example", "read_vehicle"]
 
-__all__ = [
-    "Recording",
-    "Vehicle",
-    "as_recording",
-    "check_inputs",
-    "check_vehicle",
-    "example",
-    "read_recording",
-    "read_recordings",
-    "read_vehicle",
-]
-
-_Kind = TypeVar("_Kind")
-
-_COLUMN: Final = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
-_TIME: Final = "time"
 _NOMINAL: Final = ("c_f", "c_r", "i")
 _GIVEN: Final = ("m", "l", "wdf", "k_f", "k_r")
-
-
-class Recording(domain.Recording):
-    """Accelerometer channels over time, in the units of the file.
-
-    Made by :func:`read_recording`, by :meth:`from_dataframe` or from arrays.  ``time`` (N,) is in
-    seconds, ``values`` (C, N) in ``units``, one a channel; a missing reading is NaN.
-    """
-
-    __slots__ = ()
-
-    @classmethod
-    def from_dataframe(
-        cls,
-        frame: pd.DataFrame,
-        units: str | Mapping[str, str] | None = None,
-        *,
-        channels: Mapping[str, str] | None = None,
-        rate: float | None = None,
-        metadata: Mapping[str, str] | None = None,
-        name: str = "DataFrame",
-    ) -> Self:
-        """Make a recording from a table with one column a channel.
-
-        Parameters
-        ----------
-        frame : pandas.DataFrame
-            Columns are named as the channels (``front_wheel``, ``front_chassis``, ``rear_wheel``,
-            ``rear_chassis``, or those of the roll car), with or without a unit in brackets as in a
-            CSV file: ``front_wheel [m/s^2]``.  Other columns are left out.  Times are in a column
-            ``time`` (seconds, or the unit in its brackets) or in the index; a missing reading is
-            NaN.
-        units : str or mapping, optional
-            Unit of all columns, or of each by channel, where the names give none: ``"g"`` or
-            ``{"front_wheel": "g", …}``; ``"counts"`` for raw readings.
-        channels : mapping, optional
-            Column of each channel whose column has another name: ``{"front_wheel": "acc_1"}``.
-        rate : float, optional
-            Sampling rate, Hz, of a table without times.
-        metadata : mapping, optional
-            As the ``# key = value`` lines of a file; those of :meth:`to_dataframe` by default.
-        name : str
-            What messages and reports call the recording.
-
-        Returns
-        -------
-        Recording
-
-        Raises
-        ------
-        InputError
-            If a channel, a unit or the time is missing.
-        """
-        if not (hasattr(frame, "columns") and hasattr(frame, "index")):
-            raise TypeError(f"from_dataframe takes a pandas DataFrame, not {_kind(frame)}")
-        columns = _columns(frame, channels or {}, name)
-        wanted = ROLL_CHANNELS if set(ROLL_CHANNELS) <= columns.keys() else CHANNELS
-        missing = [channel for channel in wanted if channel not in columns]
-        if missing:
-            raise InputError(
-                name,
-                f"has no column {', '.join(missing)}",
-                f'name the columns by channels={{"{missing[0]}": "…"}}',
-            )
-        about = frame.attrs.get("metadata", {}) if metadata is None else metadata
-        return cls(
-            time=_times(frame, columns.get(_TIME), rate, name),
-            values=np.stack([np.asarray(frame[columns[c][0]], dtype=float) for c in wanted]),
-            units=tuple(_unit_of(c, columns[c][1], units, name) for c in wanted),
-            metadata=tuple((str(key), str(value)) for key, value in about.items()),
-            source=name,
-            channels=wanted,
-        )
-
-    def to_dataframe(self, units: str | None = None) -> pd.DataFrame:
-        """Return the readings as a table with the times as its index.
-
-        Parameters
-        ----------
-        units : str, optional
-            A unit of acceleration for all columns, such as ``"m/s^2"``; by default each keeps its
-            own.  Readings in counts stay in counts.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Columns are named as in a CSV file, ``front_wheel [in/s^2]``, so that
-            :meth:`from_dataframe` makes the same recording of it.
-        """
-        pandas = import_extra("pandas", "to_dataframe()")
-        table = {}
-        for channel, own, values in zip(self.channels, self.units, self.values, strict=True):
-            shown = own if units is None or own == domain.COUNTS else units
-            factor = 1.0
-            if shown != own:
-                factor = si_factor(own, "acceleration") / si_factor(shown, "acceleration")
-            table[f"{channel} [{shown}]"] = values * factor if shown != own else values
-        frame = pandas.DataFrame(table, index=pandas.Index(self.time, name="time [s]"))
-        frame.attrs["metadata"] = dict(self.metadata)
-        return frame
-
-    def to_csv(self, path: PathLike) -> None:
-        """Write the recording as CSV, which :func:`read_recording` reads back unchanged."""
-        from bayes_asv.io import write_recording
-
-        write_recording(self, path)
-
-    @property
-    def rate(self) -> float:
-        """Sampling rate, Hz, from the median time step."""
-        return domain.nominal_rate(self)
-
-    @property
-    def duration(self) -> float:
-        """Time from the first row to the last, s."""
-        return float(self.time[-1] - self.time[0])
-
-    def __repr__(self) -> str:
-        units = ", ".join(dict.fromkeys(self.units))
-        return (
-            f"<Recording {Path(self.source).name[:60] or 'in memory'}: {len(self.time)} rows at "
-            f"{self.rate:.4g} Hz, {self.duration:.4g} s, {len(self.channels)} channels in {units}>"
-        )
-
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th>{channel}</th><td>{_number(np.nanmin(x))} to {_number(np.nanmax(x))} "
-            f"{escape(unit)}</td><td>{int(np.sum(~np.isfinite(x))) or 'none'}</td></tr>"
-            for channel, unit, x in zip(self.channels, self.units, self.values, strict=True)
-            if np.isfinite(x).any()
-        )
-        notes = "".join(f"<li>{escape(text)}</li>" for text in self.warnings)
-        return (
-            f"<div><b>{escape(repr(self)[1:-1])}</b><table><thead><tr><th>channel</th>"
-            f"<th>readings</th><th>missing</th></tr></thead><tbody>{rows}</tbody></table>"
-            f"<ul>{notes}</ul></div>"
-        )
 
 
 class Vehicle(vehicles.Vehicle):
@@ -213,7 +54,7 @@ class Vehicle(vehicles.Vehicle):
         dimension = QUANTITIES[name][0]
         unit = display_units(self.units)[dimension]
         value = from_si(getattr(self, name).value, unit, dimension)
-        return f"{_number(value)} {unit}".rstrip()
+        return f"{value:.4g} {unit}".rstrip()
 
     def _deviation(self, name: str) -> str:
         given = getattr(self, name)
@@ -239,61 +80,8 @@ def read_vehicle(path: PathLike) -> Vehicle:
     InputError
         If the file cannot be read or a value is implausible; the message names key and fix.
     """
-    return _as(Vehicle, vehicles.read_vehicle(path))
-
-
-def read_recording(path: PathLike, *, rate: float | None = None) -> Recording:
-    """Read one recording, in any format that the command line reads.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file, described in ``docs/recording.md``.
-    rate : float, optional
-        Sampling rate, Hz, of a file without time stamps.
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read; the message names file, line and fix.
-    """
-    from bayes_asv.io import read_recording as read
-
-    return _as(Recording, read(path, rate=rate))
-
-
-def read_recordings(
-    paths: PathLike | Iterable[PathLike], *, rate: float | None = None
-) -> list[Recording]:
-    """Read several recordings of one car.
-
-    Parameters
-    ----------
-    paths : str, os.PathLike or iterable of them
-        Files; one that does not exist may be a pattern such as ``"run*.csv"``, whose files are
-        read in the order of their names.
-    rate : float, optional
-        As for :func:`read_recording`.
-
-    Returns
-    -------
-    list of Recording
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, a pattern fits none, or two files are the same.
-    """
-    patterns = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    runs: list[Recording] = []
-    for path in [path for pattern in patterns for path in _expanded(pattern)]:
-        runs.append(read_recording(path, rate=rate))
-        _check_different(runs[:-1], runs[-1])
-    return runs
+    car = vehicles.read_vehicle(path)
+    return Vehicle(**{f.name: getattr(car, f.name) for f in fields(car)})
 
 
 def example(name: str) -> Path:
@@ -373,7 +161,7 @@ def check_inputs(
                 fix = "convert the table first: asv.Recording.from_dataframe(table)"
             raise TypeError(f"{function}: a recording is {_kind(run)}; {fix}")
         (domain.require_roll_car if car == "roll" else domain.require_half_car)(run)
-        _check_different(runs, run)
+        check_different(runs, run)
         # messages and reports name each recording
         runs.append(run if run.source else replace(run, source=f"recording {len(runs) + 1}"))
     if not runs:
@@ -391,103 +179,5 @@ def check_vehicle(function: str, vehicle: object, call: str = "") -> vehicles.Ve
     raise TypeError(f"{function}: the vehicle is {_kind(vehicle)}; {fix}")
 
 
-def as_recording(recording: domain.Recording) -> Recording:
-    """Return a recording of the domain as the class that the library shows."""
-    return _as(Recording, recording)
-
-
-def _check_different(runs: Iterable[domain.Recording], run: domain.Recording) -> None:
-    """Refuse a recording that is already there: it would count as twice the evidence."""
-    for other in runs:
-        same = (
-            other.sha256 == run.sha256 if run.sha256 else np.array_equal(other.values, run.values)
-        )
-        if same:
-            raise InputError(
-                run.source or "recording",
-                f"holds the same as {other.source or 'another'}",
-                "give each recording once",
-            )
-
-
-def _as(kind: type[_Kind], value: Any) -> _Kind:
-    """Turn a value of the domain into the class that the library shows."""
-    return kind(**{field.name: getattr(value, field.name) for field in fields(value)})
-
-
-def _expanded(path: PathLike) -> list[PathLike]:
-    text = os.fspath(path)
-    if os.path.exists(text) or not glob.has_magic(text):
-        return [path]
-    found = sorted(glob.glob(text, recursive=True))
-    if not found:
-        raise InputError(text, "fits no file", "check the folder and the pattern")
-    return list(found)
-
-
-def _columns(
-    frame: pd.DataFrame, channels: Mapping[str, str], name: str
-) -> dict[str, tuple[Any, str | None]]:
-    """Column and bracketed unit of the time and of every channel that there is."""
-    known = {_TIME, *CHANNELS, *ROLL_CHANNELS}
-    unknown = [channel for channel in channels if channel not in known]
-    if unknown:
-        raise InputError(
-            name, f"there is no channel '{unknown[0]}'", f"name one of {', '.join(CHANNELS)}"
-        )
-    found: dict[str, tuple[Any, str | None]] = {}
-    for column in frame.columns:
-        match = _COLUMN.fullmatch(str(column))
-        plain, unit = (match["name"], match["unit"]) if match else (str(column), None)
-        plain = re.sub(r"[\s-]+", "_", plain.lower())
-        if plain in known and plain not in channels:
-            found[plain] = column, unit
-        for channel, wanted in channels.items():
-            if column == wanted:
-                found[channel] = column, unit
-    absent = [wanted for channel, wanted in channels.items() if channel not in found]
-    if absent:
-        raise InputError(
-            name, f"has no column '{absent[0]}'", f"it has {', '.join(map(str, frame.columns))}"
-        )
-    return found
-
-
-def _unit_of(
-    channel: str, bracketed: str | None, units: str | Mapping[str, str] | None, name: str
-) -> str:
-    unit = units if isinstance(units, str) else (units or {}).get(channel, bracketed)
-    if not unit:
-        raise InputError(
-            f"{name}: {channel}", "has no unit", f'give units={{"{channel}": "m/s^2"}} or units="g"'
-        )
-    return unit
-
-
-def _times(
-    frame: pd.DataFrame, column: tuple[Any, str | None] | None, rate: float | None, name: str
-) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Seconds of every row: of the column, else of the index, else of the rate."""
-    index = frame.index
-    if column is not None:
-        stamps, unit = frame[column[0]].to_numpy(), column[1]
-    elif rate is not None:
-        domain.check_rate(rate, f"{name}: rate")
-        return np.arange(len(frame)) / rate
-    elif type(index).__name__ != "RangeIndex":
-        stamps = index.to_numpy()
-        match = _COLUMN.fullmatch(str(index.name or ""))
-        unit = match["unit"] if match else None
-    else:
-        raise InputError(name, "has no times", "add a column 'time [s]' or give rate=400")
-    if stamps.dtype.kind in "mM":
-        return np.asarray((stamps - stamps[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=float)
-    return np.asarray(stamps, dtype=float) * si_factor(unit or "s", "time")
-
-
 def _kind(value: object) -> str:
     return f"a {type(value).__name__}" if value is not None else "missing"
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
@@ -16,7 +16,7 @@ from bayes_asv.library.quantities import positive_quantity
 from bayes_asv.library.result import json_text
 
 if TYPE_CHECKING:
-    import pandas as pd  # type: ignore[import-untyped]
+    import pandas as pd
 
     from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.planning.plan import Plan as EnginePlan
@@ -90,6 +90,10 @@ class Plan:
             )
         return pandas.DataFrame(rows)
 
+    @overload
+    def to_json(self, path: None = None) -> str: ...
+    @overload
+    def to_json(self, path: PathLike) -> None: ...
     def to_json(self, path: PathLike | None = None) -> str | None:
         """Write the document that ``bayes-asv plan --json`` writes, or return its text."""
         text = json_text(self.document)

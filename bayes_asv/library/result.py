@@ -14,7 +14,7 @@ from bayes_asv.library.parameter import Parameter
 from bayes_asv.report.words import number, plain, probability, readable_unit
 
 if TYPE_CHECKING:
-    import pandas as pd  # type: ignore[import-untyped]
+    import pandas as pd
 
     from bayes_asv.domain.vehicle import Vehicle
 

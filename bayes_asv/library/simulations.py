@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.library.estimates import check_seed
-from bayes_asv.library.inputs import Recording, as_recording, check_vehicle
+from bayes_asv.library.inputs import check_vehicle
 from bayes_asv.library.quantities import positive_quantity
+from bayes_asv.library.recordings import Recording, as_recording
 
 if TYPE_CHECKING:
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.models.half_car import HalfCar
-    from bayes_asv.models.roll_car import RollCar
-
-    _Car = TypeVar("_Car", HalfCar, RollCar)
+    from bayes_asv.models.car_model import CarModel
 
 __all__ = ["SPEED_LIMITS", "Drive", "simulate", "simulate_drive"]
 
@@ -55,7 +53,8 @@ def simulate(
     rate: float = 400.0,
     seconds: float = 2.5,
     change: Mapping[str, float] | None = None,
-    car: Literal["half", "roll"] = "half",
+    car: str = "half",
+    channels: Sequence[str] | None = None,
     skew: str | None = None,
     seed: int = 0,
 ) -> Recording:
@@ -75,8 +74,12 @@ def simulate(
         Length of the recording.
     change : mapping, optional
         Factors on the car's parameters: ``{"c_r": 0.8}`` for a rear damper that has lost a fifth.
-    car : {'half', 'roll'}
-        Model of the car; ``'roll'`` drives a left and a right track (``docs/cars.md``).
+    car : str
+        Model of the car, as ``--car`` takes it; ``'roll'`` drives a left and a right track
+        (``docs/cars.md``).
+    channels : sequence of str, optional
+        What is measured, such as ``["front_wheel", "rear_wheel", "front_travel"]``; by default
+        the accelerations of all wheel hubs and of the body above them.
     skew : str, optional
         For the roll car: how much later the right wheels meet the road, such as ``"20 in"``; by
         default half a metre, and a track of its own on a random road.
@@ -93,8 +96,8 @@ def simulate(
         If an argument is of another type or does not fit; the message says what to write.
     """
     return simulate_drive(
-        vehicle, road, speed=speed, rate=rate, seconds=seconds, change=change, car=car, skew=skew,
-        seed=seed,
+        vehicle, road, speed=speed, rate=rate, seconds=seconds, change=change, car=car,
+        channels=channels, skew=skew, seed=seed,
     ).recording  # fmt: skip
 
 
@@ -106,15 +109,15 @@ def simulate_drive(
     rate: float = 400.0,
     seconds: float = 2.5,
     change: Mapping[str, float] | None = None,
-    car: Literal["half", "roll"] = "half",
+    car: str = "half",
+    channels: Sequence[str] | None = None,
     skew: str | None = None,
     seed: int = 0,
 ) -> Drive:
     """Simulate as :func:`simulate` does, and return the parameters of the car with it."""
     check_seed(seed)
     check_vehicle("simulate", vehicle)
-    from bayes_asv.models.from_vehicle import roll_car
-    from bayes_asv.models.half_car import HalfCar
+    from bayes_asv.models.cars import CARS, car_model
     from bayes_asv.simulation import ROADS
     from bayes_asv.simulation import simulate as engine
     from bayes_asv.simulation.roads import road as profile
@@ -125,40 +128,37 @@ def simulate_drive(
         raise InputError(f"rate={rate!r}", "is not possible", "give 10 to 10000 Hz")
     if not 0.1 <= seconds <= _MAX_SECONDS:
         raise InputError(f"seconds={seconds!r}", "is not possible", "give 0.1 to 600 s")
-    if car not in ("half", "roll"):
-        raise InputError(f"car={car!r}", "there is no such car", "give 'half' or 'roll'")
+    if car not in CARS:
+        raise InputError(f"car={car!r}", "there is no such car", f"give one of {', '.join(CARS)}")
     if skew is not None and car != "roll":
         raise InputError("skew", "belongs to the roll car", "give car='roll'")
     pace = positive_quantity("speed", speed, "velocity", "8 mph", SPEED_LIMITS)
     apart = positive_quantity("skew", skew, "length", "20 in", _SKEW_LIMITS)
     ground = profile(road, np.random.default_rng([seed, 0]), pace)
-    driven: HalfCar | RollCar
-    if car == "roll":
-        driven = _changed(roll_car(vehicle), change or {})
-        right = ground
-        if apart is None:
-            right = profile(road, np.random.default_rng([seed, 2]), pace)
-            apart = 0.0 if road in ("rough", "noise") else _DEFAULT_SKEW
-        drive = engine.simulate_roll(
-            vehicle, (ground, right), skew=apart, rate=rate, seconds=seconds, seed=seed, car=driven
-        )
-    else:
-        nominal = HalfCar(*(getattr(vehicle, field).value for field in HalfCar._fields))
-        driven = _changed(nominal, change or {})
-        drive = engine.simulate(vehicle, ground, rate=rate, seconds=seconds, seed=seed, car=driven)
-    return Drive(as_recording(drive.recording), driven._asdict(), ground.speed)
+    model = car_model(car, vehicle)
+    values = _changed(model, change or {})
+    right = None
+    if car == "roll" and apart is None:
+        right = profile(road, np.random.default_rng([seed, 2]), pace)
+        apart = 0.0 if road in ("rough", "noise") else _DEFAULT_SKEW
+    drive = engine.simulate(
+        vehicle, ground, rate=rate, seconds=seconds, seed=seed, car=car, values=values,
+        channels=channels, right=right, skew=apart or 0.0,
+    )  # fmt: skip
+    return Drive(as_recording(drive.recording), values, ground.speed)
 
 
-def _changed(car: _Car, change: Mapping[str, Any]) -> _Car:
-    """Multiply parameters of a car by factors."""
+def _changed(model: CarModel, change: Mapping[str, Any]) -> dict[str, float]:
+    """Nominal parameters of a car, some of them multiplied by factors."""
+    values = {p.name: p.nominal for p in model.parameters}
     for name, factor in change.items():
-        if name not in car._fields or not 0.01 <= factor <= 100.0:
+        if name not in values or not 0.01 <= factor <= 100.0:
             raise InputError(
                 f"{name}={factor:g}" if isinstance(factor, int | float) else name,
                 "is not a change",
-                f"give one of {', '.join(car._fields)} and a factor between 0.01 and 100",
+                f"give one of {', '.join(values)} and a factor between 0.01 and 100",
             )
-        car = car._replace(**{name: getattr(car, name) * factor})
-    if not 0.0 < car.wdf < 1.0 or not math.isfinite(car.wdf):
+        values[name] *= factor
+    if not 0.0 < values["wdf"] < 1.0 or not math.isfinite(values["wdf"]):
         raise InputError("change wdf", "leaves no weight on one of the axles", "give less")
-    return car
+    return values

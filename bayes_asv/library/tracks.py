@@ -21,7 +21,7 @@ from bayes_asv.library.progress import Progress, progress_bar
 from bayes_asv.library.result import Result
 
 if TYPE_CHECKING:
-    import pandas as pd  # type: ignore[import-untyped]
+    import pandas as pd
 
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle

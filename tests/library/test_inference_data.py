@@ -1,0 +1,82 @@
+"""The draws as ArviZ sees them."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bayes_asv as asv
+
+
+@pytest.fixture(scope="module")
+def data(result: asv.Estimate) -> Any:
+    """Convert the estimate of two recordings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return result.to_inference_data()
+
+
+def test_draws_are_the_parameters_in_si_units(result: asv.Estimate, data: Any) -> None:
+    for name in result:
+        si = result[name].to("SI")
+        draws = data["posterior"][name]
+        assert draws.dims == ("chain", "draw")
+        assert draws.sizes["chain"] == 4
+        assert draws.values.ravel() == pytest.approx(si.draws)
+        assert draws.attrs["units"] == si.unit
+    assert "noise_front_wheel_1" in data["posterior"]
+
+
+def test_likelihood_and_prior_add_up_to_the_posterior(data: Any) -> None:
+    """Up to a constant: the sampler's density counts directions that the data can see alone."""
+    likelihood = data["log_likelihood"]["recordings"].sum("recording")
+    posterior = data["sample_stats"]["lp"]
+    assert data["log_likelihood"]["recordings"].sizes["recording"] == 2
+    prior = sum(data["log_prior"][name] for name in data["log_prior"].data_vars)
+    # mass and wheelbase scale the answer: their own prior is in log_prior and not in lp
+    residual = np.asarray(posterior - likelihood - prior).ravel()
+    seen = np.asarray(posterior - likelihood).ravel()
+    assert seen.max() < 0.0
+    assert residual.std() < prior.values.std() + seen.std()
+    assert np.isfinite(likelihood).all()
+
+
+def test_the_prior_is_that_of_the_vehicle_file(car: asv.Vehicle, data: Any) -> None:
+    logs = np.log(data["prior"]["c_f"].values)
+    assert logs.mean() == pytest.approx(np.log(car.c_f.value), abs=0.15)
+    assert logs.std() == pytest.approx(np.log(3.0), rel=0.1)
+    mass = data["prior"]["m"].values
+    assert mass.std() / mass.mean() == pytest.approx(0.01, rel=0.15)
+
+
+def test_predicted_readings_cover_the_observed_ones(data: Any) -> None:
+    for name, observed in data["observed_data"].data_vars.items():
+        predicted = data["posterior_predictive"][name].values[0]
+        low, high = np.quantile(predicted, [0.025, 0.975], axis=0)
+        inside = np.mean((observed.values >= low) & (observed.values <= high))
+        assert 0.90 < inside < 0.99, name
+
+
+def test_the_file_holds_the_same(result: asv.Estimate, data: Any, tmp_path: Path) -> None:
+    import xarray as xr
+
+    result.to_netcdf(tmp_path / "draws.nc")
+    with xr.open_dataset(tmp_path / "draws.nc", group="posterior", engine="h5netcdf") as saved:
+        assert np.array_equal(saved["c_f"], data["posterior"]["c_f"])
+
+
+def test_a_model_with_effects_has_their_parameters(car: asv.Vehicle) -> None:
+    run = asv.read_recording(asv.example("valved-bump-400hz.csv"))
+    result = asv.estimate(run, car, effects="bound_rebound@front")
+    assert [effect.name for effect in result.effects] == ["bound_rebound"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        data = result.to_inference_data()
+    ratio = data["posterior"]["bound_rebound_front_ratio"].values
+    assert ratio.mean() == pytest.approx(1.48, abs=0.03)
+    assert "bound_rebound_front_ratio" in data["prior"]
+    assert "ratio" in str(result)
