@@ -107,11 +107,11 @@ def diagnose(
         As :func:`bayes_asv.estimate`.
     """
     check_seed(seed)
-    runs, car = check_inputs("diagnose", recordings, vehicle)
+    runs, car = check_inputs("diagnose", recordings, vehicle, car="half")
     held: tuple[Recording, ...] = ()
     if not isinstance(holdout, tuple | list) or holdout:
-        held = check_inputs("diagnose", holdout, vehicle)[0]
-        check_inputs("diagnose", (*runs, *held), vehicle)  # none may be given twice
+        held = check_inputs("diagnose", holdout, vehicle, car="half")[0]
+        check_inputs("diagnose", (*runs, *held), vehicle, car="half")  # none may be given twice
     from bayes_asv.diagnosis import workflow
 
     with progress_bar(progress) as report:

@@ -269,11 +269,9 @@ def check_seed(seed: int) -> None:
 
 
 def _car_of(recordings: object) -> Car:
-    """Model of the car whose channels the recordings have."""
-    from bayes_asv.domain.recording import ROLL_CHANNELS
-
+    """Model of the car whose wheels the recordings have."""
     first = next(iter(recordings), None) if isinstance(recordings, Sequence) else recordings
-    return "roll" if getattr(first, "channels", None) == ROLL_CHANNELS else "half"
+    return "roll" if "front_left_wheel" in getattr(first, "channels", ()) else "half"
 
 
 def _sites(

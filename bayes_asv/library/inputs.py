@@ -112,7 +112,7 @@ def example(name: str) -> Path:
 
 
 def check_inputs(
-    function: str, recordings: object, vehicle: object, *, car: str = "half"
+    function: str, recordings: object, vehicle: object, *, car: str | None = None
 ) -> tuple[tuple[domain.Recording, ...], vehicles.Vehicle]:
     """Check what a function of the library was given, before it computes.
 
@@ -124,8 +124,9 @@ def check_inputs(
         What was measured.
     vehicle : Vehicle
         The car.
-    car : {'half', 'roll'}
-        Which channels the recordings must have.
+    car : str, optional
+        Model of the car whose inputs must be among the channels; by default the channels must be
+        the four of the half car.
 
     Returns
     -------
@@ -160,7 +161,13 @@ def check_inputs(
             elif hasattr(run, "columns"):
                 fix = "convert the table first: asv.Recording.from_dataframe(table)"
             raise TypeError(f"{function}: a recording is {_kind(run)}; {fix}")
-        (domain.require_roll_car if car == "roll" else domain.require_half_car)(run)
+        if car is None:
+            domain.require_half_car(run)
+        else:
+            from bayes_asv.models.cars import car_model
+            from bayes_asv.preprocessing.timeline import used_channels
+
+            used_channels(run, car_given, car_model(car, car_given))
         check_different(runs, run)
         # messages and reports name each recording
         runs.append(run if run.source else replace(run, source=f"recording {len(runs) + 1}"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
+from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.progress import Progress, Report, progress_bar
 from bayes_asv.library.result import json_text
 from bayes_asv.library.tracks import Track, track_of
@@ -133,6 +134,8 @@ def track_live(
     from bayes_asv.tracking.track import conclude
     from bayes_asv.tracking.tracker import tracker_for
 
+    if recording is not None:
+        check_inputs("track", recording, vehicle)
     started = time.perf_counter()
     trackers: list[Tracker] = []
     rows = Trace(vehicle) if trace else None
@@ -299,6 +302,7 @@ def watch(
 
     source: Source
     if recording is not None:
+        check_inputs("watch", recording, vehicle)
         source, name = RecordingSource(recording, vehicle), recording.source
     else:
         source = _port_source(port, vehicle, rate, say or (lambda text: None))

@@ -27,7 +27,7 @@ seed gives the same answer. Progress is shown on a terminal only.
 | exit status | |
 |---|---|
 | 0 | done |
-| 2 | wrong usage or unreadable input: one line says which file, line or key is at fault, and how to fix it |
+| 2 | wrong usage or unreadable input: one line names the file, line or key, and the fix |
 | 3 | refused: the recordings are too short, saturated or not excited; the reasons are in the JSON |
 | 4 | not converged: the numbers are written, but are not to be relied on |
 | 5 | `watch` raised its alarm |

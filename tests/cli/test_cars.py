@@ -59,7 +59,10 @@ def test_what_is_missing_is_said_in_one_line(
         invoke("simulate", "-v", ROLL, "--skew", "20 in", "-o", tmp_path / "x.csv"),
         "--skew needs --car roll",
     )
-    assert refuse(invoke("estimate", stops, "-v", ROLL, "--car", "roll"), "needs seven")
+    assert refuse(
+        invoke("estimate", stops, "-v", ROLL, "--car", "roll"),
+        "lacks the channel front_left_wheel, which the roll car needs",
+    )
     assert refuse(
         invoke("estimate", stops, "-v", ROLL, "--car", "roll", "--below", "10"),
         "--below needs the half car",
@@ -97,5 +100,9 @@ def test_from_a_simulated_drive_to_the_worn_side(
     rear = document["left_over_right"]["rear"]
     assert rear["eti95"][0] < 1.25 < rear["eti95"][1]
     assert rear["p_left_softer"] < 0.01
-    assert refuse(invoke("estimate", drive, "-v", ROLL), "use bayes-asv estimate --car roll")
+    assert refuse(
+        invoke("estimate", drive, "-v", ROLL),
+        "lacks the channel front_wheel, which the half car needs",
+        "--car",
+    )
     assert refuse(invoke("greybox", drive, "-v", ROLL), "use bayes-asv estimate --car roll")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from bayes_asv.diagnosis.workflow import Diagnosis
-from bayes_asv.report.saved import read_saved
+from bayes_asv.report.schema import read_saved
 from tests.cli.conftest import ROOT, Check, Command, Said, Saved
 
 DATA = Path(__file__).parents[1] / "report" / "data"
@@ -45,8 +45,8 @@ def diagnosed(
 def test_it_names_the_hidden_effect_and_nothing_on_standard_error(diagnosed: Diagnosed) -> None:
     assert (diagnosed.said.status, diagnosed.said.err) == (0, "")
     first, *others = diagnosed.said.out.splitlines()
-    assert first.startswith("Certainly bound and rebound rates that differ at the front (")
-    assert any(line.startswith("Gap on runs that were held out: ") for line in others)
+    assert first.startswith("Front damper: rebound damping is 1.")
+    assert any(line.startswith("Simulation error on held-out runs: ") for line in others)
     assert "\x1b" not in diagnosed.said.out
 
 
@@ -97,12 +97,12 @@ def test_the_curve_is_that_of_the_simulated_damper(diagnosed: Diagnosed) -> None
 
 
 def test_what_it_saved_is_reported(diagnosed: Diagnosed, invoke: Command, tmp_path: Path) -> None:
-    assert read_saved(diagnosed.file) == diagnosed.document
+    assert read_saved(diagnosed.file).to_dict() == diagnosed.document
     output = tmp_path / "x.html"
     said = invoke("report", "--from", diagnosed.file, "-o", output)
     assert (said.status, said.err) == (0, "")
-    assert said.out.splitlines()[0].startswith("Missing: bound and rebound rates that differ")
-    assert "Where the linear half car lacks force" in output.read_text(encoding="utf-8")
+    assert said.out.splitlines()[0].startswith("The linear half car lacks unequal compression")
+    assert "Missing force of the linear half car" in output.read_text(encoding="utf-8")
 
 
 def test_a_report_of_both_holds_both_and_can_be_saved(
@@ -117,7 +117,7 @@ def test_a_report_of_both_holds_both_and_can_be_saved(
     text = output.read_text(encoding="utf-8")
     assert "What is missing?" in text
     assert "Verdict: refused" in text
-    assert read_saved(kept)["diagnosis"] == diagnosed.document
+    assert read_saved(kept).to_dict()["diagnosis"] == diagnosed.document
 
 
 def test_a_saved_diagnosis_of_other_recordings_is_refused(
@@ -170,10 +170,10 @@ def test_a_recording_that_cannot_answer(
     file = tmp_path / "d.json"
     said = invoke("diagnose", short, "-v", baja, "--json", file)
     assert said.status == 3
-    document = read_saved(file)
+    document = read_saved(file).to_dict()
     assert document["verdict"] == "refused"
     assert document["reasons"]
-    assert said.out.splitlines()[0] == "These recordings cannot answer."
+    assert said.out.startswith("No answer: these recordings do not allow a diagnosis.\nWhy: ")
     told = invoke("report", "--from", file, "-o", tmp_path / "x.html")
     assert told.status == 3
     assert "What to do instead" in (tmp_path / "x.html").read_text(encoding="utf-8")
@@ -185,7 +185,7 @@ def test_one_recording_is_proved_on_its_second_half(
     file = tmp_path / "d.json"
     said = invoke("diagnose", bump, "-v", baja, "--json", file)
     assert (said.status, said.err) == (0, "")
-    document = read_saved(file)
+    document = read_saved(file).to_dict()
     assert document["effects"] == []  # nothing is hidden in it
     assert document["gap"]["holdout"]["after"] == pytest.approx(
         document["gap"]["holdout"]["floor"], rel=0.15

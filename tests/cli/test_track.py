@@ -12,7 +12,7 @@ import pytest
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.io import read_recording, write_recording
-from bayes_asv.report.saved import read_saved
+from bayes_asv.report.schema import read_saved
 from tests.cli.conftest import ROOT, Check, Command
 
 UNITS = {"c_f": "lbf*s/in", "c_r": "lbf*s/in", "i": "lbf*s^2*in", "k_g": "in"}
@@ -101,7 +101,7 @@ def test_a_saved_track_is_read_again_and_reported(
     told: tuple[str, dict[str, Any], Path], invoke: Command, tmp_path: Path
 ) -> None:
     saved = told[2] / "t.json"
-    assert read_saved(saved) == told[1]
+    assert read_saved(saved).to_dict() == told[1]
     for suffix in ("html", "pdf"):
         said = invoke("report", "--from", saved, "-o", tmp_path / f"x.{suffix}")
         assert said.status == 0, said.err
@@ -162,7 +162,7 @@ def test_a_parked_car_is_refused(invoke: Command, baja: Path, tmp_path: Path) ->
     document = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
     assert document["verdict"] == "refused"
     assert any("hardly moved" in reason for reason in document["reasons"])
-    assert read_saved(tmp_path / "p.json") == document
+    assert read_saved(tmp_path / "p.json").to_dict() == document
     told = invoke("report", "--from", tmp_path / "p.json", "-o", tmp_path / "p.html")
     assert told.status == 3
 
@@ -203,5 +203,14 @@ def test_where_the_filter_is_not_consistent_nothing_is_claimed(
     for command in ("track", "watch"):
         said = invoke(command, bump, "-v", baja)
         assert said.status == 3
-        assert "could not hold the front damping" in said.out
+        assert "could not track the front damping" in said.out
         assert "faster or over a higher one" not in said.out
+
+
+@pytest.mark.parametrize("name", ["x.mp4", "x", "gif"])
+def test_an_animation_under_another_name_is_refused_before_the_work(
+    invoke: Command, refuse: Check, bump: Path, baja: Path, tmp_path: Path, name: str
+) -> None:
+    said = invoke("track", bump, "-v", baja, "--gif", tmp_path / name)
+    assert refuse(said, name, "an animation is a GIF", "end the name in .gif")
+    assert list(tmp_path.iterdir()) == []

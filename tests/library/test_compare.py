@@ -23,15 +23,15 @@ def _estimate(car: asv.Vehicle, given: asv.Vehicle, *seeds: int, **change: float
 @pytest.fixture(scope="module")
 def before(car: asv.Vehicle) -> asv.Estimate:
     """Estimate the car as it was."""
-    return _estimate(car, car, 1, 2)
+    return _estimate(car, car, 1)
 
 
 def test_a_worn_damper_is_found_whatever_the_error_of_the_mass(
     car: asv.Vehicle, before: asv.Estimate
 ) -> None:
     light = dataclasses.replace(car, m=dataclasses.replace(car.m, value=0.98 * car.m.value))
-    for given, first in ((car, before), (light, _estimate(car, light, 1, 2))):
-        after = _estimate(car, given, 3, 4, c_f=0.97)
+    for given, first in ((car, before), (light, _estimate(car, light, 1))):
+        after = _estimate(car, given, 4, c_f=0.97)
         found = asv.compare(first, after)
         assert found.verdict == "changed"
         low, high = found["c_f"].interval(0.999)

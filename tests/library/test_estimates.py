@@ -182,7 +182,11 @@ wrong: Any = asv  # calls that a type checker would not let pass
         (lambda run, car: wrong.estimate([run, run], car), asv.InputError, "each recording once"),
         (lambda run, car: wrong.estimate(run, car, seed=-1), asv.InputError, "whole number from 0"),
         (lambda run, car: wrong.estimate(run, car, car="bus"), asv.InputError, "'half' or 'roll'"),
-        (lambda run, car: wrong.estimate(run, car, car="roll"), asv.InputError, "needs seven"),
+        (
+            lambda run, car: wrong.estimate(run, car, car="roll"),
+            asv.InputError,
+            r"\[roll\]: is missing",
+        ),
         (lambda run, car: wrong.estimate(run, car, effects="rust"), asv.InputError, "bump_stop"),
         (
             lambda run, car: wrong.estimate(run, car, effects="damper_fade@rear", below=9.0),
