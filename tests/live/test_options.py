@@ -1,4 +1,4 @@
-"""What may be wished together, and what a recording followed without anybody looking gives."""
+"""Combinations of options, and the frames of a recording without a view."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bayes_asv.cli.live_options import followed, live_options, wishes
-from bayes_asv.tracking.frames import Frames, joined
-from tests.live.made_up import BAJA, MadeUp, frames, recording
+from bayes_asv.cli.live_options import live_options, live_settings
+from bayes_asv.domain.errors import InputError
+from bayes_asv.library.live import LiveSettings, follow
+from bayes_asv.tracking.frames import Frames, concatenate
+from tests.live.synthetic import BAJA, FakeFilter, frames, recording
 
 NOTHING: dict[str, Any] = {
     "live": False, "tui": False, "gif": None, "speed": None, "no_browser": False, "port": None,
@@ -21,7 +23,7 @@ NOTHING: dict[str, Any] = {
 
 
 @pytest.mark.parametrize(
-    ("recording_file", "changes", "words"),
+    ("recording_file", "changes", "message"),
     [
         (None, {}, "either a recording or --port"),
         ("r.csv", {"port": "COM3"}, "either a recording or --port"),
@@ -34,28 +36,34 @@ NOTHING: dict[str, Any] = {
         ("r.csv", {"tui": True}, "needs a terminal"),
     ],
 )
-def test_what_does_not_fit_is_refused(
-    recording_file: str | None, changes: dict[str, Any], words: str
+def test_invalid_combinations_are_refused(
+    recording_file: str | None, changes: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(click.UsageError, match=words):
-        wishes(recording_file, **{**NOTHING, **changes})
+    with pytest.raises(click.UsageError, match=message):
+        live_settings(recording_file, **{**NOTHING, **changes})
 
 
-def test_what_a_port_sends_is_kept_in_a_file_with_the_time_in_its_name() -> None:
-    wanted = wishes(None, **{**NOTHING, "port": "COM3"})
-    assert wanted.keep is not None
-    assert wanted.keep.startswith("run-20")
-    assert wanted.baud == 115_200
-    assert not wanted.shown
+def test_an_animation_is_a_gif() -> None:
+    assert live_settings("r.csv", **{**NOTHING, "gif": "a.GIF"}).gif == "a.GIF"
+    with pytest.raises(InputError, match=r"end the name in \.gif"):
+        live_settings("r.csv", **{**NOTHING, "gif": "a.mp4"})
 
 
-def test_every_option_is_a_wish() -> None:
+def test_default_name_of_the_file_of_a_port() -> None:
+    settings = live_settings(None, **{**NOTHING, "port": "COM3"})
+    assert settings.port is not None
+    assert settings.port.keep.startswith("run-20")
+    assert settings.port.baud == 115_200
+    assert not settings.shown
+
+
+def test_every_option_is_passed_on() -> None:
     @live_options
     @click.command()
     def command(**options: object) -> None:
-        """Take them."""
+        """Accept the options."""
         assert set(options) == set(NOTHING)
-        assert wishes("r.csv", **options).page  # type: ignore[arg-type]
+        assert live_settings("r.csv", **options).page  # type: ignore[arg-type]
 
     assert isinstance(command, click.Command)
     command.main(["--live"], standalone_mode=False)
@@ -63,10 +71,12 @@ def test_every_option_is_a_wish() -> None:
 
 def test_all_frames_and_an_animation(tmp_path: Path) -> None:
     run = recording(0.6, 200.0)
-    got: list[Frames] = []
+    parts: list[Frames] = []
     file = tmp_path / "a.gif"
-    wanted = wishes("r.csv", **{**NOTHING, "gif": str(file), "speed": 0.5})
-    followed(wanted, run, BAJA, lambda _: MadeUp(), got.append)
-    np.testing.assert_allclose(joined(got).median, frames(BAJA, run.time, run.values.T).median)
+    settings = LiveSettings(gif=str(file), speed=0.5)
+    follow(settings, run, BAJA, lambda _: FakeFilter(), parts.append)
+    np.testing.assert_allclose(
+        concatenate(parts).median, frames(BAJA, run.time, run.values.T).median
+    )
     with Image.open(file) as picture:
         assert picture.n_frames == 15  # type: ignore[attr-defined]
