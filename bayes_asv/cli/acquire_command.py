@@ -91,20 +91,20 @@ def command(
     json_file: str | None,
     watch: bool,
     vehicle: str | None,
-    **wanted: Any,
+    **options: Any,
 ) -> int:
     """Read a recording from the data logger over its serial port.
 
     Every byte is written to disk before it is read. Missing frames are requested again; what never
     arrives is missing in the recording, with a note, and the exit status is 3.
     """
-    request = _request(resume=resume, **{k: wanted[k] for k in _OF_REQUEST})
+    request = _request(resume=resume, **{k: options[k] for k in _REQUEST_OPTIONS})
     if replay is not None and (port is not None or resume or raw is not None or request.start):
         raise click.UsageError("--replay takes no port: leave out --port, --raw, --resume, --start")
     if watch != (vehicle is not None):
         raise click.UsageError("--watch and --vehicle belong together")
-    kept = replay or raw or f"{output}.raw"
-    common.check_outputs((replay, vehicle), output, json_file, None if replay else kept)
+    raw_file = replay or raw or f"{output}.raw"
+    common.check_outputs((replay, vehicle), output, json_file, None if replay else raw_file)
     from bayes_asv.acquire.job import replayed
     from bayes_asv.acquire.outcome import document, lines
     from bayes_asv.io import write_recording
@@ -113,23 +113,23 @@ def command(
     if replay is not None:
         outcome = replayed(replay, rate, output)
     else:
-        outcome = _fetched(
-            port, kept, output, request, rate, wanted["patience"], wanted["cable"], watcher
+        outcome = _acquire(
+            port, raw_file, output, request, rate, options["patience"], options["cable"], watcher
         )  # fmt: skip
-    made, said = document(outcome, output, kept), lines(outcome, output, kept)
+    report, messages = document(outcome, output, raw_file), lines(outcome, output, raw_file)
     if outcome.recording is not None:
         write_recording(outcome.recording, output)
         if watcher is not None:
             from bayes_asv.library.tracks import track_of
 
             track = track_of(watcher.finish(outcome.recording))
-            made["track"] = track.document.to_dict()
-            said += track.lines()
-    common.output(made, said, json_file)
+            report["track"] = track.document.to_dict()
+            messages += track.lines()
+    common.output(report, messages, json_file)
     return _STATUS[outcome.verdict]
 
 
-_OF_REQUEST = (
+_REQUEST_OPTIONS = (
     "start", "frequency", "mode", "synch", "readings", "pre", "threshold", "trigger", "wait",
     "discard", "text",
 )  # fmt: skip
@@ -175,9 +175,9 @@ def _request(
     return Request(settings, start, trigger, wait, resume, discard, text)
 
 
-def _fetched(
+def _acquire(
     name: str | None,
-    kept: str,
+    raw_file: str,
     output: str,
     request: Request,
     rate: float | None,
@@ -190,18 +190,18 @@ def _fetched(
     from bayes_asv.acquire.port import KeptPort, found_port
     from bayes_asv.library.progress import progress_bar
 
-    held = _held(kept) if request.resumed else b""
-    if not request.resumed and os.path.exists(kept):
+    held = _held(raw_file) if request.resumed else b""
+    if not request.resumed and os.path.exists(raw_file):
         raise InputError(
-            kept, "exists already", "give --resume to continue it, or another file with --raw"
+            raw_file, "exists already", "give --resume to continue it, or another file with --raw"
         )
     chosen = name or found_port()
     with ExitStack() as stack:
         progress = stack.enter_context(progress_bar())
         port = stack.enter_context(
-            KeptPort(chosen, kept, resume=request.resumed, patience=cable, say=common.say)
+            KeptPort(chosen, raw_file, resume=request.resumed, patience=cable, say=common.say)
         )
-        common.say(f"{chosen}: every byte is kept in {kept}")
+        common.say(f"{chosen}: every byte is kept in {raw_file}")
         return acquire(
             port,
             request,
@@ -210,7 +210,7 @@ def _fetched(
             source=output,
             rate=rate,
             say=common.say,
-            grown=_grown(progress, watcher),
+            grown=_block_callback(progress, watcher),
         )
 
 
@@ -221,10 +221,10 @@ def _watcher(vehicle: str) -> Watch:
     return Watch(read_vehicle(vehicle), common.say)
 
 
-def _grown(progress: Report | None, watcher: Watch | None) -> Callable[[Block], None]:
+def _block_callback(progress: Report | None, watcher: Watch | None) -> Callable[[Block], None]:
     """Make the function that is called with a block whenever a frame of it has arrived."""
 
-    def grown(block: Block) -> None:
+    def on_block(block: Block) -> None:
         if watcher is not None:
             watcher.grown(block)
         if progress is None:
@@ -236,10 +236,10 @@ def _grown(progress: Report | None, watcher: Watch | None) -> Callable[[Block], 
         )
         progress(0.5 * share + (0.0 if first else 0.5), words)
 
-    return grown
+    return on_block
 
 
-def _held(kept: str) -> bytes:
+def _held(raw_file: str) -> bytes:
     from bayes_asv.domain.files import read_bytes
 
-    return read_bytes(kept, 50_000_000)
+    return read_bytes(raw_file, 50_000_000)

@@ -18,7 +18,7 @@ BAUD = 115_200
 
 
 def baud_option(default: int | None = None) -> Callable[..., Any]:
-    """Make the option for the speed of a serial port; None tells whether it was given."""
+    """Make the option for the speed of a serial port; None where it was not given."""
     return click.option(
         "--baud", type=click.IntRange(300, 4_000_000), default=default, metavar="N",
         help=f"Bits per second of the port.  [default: {BAUD}]",

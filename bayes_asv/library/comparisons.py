@@ -61,7 +61,7 @@ class Change:
         Standard deviation of its logarithm.
     p : float
         Of the test that the parameter is the same, with the others free to differ; nan where the
-        recordings do not tell.
+        recordings cannot show it.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Comparison:
     """Two sets of runs of one car compared, from :func:`bayes_asv.compare`.
 
     ``verdict`` is ``"changed"`` if equal parameters would differ so much with a probability below
-    1 %, ``"consistent"`` otherwise, and ``"refused"`` where the recordings cannot tell.
+    1 %, ``"consistent"`` otherwise, and ``"refused"`` where nothing can be compared.
     ``result["c_f"]`` is a :class:`Change`.
     """
 
