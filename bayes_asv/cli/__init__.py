@@ -25,6 +25,7 @@ COMMANDS = {
     "track": "Track the parameters row by row, from a recording or live from a port.",
     "watch": "Track, and raise an alarm when a damper has become too soft.",
     "diagnose": "Find where simulation and measurement disagree, and what is missing.",
+    "compare": "Test whether a parameter changed between two sets of recordings.",
     "report": "Write an HTML or PDF report of recordings or saved results.",
     "acquire": "Read a recording from the data logger over a serial port.",
     "logger": "Run the data logger without hardware, on simulated chips.",

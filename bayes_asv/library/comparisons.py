@@ -228,7 +228,8 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
             "compare", "the estimates are of different vehicle files", "use one file for both"
         )
     reasons = tuple(
-        f"the estimate {name} is {given.verdict}"
+        f"the estimate {name} is {given.verdict.replace('_', ' ')}"
+        + (f": {'; '.join(given.reasons)}" if given.reasons else "")
         for name, given in (("before", before), ("after", after))
         if given.verdict != "ok"
     )
