@@ -1,17 +1,17 @@
-"""Frames a second of the live view in a browser, and what its program costs.
+"""Frame rate of the live view in a browser, and processor time of the program.
 
-``bayes-asv track --live`` runs as a person starts it, on a minute of rough road at 800 Hz: from
-the recording at its own pace, and from a serial port (a pseudo-terminal into which another thread
-writes the same rows when they are due).  A headless Chromium shows all of the page.  Counted are
-the frames that it received and drew, the longest time between two, how far what it shows lies
+``bayes-asv track --live`` runs as a user starts it, on a minute of rough road at 800 Hz: from the
+recording at its own pace, and from a serial port (a pseudo-terminal into which another thread
+writes the same rows when they are due).  A headless Chromium shows the whole page.  Measured are
+the frames that it received and drew, the longest time between two, the delay of what it shows
 behind what was sent (port), the processor time of the program with its filter, and that of the
-browser; with one page open, and with three more readers of the stream.
+browser; with one page open, and with three more readers of the event stream.
 
-On a machine that is busy with other work, ``chrt -r 5`` before the command schedules it and all
-that it starts ahead of that work; the results say so, and the load there was.
+On a busy machine, ``chrt -r 5`` before the command schedules it and its child processes ahead of
+other work; the results record that, and the load average.
 
-``python -m benchmarks.live`` writes ``benchmarks/results/live.json``; with ``--pictures`` it counts
-nothing and makes ``docs/live.png`` and ``docs/live.gif`` of a shipped recording.
+``python -m benchmarks.live`` writes ``benchmarks/results/live.json``; with ``--pictures`` it
+measures nothing and makes ``docs/live.png`` and ``docs/live.gif`` of a shipped recording.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from typing import Any
 
 from bayes_asv import __version__
 from bayes_asv.domain.vehicle import read_vehicle
-from bayes_asv.live.metadata import scene
+from bayes_asv.live.metadata import view_metadata
 from bayes_asv.live.port import PortReader
 from bayes_asv.live.server import LiveServer
-from bayes_asv.live.session import Show
+from bayes_asv.live.session import Session
 from bayes_asv.live.sources import PortSource
-from bayes_asv.live.worker import Pump
+from bayes_asv.live.worker import Worker
 from bayes_asv.tracking.tracker import tracker_for
 
 __all__ = ["main"]
@@ -52,11 +52,11 @@ RESULTS = Path(__file__).parent / "results" / "live.json"
 VEHICLE = ROOT / "data" / "vehicles" / "baja2008.toml"
 SHIPPED = ROOT / "data" / "recordings" / "stops-800hz.csv"
 RATE = 800.0
-MORE = 3  # readers beside the browser
-_SETTLE = 4.0  # s before the counting begins: the window is then moving
+MORE = 3  # readers besides the browser
+_SETTLE = 4.0  # s before the measurement, so that the window is moving
 _TICKS = os.sysconf("SC_CLK_TCK")
 
-# Notes when a frame has been drawn; independent of the page's own counting of time.
+# Records when a frame was drawn, independently of the page's own timing.
 _WATCH = """
 const stats = window.liveStats;
 const watch = window.watch = {from: performance.now(), drawn: stats.drawn,
@@ -91,7 +91,7 @@ class Program:
 
 
 def program(*words: str) -> Program:
-    """Start it, and read where its page is."""
+    """Start the program, and read the address of its page."""
     process = subprocess.Popen(
         [sys.executable, "-m", "bayes_asv", "track", *words, "--vehicle", str(VEHICLE), "--live",
          "--no-browser"],
@@ -105,7 +105,7 @@ def program(*words: str) -> Program:
 
 
 def end(running: Program) -> int:
-    """End it as a person does; return its exit status."""
+    """End the program by Ctrl-C; return its exit status."""
     running.process.send_signal(signal.SIGINT)
     status = running.process.wait(timeout=30)
     assert running.process.stderr is not None
@@ -124,20 +124,20 @@ def processor_time(pids: list[int]) -> float:
 
 
 def family(pid: int) -> list[int]:
-    """Return a process and all that it started."""
-    found = [pid]
+    """Return a process and its descendants."""
+    result = [pid]
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit():
             with contextlib.suppress(OSError):
                 fields = (folder / "stat").read_text().rpartition(")")[2].split()
                 if int(fields[1]) == pid:
-                    found += family(int(folder.name))
-    return found
+                    result += family(int(folder.name))
+    return result
 
 
 @contextlib.contextmanager
 def browser() -> Iterator[tuple[Any, int]]:
-    """Open a headless Chromium at 1280 by 1400: every chart is in sight."""
+    """Open a headless Chromium at 1280 by 1400, where every chart is visible."""
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
@@ -164,7 +164,7 @@ def browser() -> Iterator[tuple[Any, int]]:
 
 @dataclass
 class Reader:
-    """Another viewer, which reads the stream and counts."""
+    """Another viewer, which reads the event stream and counts."""
 
     address: str
     frames: int = 0
@@ -180,8 +180,8 @@ class Reader:
                 self.frames += line.startswith(b"event: frame")
 
 
-def counted(address: str, pid: int, seconds: float, more: int) -> dict[str, Any]:
-    """Look at a page for so many seconds."""
+def measure(address: str, pid: int, seconds: float, more: int) -> dict[str, Any]:
+    """Measure a page for a time."""
     readers = [Reader(address) for _ in range(more)]
     with browser() as (driver, driver_pid):
         driver.get(address)
@@ -194,27 +194,27 @@ def counted(address: str, pid: int, seconds: float, more: int) -> dict[str, Any]
         began = time.perf_counter()
         driver.execute_script(_WATCH)
         time.sleep(seconds)
-        found: dict[str, Any] = driver.execute_script(_COUNT)
+        result: dict[str, Any] = driver.execute_script(_COUNT)
         passed = time.perf_counter() - began
-        found["program_core_percent"] = 100.0 * (processor_time([pid]) - before) / passed
-        spent = processor_time(family(driver_pid)) - browser_before
-        found["browser_core_percent"] = 100.0 * spent / passed
+        result["program_core_percent"] = 100.0 * (processor_time([pid]) - before) / passed
+        used = processor_time(family(driver_pid)) - browser_before
+        result["browser_core_percent"] = 100.0 * used / passed
         if readers:
-            found["reader_frames"] = (sum(r.frames for r in readers) - frames) / passed / more
-            found["reader_kilobytes"] = (
+            result["reader_frames"] = (sum(r.frames for r in readers) - frames) / passed / more
+            result["reader_kilobytes"] = (
                 (sum(r.octets for r in readers) - octets) / passed / more / 1000.0
             )
-        found["position"] = driver.execute_script("return window.liveStats.at")
-        found["looked_at"] = time.perf_counter()
+        result["position"] = driver.execute_script("return window.liveStats.at")
+        result["looked_at"] = time.perf_counter()
         driver.get("about:blank")
-    return found
+    return result
 
 
 def replay(file: Path, seconds: float, more: int) -> dict[str, Any]:
-    """Follow a recording at its own pace."""
+    """Measure the view of a recording at its own pace."""
     running = program(str(file))
     try:
-        row = counted(running.address, running.process.pid, seconds, more)
+        row = measure(running.address, running.process.pid, seconds, more)
     finally:
         status = end(running)
     del row["looked_at"]
@@ -222,7 +222,7 @@ def replay(file: Path, seconds: float, more: int) -> dict[str, Any]:
 
 
 class Logger(threading.Thread):
-    """Writes the rows of a file into a line when they are due."""
+    """Writes the rows of a file to a serial line when they are due."""
 
     def __init__(self, file: Path, line: int) -> None:
         super().__init__(daemon=True)
@@ -244,14 +244,14 @@ class Logger(threading.Thread):
 
 
 def port(file: Path, folder: Path, seconds: float, more: int) -> dict[str, Any]:
-    """Follow a serial port."""
+    """Measure the view of a serial port."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     running = program("--port", os.ttyname(theirs), "--keep", str(folder / f"kept-{more}.txt"))
     logger = Logger(file, ours)
     try:
         logger.start()
-        row = counted(running.address, running.process.pid, seconds, more)
+        row = measure(running.address, running.process.pid, seconds, more)
     finally:
         logger.over.set()
         status = end(running)
@@ -262,35 +262,35 @@ def port(file: Path, folder: Path, seconds: float, more: int) -> dict[str, Any]:
 
 
 def threads(file: Path, folder: Path, seconds: float) -> dict[str, Any]:
-    """Follow a port inside this process with one viewer, and tell its threads apart."""
+    """Follow a port in this process with one viewer, and measure each of its threads."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     car, name = read_vehicle(VEHICLE), os.ttyname(theirs)
     source = PortSource(PortReader(name, folder / "kept-threads.txt"), name, car)
-    show = Show(scene(car, name, None, live=True), RATE)
-    pump = Pump(source, lambda about: tracker_for(about.start, car, rate=about.rate), show)
-    server, logger = LiveServer(show), Logger(file, ours)
+    session = Session(view_metadata(car, name, None, live=True), RATE)
+    worker = Worker(source, lambda info: tracker_for(info.start, car, rate=info.rate), session)
+    server, logger = LiveServer(session), Logger(file, ours)
     reader = threading.Thread(target=Reader(server.address).run, daemon=True)
     server.start()
-    for part in (pump, logger, reader):
+    for part in (worker, logger, reader):
         part.start()
     time.sleep(_SETTLE)
 
-    def spent() -> dict[str, float]:
-        """Processor time of each thread so far, s."""
-        found = {}
+    def thread_times() -> dict[str, float]:
+        """Return the processor time of each thread so far, s."""
+        result = {}
         for thread in threading.enumerate():
             stat = Path(f"/proc/self/task/{thread.native_id}/stat").read_text()
             fields = stat.rpartition(")")[2].split()
-            found[thread.name] = (int(fields[11]) + int(fields[12])) / _TICKS
-        return found
+            result[thread.name] = (int(fields[11]) + int(fields[12])) / _TICKS
+        return result
 
-    before = spent()
+    before = thread_times()
     time.sleep(seconds)
-    after = spent()
+    after = thread_times()
     logger.over.set()
     server.stop()
-    pump.stop()
+    worker.stop()
     os.close(ours)
     os.close(theirs)
     share = {k: 100.0 * (after[k] - before[k]) / seconds for k in before if k in after}
@@ -316,11 +316,11 @@ def pictures() -> None:
         with browser() as (driver, _):
             driver.get(running.address)
             clock = "return document.querySelector('#clock').textContent"
-            while "ended" not in driver.execute_script(clock):  # the filter may have to be compiled
+            while "ended" not in driver.execute_script(clock):  # the filter may need compiling
                 time.sleep(0.5)
-            ask = "fetch('/control', {method: 'POST', body: JSON.stringify(arguments[0])})"
-            for wish in ({"do": "pause"}, {"do": "seek", "value": 1.0}):
-                driver.execute_script(ask, wish)
+            control = "fetch('/control', {method: 'POST', body: JSON.stringify(arguments[0])})"
+            for request in ({"do": "pause"}, {"do": "seek", "value": 1.0}):
+                driver.execute_script(control, request)
                 time.sleep(1.0)
             driver.execute_cdp_cmd(
                 "Emulation.setDeviceMetricsOverride",
@@ -333,16 +333,16 @@ def pictures() -> None:
 
 
 def main() -> int:
-    """Run the bench and write its results; return the exit status."""
+    """Run the benchmark and write its results; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--seconds", type=float, default=30.0, help="to look at each page")
+    parser.add_argument("--seconds", type=float, default=30.0, help="per page")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS)
     parser.add_argument("--pictures", action="store_true")
-    given = parser.parse_args()
-    # What a shell starts in the background ignores Ctrl-C, and so would what we start and end.
+    options = parser.parse_args()
+    # A shell's background processes ignore Ctrl-C, and so would the programs started here.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    if given.pictures:
+    if options.pictures:
         pictures()
         return 0
     rows = []
@@ -351,16 +351,16 @@ def main() -> int:
         file = folder / "rough.csv"
         subprocess.run(
             [sys.executable, "-m", "bayes_asv", "simulate", "--vehicle", str(VEHICLE), "--road",
-             "rough", "--rate", f"{RATE:g}", "--seconds", f"{given.seconds + 40:g}", "--seed",
-             str(given.seed), "-o", str(file)],
+             "rough", "--rate", f"{RATE:g}", "--seconds", f"{options.seconds + 40:g}", "--seed",
+             str(options.seed), "-o", str(file)],
             check=True, stdout=subprocess.DEVNULL,
         )  # fmt: skip
         for more in (0, MORE):
-            rows.append(replay(file, given.seconds, more))
+            rows.append(replay(file, options.seconds, more))
             print(rows[-1], file=sys.stderr, flush=True)
-            rows.append(port(file, folder, given.seconds, more))
+            rows.append(port(file, folder, options.seconds, more))
             print(rows[-1], file=sys.stderr, flush=True)
-        rows.append(threads(file, folder, given.seconds))
+        rows.append(threads(file, folder, options.seconds))
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
     ).stdout.strip()
@@ -368,7 +368,7 @@ def main() -> int:
         [shutil.which("chromium") or "chromium-browser", "--version"],
         capture_output=True, text=True, check=False,
     ).stdout.split()  # fmt: skip
-    about = {
+    info = {
         "commit": commit,
         "version": __version__,
         "python": platform.python_version(),
@@ -377,14 +377,14 @@ def main() -> int:
         "load_average": round(os.getloadavg()[1], 2),
         "ahead_of_other_work": os.sched_getscheduler(0) != os.SCHED_OTHER,
         "rate": RATE,
-        "seconds": given.seconds,
-        "seed": given.seed,
+        "seconds": options.seconds,
+        "seed": options.seed,
     }
-    given.out.parent.mkdir(exist_ok=True)
+    options.out.parent.mkdir(exist_ok=True)
     rounded = [
         {k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()} for row in rows
     ]
-    given.out.write_text(json.dumps({"about": about, "rows": rounded}, indent=1) + "\n")
+    options.out.write_text(json.dumps({"about": info, "rows": rounded}, indent=1) + "\n")
     print(json.dumps(rounded, indent=1))
     return 0
 

@@ -1,19 +1,17 @@
-"""What the filter said so far, in display units, for readers of other threads."""
+"""Results of the filter so far, in display units, shared between threads."""
 
 from __future__ import annotations
 
 import threading
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from bayes_asv.live.bands import Z95
-from bayes_asv.live.metadata import Scene
-from bayes_asv.live.table import Table
+from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.tracking.frames import Frames
 
-__all__ = ["RUN_POINTS", "SIDES", "TRACES", "History", "Snapshot"]
+__all__ = ["BAND_SIDES", "PARAMETER_POINTS", "TRACES", "Z95", "History", "Snapshot"]
 
 Array = NDArray[np.float64]
 
@@ -26,33 +24,39 @@ TRACES: Final = (
 )  # fmt: skip
 """Columns of `Snapshot.traces`."""
 
-SIDES: Final = tuple(
+BAND_SIDES: Final = tuple(
     -1 if name.endswith(" low") else 1 if name.endswith(" high") else 0 for name in TRACES
 )
 """For each of `TRACES`: the lower (-1) or upper (1) edge of a band, or a curve (0)."""
 
-RUN_POINTS: Final = 1000
-"""The run of the parameters is thinned to at most twice as many points."""
+Z95: Final = 1.959963984540054
+"""Half-width of a 95 % band in standard deviations."""
+
+PARAMETER_POINTS: Final = 1000
+"""The parameters are decimated to at most twice as many points."""
+
+_INITIAL_ROWS: Final = 1024  # of a table
 
 
 class Snapshot(NamedTuple):
-    """The history as it was at one moment; arrays are not to be written to.
+    """The history at one moment; its arrays must not be written to.
 
     Attributes
     ----------
     first : int
-        How many rows came before those that are still here.
+        Number of rows that were dropped before those that are left.
     time : (n,) array
         Stamps, s.
     traces : (n, 17) array of float32
-        Columns `TRACES`, display units; bands hold 95 %.
-    known : (n, 8) array of float32
-        Medians of c_f, c_r, i in display units, deviations of their logarithms, whether
-        consistent (1 or 0), and the inflation of the noise.
-    reach : (n, 4) array of float32
-        Least and largest deflection up to then, front and rear, display units.
-    run : (m, 7) array
-        Stamp, medians and deviations of the logarithms of every `stride`-th row.
+        Columns `TRACES`, display units; bands are 95 % bands.
+    estimates : (n, 8) array of float32
+        Medians of c_f, c_r, i in display units, standard deviations of their logarithms, whether
+        the filter is consistent (1 or 0), and the inflation of the noise.
+    extremes : (n, 4) array of float32
+        Smallest and largest deflection so far, front and rear, display units.
+    parameters : (m, 7) array
+        Stamp, medians and standard deviations of the logarithms of every `stride`-th row since
+        the start.
     stride : int
         A power of two.
     """
@@ -60,100 +64,144 @@ class Snapshot(NamedTuple):
     first: int
     time: Array
     traces: NDArray[np.float32]
-    known: NDArray[np.float32]
-    reach: NDArray[np.float32]
-    run: Array
+    estimates: NDArray[np.float32]
+    extremes: NDArray[np.float32]
+    parameters: Array
     stride: int
 
 
 class History:
-    """Frames in display units.  One thread appends, any may take a snapshot.
+    """Frames in display units.  One thread appends, any thread may take a snapshot.
 
     Parameters
     ----------
-    scene : Scene
-        Has the units.
+    metadata : ViewMetadata
+        Gives the units.
     keep : int or None
-        Rows to remember at least; twice as many at most.  None forgets nothing.
+        Rows to keep at least; twice as many at most.  None keeps all.
     """
 
-    def __init__(self, scene: Scene, keep: int | None = None) -> None:
-        self._scene = scene
+    def __init__(self, metadata: ViewMetadata, keep: int | None = None) -> None:
+        self._metadata = metadata
         self._keep = keep
         self._lock = threading.Lock()
         self._first = 0
         self._stride = 1
-        self._time = Table(1)
-        self._traces = Table(len(TRACES), np.float32)
-        self._known = Table(8, np.float32)
-        self._reach = Table(4, np.float32)
-        self._run = Table(7)
+        self._time = _Table(1)
+        self._traces = _Table(len(TRACES), np.float32)
+        self._estimates = _Table(8, np.float32)
+        self._extremes = _Table(4, np.float32)
+        self._parameters = _Table(7)
 
     def append(self, frames: Frames) -> None:
-        """Take what the filter said of the next rows."""
+        """Add the frames of the next rows."""
         if not len(frames):
             return
-        medians = frames.median / np.array([p.factor for p in self._scene.parameters])
-        known = np.column_stack((medians, frames.log_sd, frames.consistent, frames.inflation))
-        reach = self._reached(frames.deflection / self._scene.deflection[1])
-        run = np.column_stack((frames.time, medians, frames.log_sd))
+        medians = frames.median / np.array([p.factor for p in self._metadata.parameters])
+        estimates = np.column_stack((medians, frames.log_sd, frames.consistent, frames.inflation))
+        extremes = self._running_extremes(frames.deflection / self._metadata.deflection[1])
+        parameters = np.column_stack((frames.time, medians, frames.log_sd))
         with self._lock:
             row = self._first + len(self._time)
             self._time.append(frames.time[:, None])
-            self._traces.append(self._curves(frames))
-            self._known.append(known)
-            self._reach.append(reach)
-            self._run.append(run[-row % self._stride :: self._stride])
-            while len(self._run) > 2 * RUN_POINTS:
+            self._traces.append(self._trace_columns(frames))
+            self._estimates.append(estimates)
+            self._extremes.append(extremes)
+            self._parameters.append(parameters[-row % self._stride :: self._stride])
+            while len(self._parameters) > 2 * PARAMETER_POINTS:
                 self._stride *= 2
-                self._run.keep(self._run.rows()[::2])
+                self._parameters.replace(self._parameters.rows()[::2])
             if self._keep is not None and len(self._time) > 2 * self._keep:
-                for table in (self._time, self._traces, self._known, self._reach):
+                for table in (self._time, self._traces, self._estimates, self._extremes):
                     surplus = len(table) - self._keep
-                    table.keep(table.rows()[surplus:])
+                    table.replace(table.rows()[surplus:])
                 self._first += surplus
 
     def snapshot(self) -> Snapshot:
-        """Everything up to now; nothing is copied."""
+        """Everything so far, without copying."""
         with self._lock:
             return Snapshot(
                 self._first,
                 self._time.rows()[:, 0],
                 self._traces.rows(),
-                self._known.rows(),
-                self._reach.rows(),
-                self._run.rows(),
+                self._estimates.rows(),
+                self._extremes.rows(),
+                self._parameters.rows(),
                 self._stride,
             )
 
-    def _curves(self, frames: Frames) -> Array:
+    def _trace_columns(self, frames: Frames) -> Array:
         """Columns `TRACES` of the frames."""
         columns = []
-        gravity, length = self._scene.acceleration[1], self._scene.deflection[1]
+        acceleration, length = self._metadata.acceleration[1], self._metadata.deflection[1]
         for axle in range(2):
             columns += [
-                frames.measured[:, axle] / gravity,
-                *_band(frames.predicted[:, axle], frames.predicted_sd[:, axle], gravity),
+                frames.measured[:, axle] / acceleration,
+                *_band(frames.predicted[:, axle], frames.predicted_sd[:, axle], acceleration),
                 *_band(frames.deflection[:, axle], frames.deflection_sd[:, axle], length),
             ]
-        # A mean that has no band yet is a mean of nothing.
-        judged = np.isfinite(frames.nis_low) & np.isfinite(frames.nis_high)
-        for errors in (frames.nis_mean, frames.nis_low, frames.nis_high):
-            columns.append(np.where(judged, errors, np.nan))
+        # A mean without a finite band is a mean of no readings.
+        valid = np.isfinite(frames.nis_low) & np.isfinite(frames.nis_high)
+        for nis in (frames.nis_mean, frames.nis_low, frames.nis_high):
+            columns.append(np.where(valid, nis, np.nan))
         return np.column_stack(columns)
 
-    def _reached(self, deflection: Array) -> Array:
-        """Least and largest deflection up to each row, (n, 4)."""
-        before = self._reach.rows()[-1:] if len(self._reach) else np.full((1, 4), np.nan)
+    def _running_extremes(self, deflection: Array) -> Array:
+        """Smallest and largest deflection up to each row, (n, 4)."""
+        before = self._extremes.rows()[-1:] if len(self._extremes) else np.full((1, 4), np.nan)
         out = np.empty((len(deflection), 4))
         for axle in range(2):
-            for place, gather in ((2 * axle, np.fmin), (2 * axle + 1, np.fmax)):
-                along = np.concatenate((before[:, place], deflection[:, axle]))
-                out[:, place] = gather.accumulate(along)[1:]
+            for column, extreme in ((2 * axle, np.fmin), (2 * axle + 1, np.fmax)):
+                values = np.concatenate((before[:, column], deflection[:, axle]))
+                out[:, column] = extreme.accumulate(values)[1:]
         return out
 
 
-def _band(middle: Array, sd: Array, unit: float) -> tuple[Array, Array, Array]:
-    """Return the curve and the edges of its 95 % band, in `unit`."""
+def _band(mean: Array, sd: Array, unit: float) -> tuple[Array, Array, Array]:
+    """Return a curve and the edges of its 95 % band, in `unit`."""
     half = Z95 * sd
-    return middle / unit, (middle - half) / unit, (middle + half) / unit
+    return mean / unit, (mean - half) / unit, (mean + half) / unit
+
+
+class _Table:
+    """Growing array of rows that are appended at the end and may be dropped at the front.
+
+    What `rows` returned never changes afterwards: a row is written once, and the rows move to a new
+    array when they need room.  `rows` and the methods that change the table must not run at the
+    same time; reading what `rows` returned is safe at any time.
+
+    Parameters
+    ----------
+    columns : int
+        Length of a row.
+    dtype : data type
+        Of every number.
+    """
+
+    def __init__(self, columns: int, dtype: DTypeLike = np.float64) -> None:
+        self._data: NDArray[Any] = np.empty((_INITIAL_ROWS, columns), dtype)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, block: NDArray[Any]) -> None:
+        """Add the rows of `block`, shape (n, columns)."""
+        needed = self._count + len(block)
+        if needed > len(self._data):
+            self._reallocate(self.rows(), 2 * needed)
+        self._data[self._count : needed] = block
+        self._count = needed
+
+    def rows(self) -> NDArray[Any]:
+        """All rows, shape (n, columns); must not be written to."""
+        return self._data[: self._count]
+
+    def replace(self, rows: NDArray[Any]) -> None:
+        """Keep `rows`, a part of its own, and drop the others."""
+        self._reallocate(rows, max(2 * len(rows), _INITIAL_ROWS))
+
+    def _reallocate(self, rows: NDArray[Any], capacity: int) -> None:
+        data = np.empty((capacity, self._data.shape[1]), self._data.dtype)
+        data[: len(rows)] = rows
+        self._data, self._count = data, len(rows)

@@ -1,4 +1,4 @@
-"""What stays while a car is watched: names, units, nominal values and travel limits."""
+"""Metadata of a live view: names, units, nominal values and travel limits."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from dataclasses import dataclass
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, si_factor
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.report.readable import plain, readable_unit
+from bayes_asv.report.words import plain, readable_unit
 from bayes_asv.tracking.frames import PARAMETERS
 
-__all__ = ["AXLES", "Parameter", "Scene", "scene"]
+__all__ = ["AXLES", "Parameter", "ViewMetadata", "view_metadata"]
 
 AXLES = ("front", "rear")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter as it is shown.
+    """A parameter as it is displayed.
 
     Parameters
     ----------
     name : str
         ``c_f``, ``c_r`` or ``i``.
     label, unit : str
-        In words, and as people write it.
+        Name in words, and unit as people write it.
     factor : float
         SI units in one display unit.
     nominal : float
@@ -41,23 +41,23 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Scene:
-    """Everything about the car and the recording that the views need; display units.
+class ViewMetadata:
+    """What the views need to know about the car and the recording; display units.
 
     Parameters
     ----------
     vehicle, source : str
-        Names, fit to print.
+        Printable names.
     parameters : tuple of 3 Parameter
         c_f, c_r, i.
     acceleration, deflection : (str, float)
-        Unit as people write it, and SI units in one of it.
+        Unit as people write it, and its value in SI units.
     limits : tuple of 2 (float or None, float or None)
         Front and rear: deflection at the bump stop (negative) and at the droop stop (positive).
     live : bool
-        Whether the rows come in while one looks, from a port.
+        Whether the rows come from a port at this moment.
     duration : float or None
-        Length of the recording, s; None while nobody knows it.
+        Length of the recording, s; None if it is unknown.
     """
 
     vehicle: str
@@ -70,23 +70,25 @@ class Scene:
     duration: float | None
 
 
-def scene(vehicle: Vehicle, source: str, duration: float | None, *, live: bool = False) -> Scene:
-    """Put together what the views need.
+def view_metadata(
+    vehicle: Vehicle, source: str, duration: float | None, *, live: bool = False
+) -> ViewMetadata:
+    """Collect what the views need.
 
     Parameters
     ----------
     vehicle : Vehicle
-        Its ``units`` decide how everything is shown.
+        Its ``units`` are the display units.
     source : str
         File or port.
     duration : float or None
         Length of the recording, s.
     live : bool
-        Whether rows come in while one looks.
+        Whether the rows come from a port at this moment.
 
     Returns
     -------
-    Scene
+    ViewMetadata
         In display units.
     """
     units = display_units(vehicle.units)
@@ -113,7 +115,7 @@ def scene(vehicle: Vehicle, source: str, duration: float | None, *, live: bool =
         limits.append(
             (None if bump is None else -bump / length, None if droop is None else droop / length)
         )
-    return Scene(
+    return ViewMetadata(
         vehicle=plain(vehicle.name) or "unnamed vehicle",
         source=plain(source if live else os.path.basename(source)),
         parameters=tuple(parameters),

@@ -1,4 +1,4 @@
-"""A source followed to its end, or until Ctrl-C, with a page, in the terminal, both or neither."""
+"""Following a source to its end, or until Ctrl-C, with a page, in the terminal, both or neither."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import threading
 import webbrowser
 from collections.abc import Callable
 
-from bayes_asv.live.metadata import Scene
+from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.live.server import LiveServer
-from bayes_asv.live.session import Show
-from bayes_asv.live.sources import About, Source
-from bayes_asv.live.worker import Filter, Pump
+from bayes_asv.live.session import Session
+from bayes_asv.live.sources import Source, StreamInfo
+from bayes_asv.live.worker import StreamFilter, Worker
 from bayes_asv.tracking.frames import Frames
 
 __all__ = ["follow"]
 
-_KEPT_OF_A_PORT = 500_000  # rows a port's view can look back on at least: ten minutes at 800 Hz
-_LOOK = 0.2  # s between looks at whether it is over
+_PORT_ROWS = 500_000  # rows of a port that the view keeps at least: ten minutes at 800 Hz
+_POLL_INTERVAL = 0.2  # s
 
 
 def follow(
     source: Source,
-    scene: Scene,
-    make: Callable[[About], Filter],
+    metadata: ViewMetadata,
+    make: Callable[[StreamInfo], StreamFilter],
     *,
     rate: float = 400.0,
     page: bool = False,
@@ -34,93 +34,93 @@ def follow(
     speed: float = 1.0,
     sink: Callable[[Frames], None] | None = None,
     say: Callable[[str], None] | None = None,
-) -> Show:
+) -> Session:
     """Run a filter over a source, and show it.
 
-    With a page or in a terminal it goes on until Ctrl-C (or q), so that one may look at what has
-    ended; without either, a recording until its end and a port until Ctrl-C.
+    With a page or in a terminal it continues until Ctrl-C (or q), so that the result can be looked
+    at; without either, a recording is followed to its end and a port until Ctrl-C.
 
     Parameters
     ----------
     source : Source
-        A recording or a port; it is closed in the end.
-    scene : Scene
-        What stays.
+        A recording or a port; it is closed at the end.
+    metadata : ViewMetadata
+        Names, units and limits.
     make : callable
         Makes the filter.
     rate : float
-        Rows a second, Hz, as long as the source has not said it.
+        Rows per second, Hz, until the source states it.
     page, terminal : bool
         Where to show it.
     browser : bool
-        Whether a browser is opened with the page.
+        Whether to open a browser with the page.
     speed : float
-        Recording seconds a second to begin with.
+        Initial playback speed, recording seconds per second.
     sink : callable, optional
-        Is given all frames.
+        Receives all frames.
     say : callable, optional
-        Told where the page is.
+        Called with the address of the page.
 
     Returns
     -------
-    Show
-        As it stands in the end.
+    Session
+        In its final state.
 
     Raises
     ------
     InputError
         If the source cannot be read.
     KeyboardInterrupt
-        If a recording that nobody looks at is interrupted.
+        If a recording without a view is interrupted.
     """
-    show = Show(scene, rate, speed=speed, keep=_KEPT_OF_A_PORT if scene.live else None)
-    pump = Pump(source, make, show, sink)
+    session = Session(metadata, rate, speed=speed, keep=_PORT_ROWS if metadata.live else None)
+    worker = Worker(source, make, session, sink)
     over = threading.Event()
-    server = LiveServer(show) if page else None
+    server = LiveServer(session) if page else None
     try:
-        pump.start()
+        worker.start()
         if server is not None:
             server.start()
             if say is not None:
                 say(f"Live view: {server.address} (Ctrl-C ends it)")
             if browser:
-                _open(server.address)
-        # Half a recording is no answer where nobody looked at it.
-        expected = (KeyboardInterrupt,) if page or terminal or scene.live else ()
+                _open_browser(server.address)
+        # Half a recording is no result if nobody looked at it.
+        expected = (KeyboardInterrupt,) if page or terminal or metadata.live else ()
         with contextlib.suppress(*expected):
             if terminal:
-                _terminal(show, pump, over)
+                _show_in_terminal(session, worker, over)
             else:
-                while pump.running or (page and pump.fault is None):
-                    over.wait(_LOOK)
+                while worker.running or (page and worker.error is None):
+                    over.wait(_POLL_INTERVAL)
     finally:
         if server is not None:
             server.stop()
-        pump.stop()
-    if pump.fault is not None:
-        raise pump.fault
-    return show
+        worker.stop()
+    if worker.error is not None:
+        raise worker.error
+    return session
 
 
-def _terminal(show: Show, pump: Pump, over: threading.Event) -> None:
+def _show_in_terminal(session: Session, worker: Worker, over: threading.Event) -> None:
     from rich.console import Console
 
-    from bayes_asv.live.terminal import watch_in_terminal
+    from bayes_asv.live.terminal import run_terminal_view
 
-    def fails() -> None:
-        pump.wait()
-        if pump.fault is not None:
+    def end_on_error() -> None:
+        worker.wait()
+        if worker.error is not None:
             over.set()
 
-    threading.Thread(target=fails, name="faults", daemon=True).start()
-    watch_in_terminal(show, Console(stderr=True), over)
+    threading.Thread(target=end_on_error, name="errors", daemon=True).start()
+    run_terminal_view(session, Console(stderr=True), over)
 
 
-def _open(address: str) -> None:
-    """Open a window of a browser, never one that would take over this terminal."""
+def _open_browser(address: str) -> None:
+    """Open a browser window, but no text browser that would take over this terminal."""
     if sys.platform.startswith("linux") and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         return
-    # A browser may take its time to start, or forever.
+    # In a thread, because a browser may take long to start, or never return.
     threading.Thread(target=webbrowser.open, args=(address,), name="browser", daemon=True).start()

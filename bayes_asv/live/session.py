@@ -1,7 +1,8 @@
-"""One recording or port, watched: what is known of it, where one looks, and what may be asked."""
+"""A live session: the history of one recording or port, the playback position, and its controls."""
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -11,33 +12,112 @@ from typing import Any, Final
 import numpy as np
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.live.clock import Clock
 from bayes_asv.live.history import History, Snapshot
-from bayes_asv.live.metadata import Scene
+from bayes_asv.live.metadata import ViewMetadata
 
-__all__ = ["Moment", "Show"]
+__all__ = ["SPEEDS", "Playback", "PlaybackClock", "Session"]
+
+SPEEDS: Final = (0.01, 100.0)
+"""Slowest and fastest playback, recording seconds per second."""
 
 _ACTIONS: Final = ("pause", "play", "restart", "seek", "speed")
+_MAX_ADVANCE: Final = 0.25  # s: after a longer time without a viewer the playback has waited
+
+
+class PlaybackClock:
+    """Position in a recording that advances while viewers ask for it.
+
+    The caller provides the time, so that tests need not wait.  If nobody asks for a while, the
+    playback waits: it begins when the first browser is ready.
+
+    Parameters
+    ----------
+    speed : float
+        Recording seconds per second.
+    follow : bool
+        Stay at the newest row instead, while not paused.
+    """
+
+    def __init__(self, speed: float = 1.0, *, follow: bool = False) -> None:
+        self.position = 0.0
+        self.speed = speed
+        self.playing = True
+        self.follow = follow
+        self._last: float | None = None
+
+    def advance(self, now: float, end: float) -> float:
+        """Advance the position.
+
+        Parameters
+        ----------
+        now : float
+            Time of a monotonic clock, s.
+        end : float
+            Position of the newest row, s, beyond which the position does not advance.
+
+        Returns
+        -------
+        float
+            The position, s.
+        """
+        elapsed = 0.0 if self._last is None else min(max(now - self._last, 0.0), _MAX_ADVANCE)
+        self._last = now
+        if self.playing:
+            target = end if self.follow else self.position + self.speed * elapsed
+            self.position = min(max(target, 0.0), max(end, 0.0))
+        return self.position
+
+    def pause(self) -> None:
+        """Stop advancing."""
+        self.playing = False
+
+    def play(self) -> None:
+        """Advance again."""
+        self.playing = True
+
+    def seek(self, position: float) -> None:
+        """Go to a position, s, whether playing or not.
+
+        Raises
+        ------
+        ValueError
+            If it is not finite.
+        """
+        if not math.isfinite(position):
+            raise ValueError("a position is a number of seconds")
+        self.position = max(position, 0.0)
+
+    def set_speed(self, speed: float) -> None:
+        """Change the speed.
+
+        Raises
+        ------
+        ValueError
+            If it is outside of `SPEEDS`.
+        """
+        if not SPEEDS[0] <= speed <= SPEEDS[1]:
+            raise ValueError(f"a speed lies between {SPEEDS[0]:g} and {SPEEDS[1]:g}")
+        self.speed = speed
 
 
 @dataclass(frozen=True)
-class Moment:
-    """Where one looks.
+class Playback:
+    """State of the playback at one moment.
 
     Parameters
     ----------
     snapshot : Snapshot
-        Everything there is.
+        All rows so far.
     rows : int
-        How many of its rows belong to the past.
+        Number of its rows up to the position.
     position, end : float
-        s after the first row, of the moment and of the newest row.
+        Position of the playback and of the newest row, s after the first row.
     state : str
         ``waiting`` (no row yet), ``playing``, ``paused``, ``ended`` or ``failed``.
     speed : float
-        Recording seconds a second.
+        Recording seconds per second.
     notes : tuple of str
-        What a person should know about the rows.
+        Notes about the rows, for the user.
     """
 
     snapshot: Snapshot
@@ -49,55 +129,55 @@ class Moment:
     notes: tuple[str, ...]
 
 
-class Show:
-    """What all viewers share.  Methods may be called from any thread.
+class Session:
+    """State that all viewers share.  Methods may be called from any thread.
 
     Parameters
     ----------
-    scene : Scene
-        What stays.
+    metadata : ViewMetadata
+        Names, units and limits.
     rate : float
-        Rows a second, Hz, about.
+        Approximate number of rows per second, Hz.
     speed : float
-        Recording seconds a second to begin with.
+        Initial speed, recording seconds per second.
     keep : int or None
-        Rows to remember at least; None forgets nothing.
+        Rows to keep at least; None keeps all.
     clock : callable
-        Steady time, s.
+        Monotonic time, s.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        metadata: ViewMetadata,
         rate: float,
         *,
         speed: float = 1.0,
         keep: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.scene = scene
+        self.metadata = metadata
         self.rate = rate
-        self.history = History(scene, keep)
-        self._clock = Clock(speed, follow=scene.live)
+        self.history = History(metadata, keep)
+        self._clock = PlaybackClock(speed, follow=metadata.live)
         self._now = clock
         self._lock = threading.Lock()
         self._origin: float | None = None  # stamp of the very first row
         self._finished = False
-        self._fault = ""
+        self._error = ""
         self._notes: tuple[str, ...] = ()
 
-    def finish(self, fault: str = "") -> None:
-        """Say that no more rows come, perhaps because of a fault."""
-        self._fault = fault
+    def finish(self, error: str = "") -> None:
+        """Mark the end of the rows, perhaps because of an error."""
+        self._error = error
         self._finished = True
 
-    def note(self, *notes: str) -> None:
-        """Replace what a person should know about the rows."""
+    def set_notes(self, *notes: str) -> None:
+        """Replace the notes about the rows."""
         self._notes = tuple(note for note in notes if note)
 
-    def moment(self) -> Moment:
-        """Move the clock on, and tell where it stands."""
-        finished = self._finished  # before the rows: what is ended has all of them
+    def playback(self) -> Playback:
+        """Advance the clock, and return the state of the playback."""
+        finished = self._finished  # read before the rows: once finished, all of them are there
         snapshot = self.history.snapshot()
         count = len(snapshot.time)
         with self._lock:
@@ -110,7 +190,7 @@ class Show:
         rows = int(np.searchsorted(snapshot.time, origin + position, side="right"))
         if count and position <= 0.0:
             rows = max(rows, 1)
-        if self._fault:
+        if self._error:
             state = "failed"
         elif not count:
             state = "ended" if finished else "waiting"
@@ -118,11 +198,11 @@ class Show:
             state = "ended"
         else:
             state = "playing" if playing else "paused"
-        notes = (*((self._fault,) if self._fault else ()), *self._notes)
-        return Moment(snapshot, rows, position, end, state, speed, notes)
+        notes = (*((self._error,) if self._error else ()), *self._notes)
+        return Playback(snapshot, rows, position, end, state, speed, notes)
 
-    def ask(self, action: str, value: Any = None) -> None:
-        """Do what a viewer asks: ``pause``, ``play``, ``restart``, ``seek`` or ``speed``.
+    def control(self, action: str, value: Any = None) -> None:
+        """Perform an action: ``pause``, ``play``, ``restart``, ``seek`` or ``speed``.
 
         Parameters
         ----------
@@ -134,12 +214,14 @@ class Show:
         Raises
         ------
         InputError
-            If it is none of these, the value does not fit, or a port is asked to go back.
+            For an unknown action or an invalid value, or if a live port is asked to go back.
         """
         if action not in _ACTIONS:
             raise InputError("control", "there is no such action", f"use {', '.join(_ACTIONS)}")
-        if self.scene.live and action not in ("pause", "play"):
-            raise InputError("control", "a port has no other time than now", "pause or play")
+        if self.metadata.live and action not in ("pause", "play"):
+            raise InputError(
+                "control", f"{action} is not possible with a live port", "use pause or play"
+            )
         number = 0.0
         if action in ("seek", "speed"):
             if isinstance(value, bool) or not isinstance(value, int | float):
@@ -155,5 +237,5 @@ class Show:
                     self._clock.play()
                 elif action == "pause":
                     self._clock.pause()
-        except ValueError as fault:
-            raise InputError("control", str(fault), "give another value") from None
+        except ValueError as error:
+            raise InputError("control", str(error), "give another value") from None

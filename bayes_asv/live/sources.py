@@ -1,4 +1,4 @@
-"""Where rows come from: a recording, or a port on which they come in while one looks."""
+"""Sources of rows: a recording, or a port from which they arrive at this moment."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.live.lines import LineReader, Piece
 from bayes_asv.live.port import PortReader
+from bayes_asv.live.text_stream import RowBlock, TextStreamReader
 
-__all__ = ["About", "PortSource", "RecordingSource", "Rows", "Source"]
+__all__ = ["PortSource", "RecordingSource", "Rows", "Source", "StreamInfo"]
 
 Array = NDArray[np.float64]
 
-_CHUNK: Final = 0.25  # s of a recording that are handed over at once
+_CHUNK: Final = 0.25  # s of a recording
 
 
-class About(NamedTuple):
-    """What a filter has to know before the first row.
+class StreamInfo(NamedTuple):
+    """What a filter needs to know before the first row.
 
     Attributes
     ----------
     rate : float
-        Rows a second, Hz.
+        Rows per second, Hz.
     start : Recording
-        The recording, or its first rows where more are to come: with units and metadata.
+        The recording, or its first rows where more will come; it has units and metadata.
     """
 
     rate: float
@@ -53,23 +53,23 @@ class Rows(NamedTuple):
 
 
 class Source(Protocol):
-    """Something that gives rows."""
+    """Interface of a source of rows."""
 
-    def begin(self, stop: threading.Event) -> About | None:
-        """Wait until it is known what comes; None when it was stopped before."""
+    def begin(self, stop: threading.Event) -> StreamInfo | None:
+        """Wait until the stream is known; None if it was stopped before."""
 
     def rows(self, stop: threading.Event) -> Iterator[Rows]:
         """Yield rows until there are no more or it is stopped."""
 
     def notes(self) -> tuple[str, ...]:
-        """Say what a person should know about the rows so far."""
+        """Return notes about the rows so far, for the user."""
 
     def close(self) -> None:
-        """Give back what is held."""
+        """Release all resources."""
 
 
 class RecordingSource:
-    """A recording, handed over as fast as it is taken.
+    """Yields a recording as fast as the rows are taken.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ class RecordingSource:
 
     @property
     def duration(self) -> float:
-        """From the first stamp to the last, s."""
+        """Time from the first stamp to the last, s."""
         return float(self._recording.time[-1] - self._recording.time[0])
 
-    def begin(self, stop: threading.Event) -> About | None:
-        """Tell of the recording at once."""
-        return About(nominal_rate(self._recording), self._recording)
+    def begin(self, stop: threading.Event) -> StreamInfo | None:
+        """Return the recording at once."""
+        return StreamInfo(nominal_rate(self._recording), self._recording)
 
     def rows(self, stop: threading.Event) -> Iterator[Rows]:
         """Yield a quarter of a second at a time."""
@@ -112,11 +112,11 @@ class RecordingSource:
         return self._recording.warnings
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there are no resources."""
 
 
 class PortSource:
-    """Rows from a serial port.
+    """Yields the rows that arrive at a serial port.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class PortSource:
     vehicle : Vehicle
         For channels in counts.
     rate : float or None
-        Rows a second, Hz, for streams without stamps.
+        Rows per second, Hz, for streams without stamps.
     """
 
     def __init__(
@@ -136,11 +136,11 @@ class PortSource:
         self._port = port
         self._name = name
         self._vehicle = vehicle
-        self._reader = LineReader(name, rate)
-        self._pieces = port.pieces()
-        self._waiting: list[Piece] = []
+        self._reader = TextStreamReader(name, rate)
+        self._chunks = port.chunks()
+        self._pending: list[RowBlock] = []
 
-    def begin(self, stop: threading.Event) -> About | None:
+    def begin(self, stop: threading.Event) -> StreamInfo | None:
         """Wait for the first rows.
 
         Raises
@@ -149,58 +149,59 @@ class PortSource:
             If the stream cannot be a recording, or the vehicle lacks a zero or a scale.
         """
         while not stop.is_set():
-            piece = next(self._pieces, None)
-            if piece is None:
+            chunk = next(self._chunks, None)
+            if chunk is None:
                 return None
-            self._take(piece)
-            start = self._held()
+            self._read(chunk)
+            start = self._pending_recording()
             if start is not None and self._reader.rate is not None:
-                return About(self._reader.rate, start)
+                return StreamInfo(self._reader.rate, start)
         return None
 
     def rows(self, stop: threading.Event) -> Iterator[Rows]:
-        """Yield rows as they come."""
-        for piece in itertools.chain((b"",), self._pieces):
+        """Yield rows as they arrive."""
+        for chunk in itertools.chain((b"",), self._chunks):
             if stop.is_set():
                 return
-            self._take(piece)
-            whole, self._waiting = self._held(1), []
-            if whole is not None:  # an empty row went ahead of them
-                yield Rows(whole.time[1:], accelerations(whole, self._vehicle)[:, 1:].T)
+            self._read(chunk)
+            recording, self._pending = self._pending_recording(1), []
+            if recording is not None:  # its first row is padding
+                acceleration = accelerations(recording, self._vehicle)
+                yield Rows(recording.time[1:], acceleration[:, 1:].T)
 
     def notes(self) -> tuple[str, ...]:
-        """Say what was lost, and where the bytes are kept."""
-        said = [f"Every byte is kept in {self._port.file.name}."]
+        """State what was lost, and where the bytes are saved."""
+        notes = [f"Every byte is saved in {self._port.file.name}."]
         if not self._port.connected:
-            said.insert(0, f"{self._name} is away; it is opened again as soon as it is back.")
+            notes.insert(0, f"{self._name} is disconnected; it is reopened as soon as it is back.")
         elif self._port.losses:
-            said.append(f"{self._name} went away {_times(self._port.losses)} and came back.")
+            notes.append(f"{self._name} was disconnected {_times(self._port.losses)}.")
         if self._reader.unreadable:
             lines = self._reader.unreadable
-            said.append(f"{lines} {'line was' if lines == 1 else 'lines were'} not readable.")
+            notes.append(f"{lines} {'line was' if lines == 1 else 'lines were'} not readable.")
         if self._reader.restarts:
-            said.append(f"The stamps began again {_times(self._reader.restarts)}.")
-        return tuple(said)
+            notes.append(f"The stamps started again {_times(self._reader.restarts)}.")
+        return tuple(notes)
 
     def close(self) -> None:
-        """Stop the reader thread; bytes that have come are in the file."""
+        """Stop the reader thread; all bytes received are in the file."""
         self._port.stop()
 
-    def _take(self, data: bytes) -> None:
-        """Read bytes into rows that wait to be yielded."""
-        piece = self._reader.feed(data)
-        if len(piece.time):
-            self._waiting.append(piece)
+    def _read(self, data: bytes) -> None:
+        """Convert bytes to pending rows."""
+        block = self._reader.feed(data)
+        if len(block.time):
+            self._pending.append(block)
 
-    def _held(self, ahead: int = 0) -> Recording | None:
-        """Make a recording of the rows that wait, with so many empty ones ahead; two at least."""
+    def _pending_recording(self, padding: int = 0) -> Recording | None:
+        """Make a recording of the pending rows after `padding` empty ones; at least two in all."""
         units = self._reader.units
-        time = np.concatenate([np.empty(0), *(piece.time for piece in self._waiting)])
-        if units is None or not len(time) or len(time) + ahead < 2:
+        time = np.concatenate([np.empty(0), *(block.time for block in self._pending)])
+        if units is None or not len(time) or len(time) + padding < 2:
             return None
-        values = np.concatenate([piece.values for piece in self._waiting], axis=1)
-        time = np.concatenate((time[0] - np.arange(ahead, 0.0, -1.0), time))
-        values = np.concatenate((np.full((len(values), ahead), np.nan), values), axis=1)
+        values = np.concatenate([block.values for block in self._pending], axis=1)
+        time = np.concatenate((time[0] - np.arange(padding, 0.0, -1.0), time))
+        values = np.concatenate((np.full((len(values), padding), np.nan), values), axis=1)
         return Recording(time, values, units, self._reader.metadata, self._name)
 
 

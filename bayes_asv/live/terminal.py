@@ -3,44 +3,47 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bayes_asv.live.bands import Z95
-from bayes_asv.live.braille import gauge, plotted, round_limits
-from bayes_asv.live.history import TRACES
-from bayes_asv.live.keys import pressed_keys
-from bayes_asv.live.metadata import AXLES, Scene
-from bayes_asv.live.session import Moment, Show
-from bayes_asv.live.words import card, consistency, travel
-from bayes_asv.report.readable import number
+from bayes_asv.live.braille import gauge, plot, round_limits
+from bayes_asv.live.history import TRACES, Z95
+from bayes_asv.live.metadata import AXLES, ViewMetadata
+from bayes_asv.live.session import Playback, Session
+from bayes_asv.live.text import consistency_text, parameter_card, travel_text
+from bayes_asv.report.words import number
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
     from rich.text import Text
 
-__all__ = ["KEYS", "picture", "watch_in_terminal"]
+__all__ = ["KEYS", "pressed_keys", "render", "run_terminal_view"]
 
 KEYS: Final = {" ": "pause", "r": "restart", ".": "0.1", "1": "1", "0": "10"}
+"""Actions by key; a number is a speed."""
 
-_FRAMES_A_SECOND: Final = 12.5
+_FRAME_RATE: Final = 12.5  # frames per second
 _WINDOW: Final = 5.0  # s
 _TONES: Final = {"good": "green", "below": "bold red", "above": "magenta", "muted": "dim"}
-_PAINT: Final = {"front": "bright_blue", "rear": "yellow"}
-_GAUGE: Final = 25
-_NARROW: Final = 100  # columns below which the axles stand under each other
+_COLOURS: Final = {"front": "bright_blue", "rear": "yellow"}
+_GAUGE_WIDTH: Final = 25
+_NARROW: Final = 100  # columns below which the axles are drawn below each other
 
 
-def watch_in_terminal(show: Show, console: Console, stop: threading.Event) -> None:
-    """Draw the show until `stop` is set, or the recording has ended and q is pressed.
+def run_terminal_view(session: Session, console: Console, stop: threading.Event) -> None:
+    """Draw a session until `stop` is set or q is pressed.
 
     Parameters
     ----------
-    show : Show
-        What is watched.
+    session : Session
+        What is shown.
     console : rich Console
         Where to draw.
     stop : Event
@@ -56,23 +59,25 @@ def watch_in_terminal(show: Show, console: Console, stop: threading.Event) -> No
             for key in keys():
                 if key in "qQ":
                     return
-                _press(show, key.lower())
-            moment = show.moment()
-            live.update(picture(moment, show.scene, console.width, console.height), refresh=True)
-            stop.wait(1.0 / _FRAMES_A_SECOND)
+                _handle_key(session, key.lower())
+            playback = session.playback()
+            live.update(
+                render(playback, session.metadata, console.width, console.height), refresh=True
+            )
+            stop.wait(1.0 / _FRAME_RATE)
 
 
-def picture(moment: Moment, scene: Scene, width: int, height: int) -> RenderableType:
-    """Draw one moment.
+def render(playback: Playback, metadata: ViewMetadata, width: int, height: int) -> RenderableType:
+    """Draw one moment of the playback.
 
     Parameters
     ----------
-    moment : Moment
-        From a show.
-    scene : Scene
-        Likewise.
+    playback : Playback
+        State of the playback.
+    metadata : ViewMetadata
+        Of the session.
     width, height : int
-        Of the terminal, signs.
+        Of the terminal, characters.
 
     Returns
     -------
@@ -83,67 +88,70 @@ def picture(moment: Moment, scene: Scene, width: int, height: int) -> Renderable
     from rich.text import Text
 
     head = Text(no_wrap=True, overflow="ellipsis")
-    head.append(scene.vehicle, "bold")
-    head.append(f"  {scene.source}  ", "dim")
-    of = "" if scene.live else f" of {number(scene.duration or moment.end, 0.1)}"
-    head.append(f"{moment.position:.2f}{of} s", "bold")
-    speed = "" if scene.live else f", ×{moment.speed:g}"
-    head.append(f"  {moment.state}{speed}", "dim")
+    head.append(metadata.vehicle, "bold")
+    head.append(f"  {metadata.source}  ", "dim")
+    of = "" if metadata.live else f" of {number(metadata.duration or playback.end, 0.1)}"
+    head.append(f"{playback.position:.2f}{of} s", "bold")
+    speed = "" if metadata.live else f", ×{playback.speed:g}"
+    head.append(f"  {playback.state}{speed}", "dim")
     parts: list[RenderableType] = [head]
-    notes = [Text(note, "dim") for note in moment.notes[:2]]
-    wanted = "space pauses" if scene.live else "space pauses, r restarts, . 1 0 set the speed"
-    foot = Text(f"{wanted}, q leaves", "dim")
-    if not moment.rows:
+    notes = [Text(note, "dim") for note in playback.notes[:2]]
+    keys = "space pauses" if metadata.live else "space pauses, r restarts, . 1 0 set the speed"
+    foot = Text(f"{keys}, q quits", "dim")
+    if not playback.rows:
         return Group(*parts, Text("No row has come yet."), *notes, foot)
-    place = moment.rows - 1
-    known = moment.snapshot.known[place].tolist()
-    now = dict(zip(TRACES, moment.snapshot.traces[place].tolist(), strict=True))
-    said = consistency(now["nis"], now["nis low"], now["nis high"], known[6] > 0.5, known[7])
+    row = playback.rows - 1
+    estimates = playback.snapshot.estimates[row].tolist()
+    now = dict(zip(TRACES, playback.snapshot.traces[row].tolist(), strict=True))
+    nis, low, high = now["nis"], now["nis low"], now["nis high"]
+    consistency = consistency_text(nis, low, high, estimates[6] > 0.5, estimates[7])
     verdict = Text(no_wrap=True, overflow="ellipsis")
-    verdict.append(f"{said.short[0].upper()}{said.short[1:]}. ", _TONES[said.tone])
-    if math.isfinite(now["nis"]):
-        verdict.append(f"NIS {now['nis']:.2f} ({now['nis low']:.2f} to {now['nis high']:.2f}). ")
-    verdict.append(said.long, "dim")
-    parts += [verdict, _cards(scene, known, width)]
+    short = consistency.short
+    verdict.append(f"{short[0].upper()}{short[1:]}. ", _TONES[consistency.tone])
+    if math.isfinite(nis):
+        verdict.append(f"NIS {nis:.2f} ({low:.2f} to {high:.2f}). ")
+    verdict.append(consistency.long, "dim")
+    parts += [verdict, _parameter_table(metadata, estimates, width)]
     side_by_side = width >= _NARROW
-    rest = height - 9 - len(notes)
-    rows = rest // 2 if side_by_side else rest // 4
-    parts += _axles(moment, scene, width, max(rows - 1, 2), side_by_side=side_by_side)
+    remaining = height - 9 - len(notes)
+    rows = remaining // 2 if side_by_side else remaining // 4
+    parts += _axle_charts(playback, metadata, width, max(rows - 1, 2), side_by_side=side_by_side)
     return Group(*parts, *notes, foot)
 
 
-def _press(show: Show, key: str) -> None:
-    wish = KEYS.get(key)
-    if wish is None or (show.scene.live and wish != "pause"):
+def _handle_key(session: Session, key: str) -> None:
+    action = KEYS.get(key)
+    if action is None or (session.metadata.live and action != "pause"):
         return
-    if wish == "pause":
-        state = show.moment().state
-        wish = {"paused": "play", "ended": "play" if show.scene.live else "restart"}.get(
+    if action == "pause":
+        state = session.playback().state
+        action = {"paused": "play", "ended": "play" if session.metadata.live else "restart"}.get(
             state, "pause"
         )
-    if wish[0].isdigit():
-        show.ask("speed", float(wish))
+    if action[0].isdigit():
+        session.control("speed", float(action))
     else:
-        show.ask(wish)
+        session.control(action)
 
 
-def _cards(scene: Scene, known: list[float], width: int) -> Table:
-    """Three lines: label, value, interval on a scale, and how it stands to nominal."""
+def _parameter_table(metadata: ViewMetadata, estimates: list[float], width: int) -> Table:
+    """Table of the parameters: label, value, interval on a scale, comparison with nominal."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table.grid(padding=(0, 2))
     for _ in range(4):
         table.add_column(no_wrap=True)
-    for place, parameter in enumerate(scene.parameters):
-        median, spread = known[place], math.exp(Z95 * known[3 + place])
-        said = card(parameter, median, known[3 + place])
-        bar = gauge(median / spread, median, median * spread, parameter.nominal, _GAUGE)
+    for n, parameter in enumerate(metadata.parameters):
+        median, log_sd = estimates[n], estimates[3 + n]
+        factor = math.exp(Z95 * log_sd)
+        card = parameter_card(parameter, median, log_sd)
+        bar = gauge(median / factor, median, median * factor, parameter.nominal, _GAUGE_WIDTH)
         cells = [
             Text(parameter.label),
-            Text(f"{said.value} {said.width}", "bold"),
-            Text(bar, _TONES[said.tone]),
-            Text(said.sense, _TONES[said.tone]),
+            Text(f"{card.value} {card.width}", "bold"),
+            Text(bar, _TONES[card.tone]),
+            Text(card.sense, _TONES[card.tone]),
         ]
         if width < _NARROW:
             cells[0] = Text(parameter.name)
@@ -152,54 +160,105 @@ def _cards(scene: Scene, known: list[float], width: int) -> Table:
     return table
 
 
-def _axles(
-    moment: Moment, scene: Scene, width: int, rows: int, *, side_by_side: bool
+def _axle_charts(
+    playback: Playback, metadata: ViewMetadata, width: int, rows: int, *, side_by_side: bool
 ) -> list[RenderableType]:
     """Draw acceleration and deflection of both axles."""
     from rich.table import Table
 
-    snapshot = moment.snapshot
-    now = float(snapshot.time[moment.rows - 1])
+    snapshot = playback.snapshot
+    now = float(snapshot.time[playback.rows - 1])
     span = (now - _WINDOW, now)
-    if scene.duration is not None and scene.duration <= _WINDOW:  # then all of it stands still
-        span = (now - moment.position, now - moment.position + scene.duration)
-    begin = int(np.searchsorted(snapshot.time[: moment.rows], span[0]))
-    part = slice(begin, moment.rows)
+    if metadata.duration is not None and metadata.duration <= _WINDOW:  # show all of it
+        span = (now - playback.position, now - playback.position + metadata.duration)
+    begin = int(np.searchsorted(snapshot.time[: playback.rows], span[0]))
+    part = slice(begin, playback.rows)
     time, values = snapshot.time[part], snapshot.traces[part]
-    across = width // 2 - 2 if side_by_side else width
-    index = {name: place for place, name in enumerate(TRACES)}
-    reach = travel(scene, tuple(snapshot.reach[moment.rows - 1].tolist()))
-    cells: dict[str, list[Text]] = {}
-    for what, unit, words, shown in (
-        ("acceleration", scene.acceleration[0], "up positive", ("measured", "predicted")),
-        ("deflection", scene.deflection[0], "extension positive", ("deflection",)),
+    chart_width = width // 2 - 2 if side_by_side else width
+    column = {name: n for n, name in enumerate(TRACES)}
+    travel = travel_text(metadata, tuple(snapshot.extremes[playback.rows - 1].tolist()))
+    charts: dict[str, list[Text]] = {}
+    for quantity, unit, sign, names in (
+        ("acceleration", metadata.acceleration[0], "up positive", ("measured", "predicted")),
+        ("deflection", metadata.deflection[0], "extension positive", ("deflection",)),
     ):
-        both = values[:, [index[f"{axle} {name}"] for axle in AXLES for name in shown]]
+        both = values[:, [column[f"{axle} {name}"] for axle in AXLES for name in names]]
         finite = both[np.isfinite(both)]
         limits = round_limits(*((finite.min(), finite.max()) if len(finite) else (-1.0, 1.0)))
-        for place, axle in enumerate(AXLES):
-            curves = [values[:, index[f"{axle} {name}"]] for name in shown]
-            title = f"{axle} {what} [{unit}], {words}, {number(limits[0])} to {number(limits[1])}"
-            if what == "deflection" and reach[place]:
-                longer = f"{title}; so far {reach[place]}"
-                title = longer if len(longer) <= across else title
-            paints = ["dim", _PAINT[axle]][-len(shown) :]
-            drawn = plotted(time, curves, span, limits, (across, rows))
-            cells.setdefault(what, []).append(_drawn(title, drawn, paints))
+        for n, axle in enumerate(AXLES):
+            curves = [values[:, column[f"{axle} {name}"]] for name in names]
+            title = (
+                f"{axle} {quantity} [{unit}], {sign}, {number(limits[0])} to {number(limits[1])}"
+            )
+            if quantity == "deflection" and travel[n]:
+                longer = f"{title}; so far {travel[n]}"
+                title = longer if len(longer) <= chart_width else title
+            styles = ["dim", _COLOURS[axle]][-len(names) :]
+            lines = plot(time, curves, span, limits, (chart_width, rows))
+            charts.setdefault(quantity, []).append(_chart(title, lines, styles))
     if not side_by_side:
-        return [text for axle in range(2) for text in (cell[axle] for cell in cells.values())]
+        return [text for axle in range(2) for text in (pair[axle] for pair in charts.values())]
     table = Table.grid(padding=(0, 2))
-    for pair in cells.values():
+    for pair in charts.values():
         table.add_row(*pair)
     return [table]
 
 
-def _drawn(title: str, lines: list[list[tuple[str, int]]], paints: list[str]) -> Text:
+def _chart(title: str, lines: list[list[tuple[str, int]]], styles: list[str]) -> Text:
     from rich.text import Text
 
     text = Text(title, no_wrap=True, overflow="ellipsis")
     for line in lines:
         text.append("\n")
-        for signs, owner in line:
-            text.append(signs, paints[owner] if owner >= 0 else "")
+        for characters, curve in line:
+            text.append(characters, styles[curve] if curve >= 0 else "")
     return text
+
+
+@contextmanager
+def pressed_keys() -> Iterator[Callable[[], str]]:
+    """Read keys without waiting, while the context lasts.
+
+    Yields
+    ------
+    callable
+        Returns the keys pressed since the last call, perhaps none; always none where standard input
+        is not a terminal.
+    """
+    if not sys.stdin.isatty():
+        yield str
+        return
+    if os.name == "nt":
+        yield _windows_keys
+        return
+    import select
+    import termios
+    import tty
+
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+
+    def read() -> str:
+        keys = b""
+        while select.select([terminal], [], [], 0.0)[0]:
+            data = os.read(terminal, 64)
+            if not data:
+                break
+            keys += data
+        return keys.decode("ascii", "ignore")
+
+    try:
+        tty.setcbreak(terminal)  # keys without Enter; Ctrl-C still ends the program
+        yield read
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+
+
+def _windows_keys() -> str:
+    import importlib
+
+    console = importlib.import_module("msvcrt")
+    keys = ""
+    while console.kbhit():
+        keys += console.getwch()
+    return keys

@@ -1,4 +1,4 @@
-"""The thread that moves rows from a source through the filter into a show."""
+"""Thread that passes rows from a source through the filter into a session."""
 
 from __future__ import annotations
 
@@ -10,55 +10,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import BayesAsvError
-from bayes_asv.live.session import Show
-from bayes_asv.live.sources import About, Source
+from bayes_asv.live.session import Session
+from bayes_asv.live.sources import Source, StreamInfo
 from bayes_asv.tracking.frames import Frames
 
-__all__ = ["Filter", "Pump"]
+__all__ = ["StreamFilter", "Worker"]
 
 Array = NDArray[np.float64]
 
 
-class Filter(Protocol):
-    """What is wanted of an online filter."""
+class StreamFilter(Protocol):
+    """Interface of an online filter."""
 
     def feed(self, times: Array, acc: Array) -> Frames:
-        """Take rows, (n,) s and (n, 4) m/s²; tell of those that are settled."""
+        """Process rows, (n,) s and (n, 4) m/s²; return the frames that are complete."""
 
     def finish(self) -> Frames:
-        """Tell of the rows that were held back."""
+        """Process the rows that were held back."""
 
 
-class Pump:
-    """Runs a filter over a source, ahead of whoever looks, and never waits for them.
+class Worker:
+    """Runs a filter over a source, ahead of the viewers, and never waits for them.
 
     Parameters
     ----------
     source : Source
-        Gives the rows.
+        Yields the rows.
     make : callable
-        Makes the filter, once the source knows its rate.
-    show : Show
-        Takes what the filter says.
+        Makes the filter, once the rate of the source is known.
+    session : Session
+        Receives the frames.
     sink : callable or None
-        Is given the frames as well.
+        Receives the frames as well.
+
+    Attributes
+    ----------
+    error : Exception or None
+        What ended the thread early.
     """
 
     def __init__(
         self,
         source: Source,
-        make: Callable[[About], Filter],
-        show: Show,
+        make: Callable[[StreamInfo], StreamFilter],
+        session: Session,
         sink: Callable[[Frames], None] | None = None,
     ) -> None:
-        self.fault: Exception | None = None
-        self._source, self._make, self._show = source, make, show
+        self.error: Exception | None = None
+        self._source, self._make, self._session = source, make, session
         self._sink = sink
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="filter", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     @property
@@ -66,43 +71,43 @@ class Pump:
         """Whether rows may still come."""
         return self._thread.is_alive()
 
-    def stop(self, patience: float = 10.0) -> None:
-        """Take no more rows, and wait for those under way.
+    def stop(self, timeout: float = 10.0) -> None:
+        """Stop reading rows, and wait for those in progress.
 
         Parameters
         ----------
-        patience : float
-            s to wait at most.
+        timeout : float
+            Longest time to wait, s.
         """
         self._stop.set()
         self._source.close()
-        self._thread.join(patience)
+        self._thread.join(timeout)
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait for the end of the source; whether it came."""
+        """Wait for the end of the source; return whether it came."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
     def _run(self) -> None:
         try:
-            about = self._source.begin(self._stop)
-            if about is not None:
-                self._show.rate = about.rate
-                engine = self._make(about)
+            info = self._source.begin(self._stop)
+            if info is not None:
+                self._session.rate = info.rate
+                online_filter = self._make(info)
                 for rows in self._source.rows(self._stop):
                     if len(rows.time):
-                        self._give(engine.feed(rows.time, rows.acceleration))
-                    self._show.note(*self._source.notes())
-                self._give(engine.finish())
-            self._show.finish()
-        except BayesAsvError as fault:
-            self.fault = fault
-            self._show.finish(str(fault))
-        except Exception as fault:  # told to those who look now, raised by the main thread later
-            self.fault = fault
-            self._show.finish(f"The filter failed: {fault}")
+                        self._append(online_filter.feed(rows.time, rows.acceleration))
+                    self._session.set_notes(*self._source.notes())
+                self._append(online_filter.finish())
+            self._session.finish()
+        except BayesAsvError as error:
+            self.error = error
+            self._session.finish(str(error))
+        except Exception as error:  # shown to the viewers now, raised by the main thread later
+            self.error = error
+            self._session.finish(f"The filter failed: {error}")
 
-    def _give(self, frames: Frames) -> None:
-        self._show.history.append(frames)
+    def _append(self, frames: Frames) -> None:
+        self._session.history.append(frames)
         if self._sink is not None and len(frames):
             self._sink(frames)

@@ -1,4 +1,4 @@
-"""A browser without a window, for the tests of the page."""
+"""A headless browser for the tests of the page."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pytest
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _ctrl_c_is_heard() -> None:
-    """What a shell starts in the background ignores Ctrl-C, and so would what the tests start."""
+def _restore_ctrl_c() -> None:
+    """A shell's background processes ignore Ctrl-C, and so would processes that tests start."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -24,7 +24,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     driver_path = shutil.which("chromedriver")
     if chromium is None or driver_path is None:
         if os.environ.get("CI") == "true":
-            pytest.fail("chromium and chromedriver have to be there in CI")
+            pytest.fail("CI needs chromium and chromedriver")
         pytest.skip("chromium or chromedriver is not installed")
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service

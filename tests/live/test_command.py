@@ -1,4 +1,4 @@
-"""``bayes-asv track`` with a page, on a port, and wrongly used."""
+"""``bayes-asv track`` with a page, with a port, and with invalid options."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ class Track(subprocess.Popen[str]):
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
 
-    def told(self, start: str) -> str:
-        """First line on standard error that begins so."""
+    def line_starting(self, start: str) -> str:
+        """First line on standard error that starts with a text."""
         assert self.stderr is not None
         for line in self.stderr:
             if line.startswith(start):
                 return line
         raise AssertionError(f"ended with {self.wait()}")
 
-    def interrupted(self) -> tuple[int, str, str]:
+    def interrupt(self) -> tuple[int, str, str]:
         self.send_signal(signal.SIGINT)
         out, err = self.communicate(timeout=60)
         return self.returncode, out, err
 
 
 @contextmanager
-def looking(line: str) -> Iterator[Iterator[tuple[str, Any]]]:
-    """Events of the page whose address stands in a line."""
+def page_events(line: str) -> Iterator[Iterator[tuple[str, Any]]]:
+    """Events of the page whose address is in a line."""
     address = line.split()[2]
     host, port = address.removeprefix("http://").rstrip("/").split(":")
     connection = http.client.HTTPConnection(host, int(port), timeout=60)
@@ -73,12 +73,12 @@ def looking(line: str) -> Iterator[Iterator[tuple[str, Any]]]:
     connection.close()
 
 
-def test_the_page_shows_a_recording_and_the_verdict_follows(tmp_path: Path) -> None:
+def test_page_and_result_of_a_recording(tmp_path: Path) -> None:
     saved = tmp_path / "track.json"
     running = Track(STOPS, "--live", "--no-browser", "--speed", 10, "--json", saved)
-    with looking(running.told("Live view: ")) as events:
+    with page_events(running.line_starting("Live view: ")) as events:
         frame = next(f for n, f in events if n == "frame" and f["state"] == "ended")
-    status, out, err = running.interrupted()
+    status, out, err = running.interrupt()
     assert (status, err) == (0, "")
     assert out.startswith("Front damper: ")
     parameter = json.loads(saved.read_text())["parameters"]["c_f"]
@@ -87,28 +87,28 @@ def test_the_page_shows_a_recording_and_the_verdict_follows(tmp_path: Path) -> N
     assert frame["end"] == pytest.approx(2.0, abs=0.02)
 
 
-def test_a_port_says_what_its_file_says(tmp_path: Path) -> None:
+def test_port_gives_the_result_of_its_file(tmp_path: Path) -> None:
     ours, theirs = os.openpty()
     tty.setraw(theirs)
-    ported, kept = tmp_path / "port.json", tmp_path / "kept.csv"
+    from_port, kept = tmp_path / "port.json", tmp_path / "kept.csv"
     running = Track(
-        "--port", os.ttyname(theirs), "--keep", kept, "--live", "--no-browser", "--json", ported
+        "--port", os.ttyname(theirs), "--keep", kept, "--live", "--no-browser", "--json", from_port
     )
-    with looking(running.told("Live view: ")) as events:
+    with page_events(running.line_starting("Live view: ")) as events:
         data = STOPS.read_bytes()
         for start in range(0, len(data), 500):
             os.write(ours, data[start : start + 500])
         for name, frame in events:
             if name == "frame" and frame["end"] > 1.9:
                 break
-    status, _, err = running.interrupted()
+    status, _, err = running.interrupt()
     assert (status, err) == (0, "")
     assert kept.read_bytes() == data
     direct = track(read_recording(STOPS), read_vehicle(BAJA)).frames
-    said = json.loads(ported.read_text())["parameters"]
+    parameters = json.loads(from_port.read_text())["parameters"]
     for n, name in enumerate(("c_f", "c_r", "i")):
-        assert said[name]["si"]["median"] == pytest.approx(direct.median[-1, n], rel=1e-6)
-        low, high = said[name]["si"]["eti95"]
+        assert parameters[name]["si"]["median"] == pytest.approx(direct.median[-1, n], rel=1e-6)
+        low, high = parameters[name]["si"]["eti95"]
         spread = math.log(high / low) / (2.0 * 1.959964)
         assert spread == pytest.approx(direct.log_sd[-1, n], rel=1e-4)
     os.close(ours)
@@ -127,7 +127,9 @@ def test_a_port_says_what_its_file_says(tmp_path: Path) -> None:
         (("--port", "/dev/nothing", "--keep", "{tmp}/x.txt"), "/dev/nothing: cannot be opened"),
     ],
 )
-def test_wrong_usage_is_one_line(words: tuple[object, ...], expected: str, tmp_path: Path) -> None:
+def test_invalid_usage_is_one_line(
+    words: tuple[object, ...], expected: str, tmp_path: Path
+) -> None:
     running = Track(*(str(word).format(tmp=tmp_path) for word in words))
     out, err = running.communicate(timeout=60)
     assert running.returncode == 2

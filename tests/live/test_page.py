@@ -1,4 +1,4 @@
-"""The page in a browser: numbers come, bands narrow, buttons and keys do what they say."""
+"""The page in a browser: numbers, bands, buttons and keys."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.live.metadata import scene
+from bayes_asv.live.metadata import view_metadata
 from bayes_asv.live.server import LiveServer
-from bayes_asv.live.session import Show
+from bayes_asv.live.session import Session
 from bayes_asv.live.sources import RecordingSource
-from bayes_asv.live.worker import Pump
-from tests.live.made_up import BAJA, MadeUp, at, frames, recording, show, wait_for
+from bayes_asv.live.worker import Worker
+from tests.live.synthetic import BAJA, FakeFilter, at, frames, new_session, recording, wait_for
 
 
 class Page:
-    """The page, and what a person reads off it."""
+    """The page, and what a user reads from it."""
 
     def __init__(self, driver: Any, server: LiveServer, width: int = 1280) -> None:
         self.driver, self.server = driver, server
@@ -44,14 +44,14 @@ class Page:
     def run(self, script: str, *words: object) -> Any:
         return self.driver.execute_script(script, *words)
 
-    def text(self, card: str) -> str:
-        place = f"#card-{card}" if card.split()[0] in ("c_f", "c_r", "i") else card
-        said = self.run("return document.querySelector(arguments[0])?.textContent ?? ''", place)
-        assert isinstance(said, str)
-        return said
+    def text(self, name: str) -> str:
+        selector = f"#card-{name}" if name.split()[0] in ("c_f", "c_r", "i") else name
+        text = self.run("return document.querySelector(arguments[0])?.textContent ?? ''", selector)
+        assert isinstance(text, str)
+        return text
 
     def half_width(self, name: str) -> float:
-        """Half the interval that stands on a card, in percent."""
+        """Half the interval on a card, in percent."""
         words = self.text(f"{name} .width").split()
         if words[0] == "within":
             factor = float(words[-1])
@@ -74,23 +74,23 @@ class Page:
 
 @pytest.fixture
 def page(browser: Any) -> Iterator[Page]:
-    """A recording of a minute, from its beginning, slowly."""
+    """A recording of a minute at a tenth of its speed."""
     source = RecordingSource(recording(60.0, 400.0), BAJA)
-    watched = Show(scene(BAJA, "stops.csv", source.duration), 400.0, speed=0.1)
-    pump = Pump(source, lambda _: MadeUp(BAJA), watched)
-    server = LiveServer(watched)
+    session = Session(view_metadata(BAJA, "stops.csv", source.duration), 400.0, speed=0.1)
+    worker = Worker(source, lambda _: FakeFilter(BAJA), session)
+    server = LiveServer(session)
     server.start()
-    pump.start()
-    assert pump.wait(20.0)
+    worker.start()
+    assert worker.wait(20.0)
     made = Page(browser, server)
     yield made
-    faults = [entry for entry in browser.get_log("browser") if entry["level"] != "INFO"]
+    errors = [entry for entry in browser.get_log("browser") if entry["level"] != "INFO"]
     browser.get("about:blank")
     server.stop()
-    assert faults == []
+    assert errors == []
 
 
-def test_numbers_come_and_bands_narrow(page: Page) -> None:
+def test_numbers_appear_and_bands_narrow(page: Page) -> None:
     assert page.text("#vehicle") == BAJA.name
     wait_for(lambda: page.position() > 0.05)
     page.press("#play")
@@ -104,14 +104,14 @@ def test_numbers_come_and_bands_narrow(page: Page) -> None:
     assert page.half_width("c_f") < 0.2 * wide
     page.press("#play")
     page.wait("#clock", "paused")
-    # What stands there is what the filter said at that moment, by its own formula.
-    said = at(BAJA, page.position())
-    median, log_sd = said.median[0], said.log_sd[0]
+    # the numbers are those of the filter at that position
+    expected = at(BAJA, page.position())
+    median, log_sd = expected.median[0], expected.log_sd[0]
     for n, name in enumerate(("c_f", "c_r", "i")):
         nominal = getattr(BAJA, name).value
         value = float(page.text(f"{name} .value").split()[0])
-        shown = value / page.server.show.scene.parameters[n].nominal
-        assert shown == pytest.approx(median[n] / nominal, rel=2.0 * log_sd[n] / 10 + 0.01)
+        ratio = value / page.server.session.metadata.parameters[n].nominal
+        assert ratio == pytest.approx(median[n] / nominal, rel=2.0 * log_sd[n] / 10 + 0.01)
         half = 100.0 * math.sinh(1.96 * log_sd[n])
         assert page.half_width(name) == pytest.approx(half, rel=0.05, abs=0.06)
     paused = page.position()
@@ -119,8 +119,8 @@ def test_numbers_come_and_bands_narrow(page: Page) -> None:
     wait_for(lambda: page.position() < paused)
 
 
-def test_the_picture_moves_with_the_numbers(page: Page) -> None:
-    """Pixels of the band of c_f: tall at first, later low, and further to the right."""
+def test_charts_follow_the_numbers(page: Page) -> None:
+    """Pixels of the band of c_f: high at first, later low, and further to the right."""
     script = """
         const canvas = document.querySelector('#card-c_f canvas');
         const {width, height} = canvas;
@@ -140,26 +140,26 @@ def test_the_picture_moves_with_the_numbers(page: Page) -> None:
         tall = page.run(script)
         return [n for n in tall if n > 2]
 
-    page.server.show.ask("pause")
-    page.server.show.ask("seek", 1.0)
+    page.server.session.control("pause")
+    page.server.session.control("seek", 1.0)
     wait_for(lambda: page.position() == 1.0)
     wait_for(lambda: len(column()) > 5)
     before = column()
-    page.server.show.ask("seek", 11.0)
+    page.server.session.control("seek", 11.0)
     wait_for(lambda: page.position() == 11.0)
     wait_for(lambda: len(column()) > 5 * len(before))
     after = column()
     assert np.median(after[-20:]) < 0.5 * np.median(before)
 
 
-def test_the_verdict_is_told_in_words(page: Page) -> None:
-    page.server.show.ask("pause")
-    for moment, words, tone in (
+def test_verdict_texts(page: Page) -> None:
+    page.server.session.control("pause")
+    for position, words, tone in (
         (0.1, "settling", "muted"), (3.0, "as large as the filter expects", "good"),
         (7.0, "widens its noise 1.6 times", "below"), (11.0, "as large", "good"),
     ):  # fmt: skip
-        page.server.show.ask("seek", moment)
-        wait_for(lambda: page.position() == moment)  # noqa: B023 # is done before the next
+        page.server.session.control("seek", position)
+        wait_for(lambda: page.position() == position)  # noqa: B023 # called in this iteration
         page.wait("#verdict", words, words.capitalize())
         assert f"tone-{tone}" in page.run("return document.querySelector('#verdict').className")
     assert page.text("c_f .sense") == "20 % softer than nominal"
@@ -168,21 +168,21 @@ def test_the_verdict_is_told_in_words(page: Page) -> None:
     assert page.text("#reach-rear") == "so far −2.0 to 2.0 in"
 
 
-def test_keys_do_what_buttons_do(page: Page) -> None:
+def test_keys(page: Page) -> None:
     page.key(" ")
     page.wait("#clock", "paused")
     page.key(" ")
     page.key("0")
-    wait_for(lambda: page.server.show.moment().speed == 10.0)
+    wait_for(lambda: page.server.session.playback().speed == 10.0)
     page.key(".")
-    wait_for(lambda: page.server.show.moment().speed == 0.1)
+    wait_for(lambda: page.server.session.playback().speed == 0.1)
     pressed = "return document.querySelector('[data-speed=\"0.1\"]').getAttribute('aria-pressed')"
     wait_for(lambda: page.run(pressed) == "true")
-    page.server.show.ask("seek", 57.0)
+    page.server.session.control("seek", 57.0)
     wait_for(lambda: page.position() > 56.0)
     page.key("r")
     wait_for(lambda: page.position() < 10.0)
-    page.server.show.ask("seek", 59.9)
+    page.server.session.control("seek", 59.9)
     page.key("0")
     page.wait("#clock", "ended")
     assert page.text("#play") == "Again"
@@ -190,7 +190,7 @@ def test_keys_do_what_buttons_do(page: Page) -> None:
     wait_for(lambda: page.position() < 50.0)
 
 
-def test_the_window_is_chosen_and_the_slider_seeks(page: Page) -> None:
+def test_window_and_slider(page: Page) -> None:
     page.run(
         "const s = document.querySelector('#window'); s.value = '2'; "
         "s.dispatchEvent(new Event('change'))"
@@ -205,15 +205,15 @@ def test_the_window_is_chosen_and_the_slider_seeks(page: Page) -> None:
     assert page.run(begin) == 2
 
 
-def test_it_fits_in_any_width_and_light_and_asks_nobody_else(page: Page) -> None:
-    page.server.show.ask("pause")
-    for moment, (width, dark) in enumerate(itertools.product((360, 768, 1280), (False, True))):
+def test_layout_colours_and_no_external_requests(page: Page) -> None:
+    page.server.session.control("pause")
+    for n, (width, dark) in enumerate(itertools.product((360, 768, 1280), (False, True))):
         page.resize(width)
         page.dark(dark)
-        page.server.show.ask("seek", 5.5 + moment)
-        wait_for(lambda: page.position() == 5.5 + moment)  # noqa: B023 # is done before the next
+        page.server.session.control("seek", 5.5 + n)
+        wait_for(lambda: page.position() == 5.5 + n)  # noqa: B023 # called in this iteration
         _fits(page, width)
-        # Light ink on dark paper or the other way round.
+        # light text on a dark background or the other way round
         ink, paper = page.run(
             "const c = getComputedStyle(document.body); return [c.color, c.backgroundColor]"
             ".map(t => t.match(/[0-9]+/g).slice(0, 3).reduce((a, b) => a + Number(b), 0))"
@@ -246,46 +246,46 @@ def _fits(page: Page, width: int) -> None:
     assert cut == []
 
 
-def test_a_port_is_followed_without_controls_of_time(browser: Any) -> None:
-    watched = Show(scene(BAJA, "/dev/ttyUSB0", None, live=True), 100.0)
-    server = LiveServer(watched)
+def test_live_port_has_no_playback_controls(browser: Any) -> None:
+    session = Session(view_metadata(BAJA, "/dev/ttyUSB0", None, live=True), 100.0)
+    server = LiveServer(session)
     server.start()
     run = recording(3.0, 100.0)
-    watched.history.append(frames(BAJA, run.time[:100], run.values.T[:100]))
-    watched.note("Every byte is kept in run.csv.")
+    session.history.append(frames(BAJA, run.time[:100], run.values.T[:100]))
+    session.set_notes("Every byte is saved in run.csv.")
     page = Page(browser, server)
-    shown = "return document.querySelector(arguments[0]).offsetParent !== null"
-    assert not page.run(shown, "#restart")
-    assert not page.run(shown, "#seek")
-    assert page.run(shown, "#play")
+    visible = "return document.querySelector(arguments[0]).offsetParent !== null"
+    assert not page.run(visible, "#restart")
+    assert not page.run(visible, "#seek")
+    assert page.run(visible, "#play")
     assert page.text("#source") == "live from /dev/ttyUSB0"
-    assert "kept in run.csv" in page.text("#notes")
+    assert "saved in run.csv" in page.text("#notes")
     wait_for(lambda: page.position() == pytest.approx(0.99))
     page.press("#play")
     page.wait("#clock", "paused")
-    watched.history.append(frames(BAJA, run.time[100:], run.values.T[100:]))
+    session.history.append(frames(BAJA, run.time[100:], run.values.T[100:]))
     time.sleep(0.2)
     assert page.position() == pytest.approx(0.99)
     page.press("#play")
     wait_for(lambda: page.position() == pytest.approx(2.99))
-    watched.finish("the cable broke")
+    session.finish("the cable broke")
     page.wait("#banner", "the cable broke")
     server.stop()
     page.wait("#banner", "has ended")
     browser.get("about:blank")
 
 
-def test_names_are_shown_and_not_run(browser: Any) -> None:
+def test_names_are_not_interpreted_as_html(browser: Any) -> None:
     evil = '<img src=x onerror="document.title=1"><b>evil</b>'
-    watched, pump = show(2.0)
-    object.__setattr__(watched.scene, "vehicle", evil)
-    watched.note(evil)
-    server = LiveServer(watched)
+    session, worker = new_session(2.0)
+    object.__setattr__(session.metadata, "vehicle", evil)
+    session.set_notes(evil)
+    server = LiveServer(session)
     server.start()
-    watched.history.append(at(BAJA, 0.0))
+    session.history.append(at(BAJA, 0.0))
     page = Page(browser, server)
     assert page.text("#vehicle") == evil
     assert page.run("return document.querySelectorAll('b, img').length") == 0
     browser.get("about:blank")
     server.stop()
-    assert not pump.running
+    assert not worker.running

@@ -1,4 +1,4 @@
-"""The server as a browser, a foreign page and an attacker see it."""
+"""The server, its files, events and controls, and its protection against other pages."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 
 from bayes_asv.live.server import HEADERS, LiveServer
-from tests.live.made_up import Curves, show, shown, wait_for
+from tests.live.synthetic import CurveBuffer, finished_session, new_session, wait_for
 
 
 def _serving(seconds: float) -> Iterator[LiveServer]:
-    made = LiveServer(shown(seconds))
+    made = LiveServer(finished_session(seconds))
     made.start()
     yield made
     made.stop()
@@ -25,13 +25,13 @@ def _serving(seconds: float) -> Iterator[LiveServer]:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[LiveServer]:
-    """One for all who change nothing; nobody looks for long enough to reach its end."""
+    """A server for all tests without controls; it never reaches its end."""
     yield from _serving(60.0)
 
 
 @pytest.fixture
 def own_server() -> Iterator[LiveServer]:
-    """One of its own."""
+    """A server for a single test."""
     yield from _serving(4.0)
 
 
@@ -42,10 +42,10 @@ class Answer:
         self.body = response.read()
 
 
-def ask(
+def request(
     server: LiveServer, method: str, path: str, body: bytes | None = None, **headers: str
 ) -> Answer:
-    """One request of its own connection; headers with _ for -, empty ones left out."""
+    """Send one request; header names with _ for -, empty headers left out."""
     sent = {
         "Host": f"127.0.0.1:{server.port}",
         **{k.replace("_", "-"): v for k, v in headers.items()},
@@ -68,8 +68,8 @@ def own(server: LiveServer) -> str:
     return server.address.rstrip("/")
 
 
-def wish(server: LiveServer, **what: Any) -> Answer:
-    return ask(server, "POST", "/control", json.dumps(what).encode(), Origin=own(server))
+def send_control(server: LiveServer, **what: Any) -> Answer:
+    return request(server, "POST", "/control", json.dumps(what).encode(), Origin=own(server))
 
 
 class Events:
@@ -102,28 +102,28 @@ class Events:
         self.socket.close()
 
 
-def test_the_page_and_its_files(server: LiveServer) -> None:
-    page = ask(server, "GET", "/")
+def test_page_and_files(server: LiveServer) -> None:
+    page = request(server, "GET", "/")
     assert page.status == 200
     assert page.headers["content-type"] == "text/html; charset=utf-8"
     text = page.body.decode()
     for path in ("/live.css", "/main.js", "/uplot/uPlot.iife.min.js", "/uplot/uPlot.min.css"):
         assert f'"{path}"' in text
-        assert ask(server, "GET", path).status == 200
+        assert request(server, "GET", path).status == 200
     for name in ("charts", "panels", "link"):
-        script = ask(server, "GET", f"/{name}.js")
+        script = request(server, "GET", f"/{name}.js")
         assert script.headers["content-type"].startswith("text/javascript")
-    assert b"Leon Sorokin" in ask(server, "GET", "/uplot/LICENSE").body
-    # Nothing inline, nothing from elsewhere: the policy below would stop it.
+    assert b"Leon Sorokin" in request(server, "GET", "/uplot/LICENSE").body
+    # Nothing inline, nothing external: the policy below would block it.
     for part in ("<style", "style=", "onclick", "http://", "https://", "<script>"):
         assert part not in text
-    head = ask(server, "HEAD", "/")
+    head = request(server, "HEAD", "/")
     assert (head.status, head.body) == (200, b"")
 
 
 @pytest.mark.parametrize("path", ["/", "/main.js", "/events", "/nothing"])
-def test_every_answer_has_the_headers(server: LiveServer, path: str) -> None:
-    answer = ask(server, "HEAD", path)
+def test_security_headers(server: LiveServer, path: str) -> None:
+    answer = request(server, "HEAD", path)
     for name, value in HEADERS.items():
         assert answer.headers[name.lower()] == value
     policy = answer.headers["content-security-policy"]
@@ -135,9 +135,9 @@ def test_every_answer_has_the_headers(server: LiveServer, path: str) -> None:
     assert "Python" not in answer.headers["server"]
 
 
-def test_only_the_loopback_address_is_listened_on(server: LiveServer) -> None:
+def test_only_the_loopback_address_is_served(server: LiveServer) -> None:
     assert server.socket.getsockname()[0] == "127.0.0.1"
-    # Whoever listens on all addresses answers on this one as well.
+    # A server on all addresses would answer on this one as well.
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.2", server.port), timeout=5)
 
@@ -151,10 +151,10 @@ def test_only_the_loopback_address_is_listened_on(server: LiveServer) -> None:
 def test_another_host_is_refused(server: LiveServer, host: str, path: str) -> None:
     method = "POST" if path == "/control" else "GET"
     named = host.format(port=server.port)
-    answer = ask(server, method, path, b'{"do":"pause"}', Host=named, Origin=own(server))
+    answer = request(server, method, path, b'{"do":"pause"}', Host=named, Origin=own(server))
     assert answer.status == 403
     assert b"html" not in answer.body
-    assert server.show.moment().state == "playing"
+    assert server.session.playback().state == "playing"
 
 
 def test_two_hosts_are_refused(server: LiveServer) -> None:
@@ -173,19 +173,19 @@ def test_two_hosts_are_refused(server: LiveServer) -> None:
 def test_another_origin_is_refused(server: LiveServer, origin: str, path: str) -> None:
     named = origin.format(port=server.port)
     method = "POST" if path == "/control" else "GET"
-    assert ask(server, method, path, b'{"do":"pause"}', Origin=named).status == 403
-    assert server.show.moment().state == "playing"
+    assert request(server, method, path, b'{"do":"pause"}', Origin=named).status == 403
+    assert server.session.playback().state == "playing"
 
 
-def test_our_own_page_is_let_in_by_both_names(server: LiveServer) -> None:
+def test_own_page_has_access_by_both_names(server: LiveServer) -> None:
     port = server.port
     for name in ("127.0.0.1", "localhost"):
         host = f"{name}:{port}"
-        assert ask(server, "GET", "/", Host=host, Origin=f"http://{host}").status == 200
+        assert request(server, "GET", "/", Host=host, Origin=f"http://{host}").status == 200
 
 
 def test_a_control_without_an_origin_is_refused(server: LiveServer) -> None:
-    assert ask(server, "POST", "/control", b'{"do":"pause"}').status == 403
+    assert request(server, "POST", "/control", b'{"do":"pause"}').status == 403
 
 
 @pytest.mark.parametrize(
@@ -193,85 +193,83 @@ def test_a_control_without_an_origin_is_refused(server: LiveServer) -> None:
     ["/../server.py", "/..%2fserver.py", "/%2e%2e/server.py", "//etc/passwd", "/uplot/../main.py",
      "/uplot", "/index.html/", "/etc/passwd", "/..\\server.py", "/main.js%00", "/.", "/main.js/"],
 )  # fmt: skip
-def test_no_path_leads_anywhere_else(server: LiveServer, path: str) -> None:
-    answer = ask(server, "GET", path)
+def test_no_other_path_is_served(server: LiveServer, path: str) -> None:
+    answer = request(server, "GET", path)
     assert answer.status == 404
     assert answer.body == b"there is no such page\n"
 
 
 @pytest.mark.parametrize(
-    ("body", "words"),
+    ("body", "message"),
     [
         (b"", "write"), (b"{", "write"), (b"[1]", "write"), (b'{"do":"fly"}', "no such action"),
         (b'{"do":"speed","value":1e9}', "between"), (b'{"do":"speed"}', "needs a number"),
         (b'{"do":"seek","value":NaN}', "number of seconds"), (b"[" * 900, "write"),
     ],
 )  # fmt: skip
-def test_a_nonsensical_control_is_refused_in_words(
-    server: LiveServer, body: bytes, words: str
-) -> None:
-    answer = ask(server, "POST", "/control", body, Origin=own(server))
+def test_invalid_controls_are_refused(server: LiveServer, body: bytes, message: str) -> None:
+    answer = request(server, "POST", "/control", body, Origin=own(server))
     assert answer.status == 400
-    assert words in answer.body.decode()
+    assert message in answer.body.decode()
 
 
-def test_a_long_or_endless_control_is_not_read(server: LiveServer) -> None:
+def test_long_controls_are_not_read(server: LiveServer) -> None:
     for length in ("100000000", "-1", "x", "1_0"):
-        answer = ask(server, "POST", "/control", b"", Origin=own(server), Content_Length=length)
+        answer = request(server, "POST", "/control", b"", Origin=own(server), Content_Length=length)
         assert answer.status == 400
         assert answer.headers["connection"] == "close"
-    assert ask(server, "POST", "/", b"{}", Origin=own(server)).status == 404
+    assert request(server, "POST", "/", b"{}", Origin=own(server)).status == 404
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "OPTIONS", "TRACE", "CONNECT"])
-def test_other_methods_are_not_known(server: LiveServer, method: str) -> None:
-    answer = ask(server, method, "/")
+def test_other_methods_are_refused(server: LiveServer, method: str) -> None:
+    answer = request(server, method, "/")
     assert answer.status == 501
     assert "access-control-allow-origin" not in answer.headers
 
 
-def test_garbage_is_answered_without_quoting_it(server: LiveServer) -> None:
+def test_invalid_requests_are_not_quoted(server: LiveServer) -> None:
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line:
         line.sendall(b"<script>alert(1)</script> / HTTP/9.9\r\n\r\n")
         said = line.recv(10_000)
     assert b"script>" not in said
-    assert ask(server, "GET", "/").status == 200
+    assert request(server, "GET", "/").status == 200
 
 
 @pytest.mark.parametrize("window", ["0", "-1", "1e9", "nan", "x", "inf"])
-def test_a_window_that_is_none_is_refused(server: LiveServer, window: str) -> None:
-    assert ask(server, "GET", f"/events?window={window}").status == 400
+def test_invalid_windows_are_refused(server: LiveServer, window: str) -> None:
+    assert request(server, "GET", f"/events?window={window}").status == 400
 
 
-def test_events_tell_scene_and_frames_and_controls_work(own_server: LiveServer) -> None:
+def test_events_and_controls(own_server: LiveServer) -> None:
     events = Events(own_server, "?window=2")
     stream = iter(events)
-    name, scene = next(stream)
+    name, metadata = next(stream)
     assert name == "scene"
-    assert scene["vehicle"] == own_server.show.scene.vehicle
+    assert metadata["vehicle"] == own_server.session.metadata.vehicle
     name, first = next(stream)
     assert (name, first["state"]) == ("frame", "playing")
-    assert wish(own_server, do="speed", value=10).status == 204
+    assert send_control(own_server, do="speed", value=10).status == 204
     for _, frame in stream:
         if frame["speed"] == 10:
             break
-    assert wish(own_server, do="pause").status == 204
+    assert send_control(own_server, do="pause").status == 204
     for _, frame in stream:
         if frame["state"] == "paused":
             break
-    assert wish(own_server, do="seek", value=1.0).status == 204
+    assert send_control(own_server, do="seek", value=1.0).status == 204
     assert next(stream)[1]["position"] == 1.0
-    assert wish(own_server, do="restart").status == 204
+    assert send_control(own_server, do="restart").status == 204
     assert next(stream)[1]["position"] < 1.0
     events.close()
 
 
-def test_several_look_at_once_and_see_the_same(own_server: LiveServer) -> None:
-    wish(own_server, do="speed", value=10)
-    seen: list[Curves] = []
+def test_several_viewers_see_the_same(own_server: LiveServer) -> None:
+    send_control(own_server, do="speed", value=10)
+    seen: list[CurveBuffer] = []
 
     def look() -> None:
-        events, run = Events(own_server), Curves()
+        events, run = Events(own_server), CurveBuffer()
         for name, frame in events:
             if name == "frame" and "run" in frame:
                 run.take(frame["run"])
@@ -280,11 +278,11 @@ def test_several_look_at_once_and_see_the_same(own_server: LiveServer) -> None:
         seen.append(run)
         events.close()
 
-    lookers = [threading.Thread(target=look) for _ in range(5)]
-    for looker in lookers:
-        looker.start()
-    for looker in lookers:
-        looker.join(20.0)
+    threads = [threading.Thread(target=look) for _ in range(5)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20.0)
     assert len(seen) == 5
     for run in seen:
         assert run.time == seen[0].time
@@ -292,14 +290,14 @@ def test_several_look_at_once_and_see_the_same(own_server: LiveServer) -> None:
     assert len(seen[0].time) > 1000
 
 
-def test_a_browser_that_takes_nothing_blocks_nobody_and_catches_up() -> None:
-    watched, pump = show(60.0, 800.0, speed=100.0)
-    server = LiveServer(watched, frames=500.0)
+def test_a_blocked_browser_does_not_delay_others() -> None:
+    session, worker = new_session(60.0, 800.0, speed=100.0)
+    server = LiveServer(session, frame_rate=500.0)
     server.start()
-    stuck = Events(server, "?window=120", buffer=2048)
-    pump.start()
-    assert pump.wait(20.0)  # the filter is done, whoever looks or does not
-    other, run = Events(server), Curves()
+    blocked = Events(server, "?window=120", buffer=2048)
+    worker.start()
+    assert worker.wait(20.0)  # the filter does not wait for viewers
+    other, run = Events(server), CurveBuffer()
     began = time.monotonic()
     for name, frame in other:
         if name == "frame" and "run" in frame:
@@ -307,9 +305,9 @@ def test_a_browser_that_takes_nothing_blocks_nobody_and_catches_up() -> None:
             if frame["state"] == "ended":
                 break
     assert time.monotonic() - began < 10.0
-    # By now the stuck one has missed most frames; what it gets still fits together.
-    late, frames, traces = Curves(), 0, Curves()
-    for name, frame in stuck:
+    # By now the blocked one has missed most frames; what it gets is still complete.
+    late, frames, traces = CurveBuffer(), 0, CurveBuffer()
+    for name, frame in blocked:
         if name == "frame" and "run" in frame:
             late.take(frame["run"])
             traces.take(frame["traces"])
@@ -318,12 +316,12 @@ def test_a_browser_that_takes_nothing_blocks_nobody_and_catches_up() -> None:
                 break
     assert late.columns == run.columns
     assert frames < 200
-    stuck.close()
+    blocked.close()
     other.close()
     server.stop()
 
 
-def test_a_page_too_many_is_told_so(
+def test_number_of_viewers_is_limited(
     own_server: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(own_server, "viewers", threading.BoundedSemaphore(2))
@@ -333,23 +331,23 @@ def test_a_page_too_many_is_told_so(
     for events in (first, second, third):
         events.close()
 
-    def let_in() -> bool:  # those who leave make room
+    def accepted() -> bool:  # disconnected viewers make room
         events = Events(own_server)
         events.close()
         return events.status == 200
 
-    wait_for(let_in)
+    wait_for(accepted)
 
 
-def test_one_that_never_began_can_be_stopped() -> None:
-    server = LiveServer(shown(0.1))
+def test_server_that_never_started_can_be_stopped() -> None:
+    server = LiveServer(finished_session(0.1))
     server.stop()
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", server.port), timeout=2)
 
 
-def test_stopping_is_quick_and_tells_the_viewers() -> None:
-    server = LiveServer(shown(4.0))
+def test_stopping_notifies_the_viewers() -> None:
+    server = LiveServer(finished_session(4.0))
     server.start()
     events = Events(server)
     stream = iter(events)

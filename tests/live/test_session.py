@@ -1,107 +1,106 @@
-"""The clock that all viewers share."""
+"""Playback and controls of a session."""
 
 from __future__ import annotations
 
 import pytest
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.live.clock import Clock
-from bayes_asv.live.metadata import scene
-from bayes_asv.live.session import Show
-from tests.live.made_up import BAJA, Time, at, frames, recording
+from bayes_asv.live.metadata import view_metadata
+from bayes_asv.live.session import PlaybackClock, Session
+from tests.live.synthetic import BAJA, FakeClock, at, frames, recording
 
 
-def _show(seconds: float = 4.0, **how: float) -> tuple[Show, Time]:
-    time = Time()
-    show = Show(scene(BAJA, "x", seconds), 100.0, clock=time, **how)  # type: ignore[arg-type]
+def _session(seconds: float = 4.0, **how: float) -> tuple[Session, FakeClock]:
+    time = FakeClock()
+    session = Session(view_metadata(BAJA, "x", seconds), 100.0, clock=time, **how)  # type: ignore[arg-type]
     run = recording(seconds, 100.0, start=7.0)
-    show.history.append(frames(BAJA, run.time, run.values.T))
-    show.finish()
-    return show, time
+    session.history.append(frames(BAJA, run.time, run.values.T))
+    session.finish()
+    return session, time
 
 
-def _later(show: Show, time: Time, seconds: float) -> float:
-    """Position after so many seconds in steps of a frame."""
-    show.moment()
+def _position_after(session: Session, time: FakeClock, seconds: float) -> float:
+    """Position after a time, in steps of a frame."""
+    session.playback()
     for _ in range(round(seconds / 0.04)):
         time.now += 0.04
-        show.moment()
-    return show.moment().position
+        session.playback()
+    return session.playback().position
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 10.0])
-def test_time_goes_by_at_the_speed_asked_for(speed: float) -> None:
-    show, time = _show(speed=speed)
-    assert show.moment().position == 0.0
-    assert _later(show, time, 0.2) == pytest.approx(0.2 * speed)
-    show.ask("speed", 2.0)
-    assert _later(show, time, 0.2) == pytest.approx(0.2 * speed + 0.4)
+def test_playback_advances_at_the_chosen_speed(speed: float) -> None:
+    session, time = _session(speed=speed)
+    assert session.playback().position == 0.0
+    assert _position_after(session, time, 0.2) == pytest.approx(0.2 * speed)
+    session.control("speed", 2.0)
+    assert _position_after(session, time, 0.2) == pytest.approx(0.2 * speed + 0.4)
 
 
 def test_pause_play_seek_and_restart() -> None:
-    show, time = _show()
-    assert _later(show, time, 1.0) == pytest.approx(1.0)
-    show.ask("pause")
-    assert show.moment().state == "paused"
-    assert _later(show, time, 1.0) == pytest.approx(1.0)
-    show.ask("seek", 2.5)
-    assert show.moment().position == 2.5
-    assert show.moment().state == "paused"
-    show.ask("play")
-    assert _later(show, time, 0.4) == pytest.approx(2.9)
-    show.ask("pause")
-    show.ask("restart")
-    moment = show.moment()
-    assert (moment.position, moment.state, moment.rows) == (0.0, "playing", 1)
+    session, time = _session()
+    assert _position_after(session, time, 1.0) == pytest.approx(1.0)
+    session.control("pause")
+    assert session.playback().state == "paused"
+    assert _position_after(session, time, 1.0) == pytest.approx(1.0)
+    session.control("seek", 2.5)
+    assert session.playback().position == 2.5
+    assert session.playback().state == "paused"
+    session.control("play")
+    assert _position_after(session, time, 0.4) == pytest.approx(2.9)
+    session.control("pause")
+    session.control("restart")
+    playback = session.playback()
+    assert (playback.position, playback.state, playback.rows) == (0.0, "playing", 1)
 
 
-def test_the_end_is_the_end_until_one_goes_back() -> None:
-    show, time = _show()
-    assert _later(show, time, 5.0) == pytest.approx(3.99)
-    moment = show.moment()
-    assert (moment.state, moment.rows) == ("ended", 400)
-    show.ask("seek", 1.0)
-    assert show.moment().state == "playing"
+def test_playback_ends_and_can_seek_back() -> None:
+    session, time = _session()
+    assert _position_after(session, time, 5.0) == pytest.approx(3.99)
+    playback = session.playback()
+    assert (playback.state, playback.rows) == ("ended", 400)
+    session.control("seek", 1.0)
+    assert session.playback().state == "playing"
 
 
-def test_the_recording_waits_while_nobody_looks() -> None:
-    show, time = _show()
-    show.moment()
+def test_playback_waits_without_viewers() -> None:
+    session, time = _session()
+    session.playback()
     time.now += 3600.0
-    assert show.moment().position <= 0.25
+    assert session.playback().position <= 0.25
 
 
-def test_time_waits_for_a_slow_filter_and_does_not_jump_when_it_comes() -> None:
-    time = Time()
-    show = Show(scene(BAJA, "x", 4.0), 100.0, clock=time)
-    assert show.moment().state == "waiting"
+def test_playback_waits_for_a_slow_filter() -> None:
+    time = FakeClock()
+    session = Session(view_metadata(BAJA, "x", 4.0), 100.0, clock=time)
+    assert session.playback().state == "waiting"
     run = recording(4.0, 100.0)
-    show.history.append(frames(BAJA, run.time[:50], run.values.T[:50]))
-    assert _later(show, time, 2.0) == pytest.approx(0.49)
-    assert show.moment().state == "playing"
-    show.history.append(frames(BAJA, run.time[50:], run.values.T[50:]))
+    session.history.append(frames(BAJA, run.time[:50], run.values.T[:50]))
+    assert _position_after(session, time, 2.0) == pytest.approx(0.49)
+    assert session.playback().state == "playing"
+    session.history.append(frames(BAJA, run.time[50:], run.values.T[50:]))
     time.now += 0.04
-    assert show.moment().position == pytest.approx(0.53)
+    assert session.playback().position == pytest.approx(0.53)
 
 
-def test_a_port_is_followed_and_a_pause_holds_it() -> None:
-    time = Time()
-    show = Show(scene(BAJA, "port", None, live=True), 100.0, clock=time)
-    show.history.append(at(BAJA, 3.0))
-    show.history.append(at(BAJA, 3.4))
-    assert show.moment().position == pytest.approx(0.4)
-    show.ask("pause")
-    show.history.append(at(BAJA, 4.0))
-    assert show.moment().position == pytest.approx(0.4)
-    show.ask("play")
-    assert show.moment().position == pytest.approx(1.0)
+def test_playback_follows_a_live_port() -> None:
+    time = FakeClock()
+    session = Session(view_metadata(BAJA, "port", None, live=True), 100.0, clock=time)
+    session.history.append(at(BAJA, 3.0))
+    session.history.append(at(BAJA, 3.4))
+    assert session.playback().position == pytest.approx(0.4)
+    session.control("pause")
+    session.history.append(at(BAJA, 4.0))
+    assert session.playback().position == pytest.approx(0.4)
+    session.control("play")
+    assert session.playback().position == pytest.approx(1.0)
     for action in ("restart", "seek", "speed"):
-        with pytest.raises(InputError, match="no other time than now"):
-            show.ask(action, 1.0)
+        with pytest.raises(InputError, match="not possible with a live port"):
+            session.control(action, 1.0)
 
 
 @pytest.mark.parametrize(
-    ("action", "value", "words"),
+    ("action", "value", "message"),
     [
         ("stop", None, "no such action"),
         ("", None, "no such action"),
@@ -115,28 +114,28 @@ def test_a_port_is_followed_and_a_pause_holds_it() -> None:
         ("seek", float("inf"), "a number of seconds"),
     ],
 )
-def test_nonsense_is_refused_and_changes_nothing(action: str, value: object, words: str) -> None:
-    show, _ = _show()
-    before = show.moment()
-    with pytest.raises(InputError, match=words):
-        show.ask(action, value)
-    after = show.moment()
+def test_invalid_controls_change_nothing(action: str, value: object, message: str) -> None:
+    session, _ = _session()
+    before = session.playback()
+    with pytest.raises(InputError, match=message):
+        session.control(action, value)
+    after = session.playback()
     assert (before.position, before.state, before.speed) == (
         after.position, after.state, after.speed,
     )  # fmt: skip
 
 
-def test_a_fault_is_told_first() -> None:
-    show, _ = _show()
-    show.note("ten lines were not readable")
-    show.finish("the cable broke")
-    moment = show.moment()
-    assert moment.state == "failed"
-    assert moment.notes == ("the cable broke", "ten lines were not readable")
+def test_an_error_is_the_first_note() -> None:
+    session, _ = _session()
+    session.set_notes("ten lines were not readable")
+    session.finish("the cable broke")
+    playback = session.playback()
+    assert playback.state == "failed"
+    assert playback.notes == ("the cable broke", "ten lines were not readable")
 
 
-def test_a_clock_that_goes_back_does_not_move_it_back() -> None:
-    clock = Clock()
+def test_position_never_follows_a_clock_backwards() -> None:
+    clock = PlaybackClock()
     clock.advance(10.0, 5.0)
     clock.advance(10.1, 5.0)
     assert clock.advance(9.0, 5.0) == pytest.approx(0.1)

@@ -1,4 +1,4 @@
-// One chart: uPlot in the look of the page, with lines and words that belong to no curve.
+// One chart: uPlot in the style of the page, with labelled level lines.
 
 const MINUS = "\u2212";
 
@@ -12,24 +12,24 @@ export function plain(value, places) {
   return text.replace("-", MINUS);
 }
 
-// Limits that move seldom: they hold what is there with some room, are round, and shrink only when
-// half of them is empty.
+// Limits that change seldom: they cover the values with a margin, are round, and shrink only when
+// half of the range is empty.
 export class Limits {
   constructor() {
     this.low = 0;
     this.high = 0;
   }
 
-  hold(low, high) {
-    if (!Number.isFinite(low) || !Number.isFinite(high)) [low, high] = [-1, 1]; // nothing there yet
+  cover(low, high) {
+    if (!Number.isFinite(low) || !Number.isFinite(high)) [low, high] = [-1, 1]; // no values yet
     if (!(low < high)) {
-      const room = Math.abs(low) * 0.1 || 1;
-      low -= room;
-      high += room;
+      const margin = Math.abs(low) * 0.1 || 1;
+      low -= margin;
+      high += margin;
     }
     const span = high - low;
-    const roomy = this.high - this.low > 2.2 * span;
-    if (low < this.low || high > this.high || roomy || this.low === this.high) {
+    const tooWide = this.high - this.low > 2.2 * span;
+    if (low < this.low || high > this.high || tooWide || this.low === this.high) {
       const step = 10 ** Math.floor(Math.log10(span)) / 4;
       this.low = Math.floor((low - 0.06 * span) / step) * step;
       this.high = Math.ceil((high + 0.06 * span) / step) * step;
@@ -38,7 +38,7 @@ export class Limits {
   }
 }
 
-// Least and largest number of some columns from a point on.
+// Smallest and largest number of some columns from a point on.
 export function extremes(columns, from = 0) {
   let low = Infinity;
   let high = -Infinity;
@@ -53,39 +53,39 @@ export function extremes(columns, from = 0) {
   return [low, high];
 }
 
-// What a chart needs:
-//   label    words on the axis of values
+// Options of a chart:
+//   label    label of the value axis
 //   curves   [{ column, colour, width }]: curves, and edges of bands (width 0)
-//   bands    [[upper, lower, colour]] by place among the curves
-//   marks    () => [{ at, words, dash }]: level lines
+//   bands    [[upper, lower, colour]] by index of the curves
+//   marks    () => [{ at, label, dash }]: level lines
 //   x, y     () => [low, high]
-//   time     words below the axis of time, if any
-//   sync     charts with the same word share a cursor
-//   told     (place or null) => void: where the cursor is
+//   time     label of the time axis, if any
+//   sync     charts with the same key share a cursor
+//   onCursor (index or null) => void: position of the cursor
 export class Chart {
-  constructor(place, about) {
-    this.place = place;
-    this.about = about;
-    this.seen = true;
-    this.data = [[], ...about.curves.map(() => [])];
+  constructor(element, options) {
+    this.element = element;
+    this.options = options;
+    this.visible = true;
+    this.data = [[], ...options.curves.map(() => [])];
     this.build();
     this.sizes = new ResizeObserver(() => {
-      this.plot.setSize({ width: this.place.clientWidth, height: this.place.clientHeight });
+      this.plot.setSize({ width: this.element.clientWidth, height: this.element.clientHeight });
     });
-    this.sizes.observe(place);
+    this.sizes.observe(element);
     this.views = new IntersectionObserver(([entry]) => {
-      this.seen = entry.isIntersecting;
-      if (this.seen) this.plot.setData(this.data);
+      this.visible = entry.isIntersecting;
+      if (this.visible) this.plot.setData(this.data);
     });
-    this.views.observe(place);
+    this.views.observe(element);
   }
 
   build() {
-    const { about } = this;
-    // Asked once: asking makes the browser lay out the page, and there are 25 frames a second.
+    const { options } = this;
+    // Read once: reading makes the browser lay out the page, and there are 25 frames per second.
     const family = getComputedStyle(document.body).fontFamily;
     const font = `12px ${family}`;
-    this.look = { family, ink: colour("ink"), paper: colour("paper") };
+    this.style = { family, ink: colour("ink"), paper: colour("paper") };
     const axis = {
       stroke: colour("ink"),
       font,
@@ -98,19 +98,19 @@ export class Chart {
     this.plot?.destroy();
     this.plot = new uPlot(
       {
-        width: this.place.clientWidth || 300,
-        height: this.place.clientHeight || 150,
+        width: this.element.clientWidth || 300,
+        height: this.element.clientHeight || 150,
         padding: [8, 10, 0, 0],
         legend: { show: false },
         cursor: {
           y: false,
           points: { show: false },
           drag: { x: false, y: false },
-          sync: about.sync ? { key: about.sync, scales: ["x", null] } : undefined,
+          sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined,
         },
         scales: {
-          x: { time: false, range: () => about.x() },
-          y: { range: () => about.y() },
+          x: { time: false, range: () => options.x() },
+          y: { range: () => options.y() },
         },
         axes: [
           {
@@ -120,7 +120,7 @@ export class Chart {
             labelGap: 0,
             labelSize: 16,
             space: 60,
-            label: about.time,
+            label: options.time,
             values: (_, marks) => marks.map((mark) => plain(mark)),
           },
           {
@@ -128,49 +128,49 @@ export class Chart {
             size: 46,
             gap: 4,
             space: 28,
-            label: about.label,
+            label: options.label,
             values: (_, marks) => marks.map((mark) => plain(mark)),
           },
         ],
         series: [
           {},
-          ...about.curves.map((curve) => ({
+          ...options.curves.map((curve) => ({
             stroke: curve.width ? colour(curve.colour) : undefined,
             width: curve.width,
             points: { show: false },
             spanGaps: false,
           })),
         ],
-        bands: (about.bands ?? []).map(([upper, lower, paint]) => ({
+        bands: (options.bands ?? []).map(([upper, lower, paint]) => ({
           series: [upper + 1, lower + 1],
           fill: colour(paint),
         })),
         hooks: {
-          draw: [(plot) => this.levels(plot)],
+          draw: [(plot) => this.drawMarks(plot)],
           setCursor: [(plot) => {
-            this.asked = plot.cursor.left >= 0 && Number.isInteger(plot.cursor.idx);
-            about.told?.(this.asked ? plot.cursor.idx : null);
+            this.hasCursor = plot.cursor.left >= 0 && Number.isInteger(plot.cursor.idx);
+            options.onCursor?.(this.hasCursor ? plot.cursor.idx : null);
           }],
         },
       },
       this.data,
-      this.place,
+      this.element,
     );
   }
 
   show(time, columns) {
-    this.data = [time, ...this.about.curves.map((curve) => columns[curve.column] ?? [])];
-    if (this.seen) this.plot.setData(this.data);
+    this.data = [time, ...this.options.curves.map((curve) => columns[curve.column] ?? [])];
+    if (this.visible) this.plot.setData(this.data);
   }
 
-  levels(plot) {
+  drawMarks(plot) {
     const { ctx, bbox } = plot;
-    const { family, ink, paper } = this.look;
+    const { family, ink, paper } = this.style;
     const scale = devicePixelRatio;
     ctx.save();
     ctx.font = `${11.5 * scale}px ${family}`;
     ctx.textAlign = "right";
-    for (const mark of this.about.marks?.() ?? []) {
+    for (const mark of this.options.marks?.() ?? []) {
       const y = Math.round(plot.valToPos(mark.at, "y", true));
       if (y < bbox.top || y > bbox.top + bbox.height) continue;
       ctx.strokeStyle = ink;
@@ -180,17 +180,17 @@ export class Chart {
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      if (!mark.words) continue;
+      if (!mark.label) continue;
       const below = mark.below ?? y - 16 * scale < bbox.top;
       ctx.textBaseline = below ? "top" : "bottom";
-      const width = ctx.measureText(mark.words).width;
+      const width = ctx.measureText(mark.label).width;
       const [right, edge] = [bbox.left + bbox.width - 4 * scale, y + (below ? 3 : -3) * scale];
       ctx.fillStyle = paper;
       ctx.globalAlpha = 0.75;
       ctx.fillRect(right - width - 3 * scale, below ? edge - 1 : edge - 13 * scale, width + 6 * scale, 14 * scale);
       ctx.globalAlpha = 1;
       ctx.fillStyle = ink;
-      ctx.fillText(mark.words, right, edge);
+      ctx.fillText(mark.label, right, edge);
     }
     ctx.restore();
   }

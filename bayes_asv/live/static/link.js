@@ -1,16 +1,16 @@
-// The line to the program: what it says, and what is asked of it.
+// The connection to the program: events from it, and controls sent to it.
 
-// A growing set of curves over one axis of time.  The program sends the points from the first one
-// on that was not final before, so what is here from there on is replaced.
+// A growing set of curves over a common time axis.  The program sends the points from the first one
+// on that was not final before, and these replace the points here from there on.
 export class Curves {
-  constructor(most) {
-    this.most = most;
+  constructor(maxPoints) {
+    this.maxPoints = maxPoints;
     this.base = 0;
     this.time = [];
     this.columns = [];
   }
 
-  take(part) {
+  update(part) {
     if (part.fresh) {
       this.base = part.at;
       this.time = part.time;
@@ -24,8 +24,8 @@ export class Curves {
       column.length = from;
       column.push(...part.columns[n]);
     });
-    const surplus = this.time.length - this.most;
-    if (surplus > this.most / 2) {
+    const surplus = this.time.length - this.maxPoints;
+    if (surplus > this.maxPoints / 2) {
       this.time.splice(0, surplus);
       this.columns.forEach((column) => column.splice(0, surplus));
       this.base += surplus;
@@ -33,8 +33,8 @@ export class Curves {
   }
 }
 
-// Listen with a window of so many seconds.  A page that nobody sees does not listen: it would only
-// take the place of one that somebody does.
+// Receives events for a window of so many seconds.  A hidden page disconnects, so that it does not
+// count among the viewers.
 export class Link {
   constructor(on) {
     this.on = on;
@@ -54,7 +54,7 @@ export class Link {
     source.addEventListener("open", () => this.on.connected(true));
     source.addEventListener("error", () => {
       this.on.connected(false);
-      // A line that was cut is taken up again by the browser; a refusal (too many pages) is not.
+      // The browser reconnects by itself after a loss, but not after a refusal (too many pages).
       if (source.readyState === EventSource.CLOSED) setTimeout(() => this.open(), 3000);
     });
     source.addEventListener("scene", (event) => this.on.scene(JSON.parse(event.data)));
@@ -67,7 +67,7 @@ export class Link {
   }
 }
 
-export async function ask(action, value) {
+export async function send(action, value) {
   try {
     await fetch("/control", {
       method: "POST",
@@ -75,6 +75,6 @@ export async function ask(action, value) {
       body: JSON.stringify({ do: action, value }),
     });
   } catch {
-    // The stream says that the program is gone.
+    // The event stream reports that the program has ended.
   }
 }

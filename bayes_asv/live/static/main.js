@@ -1,7 +1,7 @@
-// The page: takes frames as they come, draws at most once a screen refresh, and passes on wishes.
+// The page: receives frames, draws at most once per screen refresh, and sends controls.
 
-import { Curves, Link, ask } from "./link.js";
-import { Panels, capital, say } from "./panels.js";
+import { Curves, Link, send } from "./link.js";
+import { Panels, capital, setText } from "./panels.js";
 import { plain } from "./charts.js";
 
 const $ = (id) => document.getElementById(id);
@@ -12,52 +12,52 @@ let panels = null;
 let traces = null;
 let run = null;
 let frame = null;
-let words = null; // they come with every third frame
-let fresh = false;
+let texts = null; // sent with every third frame
+let drawing = false;
 let seeking = false;
 
 window.liveStats = stats; // read by the benchmark
 
-function meet(said) {
+function receiveScene(message) {
   const first = scene === null;
-  scene = said;
-  traces = new Curves(said.points.traces);
-  run = new Curves(said.points.run);
-  times.length = said.duration;
-  document.title = `${said.vehicle}: live view`;
-  say($("vehicle"), said.vehicle);
-  say($("source"), said.live ? `live from ${said.source}` : said.source);
-  document.body.classList.toggle("live", said.live);
-  if (first) panels = new Panels(said, times);
+  scene = message;
+  traces = new Curves(message.points.traces);
+  run = new Curves(message.points.run);
+  times.length = message.duration;
+  document.title = `${message.vehicle}: live view`;
+  setText($("vehicle"), message.vehicle);
+  setText($("source"), message.live ? `live from ${message.source}` : message.source);
+  document.body.classList.toggle("live", message.live);
+  if (first) panels = new Panels(message, times);
 }
 
-function take(said) {
+function receiveFrame(message) {
   stats.received += 1;
-  frame = said;
-  if (said.traces) {
-    traces.take(said.traces);
-    run.take(said.run);
-    times.now = said.time;
-    times.start = said.time - said.position;
-    words = said.now ?? words;
+  frame = message;
+  if (message.traces) {
+    traces.update(message.traces);
+    run.update(message.run);
+    times.now = message.time;
+    times.start = message.time - message.position;
+    texts = message.now ?? texts;
   }
-  if (!fresh) requestAnimationFrame(draw);
-  fresh = true;
+  if (!drawing) requestAnimationFrame(draw);
+  drawing = true;
 }
 
 function draw() {
-  fresh = false;
+  drawing = false;
   controls();
-  if (words) {
-    const { short, long, tone } = words.consistency;
+  if (texts) {
+    const { short, long, tone } = texts.consistency;
     $("verdict").className = `verdict tone-${tone}`;
-    say($("verdict-short"), capital(short));
-    say($("verdict-long"), long);
-    panels.words(words);
-    words = null;
+    setText($("verdict-short"), capital(short));
+    setText($("verdict-long"), long);
+    panels.setTexts(texts);
+    texts = null;
   }
   if (frame.state === "waiting") {
-    say($("verdict-long"), scene.live ? `No row has come from ${scene.source} yet.` : "The filter is starting.");
+    setText($("verdict-long"), scene.live ? `No row has come from ${scene.source} yet.` : "The filter is starting.");
   }
   if (frame.traces) panels.draw(traces, run);
   stats.drawn += 1;
@@ -68,27 +68,27 @@ function controls() {
   const { state, speed, position, end, notes } = frame;
   const failed = state === "failed";
   const running = state === "playing" || state === "waiting";
-  const word = running ? "Pause" : state === "ended" && !scene.live ? "Again" : scene.live ? "Live" : "Play";
-  say($("play"), word);
+  const label = running ? "Pause" : state === "ended" && !scene.live ? "Again" : scene.live ? "Live" : "Play";
+  setText($("play"), label);
   $("play").setAttribute("aria-pressed", String(state === "paused"));
   for (const button of $("speeds").children) {
     button.setAttribute("aria-pressed", String(Number(button.dataset.speed) === speed));
   }
   const length = times.length ?? end;
   if (!seeking) $("seek").value = length > 0 ? Math.round((1000 * position) / length) : 0;
-  const odd = [0.1, 1, 10].includes(speed) || scene.live ? "" : `, ×${plain(speed)}`;
-  const how = state === "playing" ? odd : `, ${state}`;
+  const unusual = [0.1, 1, 10].includes(speed) || scene.live ? "" : `, ×${plain(speed)}`;
+  const status = state === "playing" ? unusual : `, ${state}`;
   const of = scene.live ? "" : ` of ${plain(length, 2)}`;
-  say($("clock"), `${plain(position, 2)}${of} s${how}`);
-  if (failed) tell(notes[0]);
-  list(failed ? notes.slice(1) : notes);
+  setText($("clock"), `${plain(position, 2)}${of} s${status}`);
+  if (failed) setBanner(notes[0]);
+  setNotes(failed ? notes.slice(1) : notes);
 }
 
-function list(notes) {
-  const place = $("notes");
-  if (place.dataset.said === notes.join("\n")) return;
-  place.dataset.said = notes.join("\n");
-  place.replaceChildren(
+function setNotes(notes) {
+  const list = $("notes");
+  if (list.dataset.text === notes.join("\n")) return;
+  list.dataset.text = notes.join("\n");
+  list.replaceChildren(
     ...notes.map((note) => {
       const item = document.createElement("li");
       item.textContent = note;
@@ -97,33 +97,33 @@ function list(notes) {
   );
 }
 
-function tell(words) {
-  $("banner").hidden = !words;
-  say($("banner"), words);
+function setBanner(text) {
+  $("banner").hidden = !text;
+  setText($("banner"), text);
 }
 
 const link = new Link({
-  scene: meet,
-  frame: take,
-  connected: (there) => tell(there ? "" : "The line to the program is cut; trying again …"),
-  ended: () => tell("The program has ended. What is shown is the last it said."),
+  scene: receiveScene,
+  frame: receiveFrame,
+  connected: (connected) => setBanner(connected ? "" : "The connection to the program is lost; reconnecting …"),
+  ended: () => setBanner("The program has ended. This is its last state."),
 });
 
 function toggle() {
   if (frame === null) return;
-  if (frame.state === "ended" && !scene.live) ask("restart");
-  else ask(frame.state === "paused" || frame.state === "ended" ? "play" : "pause");
+  if (frame.state === "ended" && !scene.live) send("restart");
+  else send(frame.state === "paused" || frame.state === "ended" ? "play" : "pause");
 }
 
 $("play").addEventListener("click", toggle);
-$("restart").addEventListener("click", () => ask("restart"));
+$("restart").addEventListener("click", () => send("restart"));
 for (const button of $("speeds").children) {
-  button.addEventListener("click", () => ask("speed", Number(button.dataset.speed)));
+  button.addEventListener("click", () => send("speed", Number(button.dataset.speed)));
 }
 $("seek").addEventListener("pointerdown", () => { seeking = true; });
 $("seek").addEventListener("change", () => { seeking = false; });
 $("seek").addEventListener("input", () => {
-  if (frame) ask("seek", ($("seek").value / 1000) * (times.length ?? frame.end));
+  if (frame) send("seek", ($("seek").value / 1000) * (times.length ?? frame.end));
 });
 $("window").addEventListener("change", () => {
   times.window = Number($("window").value);
@@ -133,8 +133,8 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("button, select, input, a")) return;
   const speed = { ".": 0.1, 1: 1, 0: 10 }[event.key];
   if (event.key === " ") toggle();
-  else if (event.key.toLowerCase() === "r") ask("restart");
-  else if (speed) ask("speed", speed);
+  else if (event.key.toLowerCase() === "r") send("restart");
+  else if (speed) send("speed", speed);
   else return;
   event.preventDefault();
 });

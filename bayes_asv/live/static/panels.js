@@ -1,32 +1,32 @@
-// The panels of the page: three parameters, two axles, and the filter's own errors.
+// The panels of the page: three parameters, two axles, and the prediction errors of the filter.
 
 import { Chart, Limits, extremes, plain } from "./charts.js";
 
 const AXLES = ["front", "rear"];
 const PAINT = { c_f: "front", c_r: "rear", i: "pitch" };
-const WIDER = 5; // times the newest: bands beyond that may leave the chart, so that it can be read
+const MAX_WIDTH = 5; // times the newest: wider bands may leave the chart
 
-function element(tag, kind, words = "") {
+function element(tag, kind, text = "") {
   const made = document.createElement(tag);
   if (kind) made.className = kind;
-  made.textContent = words;
+  made.textContent = text;
   return made;
 }
 
-// Change words only where they changed: it is done 25 times a second.
-export function say(place, words) {
-  if (place.textContent !== words) place.textContent = words;
+// Set a text only if it changed, because this runs 25 times per second.
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
 }
 
-function heading(words, ...keys) {
+function heading(text, ...keys) {
   const title = element("div", "title");
-  title.append(element("h2", "", words), ...keys.map(([kind, said]) => element("span", `key ${kind}`, said)));
+  title.append(element("h2", "", text), ...keys.map(([kind, label]) => element("span", `key ${kind}`, label)));
   const readout = element("span", "readout");
   title.append(readout);
   return [title, readout];
 }
 
-// times: { start, now, length or null, window } in s, of the moment.
+// times: { start, now, length or null, window } of the playback, s
 export class Panels {
   constructor(scene, times) {
     this.scene = scene;
@@ -34,7 +34,7 @@ export class Panels {
     this.index = Object.fromEntries(scene.traces.map((name, n) => [name, n]));
     this.acceleration = new Limits();
     this.deflection = new Limits();
-    this.held = { acceleration: [-1, 1], deflection: [-1, 1], nis: [0, 2] };
+    this.ranges = { acceleration: [-1, 1], deflection: [-1, 1], nis: [0, 2] };
     this.cards = scene.parameters.map((parameter, n) => this.card(parameter, n));
     this.axles = AXLES.flatMap((axle) => this.axle(axle));
     this.nis = this.innovations();
@@ -72,28 +72,28 @@ export class Panels {
       range: [0, 2 * parameter.nominal],
     };
     figures.append(parts.value, parts.width);
-    const place = element("div", "chart");
-    box.append(title, figures, parts.interval, parts.sense, parts.chance, place);
+    const container = element("div", "chart");
+    box.append(title, figures, parts.interval, parts.sense, parts.chance, container);
     document.getElementById("cards").append(box);
-    const paint = PAINT[parameter.name];
-    parts.chart = new Chart(place, {
+    const colour = PAINT[parameter.name];
+    parts.chart = new Chart(container, {
       label: parameter.unit,
       time: "time [s]",
       sync: "run",
       curves: [
         { column: 3 * n + 2, width: 0 },
         { column: 3 * n + 1, width: 0 },
-        { column: 3 * n, colour: paint, width: 2 },
+        { column: 3 * n, colour: colour, width: 2 },
       ],
-      bands: [[0, 1, `${paint}-band`]],
-      marks: () => [{ at: parameter.nominal, words: `nominal ${plain(parameter.nominal)}` }],
+      bands: [[0, 1, `${colour}-band`]],
+      marks: () => [{ at: parameter.nominal, label: `nominal ${plain(parameter.nominal)}` }],
       x: () => this.whole(),
       y: () => parts.range,
-      told: (at) => {
+      onCursor: (at) => {
         const run = this.run;
-        if (at === null || !run || run.time[at] === undefined) return say(readout, "");
+        if (at === null || !run || run.time[at] === undefined) return setText(readout, "");
         const [value, low, high] = [0, 1, 2].map((k) => plain(run.columns[3 * n + k][at]));
-        return say(readout, `${plain(run.time[at], 2)} s: ${value} (${low} to ${high})`);
+        return setText(readout, `${plain(run.time[at], 2)} s: ${value} (${low} to ${high})`);
       },
     });
     return parts;
@@ -107,7 +107,7 @@ export class Panels {
       ["measured", "measured"], [axle, "predicted"],
     );
     const [second, moved] = heading(`${capital(axle)} suspension deflection`);
-    moved.id = `reach-${axle}`; // it says how far the suspension went, unless a cursor asks
+    moved.id = `reach-${axle}`; // shows the travel so far, unless a cursor is on the chart
     const places = [element("div", "chart"), element("div", "chart")];
     box.append(first, places[0], second, places[1]);
     document.getElementById("axles").append(box);
@@ -126,8 +126,8 @@ export class Panels {
           { column: at("predicted"), colour: axle, width: 1.5 },
         ],
         bands: [[0, 1, `${axle}-band`]],
-        y: () => this.held.acceleration,
-        told: (n) => say(sensed, n === null ? "" : `${stamp(n)} s: ${value("measured", n)} / ${value("predicted", n)}`),
+        y: () => this.ranges.acceleration,
+        onCursor: (n) => setText(sensed, n === null ? "" : `${stamp(n)} s: ${value("measured", n)} / ${value("predicted", n)}`),
       }),
       new Chart(places[1], {
         ...shared,
@@ -140,8 +140,8 @@ export class Panels {
         ],
         bands: [[0, 1, `${axle}-band`]],
         marks: () => stops(limits[axle], deflection),
-        y: () => this.held.deflection,
-        told: (n) => say(moved, n === null ? (this.reach?.[axle] ?? "") : `${stamp(n)} s: ${value("deflection", n)} (${value("deflection low", n)} to ${value("deflection high", n)})`),
+        y: () => this.ranges.deflection,
+        onCursor: (n) => setText(moved, n === null ? (this.reach?.[axle] ?? "") : `${stamp(n)} s: ${value("deflection", n)} (${value("deflection low", n)} to ${value("deflection high", n)})`),
       }),
     ];
   }
@@ -149,11 +149,11 @@ export class Panels {
   innovations() {
     const [title, readout] = heading(
       "Prediction errors (mean NIS a reading)",
-      ["ink", "as it is"], ["good box", "where it lies 95 % of the time"],
+      ["ink", "value"], ["good box", "95 % band of a correct filter"],
     );
-    const place = element("div", "chart");
-    document.getElementById("nis").append(title, place);
-    return new Chart(place, {
+    const container = element("div", "chart");
+    document.getElementById("nis").append(title, container);
+    return new Chart(container, {
       label: "NIS",
       time: "time [s]",
       sync: "traces",
@@ -163,47 +163,47 @@ export class Panels {
         { column: this.index.nis, colour: "ink", width: 2 },
       ],
       bands: [[0, 1, "good-band"]],
-      marks: () => [{ at: 1, words: "", dash: [2, 4] }],
+      marks: () => [{ at: 1, label: "", dash: [2, 4] }],
       x: () => this.span(),
-      y: () => this.held.nis,
-      told: (n) => say(readout, n === null ? "" : `${plain(this.traces?.time[n], 3)} s: ${plain(this.traces?.columns[this.index.nis]?.[n])}`),
+      y: () => this.ranges.nis,
+      onCursor: (n) => setText(readout, n === null ? "" : `${plain(this.traces?.time[n], 3)} s: ${plain(this.traces?.columns[this.index.nis]?.[n])}`),
     });
   }
 
-  words(now) {
-    now.cards.forEach((said, n) => {
+  setTexts(now) {
+    now.cards.forEach((text, n) => {
       const card = this.cards[n];
-      const kind = `card tone-${said.tone}`;
+      const kind = `card tone-${text.tone}`;
       if (card.box.className !== kind) card.box.className = kind;
-      say(card.value, said.value);
-      say(card.width, said.width);
-      say(card.interval, `95 %: ${said.interval}`);
-      say(card.sense, capital(said.sense));
-      say(card.chance, said.chance);
+      setText(card.value, text.value);
+      setText(card.width, text.width);
+      setText(card.interval, `95 %: ${text.interval}`);
+      setText(card.sense, capital(text.sense));
+      setText(card.chance, text.chance);
     });
     this.reach = Object.fromEntries(AXLES.map((axle, n) => [axle, now.travel[n] && `so far ${now.travel[n]}`]));
     AXLES.forEach((axle, n) => {
-      if (!this.axles[2 * n + 1].asked) say(document.getElementById(`reach-${axle}`), this.reach[axle]);
+      if (!this.axles[2 * n + 1].hasCursor) setText(document.getElementById(`reach-${axle}`), this.reach[axle]);
     });
   }
 
   draw(traces, run) {
     [this.traces, this.run] = [traces, run];
     const all = (name) => AXLES.map((axle) => traces.columns[this.index[`${axle} ${name}`]]);
-    // Bands may leave the chart: before anything is known they are wider than any car.
-    this.held.acceleration = this.acceleration.hold(...extremes([...all("measured"), ...all("predicted")]));
+    // Bands may leave the chart, because they are very wide at first.
+    this.ranges.acceleration = this.acceleration.cover(...extremes([...all("measured"), ...all("predicted")]));
     const ends = Object.values(this.scene.limits).flat().filter((end) => end !== null);
-    this.held.deflection = this.deflection.hold(...extremes([...all("deflection"), ends]));
+    this.ranges.deflection = this.deflection.cover(...extremes([...all("deflection"), ends]));
     const [, top] = extremes([traces.columns[this.index.nis]]);
     const [, band] = extremes([traces.columns[this.index["nis high"]].slice(-50)]);
-    this.held.nis = [0, Math.min(Math.max(1.3 * top || 0, 1.3 * band || 0, 1.6), 50)];
+    this.ranges.nis = [0, Math.min(Math.max(1.3 * top || 0, 1.3 * band || 0, 1.6), 50)];
     this.cards.forEach((card, n) => {
       const { nominal } = this.scene.parameters[n];
       const edges = [run.columns[3 * n + 1], run.columns[3 * n + 2]];
       const [low, high] = extremes(edges, narrowFrom(...edges));
-      const room = 0.03 * nominal;
-      const from = Math.max(Math.min(low, nominal - room), 0);
-      card.range = card.limits.hold(from, Math.min(Math.max(high, nominal + room), 4 * nominal));
+      const margin = 0.03 * nominal;
+      const from = Math.max(Math.min(low, nominal - margin), 0);
+      card.range = card.limits.cover(from, Math.min(Math.max(high, nominal + margin), 4 * nominal));
       card.range = [Math.max(card.range[0], 0), card.range[1]];
       card.chart.show(run.time, run.columns);
     });
@@ -211,21 +211,21 @@ export class Panels {
   }
 }
 
-// The point from which on a band was never more than so many times as wide as it is now.
+// First point from which on a band was at most MAX_WIDTH times as wide as it is now.
 function narrowFrom(low, high) {
   let n = low.length - 1;
-  const most = WIDER * (high[n] - low[n]);
+  const most = MAX_WIDTH * (high[n] - low[n]);
   while (n > 0 && high[n - 1] - low[n - 1] <= most) n -= 1;
   return Math.max(n, 0);
 }
 
 function stops([bump, droop], unit) {
   const marks = [];
-  if (bump !== null) marks.push({ at: bump, words: `bump stop ${plain(bump)} ${unit}`, below: false });
-  if (droop !== null) marks.push({ at: droop, words: `droop stop ${plain(droop)} ${unit}`, below: true });
+  if (bump !== null) marks.push({ at: bump, label: `bump stop ${plain(bump)} ${unit}`, below: false });
+  if (droop !== null) marks.push({ at: droop, label: `droop stop ${plain(droop)} ${unit}`, below: true });
   return marks;
 }
 
-export function capital(words) {
-  return words ? words[0].toUpperCase() + words.slice(1) : "";
+export function capital(text) {
+  return text ? text[0].toUpperCase() + text.slice(1) : "";
 }

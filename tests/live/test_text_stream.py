@@ -1,4 +1,4 @@
-"""A stream gives what the file gives, wherever it is cut and whatever gets lost on the way."""
+"""A stream gives the rows of the file, whatever the chunks and whatever gets lost."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.io import read_recording, write_csv, write_logger
-from bayes_asv.live.lines import RESTART_GAP, LineReader, Piece
-from tests.live.made_up import recording
+from bayes_asv.live.text_stream import RESTART_GAP, RowBlock, TextStreamReader
+from tests.live.synthetic import recording
 
 COUNTS = ("counts",) * 4
 
 
-def _fed(reader: LineReader, data: bytes, cuts: list[int]) -> Piece:
-    pieces = []
+def _read(reader: TextStreamReader, data: bytes, cuts: list[int]) -> RowBlock:
+    chunks = []
     for begin, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
-        pieces.append(reader.feed(data[begin:end]))
-    pieces.append(reader.finish())
-    return Piece(
-        np.concatenate([p.time for p in pieces]), np.concatenate([p.values for p in pieces], axis=1)
+        chunks.append(reader.feed(data[begin:end]))
+    chunks.append(reader.finish())
+    return RowBlock(
+        np.concatenate([p.time for p in chunks]), np.concatenate([p.values for p in chunks], axis=1)
     )
 
 
@@ -42,13 +42,13 @@ def _logger(tmp_path: Path, rows: int, first: int = 1) -> bytes:
 
 @pytest.fixture(scope="module")
 def texts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[bytes, Recording]]:
-    """The same kind of recording as each format that can be streamed."""
+    """A recording in each format that can be streamed."""
     folder = tmp_path_factory.mktemp("texts")
     run = recording(0.4, 200.0, start=2.0)
     values = run.values.copy()
     values[1, 5:9] = np.nan
-    holes = Recording(run.time, values, run.units, (("note", "a drive"),), "run.csv")
-    write_csv(holes, folder / "comma.csv")
+    missing = Recording(run.time, values, run.units, (("note", "a drive"),), "run.csv")
+    write_csv(missing, folder / "comma.csv")
     text = (folder / "comma.csv").read_text()
     body = text.replace(".", "!").replace(",", ";").replace("!", ",")
     (folder / "semicolon.csv").write_text(body)
@@ -82,95 +82,95 @@ NAMES = (
 
 @pytest.mark.parametrize("name", NAMES)
 @given(st.data())
-def test_a_stream_gives_what_the_file_gives(
+def test_stream_equals_file(
     texts: dict[str, tuple[bytes, Recording]], name: str, data: st.DataObject
 ) -> None:
-    text, wanted = texts[name]
+    text, expected = texts[name]
     cuts = data.draw(st.lists(st.integers(0, len(text)), max_size=8).map(sorted))
-    reader = LineReader(name)
-    got = _fed(reader, text, cuts)
-    np.testing.assert_allclose(got.time, wanted.time, rtol=1e-13)
-    np.testing.assert_array_equal(got.values, wanted.values)
-    assert reader.units == wanted.units
+    reader = TextStreamReader(name)
+    block = _read(reader, text, cuts)
+    np.testing.assert_allclose(block.time, expected.time, rtol=1e-13)
+    np.testing.assert_array_equal(block.values, expected.values)
+    assert reader.units == expected.units
     assert reader.unreadable == 0
     assert reader.rate == pytest.approx(400.0 if name == "logger.txt" else
                                         200e3 if name == "milli.csv" else 200.0)  # fmt: skip
-    assert dict(wanted.metadata).items() <= dict(reader.metadata).items()
+    assert dict(expected.metadata).items() <= dict(reader.metadata).items()
 
 
-def test_what_the_port_spoils_is_left_out_and_counted(tmp_path: Path) -> None:
+def test_damaged_lines_are_left_out_and_counted(tmp_path: Path) -> None:
     lines = _logger(tmp_path, 200).decode().splitlines()
     whole = _counts(200)
     lines[30] = lines[30][:6]  # row 30
     lines[50] = lines[50].replace(" ", " x", 1)  # row 50
     lines[60] = "\ufffd\x00\x01"
-    lines[90:93] = [lines[90][:-1] + lines[92]]  # an end of line lost, and a line: rows 90 to 92
-    reader = LineReader("port")
-    got = _fed(reader, ("\n".join(lines) + "\n").encode(), [77, 800])
-    gone = {29, 49, 59, 89, 90, 91}
-    kept = [row for row in range(200) if row not in gone]
-    np.testing.assert_allclose(got.time, whole.time[kept], rtol=1e-13)
-    np.testing.assert_array_equal(got.values, whole.values[:, kept])
+    lines[90:93] = [lines[90][:-1] + lines[92]]  # a line and a line end are lost: rows 90 to 92
+    reader = TextStreamReader("port")
+    block = _read(reader, ("\n".join(lines) + "\n").encode(), [77, 800])
+    lost = {29, 49, 59, 89, 90, 91}
+    kept = [row for row in range(200) if row not in lost]
+    np.testing.assert_allclose(block.time, whole.time[kept], rtol=1e-13)
+    np.testing.assert_array_equal(block.values, whole.values[:, kept])
     assert reader.unreadable == 4
 
 
-def test_listening_begins_in_the_middle_of_a_line(tmp_path: Path) -> None:
+def test_reading_starts_in_the_middle_of_a_line(tmp_path: Path) -> None:
     data = _logger(tmp_path, 100)
     body = data[data.index(b"\n1 ") + 1 :]
-    reader = LineReader("port", rate=400.0)
-    got = _fed(reader, body[5:], [])
-    np.testing.assert_array_equal(got.values, _counts(100).values[:, 1:])
+    reader = TextStreamReader("port", rate=400.0)
+    block = _read(reader, body[5:], [])
+    np.testing.assert_array_equal(block.values, _counts(100).values[:, 1:])
     assert reader.unreadable == 1
 
 
-def test_a_board_may_say_something_before_its_header(
+def test_boot_messages_before_the_header(
     texts: dict[str, tuple[bytes, Recording]],
 ) -> None:
-    text, wanted = texts["comma.csv"]
-    reader = LineReader("port")
-    got = _fed(reader, b"\xff\x00boot v1.2, ok\nready\n" + text, [3])
-    np.testing.assert_array_equal(got.values, wanted.values)
+    text, expected = texts["comma.csv"]
+    reader = TextStreamReader("port")
+    block = _read(reader, b"\xff\x00boot v1.2, ok\nready\n" + text, [3])
+    np.testing.assert_array_equal(block.values, expected.values)
     assert reader.unreadable == 2
 
 
-def test_a_logger_that_begins_again_goes_on_after_a_gap(tmp_path: Path) -> None:
+def test_restarted_logger_continues_after_a_gap(tmp_path: Path) -> None:
     data = _logger(tmp_path, 60)
     rows = data[data.index(b"\n1 ") + 1 :]
-    reader = LineReader("port")
-    got = _fed(reader, data + rows + rows, [])
+    reader = TextStreamReader("port")
+    block = _read(reader, data + rows + rows, [])
     once = _counts(60)
     assert reader.restarts == 2
     assert reader.unreadable == 0
-    assert len(got.time) == 180
+    assert len(block.time) == 180
     for n in range(3):
         part = slice(60 * n, 60 * n + 60)
         begin = n * (once.time[-1] + RESTART_GAP)
-        np.testing.assert_allclose(got.time[part], begin + once.time, rtol=1e-12)
-        np.testing.assert_array_equal(got.values[:, part], once.values)
+        np.testing.assert_allclose(block.time[part], begin + once.time, rtol=1e-12)
+        np.testing.assert_array_equal(block.values[:, part], once.values)
 
 
-@pytest.mark.parametrize("strange", [b"999999", b"2", b"37"])
-def test_one_wrong_stamp_moves_nothing(tmp_path: Path, strange: bytes) -> None:
+@pytest.mark.parametrize("stamp", [b"999999", b"2", b"37"])
+def test_one_wrong_stamp_has_no_effect(tmp_path: Path, stamp: bytes) -> None:
     lines = _logger(tmp_path, 100).split(b"\n")
-    lines[50] = strange + lines[50][lines[50].index(b" ") :]
-    reader = LineReader("port")
-    got = _fed(reader, b"\n".join(lines), [])
+    lines[50] = stamp + lines[50][lines[50].index(b" ") :]
+    reader = TextStreamReader("port")
+    block = _read(reader, b"\n".join(lines), [])
     kept = [row for row in range(100) if row != 49]
-    np.testing.assert_allclose(got.time, _counts(100).time[kept], rtol=1e-13)
+    np.testing.assert_allclose(block.time, _counts(100).time[kept], rtol=1e-13)
     assert (reader.unreadable, reader.restarts) == (1, 0)
 
 
-def test_a_gap_of_the_radio_is_a_gap_in_time(tmp_path: Path) -> None:
+def test_lost_rows_are_a_gap_in_time(tmp_path: Path) -> None:
     data = _logger(tmp_path, 20) + b"\n".join(_logger(tmp_path, 30, first=2021).split(b"\n")[1:])
-    reader = LineReader("port")
-    got = _fed(reader, data, [])
-    assert len(got.time) == 50
-    assert got.time[20] - got.time[19] == pytest.approx(2001 / 400.0)
+    reader = TextStreamReader("port")
+    block = _read(reader, data, [])
+    assert len(block.time) == 50
+    assert block.time[20] - block.time[19] == pytest.approx(2001 / 400.0)
     assert (reader.unreadable, reader.restarts) == (0, 0)
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("data", "message"),
     [
         (b"1 500 500 500 500\n2 500 500 500 500\n", "give the rate"),
         (b"\x01\x02\x03\n" * 300, "sends no rows of a recording"),
@@ -179,27 +179,27 @@ def test_a_gap_of_the_radio_is_a_gap_in_time(tmp_path: Path) -> None:
         (b"0.1,1e0,2,3,4\n" * 250, "not the header"),
     ],
 )
-def test_what_can_never_be_a_recording_is_refused(data: bytes, words: str) -> None:
-    with pytest.raises(InputError, match=words) as refusal:
-        LineReader("COM3").feed(data)
+def test_streams_that_are_no_recording_are_refused(data: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=message) as refusal:
+        TextStreamReader("COM3").feed(data)
     assert "COM3" in str(refusal.value)
 
 
 @given(st.lists(st.binary(max_size=300), max_size=8))
-def test_any_bytes_are_rows_or_a_refusal(pieces: list[bytes]) -> None:
-    reader = LineReader("port", rate=400.0)
+def test_arbitrary_bytes(chunks: list[bytes]) -> None:
+    reader = TextStreamReader("port", rate=400.0)
     rows = 0
     try:
-        for piece in pieces:
-            rows += len(reader.feed(piece).time)
+        for chunk in chunks:
+            rows += len(reader.feed(chunk).time)
         rows += len(reader.finish().time)
     except InputError:
         return
-    assert rows + reader.unreadable <= sum(piece.count(b"\n") for piece in pieces) + 2
+    assert rows + reader.unreadable <= sum(chunk.count(b"\n") for chunk in chunks) + 2
 
 
-def test_a_line_without_end_is_not_kept_in_memory() -> None:
-    reader = LineReader("port", rate=400.0)
+def test_endless_line_is_not_kept_in_memory() -> None:
+    reader = TextStreamReader("port", rate=400.0)
     for _ in range(100):
         reader.feed(b"7" * 1000)
     assert reader.unreadable >= 9

@@ -1,5 +1,4 @@
-"""A filter that knows nothing of cars: its frames are formulas, so that what is shown can be held
-against them."""
+"""A fake filter whose frames are formulas, with which the views can be compared."""
 
 from __future__ import annotations
 
@@ -14,38 +13,39 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.live.metadata import scene
-from bayes_asv.live.session import Show
-from bayes_asv.live.sources import About, RecordingSource
-from bayes_asv.live.worker import Pump
-from bayes_asv.tracking.frames import Frames, nothing
+from bayes_asv.live.metadata import view_metadata
+from bayes_asv.live.session import Session
+from bayes_asv.live.sources import RecordingSource, StreamInfo
+from bayes_asv.live.worker import Worker
+from bayes_asv.tracking.frames import Frames, empty_frames
 
 __all__ = [
-    "BAJA", "Curves", "MadeUp", "Time", "at", "frames", "recording", "show", "shown", "wait_for",
+    "BAJA", "CurveBuffer", "FakeClock", "FakeFilter", "at", "finished_session", "frames",
+    "new_session", "recording", "wait_for",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 BAJA = read_vehicle(Path(__file__).parents[2] / "data" / "vehicles" / "baja2008.toml")
-TRUTH = (0.8, 1.0, 1.1)  # of nominal: where the made-up medians go
-STRANGE = (6.0, 8.0)  # s: the made-up filter is not consistent there
+TRUTH = (0.8, 1.0, 1.1)  # of nominal: limits of the medians
+INCONSISTENT = (6.0, 8.0)  # s
 
 
 def frames(car: Vehicle, times: Array, acc: Array) -> Frames:
-    """Medians that move from nominal to `TRUTH` while their deviations fall, and so on.
+    """Frames of given times: medians move from nominal to `TRUTH`, and so on.
 
-    Nothing depends on earlier rows: any piece of a recording gives the same as all of it.
+    Nothing depends on earlier rows, so that chunks give the same as the whole.
     """
     t = times
-    gone = 1.0 - np.exp(-t / 0.5)
+    progress = 1.0 - np.exp(-t / 0.5)
     nominal = np.array([car.c_f.value, car.c_r.value, car.i.value])
-    median = nominal * (1.0 + gone[:, None] * (np.array(TRUTH) - 1.0))
+    median = nominal * (1.0 + progress[:, None] * (np.array(TRUTH) - 1.0))
     log_sd = np.array([1.1, 1.1, 0.7]) * (0.01 + 0.99 * np.exp(-t / 0.4))[:, None]
     phase = 2.0 * np.pi * np.column_stack((1.7 * t, 2.1 * t + 0.1))
     deflection = 0.05 * np.sin(phase)
     measured = acc[:, (1, 3)]
-    strange = (t >= STRANGE[0]) & (t < STRANGE[1])
-    mean = np.where(strange, 2.5, 1.0 + 0.1 * np.sin(3.0 * t))
+    inconsistent = (t >= INCONSISTENT[0]) & (t < INCONSISTENT[1])
+    mean = np.where(inconsistent, 2.5, 1.0 + 0.1 * np.sin(3.0 * t))
     one = np.ones_like(t)
     return Frames(
         time=t,
@@ -61,8 +61,8 @@ def frames(car: Vehicle, times: Array, acc: Array) -> Frames:
         nis_mean=np.where(t < 0.25, np.nan, mean),
         nis_low=np.where(t < 0.25, np.nan, 0.8),
         nis_high=np.where(t < 0.25, np.nan, 1.2),
-        consistent=~strange,
-        inflation=np.where(strange, 1.6, 1.0),
+        consistent=~inconsistent,
+        inflation=np.where(inconsistent, 1.6, 1.0),
     )
 
 
@@ -72,11 +72,11 @@ def at(car: Vehicle, t: float) -> Frames:
 
 
 @dataclass
-class MadeUp:
-    """Holds back the two newest rows, as a filter that looks ahead does."""
+class FakeFilter:
+    """Holds back the two newest rows, like a filter with lookahead."""
 
     car: Vehicle = BAJA
-    pause: float = 0.0  # s for every call of feed
+    pause: float = 0.0  # s per call of feed
     fails_after: float = np.inf  # s of the recording
     _held: list[tuple[Array, Array]] = field(default_factory=list)
 
@@ -91,11 +91,11 @@ class MadeUp:
 
     def finish(self) -> Frames:
         held, self._held = self._held, []
-        return frames(self.car, *held[0]) if held else nothing()
+        return frames(self.car, *held[0]) if held else empty_frames()
 
 
-class Time:
-    """A clock that a test moves."""
+class FakeClock:
+    """A clock that a test sets."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -104,8 +104,8 @@ class Time:
         return self.now
 
 
-class Curves:
-    """What link.js does with a part of a message, without its limit of length."""
+class CurveBuffer:
+    """What link.js does with a part of a message, without its limit on the length."""
 
     def __init__(self) -> None:
         self.base = 0
@@ -117,10 +117,10 @@ class Curves:
             self.base, self.time, self.columns = part["at"], part["time"], part["columns"]
             return
         begin = part["at"] - self.base
-        assert 0 <= begin <= len(self.time), "a hole"
+        assert 0 <= begin <= len(self.time), "a gap"
         self.time[begin:] = part["time"]
-        for mine, new in zip(self.columns, part["columns"], strict=True):
-            mine[begin:] = new
+        for column, new in zip(self.columns, part["columns"], strict=True):
+            column[begin:] = new
 
 
 def recording(seconds: float, rate: float = 800.0, seed: int = 0, start: float = 0.0) -> Recording:
@@ -129,34 +129,34 @@ def recording(seconds: float, rate: float = 800.0, seed: int = 0, start: float =
     rng = np.random.default_rng(seed)
     tones = np.array([[4.0], [2.0], [5.0], [3.0]]) * np.sin(2.0 * np.pi * 1.9 * time)
     values = tones + rng.normal(0.0, 0.3, (4, len(time)))
-    return Recording(time, values, ("m/s^2",) * 4, (), "made-up.csv")
+    return Recording(time, values, ("m/s^2",) * 4, (), "synthetic.csv")
 
 
-def show(
-    seconds: float, rate: float = 800.0, *, speed: float = 1.0, made: MadeUp | None = None
-) -> tuple[Show, Pump]:
-    """Set up a show of a made-up recording; the pump is not started."""
+def new_session(
+    seconds: float, rate: float = 800.0, *, speed: float = 1.0, fake: FakeFilter | None = None
+) -> tuple[Session, Worker]:
+    """Set up a session of a synthetic recording; its worker is not started."""
     source = RecordingSource(recording(seconds, rate), BAJA)
-    watched = Show(scene(BAJA, "made-up.csv", source.duration), rate, speed=speed)
+    session = Session(view_metadata(BAJA, "synthetic.csv", source.duration), rate, speed=speed)
 
-    def make(about: About) -> MadeUp:
-        return made or MadeUp()
+    def make(info: StreamInfo) -> FakeFilter:
+        return fake or FakeFilter()
 
-    return watched, Pump(source, make, watched)
+    return session, Worker(source, make, session)
 
 
-def shown(seconds: float, rate: float = 800.0, **how: float) -> Show:
-    """Set up a show all of whose rows have come."""
-    watched, pump = show(seconds, rate, **how)  # type: ignore[arg-type]
-    pump.start()
-    assert pump.wait(30.0)
-    assert pump.fault is None
-    return watched
+def finished_session(seconds: float, rate: float = 800.0, **how: float) -> Session:
+    """Set up a session whose worker has finished."""
+    session, worker = new_session(seconds, rate, **how)  # type: ignore[arg-type]
+    worker.start()
+    assert worker.wait(30.0)
+    assert worker.error is None
+    return session
 
 
 def wait_for(condition: Callable[[], bool], seconds: float = 10.0) -> None:
     """Wait until something holds."""
     until = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < until, "waited in vain"
+        assert time.monotonic() < until, "timed out"
         time.sleep(0.01)
