@@ -14,7 +14,7 @@ drops out of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, Final, overload
@@ -30,14 +30,14 @@ from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.library.estimates import Estimate
 from bayes_asv.library.extras import import_extra
-from bayes_asv.library.result import json_text
+from bayes_asv.library.result import html_table, json_text
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.report.words import capitalized, difference, p_value, plain, probability
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bayes_asv.estimation import Estimate as HalfCarEstimate
+    from bayes_asv.estimation import Estimate as EngineEstimate
 
 __all__ = ["Change", "Comparison", "compare"]
 
@@ -98,13 +98,19 @@ class Comparison:
     """
 
     def __init__(
-        self, verdict: str, reasons: tuple[str, ...], p: float, changes: dict[str, Change], car: str
+        self,
+        estimates: tuple[Estimate, Estimate],
+        verdict: str,
+        reasons: tuple[str, ...] = (),
+        p: float = math.nan,
+        changes: Mapping[str, Change] | None = None,
     ):
         self.verdict = verdict
         self.reasons = reasons
+        self.warnings = tuple(dict.fromkeys(w for one in estimates for w in one.warnings))
         self.p = p
-        self.changes = changes
-        self._car = car
+        self.changes = dict(changes or {})
+        self._car = estimates[0].vehicle.name
 
     def __getitem__(self, name: str) -> Change:
         if name not in self.changes:
@@ -141,7 +147,7 @@ class Comparison:
             "schema": _SCHEMA,
             "verdict": self.verdict,
             "reasons": list(self.reasons),
-            "warnings": [],
+            "warnings": list(self.warnings),
             "p_value": _or_none(self.p),
             "changes": {
                 name: {
@@ -179,10 +185,23 @@ class Comparison:
             head = f"Changed: {', '.join(QUANTITIES[n][1] for n in changed)} ({p_value(self.p)})."
         else:
             head = f"Something changed ({p_value(self.p)}), but not clearly one parameter."
-        return [head, *(_sentence(c) for c in self.changes.values())]
+        notes = [f"Note: {plain(warning)}." for warning in self.warnings]
+        return [head, *(_sentence(c) for c in self.changes.values()), *notes]
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                c.label, f"{c.ratio:.4f}", " to ".join(f"{x:.4f}" for x in c.interval()),
+                probability(c.probability_lower), p_value(c.p),
+            )
+            for c in self.changes.values()
+        ]  # fmt: skip
+        title, *notes = self.lines()
+        head = ("parameter", "ratio after/before", "95 %", "P(lower after)", "test of no change")
+        return html_table(title, head, rows, notes[len(rows) :])
 
     def __repr__(self) -> str:
         about = ", ".join(f"{n} × {c.ratio:.3g}" for n, c in self.changes.items())
@@ -211,7 +230,7 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
     TypeError
         If an argument is not an estimate.
     InputError
-        If the estimates are of different vehicles, or one has effects or is of the roll car.
+        If the estimates are of different vehicles, or one has effects.
     """
     for name, given in (("before", before), ("after", after)):
         if not isinstance(given, Estimate):
@@ -219,7 +238,7 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
                 f"compare: {name} is a {type(given).__name__}; "
                 "write asv.compare(asv.estimate(…), asv.estimate(…))"
             )
-        if given.half_car("compare").effects:
+        if given.engine.effects:
             raise InputError(
                 "compare", f"the estimate {name} has effects", "estimate without effects"
             )
@@ -233,19 +252,22 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
         for name, given in (("before", before), ("after", after))
         if given.verdict != "ok"
     )
-    car = before.vehicle.name
+    both = before, after
     if reasons:
-        return Comparison("refused", reasons, math.nan, {}, car)
-    first, second = before.half_car("compare"), after.half_car("compare")
-    space = first.space
+        return Comparison(both, "refused", reasons)
+    first, second = before.engine, after.engine
+    space, other = first.space, second.space
     assert space is not None
+    assert other is not None
+    if space.car.name != other.car.name:
+        raise InputError("compare", "the estimates are of different models", "use one for both")
     n = space.car_dimension
     way = np.stack([space.from_logs({name: 1.0})[:n] for name in space.car.estimated], axis=1)
     sites = [_site(first), _site(second)]
     whole = contrast(sites, way)
     if whole.freedom == 0:
         why = ("the recordings say nothing that could be compared",)
-        return Comparison("refused", why, math.nan, {}, car)
+        return Comparison(both, "refused", why)
     mean, sd = _change(sites, way, space)
     changes = {
         name: Change(
@@ -256,10 +278,10 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
         if sd[k] > 0.0
     }  # fmt: skip
     verdict = "changed" if whole.p < DISAGREE_BELOW else "consistent"
-    return Comparison(verdict, (), whole.p, changes, car)
+    return Comparison(both, verdict, (), whole.p, changes)
 
 
-def _site(result: HalfCarEstimate) -> Site:
+def _site(result: EngineEstimate) -> Site:
     """Gaussian likelihood over the car's coordinates, from the moments of the draws."""
     space = result.space
     assert space is not None

@@ -16,7 +16,7 @@ from bayes_asv.library.result import Result
 if TYPE_CHECKING:
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.estimation import Estimate as HalfCarEstimate
+    from bayes_asv.estimation import Estimate as EngineEstimate
     from bayes_asv.library.diagnoses import Diagnosis
     from bayes_asv.library.plots import EstimatePlots
     from bayes_asv.library.tracks import Track
@@ -43,7 +43,7 @@ class Estimate(Result):
 
     def __init__(
         self,
-        engine: HalfCarEstimate,
+        engine: EngineEstimate,
         document: EstimateDocument | RollDocument,
         parameters: dict[str, Parameter],
         searched: bool = False,
@@ -145,32 +145,24 @@ class Estimate(Result):
             lines.append("No effect was named, so the model is the linear half car.")
         return lines
 
-    def half_car(self, purpose: str) -> HalfCarEstimate:
-        """Return the engine's value of a half car's estimate.
-
-        Raises
-        ------
-        InputError
-            For the roll car.
-        """
-        from bayes_asv.estimation import Estimate as HalfCarEstimate
-
-        if not isinstance(self._engine, HalfCarEstimate):
-            raise InputError(purpose, "needs an estimate of the half car", "leave out car='roll'")
+    @property
+    def engine(self) -> EngineEstimate:
+        """The value that the engine returned, in SI units."""
         return self._engine
 
     def _half_car_document(self, purpose: str) -> EstimateDocument:
         from bayes_asv.report.schema import EstimateDocument
 
-        self.half_car(purpose)
-        assert isinstance(self.document, EstimateDocument)
+        if not isinstance(self.document, EstimateDocument):
+            raise InputError(
+                purpose, "is there for the half car only", "use summary() or to_json()"
+            )
         return self.document
 
-    def _drawn(self, purpose: str) -> HalfCarEstimate:
-        result = self.half_car(purpose)
-        if not result.draws:
+    def _drawn(self, purpose: str) -> EngineEstimate:
+        if not self._engine.draws:
             raise InputError(purpose, "there are no draws", "see the result's reasons")
-        return result
+        return self._engine
 
 
 def estimate(

@@ -13,7 +13,7 @@ from bayes_asv.library.extras import import_extra
 from bayes_asv.library.inputs import check_vehicle
 from bayes_asv.library.progress import Progress, progress_bar
 from bayes_asv.library.quantities import positive_quantity
-from bayes_asv.library.result import json_text
+from bayes_asv.library.result import html_table, json_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,6 +110,10 @@ class Plan:
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        title, *notes = self.lines()
+        return html_table(title, (), (), notes)
 
     def __repr__(self) -> str:
         drive = self.recommended or self.document["nearest"]

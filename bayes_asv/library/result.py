@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from bayes_asv.domain.vehicle import Vehicle
 
-__all__ = ["Result", "json_text"]
+__all__ = ["Result", "html_table", "json_text"]
 
 Units = Literal["vehicle", "SI", "US"]
 
@@ -170,20 +170,15 @@ class Result:
 
     def _repr_html_(self) -> str:
         first, *others = self.lines()
-        rows = "".join(
-            f"<tr><th>{escape(p.label)}</th><td>{number(p.mean, p.sd)}</td>"
-            f"<td>{' to '.join(number(x, p.sd) for x in p.interval())}</td>"
-            f"<td>{escape(readable_unit(p.unit))}</td><td>{number(p.nominal)}</td>"
-            f"<td>{probability(p.probability_below_nominal)}</td></tr>"
+        rows = [
+            (
+                p.label, number(p.mean, p.sd), " to ".join(number(x, p.sd) for x in p.interval()),
+                readable_unit(p.unit), number(p.nominal), probability(p.probability_below_nominal),
+            )
             for p in self.parameters.values()
-        )
-        head = "".join(
-            f"<th>{text}</th>"
-            for text in ("parameter", "mean", "95 %", "unit", "nominal", "P(below nominal)")
-        )
-        table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
-        notes = "".join(f"<li>{escape(text)}</li>" for text in self._notes(others))
-        return f"<div><b>{escape(first)}</b>{table if rows else ''}<ul>{notes}</ul></div>"
+        ]  # fmt: skip
+        head = ("parameter", "mean", "95 %", "unit", "nominal", "P(below nominal)")
+        return html_table(first, head, rows, self._notes(others))
 
     def _notes(self, lines: list[str]) -> list[str]:
         """Sentences that a notebook shows below the table: those that it does not repeat."""
@@ -201,3 +196,16 @@ def json_text(document: Mapping[str, Any], *, ascii_only: bool = False) -> str:
         Escape other letters, for terminals and pipes of any encoding.
     """
     return json.dumps(document, indent=1, ensure_ascii=ascii_only, allow_nan=False) + "\n"
+
+
+def html_table(
+    title: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()
+) -> str:
+    """Write a title, a table and notes for a notebook; all of it is escaped."""
+    cells = "".join(f"<th>{escape(text)}</th>" for text in head)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows
+    )
+    table = f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>" if rows else ""
+    items = "".join(f"<li>{escape(text)}</li>" for text in notes)
+    return f"<div><b>{escape(title)}</b>{table}<ul>{items}</ul></div>"

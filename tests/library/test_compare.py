@@ -51,6 +51,8 @@ def test_the_same_car_is_consistent(car: asv.Vehicle, before: asv.Estimate) -> N
     assert found.p > 0.01
     assert "No change is found" in str(found)
     assert len(repr(found)) < 500
+    assert "<td>front damping rate</td>" in found._repr_html_()
+    assert found.warnings == ()
     table = found.summary()
     assert list(table.index) == ["c_f", "c_r", "i"]
     assert table.loc["i", "ratio"] == found["i"].ratio
@@ -80,7 +82,7 @@ def test_the_change_is_that_of_the_joint_normal_posterior(before: asv.Estimate) 
     """Against least squares of the same model with one row a piece of information."""
     import numpy as np
 
-    space = before.half_car("test").space
+    space = before.engine.space
     assert space is not None
     n = space.car_dimension
     rng = np.random.default_rng(0)

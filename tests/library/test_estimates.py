@@ -244,3 +244,6 @@ def test_the_roll_car_is_recognised_by_its_channels(tmp_path: Path) -> None:
     table: Any = json.loads(result.to_json())["parameters"]["c_rr"]
     assert result["c_rr"].interval() == pytest.approx(table["eti95"], rel=1e-6)
     assert result["c_rr"].mean == pytest.approx(table["mean"], rel=1e-9)
+    for call in (lambda: result.plot, lambda: result.report(tmp_path / "r.html")):
+        with pytest.raises(asv.InputError, match="half car only"):
+            call()

@@ -35,7 +35,7 @@ def test_draws_are_the_parameters_in_si_units(result: asv.Estimate, data: Any) -
 def test_likelihood_and_prior_add_up_to_the_posterior(result: asv.Estimate, data: Any) -> None:
     likelihood = data["log_likelihood"]["recordings"]
     assert likelihood.sizes["recording"] == 2
-    engine = result.half_car("test")
+    engine = result.engine
     z = coordinates(engine)
     assert z is not None
     assert engine.space is not None
