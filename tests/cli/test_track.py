@@ -106,7 +106,7 @@ def test_a_saved_track_is_read_again_and_reported(
         said = invoke("report", "--from", saved, "-o", tmp_path / f"x.{suffix}")
         assert said.status == 0, said.err
     page = (tmp_path / "x.html").read_text(encoding="utf-8")
-    assert "Parameters against time" in page
+    assert "Parameters from the online filter" in page
     assert "Do the filter&#39;s predictions" in page or "Do the filter's predictions" in page
 
 
