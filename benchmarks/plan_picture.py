@@ -1,4 +1,4 @@
-"""Picture of a plan and its promises, for ``docs/plan.md``."""
+"""Figure of a plan and of its validation, for ``docs/plan.md``."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ PICTURE = Path(__file__).parents[1] / "docs" / "plan.png"
 
 
 def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
-    """Draw the picture.
+    """Draw the figure.
 
     Parameters
     ----------
     made : Plan
-        Of one car at one rate.
+        A plan for one car at one sampling rate.
     rows : sequence of dict
-        Promises and posteriors of the first part of :mod:`benchmarks.plan`.
+        Predicted and posterior deviations of the first part of :mod:`benchmarks.plan`.
     """
     import matplotlib as mpl
 
@@ -54,10 +54,10 @@ def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
         left.scatter(x, y, s=22, c=faces, edgecolors=colours[road.kind], zorder=3)
     sd_floor = 100.0 * made.sd_floor["c_f"]
     left.axhline(sd_floor, color="black", lw=0.9, ls="--")
-    left.text(20.0, 1.06 * sd_floor, "a mass known to 1 % allows no less", ha="right", va="bottom")
+    left.text(20.0, 1.06 * sd_floor, "lower limit for a mass known to 1 %", ha="right", va="bottom")
     left.set(
-        yscale="log", xlabel="speed, mph", ylabel="front damping rate: one deviation, %",
-        title="One pass at 400 Hz, if all given values were exact",
+        yscale="log", xlabel="speed, mph", ylabel="front damping rate: standard deviation, %",
+        title="One pass at 400 Hz, given values exact",
     )  # fmt: skip
     left.set_yticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0], ["0.02", "0.05", "0.1", "0.2", "0.5", "1"])
     left.minorticks_off()
@@ -74,9 +74,9 @@ def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
     right.plot(ends, ends, color="black", lw=0.9)
     right.fill_between(ends, ends / 1.5, ends * 1.5, color="black", alpha=0.08, lw=0.0)
     right.set(
-        xscale="log", yscale="log", xlim=ends, ylim=ends, xlabel="promised: one deviation, %",
-        ylabel="posterior on the rig, %",
-        title="Damping rates and inertia; band: a factor 1.5",
+        xscale="log", yscale="log", xlim=ends, ylim=ends, xlabel="predicted standard deviation, %",
+        ylabel="posterior on the simulator, %",
+        title="Damping rates and inertia; band: factor 1.5",
     )  # fmt: skip
     ticks = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0]
     for axis in (right.xaxis, right.yaxis):
@@ -87,7 +87,9 @@ def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     right.scatter([], [], s=12, color="0.3", label="given values exact")
-    right.scatter([], [], s=12, facecolors="none", edgecolors="0.3", label="as declared")
+    right.scatter(
+        [], [], s=12, facecolors="none", edgecolors="0.3", label="given values as declared"
+    )
     right.legend(frameon=False, loc="upper left")
     figure.savefig(PICTURE, dpi=130, metadata={"Software": None})
     plt.close(figure)
