@@ -11,7 +11,7 @@ from bayes_asv.planning.drives import Drive, RoadProfile
 from bayes_asv.planning.information import UNIDENTIFIABLE, CorrelatedPair, correlated_pairs
 from bayes_asv.planning.plan import Plan, RatedDrive
 from bayes_asv.planning.predicted_sd import PARAMETERS, LimitingValues
-from bayes_asv.report.readable import plain, readable_unit
+from bayes_asv.report.words import plain, readable_unit
 
 __all__ = [
     "assumption_lines",

@@ -17,7 +17,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.from_vehicle import full_car, half_car4, quarter_cars, roll_car
 from bayes_asv.models.mode_shapes import Car, car_modes, places
 from bayes_asv.reference.document import mode_document, nan_to_none
-from bayes_asv.report.readable import percent, plain
+from bayes_asv.report.words import percent, plain
 
 __all__ = [
     "CAR_MODES_SCHEMA",

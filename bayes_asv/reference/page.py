@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from bayes_asv.reference.figures import Figure
-from bayes_asv.report.readable import number, percent, readable_unit
 from bayes_asv.report.svg import themed
+from bayes_asv.report.words import number, percent, readable_unit
 
 __all__ = ["reproduction_page", "table_sections"]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bayes_asv.report.readable import number, percent, plain, probability, readable_unit
-from bayes_asv.report.words import LABELS
+from bayes_asv.report.words import LABELS, number, percent, plain, probability, readable_unit
 
 __all__ = ["greybox_lines", "modes_lines", "reproduction_lines", "study_lines"]
 

@@ -1,34 +1,31 @@
-"""Writing a report to a file, HTML or PDF by its suffix."""
+"""A report as HTML or PDF, by the suffix of the file."""
 
 from __future__ import annotations
 
+import json
 import os
+from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import write_atomically
+from bayes_asv.report.page import report_page
+from bayes_asv.report.schema import ReportDocument
+from bayes_asv.report.svg import themed
 
-__all__ = ["check_suffix", "write_report"]
+__all__ = ["check_suffix", "html_report", "pdf_report", "write_report"]
 
-Document = dict[str, Any]
-
-_KINDS: Final = {"bayes_asv/diagnose/1": "diagnose", "bayes_asv/track/1": "track"}
 _SUFFIXES: Final = (".html", ".htm", ".pdf")
-_NEEDED: Final = {
-    "estimate": ("verdict", "reasons", "warnings", "parameters"),
-    "diagnose": ("verdict", "reasons", "warnings", "effects", "gap", "unexplained"),
-    "track": ("verdict", "reasons", "warnings", "parameters", "consistency"),
-}
 
 
 def check_suffix(path: str | os.PathLike[str]) -> str:
-    """Return the suffix of a report in small letters.
+    """Return the suffix of a report in lower case.
 
     Raises
     ------
     InputError
-        If it is not one that a report can be written with.
+        If a report cannot be written with it.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -38,47 +35,73 @@ def check_suffix(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def write_report(document: Document, path: str | os.PathLike[str]) -> None:
-    """Write a report, HTML or PDF by the suffix of `path`, whole or not at all.
+def write_report(document: ReportDocument, path: str | os.PathLike[str]) -> None:
+    """Write a report, HTML or PDF by the suffix of `path`, atomically.
 
     Parameters
     ----------
-    document : dict
-        Schema ``bayes_asv/estimate/1``, ``bayes_asv/diagnose/1`` or ``bayes_asv/track/1``, as
-        made by :mod:`bayes_asv.report.document`, :mod:`bayes_asv.report.diagnose_document` or
-        :mod:`bayes_asv.report.track_document`, or read from its JSON; an estimate may hold a
-        diagnosis under ``diagnosis`` and a track under ``online``.
+    document : EstimateDocument, DiagnoseDocument or TrackDocument
+        An estimate may hold a diagnosis under ``diagnosis`` and a track under ``online``.
     path : str or os.PathLike
         Ends in ``.html`` or ``.pdf``. The same document gives the same bytes.
 
     Raises
     ------
     InputError
-        If the suffix is another one, the document is none of them, or the file cannot be
-        written.
+        If the suffix is another one, the document is inconsistent, or the file cannot be written.
     """
     suffix = check_suffix(path)
-    kind = _KINDS.get(document.get("schema", ""), "estimate")
-    missing = [key for key in _NEEDED[kind] if key not in document]
-    if missing:
-        raise InputError(
-            os.fspath(path),
-            f"the document to be told has no '{missing[0]}'",
-            f"give what 'bayes-asv {kind} --json' wrote",
-        )
     try:
-        if suffix == ".pdf":
-            from bayes_asv.report.pdf import pdf_report
-
-            data = pdf_report(document)
-        else:
-            from bayes_asv.report.html import html_report
-
-            data = html_report(document).encode("utf-8")
+        pdf = suffix == ".pdf"
+        data = pdf_report(document) if pdf else html_report(document).encode("utf-8")
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
         raise InputError(
             os.fspath(path),
-            f"the document to be told is broken ({type(fault).__name__}: {fault})",
-            f"make it again with 'bayes-asv {kind} --json'",
+            f"the report cannot be made of this document ({type(fault).__name__}: {fault})",
+            f"make it again with 'bayes-asv {document.schema_name.split('/')[1]} --json'",
         ) from fault
     write_atomically(path, data)
+
+
+def html_report(document: ReportDocument) -> str:
+    """Render a report as one HTML page without scripts and without external references."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    page, pictures = report_page(document)
+    environment = Environment(
+        loader=PackageLoader("bayes_asv.report", "templates"),
+        autoescape=True,  # names of cars and files are foreign text
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    # Pictures are our own markup; foreign text in them was escaped when they were drawn.
+    drawn = {key: Markup(themed(picture.svg)) for key, picture in pictures.items()}
+    return environment.get_template("report.html.j2").render(page=page, pictures=drawn)
+
+
+def pdf_report(document: ReportDocument) -> bytes:
+    """Render a report as PDF with typst: A4, or US letter for a vehicle in US units."""
+    import matplotlib as mpl
+    import typst
+
+    page, pictures = report_page(document)
+    template = resources.files("bayes_asv.report").joinpath("templates/report.typ").read_bytes()
+    # Foreign text is data beside the template and never markup.
+    data = {
+        "page": json.dumps(page),
+        "pictures": json.dumps({key: picture.svg for key, picture in pictures.items()}),
+    }
+    fonts = os.path.join(mpl.get_data_path(), "fonts", "ttf")
+    # typst's type stubs want template and font folders to be of one type.
+    compile_template: Any = typst.compile
+    pdf: bytes = compile_template(
+        template,
+        format="pdf",
+        sys_inputs=data,
+        font_paths=[fonts],
+        ignore_system_fonts=True,
+        timestamp=0,  # the same document gives the same bytes on any day
+    )
+    return pdf

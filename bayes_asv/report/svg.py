@@ -1,18 +1,44 @@
-"""SVG that can share a page: one look, ids of its own, the same bytes for the same figure."""
+"""Figures as SVG: one style, ids unique on the page, the same bytes for the same figure."""
 
 from __future__ import annotations
 
 import io
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["COLOURS", "Panel", "canvas", "gauge", "panel", "style", "themed"]
+__all__ = [
+    "AXLES",
+    "COLOURS",
+    "Panel",
+    "axle_panels",
+    "canvas",
+    "curve_array",
+    "draw_autocorrelation",
+    "draw_level",
+    "draw_spectra",
+    "gauge",
+    "label_rows",
+    "legend_above",
+    "panel",
+    "power_of_ten",
+    "shared_limits",
+    "style",
+    "themed",
+]
+
+AXLES: Final = ("front", "rear")
+Curve = Sequence[float | None]
 
 # Okabe and Ito's palette, safe for colour-blind readers; the darker four keep 3:1 on white.
 COLOURS: Final = {
@@ -27,7 +53,9 @@ COLOURS: Final = {
     "above": "#6a4fb3",
 }
 
-WIDTH, HEIGHT = 4.3, 2.9  # inches; two panels stand side by side on a page, one fills a phone
+WIDTH, HEIGHT = 4.3, 2.9  # inches; a page has two panels side by side, a phone one
+
+_SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Panel(NamedTuple):
@@ -38,7 +66,7 @@ class Panel(NamedTuple):
     key : str
         Unique in the report; ids inside begin with it.
     alt : str
-        What it shows, for those who cannot see it.
+        Description for screen readers.
     svg : str
         The ``<svg>`` element.
     wide : bool
@@ -53,11 +81,11 @@ class Panel(NamedTuple):
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw in the report's look whatever matplotlib was told before."""
+    """Draw in the style of the report, whatever the user's matplotlib settings are."""
     import matplotlib as mpl
 
     ours: dict[str, Any] = {
-        "font.family": "DejaVu Sans",  # travels with matplotlib, so every machine draws alike
+        "font.family": "DejaVu Sans",  # is part of matplotlib, so that every machine draws alike
         "font.size": 9.5,
         "axes.labelsize": 9.5,
         "axes.titlesize": 9.5,
@@ -100,7 +128,7 @@ def style() -> Iterator[None]:
 
 
 def canvas(width: float = WIDTH, height: float = HEIGHT) -> Canvas:
-    """Make an empty figure that belongs to no window."""
+    """Make an empty figure without a window."""
     from matplotlib.figure import Figure as Canvas
 
     return Canvas(figsize=(width, height), layout="constrained")
@@ -135,38 +163,137 @@ def panel(figure: Canvas, key: str, alt: str, *, wide: bool = False) -> Panel:
 
 
 def _prefixed(text: str, key: str) -> str:
-    """Put `key` before every id and every reference to one."""
+    """Put `key` in front of every id and every reference to one."""
     text = re.sub(r'(\sid=")', rf"\g<1>{key}-", text)
     text = re.sub(r'(href="#)', rf"\g<1>{key}-", text)
     return text.replace("url(#", f"url(#{key}-")
 
 
 def _shortened(text: str) -> str:
-    """Leave coordinates at 1/100 point: half the size, and no eye can tell."""
+    """Round coordinates to 1/100 point, which halves the size."""
 
-    def curt(found: re.Match[str]) -> str:
+    def rounded(found: re.Match[str]) -> str:
         return re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}", found[0])
 
-    return re.sub(r'\s(?:d|x|y)="[^"]*"', curt, text)
+    return re.sub(r'\s(?:d|x|y)="[^"]*"', rounded, text)
 
 
 def _named(text: str, alt: str) -> str:
-    """Scale with the page, and tell a screen reader what this is."""
+    """Scale with the page, with a label for screen readers."""
     head, rest = text.split(">", 1)
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", head)
     return f'{head} role="img" aria-label="{escape(alt, quote=True)}">{rest}'
 
 
 def themed(svg: str) -> str:
-    """Let a page's colour scheme recolour a picture by custom properties."""
+    """Replace colours by custom properties, which the colour scheme of a page sets."""
     for name, colour in COLOURS.items():
         svg = svg.replace(f"{colour};", f"var(--{name}, {colour});")
         svg = svg.replace(f'{colour}"', f'var(--{name}, {colour})"')
     return svg
 
 
+def curve_array(curve: Curve) -> NDArray[np.float64]:
+    """Return a curve of a document as an array, with nan where it has no number."""
+    return np.array([np.nan if v is None else v for v in curve], dtype=float)
+
+
+def shared_limits(curves: Sequence[Curve]) -> tuple[float, float]:
+    """Limits of an axis that several curves share, so that they can be compared."""
+    values = np.concatenate([curve_array(curve) for curve in curves])
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return -1.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    margin = 0.06 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def power_of_ten(value: float) -> str:
+    """Write 10⁻² for 0.01, without markup that the text of a unit could be taken for."""
+    if value <= 0.0:
+        return ""
+    return "10" + str(round(math.log10(value))).translate(_SUPERSCRIPTS)
+
+
+def axle_panels(
+    key: str, draw: Callable[[Axes, str], str | None], height: float = HEIGHT
+) -> tuple[Panel, ...]:
+    """Draw one panel an axle.
+
+    Parameters
+    ----------
+    key : str
+        With braces for the axle, such as ``wheel-{}-0``.
+    draw : callable
+        From axes and axle to a description for screen readers; None where there is nothing to draw.
+    height : float
+        Inches.
+    """
+    panels = []
+    for axle in AXLES:
+        figure = canvas(height=height)
+        alt = draw(figure.subplots(), axle)
+        if alt is not None:
+            panels.append(panel(figure, key.format(axle), alt))
+    return tuple(panels)
+
+
+def legend_above(axes: Axes, columns: int = 3) -> None:
+    """Put the legend above the axes."""
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, columnspacing=1.2)
+
+
+def label_rows(figure: Canvas, axes: Axes, labels: Sequence[str], columns: int = 3) -> None:
+    """Label the rows of a bar chart, with the legend above it."""
+    axes.set(yticks=range(len(labels)), yticklabels=labels)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    figure.legend(loc="outside upper left", ncols=columns, columnspacing=1.3)
+
+
+def draw_level(axes: Axes, value: float, text: str, *, above: bool) -> None:
+    """Draw a dashed horizontal line with its text above or below it, at the right."""
+    axes.axhline(value, color=COLOURS["ink"], linestyle=(0, (5, 3)), linewidth=1.0)
+    axes.annotate(
+        text, (0.99, value), xycoords=("axes fraction", "data"), xytext=(0, 3 if above else -3),
+        textcoords="offset points", ha="right", va="bottom" if above else "top", fontsize=8.5,
+    )  # fmt: skip
+
+
+def draw_spectra(axes: Axes, frequency: Curve, spectra: Sequence[tuple[str, str, Curve]]) -> bool:
+    """Draw spectral densities (label, colour, values); False if one has no positive value."""
+    for label, colour, values in spectra:
+        density = curve_array(values)
+        density[~(density > 0.0)] = np.nan
+        if not np.isfinite(density).any():
+            return False  # a channel that never moved has no logarithm
+        axes.loglog(curve_array(frequency), density, color=COLOURS[colour], label=label)
+    axes.set_xlabel("frequency [Hz]")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(value))
+    legend_above(axes)
+    return True
+
+
+def draw_autocorrelation(
+    axes: Axes, values: Sequence[float], band: float, lag_seconds: float, axle: str
+) -> None:
+    """Draw an autocorrelation from lag 1 on, with its 95 % band ±`band`."""
+    lags, paint = np.arange(1, len(values) + 1), COLOURS[axle]
+    axes.axhspan(-band, band, color=paint, alpha=0.2, linewidth=0)
+    axes.axhline(0.0, color=COLOURS["muted"], linewidth=0.8)
+    axes.vlines(lags, 0.0, values, color=paint, linewidth=2.0)
+    axes.plot(lags, values, "o", color=paint, markersize=3.5)
+    end = max(1.15 * max(map(abs, values)), 2.2 * band, 1e-3)
+    axes.set(
+        xlabel=f"lag [samples of {1e3 * lag_seconds:.3g} ms]", ylabel=f"{axle} autocorrelation",
+        ylim=(-end, end), xlim=(0.3, len(values) + 0.7),
+    )  # fmt: skip
+
+
 def gauge(key: str, share: float, low: float, high: float, reach: float, colour: str) -> Panel:
-    """Draw where a parameter lies against nominal, as a dot with its 95 % interval.
+    """Draw a parameter relative to nominal, as a dot with its 95 % interval.
 
     Parameters
     ----------
@@ -175,7 +302,7 @@ def gauge(key: str, share: float, low: float, high: float, reach: float, colour:
     share, low, high : float
         Mean and interval over nominal, less one.
     reach : float
-        Where the scale ends on either side, as a share.
+        End of the scale on either side, as a share of nominal.
     colour : str
         One of :data:`COLOURS`.
 

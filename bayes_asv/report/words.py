@@ -1,60 +1,66 @@
-"""The verdict in words, alike for the command line, HTML and PDF: pure functions of a document."""
+"""Numbers, units, probabilities and comparisons with nominal as text, alike in every output."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+import unicodedata
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
 
-from bayes_asv.report.budget_words import width_steps
-from bayes_asv.report.consistency_words import (
-    agreement_headline,
-    agreement_lines,
-    agreement_steps,
-)
-from bayes_asv.report.readable import number, percent, plain, probability, readable_unit
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.report.schema.parts import Parameter, Summary
 
 __all__ = [
+    "LABELS",
+    "MISSING",
     "Comparison",
+    "capitalized",
     "compare",
-    "convergence_lines",
-    "headline",
+    "compare_parameter",
+    "decimals_for",
+    "difference",
+    "enumerated",
+    "estimate_text",
+    "interval",
+    "labelled",
     "likelihood_words",
-    "next_steps",
-    "sentence",
-    "split_reason",
-    "verdict_lines",
+    "number",
+    "p_value",
+    "parameter_sentence",
+    "percent",
+    "plain",
+    "plus_minus",
+    "probability",
+    "readable_unit",
+    "two_digits",
 ]
 
-Document = dict[str, Any]
+LABELS: Final = {name: label for name, (_, label) in QUANTITIES.items()}
+"""Display name of every parameter."""
 
-SHOWN: Final = ("c_f", "c_r", "i", "k_g")
-"""Parameters that the verdict speaks about, in this order."""
+MISSING: Final = "–"
 
-LABELS: Final = {
-    "c_f": "front damping rate",
-    "c_r": "rear damping rate",
-    "i": "pitch inertia",
-    "k_g": "radius of gyration",
-    "zeta_f": "front damping ratio",
-    "zeta_r": "rear damping ratio",
-}
+SMALL_DIFFERENCE: Final = 0.05
+"""Share of nominal below which a difference, however certain, rarely matters."""
+WIDE: Final = 0.10
+"""Standard deviation over mean beyond which a parameter is called uncertain."""
 
-RHAT_WANTED: Final = 1.01
-ESS_WANTED: Final = 1000.0  # what the sampler asks of itself before it calls an answer ready
-
-_SLIGHT: Final = 0.05  # share of nominal: a sure difference that need not matter
-_ALARM: Final = ("below", "above", "unclear", "agrees")
-_WIDE: Final = 0.10  # one deviation as a share of the mean
+_SUPERSCRIPTS: Final = {"^2": "²", "^3": "³", "^4": "⁴", "^1": ""}
+_DIGITS_WITHOUT_SD: Final = 4
+_MAX_LENGTH: Final = 500
+# Controls, surrogates, unassigned code points, and format characters that change the direction of
+# the text around them: none of them belongs in the name of a car or a file.
+_UNWANTED: Final = frozenset({"Cc", "Cs", "Cn", "Cf", "Co", "Zl", "Zp"})
 
 # Mastrandrea et al., Guidance Note for Lead Authors of the IPCC Fifth Assessment Report on
 # Consistent Treatment of Uncertainties (2010), table 1, with the additional terms below it.
-_SCALE: Final = (
+_LIKELIHOOD: Final = (
     (0.99, "virtually certain"),
     (0.95, "extremely likely"),
     (0.90, "very likely"),
     (0.66, "likely"),
 )
-_MIRRORED: Final = (
+_UNLIKELIHOOD: Final = (
     (0.01, "exceptionally unlikely"),
     (0.05, "extremely unlikely"),
     (0.10, "very unlikely"),
@@ -62,40 +68,112 @@ _MIRRORED: Final = (
 )
 
 
-class Comparison(NamedTuple):
-    """A parameter held against its nominal value.
+def readable_unit(unit: str) -> str:
+    """Write a unit with raised dots and superscripts: ``lbf*s^2*in`` becomes ``lbf·s²·in``."""
+    text = plain(unit)
+    for power, sign in _SUPERSCRIPTS.items():
+        text = text.replace(power, sign)
+    return text.replace("*", "·")
 
-    Attributes
+
+def decimals_for(sd: float, digits: int = 2) -> int:
+    """Decimals that keep `digits` significant digits of a standard deviation.
+
+    Parameters
     ----------
-    sense : str
-        ``below`` or ``above``; ``agrees`` when nominal lies within the 95 % interval; ``unclear``
-        when it does only because the interval is wide.
-    words : str
-        The same for a person: ``9 % softer than nominal``.
-    share : float
-        Posterior mean over nominal, less one.
-    p_below : float
-        Probability of lying below nominal.
+    sd : float
+        Standard deviation, positive and finite.
+    digits : int
+        Significant digits of it to keep.
+
+    Returns
+    -------
+    int
+        May be negative: -2 rounds to hundreds.
     """
+    # Rounding first makes 0.0996 a 0.10, so that it keeps two digits and not three.
+    return digits - 1 - int(f"{sd:.{digits - 1}e}".partition("e")[2])
 
-    sense: str
-    words: str
-    share: float
-    p_below: float
 
-    @property
-    def p_side(self) -> float:
-        """Probability of lying on the side of nominal on which the mean lies."""
-        return self.p_below if self.share < 0.0 else 1.0 - self.p_below
+def number(value: float | None, sd: float | None = None, digits: int = 2) -> str:
+    """Write a number with as many digits as its uncertainty allows.
 
-    @property
-    def side(self) -> str:
-        """``below`` or ``above``, also where the difference is within the uncertainty."""
-        return "below" if self.share < 0.0 else "above"
+    Parameters
+    ----------
+    value : float or None
+        The number; None and non-finite numbers become a dash.
+    sd : float, optional
+        Its standard deviation. Without one, or with 0, four significant digits are written.
+    digits : int
+        Significant digits of `sd` to keep.
+
+    Returns
+    -------
+    str
+        Plain decimals with a true minus sign, powers of ten only beyond a million or below 1e-4.
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if sd is None or not math.isfinite(sd) or sd <= 0.0:
+        text = f"{value:.{_DIGITS_WITHOUT_SD}g}"
+        if "e" in text and 1e-4 <= abs(value) < 1e7:
+            text = f"{float(text):.0f}"
+    else:
+        places = decimals_for(sd, digits)
+        # Absurd ratios (a value of 1e30, a deviation of 1e-9) are not worth their digits.
+        if abs(value) >= 1e9 or places > 9 or places < -6:
+            text = f"{value:.{_DIGITS_WITHOUT_SD}g}"
+        else:
+            text = f"{round(value, places):.{max(places, 0)}f}"
+    return _with_minus_sign(text)
+
+
+def two_digits(value: float) -> str:
+    """Write two significant digits, without trailing zeros."""
+    return number(float(f"{value:.2g}"))
+
+
+def percent(share: float | None, places: int = 0) -> str:
+    """Write a share of one as a percentage, for example ``12 %``."""
+    if share is None or not math.isfinite(share):
+        return MISSING
+    return _with_minus_sign(f"{100.0 * share:.{places}f}") + " %"
+
+
+def _with_minus_sign(text: str) -> str:
+    """Use a true minus sign, and none before zero."""
+    return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
+
+
+def probability(p: float | None) -> str:
+    """Write a probability that was counted from draws: never exactly 0 or 1.
+
+    Parameters
+    ----------
+    p : float or None
+        Between 0 and 1.
+
+    Returns
+    -------
+    str
+        For example ``82 %``, ``99.4 %`` or ``> 99.9 %``.
+    """
+    if p is None or not math.isfinite(p):
+        return MISSING
+    if p > 0.999:
+        return "> 99.9 %"
+    if p < 0.001:
+        return "< 0.1 %"
+    return percent(p, 1 if p > 0.99 or p < 0.01 else 0)
+
+
+def p_value(p: float) -> str:
+    """Write a p-value, ``p = 0.77`` or ``p < 0.001``."""
+    return f"p = {p:.2g}" if p >= 1e-3 else "p < 0.001"
 
 
 def likelihood_words(p: float) -> str:
-    """Say a probability on the calibrated scale of the IPCC.
+    """Describe a probability on the calibrated scale of the IPCC.
 
     Parameters
     ----------
@@ -105,295 +183,179 @@ def likelihood_words(p: float) -> str:
     Returns
     -------
     str
-        From ``exceptionally unlikely`` (below 1 %) by ``about as likely as not`` (33 to 66 %) to
+        From ``exceptionally unlikely`` (below 1 %) over ``about as likely as not`` (33 to 66 %) to
         ``virtually certain`` (above 99 %).
 
     Raises
     ------
     ValueError
-        If `p` is no probability.
+        If `p` is not a probability.
     """
     if not 0.0 <= p <= 1.0:
         raise ValueError(f"{p} is not a probability")
-    for bound, words in _SCALE:
+    for bound, words in _LIKELIHOOD:
         if p > bound:
             return words
-    for bound, words in _MIRRORED:
+    for bound, words in _UNLIKELIHOOD:
         if p < bound:
             return words
     return "about as likely as not"
 
 
-def compare(name: str, parameter: Document) -> Comparison | None:
-    """Hold a parameter against nominal.
+def plain(text: object) -> str:
+    """Make foreign text safe to print: one line, no control or direction characters, 500 letters.
+
+    The result is not escaped: every output format does that in its own way.
+    """
+    spaced = (" " if ch.isspace() else ch for ch in str(text))
+    kept = "".join("\ufffd" if unicodedata.category(ch) in _UNWANTED else ch for ch in spaced)
+    folded = " ".join(kept.split())
+    return folded if len(folded) <= _MAX_LENGTH else folded[: _MAX_LENGTH - 1] + "…"
+
+
+def capitalized(text: str) -> str:
+    """Begin with a capital letter and leave the rest."""
+    return text[:1].upper() + text[1:]
+
+
+def enumerated(parts: Sequence[str], last: str = "and") -> str:
+    """Join parts as in a sentence: ``a, b and c``."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}"
+
+
+def labelled(name: str, label: str, unit: str) -> str:
+    """Display name of a parameter with its unit in brackets, for a table or an axis."""
+    text, shown = LABELS.get(name, plain(label or name)), readable_unit(unit)
+    return f"{text} [{shown}]" if shown else text
+
+
+def interval(parameter: Summary, digits: int = 2) -> str:
+    """Write a 95 % interval, ``7.72 to 8.08``."""
+    low, high = parameter.eti95
+    return f"{number(low, parameter.sd, digits)} to {number(high, parameter.sd, digits)}"
+
+
+def plus_minus(parameter: Summary) -> str:
+    """Write mean and standard deviation, ``7.90 ± 0.10``."""
+    return f"{number(parameter.mean, parameter.sd)} ± {number(parameter.sd, parameter.sd)}"
+
+
+def estimate_text(parameter: Summary, unit: str) -> str:
+    """Write the mean with its unit, in the digits of a sentence."""
+    return f"{number(parameter.mean, parameter.sd, 1)} {readable_unit(unit)}".strip()
+
+
+class Comparison(NamedTuple):
+    """A parameter compared with its nominal value.
+
+    Attributes
+    ----------
+    sense : str
+        ``below`` or ``above``; ``agrees`` when nominal lies within the 95 % interval; ``unclear``
+        when it does only because the interval is wide.
+    words : str
+        The same in words: ``9 % softer than nominal``.
+    share : float
+        Posterior mean over nominal, less one.
+    p_below : float
+        Posterior probability that the parameter is below nominal.
+    """
+
+    sense: str
+    words: str
+    share: float
+    p_below: float
+
+    @property
+    def p_side(self) -> float:
+        """Probability that the parameter is on the side of nominal on which its mean is."""
+        return self.p_below if self.share < 0.0 else 1.0 - self.p_below
+
+    @property
+    def side(self) -> str:
+        """``below`` or ``above``, even where the difference is within the uncertainty."""
+        return "below" if self.share < 0.0 else "above"
+
+
+def compare(
+    name: str, mean: float, sd: float, eti95: Iterable[float], nominal: float, p_below: float
+) -> Comparison:
+    """Compare a parameter with its nominal value.
 
     Parameters
     ----------
     name : str
         ``c_f``, ``c_r``, ``i``, …
-    parameter : dict
-        Its entry in the document.
-
-    Returns
-    -------
-    Comparison or None
-        None where there is no usable nominal value.
+    mean, sd, eti95 : float, float, two floats
+        Mean, standard deviation and 95 % interval of the posterior.
+    nominal : float
+        Not zero.
+    p_below : float
+        Posterior probability that the parameter is below nominal.
     """
-    mean, nominal, p = (parameter.get(k) for k in ("mean", "nominal", "p_below_nominal"))
-    if mean is None or p is None or not nominal:
-        return None
-    low, high = parameter["eti95"]
+    low, high = eti95
     share = mean / nominal - 1.0
     if low <= nominal <= high:
-        if parameter["sd"] > _WIDE * abs(mean):
-            return Comparison("unclear", "too uncertain to tell from nominal", share, p)
-        return Comparison("agrees", "agrees with nominal", share, p)
+        if sd > WIDE * abs(mean):
+            return Comparison("unclear", "too uncertain to compare with nominal", share, p_below)
+        return Comparison("agrees", "agrees with nominal", share, p_below)
     side = "below" if share < 0.0 else "above"
     damper = name.startswith(("c_", "zeta"))
-    if damper:
-        word = "softer" if side == "below" else "stiffer"
-    else:
-        word = "smaller" if side == "below" else "larger"
-    if abs(share) < _SLIGHT:
+    word = {
+        ("below", True): "softer", ("above", True): "stiffer",
+        ("below", False): "smaller", ("above", False): "larger",
+    }[side, damper]  # fmt: skip
+    if abs(share) < SMALL_DIFFERENCE:
         words = f"slightly {word} than nominal ({difference(share)})"
     else:
         words = f"{difference(share)} {word} than nominal"
-    return Comparison(side, words, share, p)
+    return Comparison(side, words, share, p_below)
+
+
+def compare_parameter(name: str, parameter: Parameter) -> Comparison | None:
+    """Compare a parameter of a document with nominal; None where it has no nominal value."""
+    p = parameter
+    if not p.nominal or p.p_below_nominal is None:
+        return None
+    return compare(name, p.mean, p.sd, p.eti95, p.nominal, p.p_below_nominal)
 
 
 def difference(share: float) -> str:
-    """Size of a difference from nominal, without its sign."""
+    """Size of a relative difference, without its sign."""
     return "less than 1 %" if abs(share) < 0.01 else percent(abs(share))
 
 
-def quantity(value: float | None, sd: float | None, unit: str, digits: int = 1) -> str:
-    """Write a number with its unit."""
-    return f"{number(value, sd, digits)} {readable_unit(unit)}".strip()
-
-
-def interval(parameter: Document, digits: int = 1) -> str:
-    """Write the 95 % interval of a parameter, ``7.7 to 8.1``."""
-    low, high = parameter["eti95"]
-    return f"{number(low, parameter['sd'], digits)} to {number(high, parameter['sd'], digits)}"
-
-
-def sentence(name: str, parameter: Document) -> str:
-    """Tell one parameter: value, interval, and how it stands to nominal with what probability.
+def parameter_sentence(name: str, parameter: Parameter) -> str:
+    """State a parameter: mean, interval, and how it compares with nominal.
 
     Parameters
     ----------
     name : str
         ``c_f``, ``c_r``, ``i``, …
-    parameter : dict
-        Its entry in the document.
+    parameter : Parameter
+        From the document.
 
     Returns
     -------
     str
         One sentence.
     """
-    label = LABELS.get(name, plain(parameter.get("label", name)))
-    value = quantity(parameter["mean"], parameter["sd"], parameter["unit"])
-    start = f"The {label} is {value} (95 %: {interval(parameter)})"
-    found = compare(name, parameter)
-    if found is None:
+    label = LABELS.get(name, plain(parameter.label or name))
+    value = estimate_text(parameter, parameter.unit)
+    start = f"The {label} is {value} (95 %: {interval(parameter, 1)})"
+    comparison = compare_parameter(name, parameter)
+    if comparison is None:
         return f"{start}."
-    nominal = number(parameter["nominal"])
-    chance = (
-        f"it is {likelihood_words(found.p_side)} ({probability(found.p_side)}) that it is "
-        f"{found.side} nominal"
+    nominal, p = number(parameter.nominal), comparison.p_side
+    likelihood = (
+        f"it is {likelihood_words(p)} ({probability(p)}) that it is {comparison.side} nominal"
     )
-    if found.sense == "agrees":
+    size = difference(comparison.share)
+    if comparison.sense == "agrees":
         return (
-            f"{start}, which agrees with the nominal {nominal}: the difference of "
-            f"{difference(found.share)} is within the uncertainty; {chance}."
+            f"{start}, which agrees with the nominal {nominal}: the difference of {size} is within "
+            f"the uncertainty; {likelihood}."
         )
-    if found.sense == "unclear":
-        return f"{start}, too uncertain to tell from the nominal {nominal}; {chance}."
-    return f"{start}, {difference(found.share)} {found.side} the nominal {nominal}; {chance}."
-
-
-def headline(document: Document) -> str:
-    """Say the verdict in one sentence that needs no other.
-
-    Parameters
-    ----------
-    document : dict
-        Schema ``bayes_asv/estimate/1``.
-
-    Returns
-    -------
-    str
-        The sentence.
-    """
-    verdict = document["verdict"]
-    if verdict == "refused":
-        several = len(document.get("provenance", {}).get("recordings", ())) > 1
-        which = "these recordings" if several else "this recording"
-        return f"No answer: {which} cannot tell how the suspension behaves."
-    if verdict == "not_converged":
-        return "No answer to rely on: the sampling did not converge."
-    return f"{agreement_headline(document)} {_dampers(document['parameters'])}".strip()
-
-
-def _dampers(parameters: Document) -> str:
-    found = {
-        axle: compare(name, parameters[name])
-        for axle, name in (("front", "c_f"), ("rear", "c_r"))
-        if name in parameters
-    }
-    known = {axle: c for axle, c in found.items() if c is not None}
-    if not known:
-        return "The damping rates were estimated; there is nothing to hold them against."
-    senses = {c.sense for c in known.values()}
-    if len(known) == 2 and len(senses) == 1:
-        sense = senses.pop()
-        if sense == "agrees":
-            return "Both dampers agree with nominal."
-        if sense == "unclear":
-            return "Neither damper is known well enough to tell it from nominal."
-        word = "softer" if sense == "below" else "stiffer"
-        sizes = ", ".join(f"{axle} {difference(c.share)}" for axle, c in known.items())
-        return f"Both dampers are {word} than nominal: {sizes}."
-    # What is softer comes first: it is what people ask about.
-    order = sorted(known.items(), key=lambda item: _ALARM.index(item[1].sense))
-    return " ".join(f"{axle.capitalize()} damper: {c.words}." for axle, c in order)
-
-
-def split_reason(reason: str) -> tuple[str, str]:
-    """Split a reason into what is wrong and what to do, either of which may be empty."""
-    text = plain(reason)
-    for mark in ("; ", ": drive "):
-        what, found, mend = text.partition(mark)
-        if found:
-            return what, f"{found[2:]}{mend}"
-    return text, ""
-
-
-def next_steps(document: Document) -> list[str]:
-    """Say what to do next, the most useful first.
-
-    Parameters
-    ----------
-    document : dict
-        Schema ``bayes_asv/estimate/1``.
-
-    Returns
-    -------
-    list of str
-        Whole sentences.
-    """
-    verdict = document["verdict"]
-    if verdict == "refused":
-        mends = dict.fromkeys(split_reason(r)[1] for r in document["reasons"])
-        steps = [f"{m[0].upper()}{m[1:]}." for m in mends if m]
-        return [*steps, "Record again, then run the same command on the new file."]
-    if verdict == "not_converged":
-        return [
-            "Look where measurement and simulation part in the figures: the car may do something "
-            "that the half car does not know (a stop reached, a loose sensor, a worn bush).",
-            "Record again over a single, clean bump and give both files to the same command.",
-            "Run once more with another --seed; an answer that moves is none.",
-        ]
-    narrower = width_steps(document)
-    return [*agreement_steps(document), *_steps_when_ok(document["parameters"], narrower)]
-
-
-def _steps_when_ok(parameters: Document, narrower: list[str]) -> list[str]:
-    steps = []
-    for side, advice in (
-        ("below", "Look at the {} first: oil, seals, gas charge, mounts and adjuster setting."),
-        ("above", "At the {}, check the adjuster setting, the oil and the nominal rate itself."),
-    ):
-        axles = [
-            axle
-            for axle, name in (("front", "c_f"), ("rear", "c_r"))
-            if (c := compare(name, parameters.get(name, {}))) is not None and c.sense == side
-        ]
-        if axles:
-            where = " and ".join(axles) + (" dampers" if len(axles) > 1 else " damper")
-            steps.append(advice.format(where))
-    if not steps:
-        steps.append("Nothing to do at the dampers; keep this file to compare the next run with.")
-    inertia = compare("i", parameters.get("i", {}))
-    if inertia is not None and inertia.sense != "agrees" and abs(inertia.share) >= _SLIGHT:
-        steps.append(
-            f"The pitch inertia is {difference(inertia.share)} {inertia.side} nominal: check "
-            "driver, fuel and ballast, or take the estimate into the vehicle file."
-        )
-    steps += narrower
-    for name in SHOWN[:3]:
-        p = parameters.get(name)
-        if not narrower and p and p["mean"] and p["sd"] / abs(p["mean"]) > _WIDE:
-            steps.append(
-                f"The {LABELS[name]} is known to ±{percent(p['sd'] / abs(p['mean']))} only: add a "
-                "recording over a higher or faster bump and give all files to the same command."
-            )
-    steps.append("Record again after any change and compare.")
-    return steps
-
-
-def verdict_lines(document: Document) -> list[str]:
-    """Tell the whole verdict, a line a thought, the headline first.
-
-    Parameters
-    ----------
-    document : dict
-        Schema ``bayes_asv/estimate/1``.
-
-    Returns
-    -------
-    list of str
-        Text without markup; foreign text in it is on one line and without control characters.
-    """
-    lines = [headline(document)]
-    parameters = document["parameters"]
-    provisional = "Not to be relied on: " if document["verdict"] == "not_converged" else ""
-    lines += [provisional + sentence(n, parameters[n]) for n in SHOWN if n in parameters]
-    lines += agreement_lines(document)
-    lines += [f"Why: {plain(reason)}." for reason in document["reasons"]]
-    lines += [f"Note: {plain(warning)}." for warning in document["warnings"]]
-    # Each reason of a refusal carries its own mend already.
-    steps = next_steps(document)
-    lines += [f"Next: {step}" for step in (steps[-1:] if document["reasons"] else steps)]
-    return lines
-
-
-def convergence_lines(diagnostics: Document) -> list[str]:
-    """Say in words whether the sampling is good enough to quote.
-
-    Parameters
-    ----------
-    diagnostics : dict
-        The document's entry of that name.
-
-    Returns
-    -------
-    list of str
-        Whole sentences; empty where nothing was sampled.
-    """
-    lines = []
-    rhat = diagnostics.get("rhat_max")
-    if rhat is not None and math.isfinite(rhat):
-        good = rhat < RHAT_WANTED
-        lines.append(
-            f"Independent ensembles {'agree' if good else 'do not agree'}: the largest R̂ is "
-            f"{rhat:.3f}, and below {RHAT_WANTED} is wanted."
-        )
-    sizes = [diagnostics.get(k) for k in ("ess_bulk_min", "ess_tail_min")]
-    if all(s is not None and math.isfinite(s) for s in sizes):
-        bulk, tail = (float(s) for s in sizes if s is not None)
-        good = min(bulk, tail) >= ESS_WANTED
-        lines.append(
-            f"The {diagnostics.get('draws', 0)} draws are worth {bulk:.0f} independent ones for "
-            f"the middle and {tail:.0f} for the ends of the intervals: "
-            f"{'enough' if good else 'too few'}, {ESS_WANTED:.0f} are wanted."
-        )
-    acceptance = diagnostics.get("acceptance")
-    if acceptance is not None and math.isfinite(acceptance):
-        usual = 0.1 <= acceptance <= 0.9
-        lines.append(
-            f"{percent(acceptance)} of the proposed moves were taken, "
-            f"{'as usual' if usual else 'which is unusual'}."
-        )
-    return lines
+    if comparison.sense == "unclear":
+        return f"{start}, too uncertain to compare with the nominal {nominal}; {likelihood}."
+    return f"{start}, {size} {comparison.side} the nominal {nominal}; {likelihood}."

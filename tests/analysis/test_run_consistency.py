@@ -15,7 +15,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import Estimate, estimate
 from bayes_asv.io.netcdf import write_netcdf
 from bayes_asv.posterior.map_fit import lay_out
-from bayes_asv.report.document import estimate_document
+from bayes_asv.report.documents.estimate import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
 
@@ -118,7 +118,7 @@ def test_the_document_and_the_file_hold_the_same_draws(
     apart: tuple[RigCar, Estimate], tmp_path: Path
 ) -> None:
     _, result = apart
-    document = estimate_document(result)
+    document = estimate_document(result).to_dict()
     write_netcdf(result, tmp_path / "draws.nc")
     saved = xr.open_dataset(tmp_path / "draws.nc", group="posterior", engine="h5netcdf")
     with saved:
@@ -161,7 +161,7 @@ def test_one_run_is_held_against_nothing() -> None:
     _, _, recording = case("bump", 3, EXACT)
     result = estimate([recording], vehicle(EXACT))
     assert result.agreement is None
-    assert estimate_document(result)["agreement"] is None
+    assert estimate_document(result).agreement is None
     assert result.runs[0].checks
 
 

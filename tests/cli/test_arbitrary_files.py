@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import bayes_asv.estimation as job
 from bayes_asv.domain.errors import InputError
-from bayes_asv.report.saved import read_saved
+from bayes_asv.report.schema import read_saved
 from tests.cli.conftest import Command
 
 ROOT = Path(__file__).parents[2]
@@ -127,4 +127,4 @@ def test_any_saved_document_is_refused_in_one_line_or_well_formed(data: bytes) -
             document = read_saved(file)
         except InputError:
             return
-        assert document["verdict"] in ("ok", "refused", "not_converged")
+        assert document.verdict in ("ok", "refused", "not_converged")

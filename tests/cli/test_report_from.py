@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from bayes_asv.report.saved import read_saved
+from bayes_asv.report.schema import read_saved
 from tests.cli.conftest import Check, Command, Said, Saved
 
 Document = dict[str, Any]
@@ -122,13 +122,13 @@ def test_a_truncated_document(
 
 
 def test_what_was_saved_is_read_back_as_it_was(saved: Saved) -> None:
-    assert read_saved(saved.json_file) == saved.document
+    assert read_saved(saved.json_file).to_dict() == saved.document
 
 
 @pytest.mark.parametrize("kind", ["us", "si", "two_runs", "refused"])
 def test_sample_documents_are_sound(kind: str) -> None:
     folder = Path(__file__).parents[1] / "report" / "data"
-    assert read_saved(folder / f"{kind}.json")["schema"] == "bayes_asv/estimate/1"
+    assert read_saved(folder / f"{kind}.json").schema_name == "bayes_asv/estimate/1"
 
 
 @pytest.mark.parametrize("suffix", ["HTM", "pdf"])

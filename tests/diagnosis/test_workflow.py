@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.workflow import Diagnosis, diagnose
-from bayes_asv.report.diagnose_document import diagnose_document
-from bayes_asv.report.diagnose_words import diagnosis_lines
+from bayes_asv.report.documents.diagnose import diagnose_document
+from bayes_asv.report.sections.diagnosis import diagnosis_lines
 from tests.battery.cases import Case, case
 
 
@@ -51,13 +51,13 @@ def test_a_hidden_effect_is_named_and_the_gap_closes() -> None:
 def test_the_document_and_the_words_say_the_same() -> None:
     _, found = asked("bound_rebound@rear-4000/bump~baja")
     document = diagnose_document(found)
-    assert document["schema"] == "bayes_asv/diagnose/1"
-    effect = document["effects"][0]
-    assert (effect["name"], effect["where"]) == ("bound_rebound", "rear")
-    assert effect["parameters"]["ratio"]["eti95"][0] < effect["parameters"]["ratio"]["mean"]
+    assert document.schema_name == "bayes_asv/diagnose/1"
+    effect = document.effects[0]
+    assert (effect.name, effect.where) == ("bound_rebound", "rear")
+    assert effect.parameters["ratio"].eti95[0] < effect.parameters["ratio"].mean
     text = " ".join(diagnosis_lines(document))
-    assert "bound and rebound rates that differ at the rear" in text
-    assert "held out" in text
+    assert "Rear damper: rebound damping is " in text
+    assert "held-out runs" in text
 
 
 def test_what_has_no_name_is_said_to_have_none() -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Given, Nominal, Sensor, Vehicle
 from bayes_asv.estimation import Estimate, estimate
-from bayes_asv.report.document import estimate_document
+from bayes_asv.report.documents.estimate import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, INCH, case, vehicle
 from tests.rig import RigCar, SensorSpec
 
@@ -227,7 +227,7 @@ def test_two_boards_with_clocks_of_their_own_lose_nothing_of_the_report() -> Non
     for name in ("c_f", "c_r", "i"):
         x = result.draws[name]
         assert abs(float(x.mean()) - getattr(truth, name)) < 4.5 * float(x.std())
-    chassis = estimate_document(result)["runs"][0]["chassis"]
+    chassis = estimate_document(result).to_dict()["runs"][0]["chassis"]
     for name in ("front_chassis", "rear_chassis"):
         assert sum(v is not None for v in chassis[name]["measured"]) > 780
         assert 0.0 < chassis[name]["whiteness_p"] < 1.0

@@ -1,37 +1,49 @@
 """Small documents, and the reports made of them once for all tests."""
 
+from __future__ import annotations
+
 import copy
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 
-from bayes_asv.report.html import Document, html_report
-from bayes_asv.report.pdf import pdf_report
+from bayes_asv.report.render import html_report, pdf_report
+from bayes_asv.report.schema import (
+    DiagnoseDocument,
+    EstimateDocument,
+    ReportDocument,
+    TrackDocument,
+)
+from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, TRACK
+from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
+from bayes_asv.report.svg import style
 
+Data = dict[str, Any]
 Made = TypeVar("Made")
+D = TypeVar("D")
 
 DATA = Path(__file__).parent / "data"
 KINDS = ("us", "si", "two_runs", "budget", "refused", "not_converged", "hostile")
 HOSTILE = "<script>alert(1)</script> {{7*7}} #[7*7] $x$ & \"q\" 's' \x00\x1b[31m\u202eevil"
 
 
-def load(kind: str) -> Document:
-    """Read a document, or make one from another."""
+def data(kind: str) -> Data:
+    """Read the data of an estimate, or make one from another."""
     if kind == "not_converged":
-        document = load("us")
+        document = data("us")
         document["verdict"] = kind
         document["diagnostics"].update(rhat_max=1.034, ess_bulk_min=212.0, ess_tail_min=140.0)
         document["warnings"] = ["the ensembles had not agreed after 7680 draws each"]
         return document
     if kind == "budget":
-        document = load("us")
+        document = data("us")
         document["width"] = json.loads((DATA / "width.json").read_text(encoding="utf-8"))
         return document
     if kind == "hostile":
-        document = load("us")
+        document = data("us")
         document["vehicle"]["name"] = HOSTILE
         document["vehicle"]["source"] = HOSTILE
         document["warnings"] = [HOSTILE, "<img src=x onerror=alert(1)>"]
@@ -48,17 +60,44 @@ def load(kind: str) -> Document:
         document["parameters"]["c_f"]["label"] = HOSTILE
         document["known"]["m"]["label"] = HOSTILE
         return document
-    read: Document = json.loads((DATA / f"{kind}.json").read_text(encoding="utf-8"))
+    read: Data = json.loads((DATA / f"{kind}.json").read_text(encoding="utf-8"))
     return read
 
 
-@pytest.fixture
-def documents() -> dict[str, Document]:
-    return {kind: load(kind) for kind in KINDS}
+def load(kind: str) -> EstimateDocument:
+    """Return an estimate."""
+    return EstimateDocument.model_validate(data(kind))
+
+
+def blocks(document: ReportDocument) -> list[Block]:
+    """Return texts, tables and figures of all sections."""
+    with style():
+        if isinstance(document, EstimateDocument):
+            return _content(ESTIMATE, document)
+        if isinstance(document, DiagnoseDocument):
+            return _content(DIAGNOSIS, document)
+        assert isinstance(document, TrackDocument)
+        return _content(TRACK, document)
+
+
+def _content(sections: tuple[Section[D], ...], document: D) -> list[Block]:
+    return [block for section in sections for block in section.content(document)]
+
+
+def figures(document: ReportDocument) -> dict[str, Figure]:
+    """Return the figures that have panels, by key."""
+    found = [block for block in blocks(document) if isinstance(block, Figure) and block.panels]
+    return {figure.key: figure for figure in found}
+
+
+def table(document: ReportDocument, title: str) -> Table | None:
+    """Return the table of that title."""
+    found = [b for b in blocks(document) if isinstance(b, Table) and b.title == title]
+    return found[0] if found else None
 
 
 class _Once(dict[str, Made]):
-    def __init__(self, make: Callable[[Document], Made]) -> None:
+    def __init__(self, make: Callable[[EstimateDocument], Made]) -> None:
         super().__init__()
         self.make = make
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -12,205 +11,198 @@ from typing import Any
 import pytest
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.report.consistency_tables import agreement_table, check_table
-from bayes_asv.report.consistency_words import (
-    agreement_lines,
-    agreement_steps,
-    band_words,
-    by_distance,
-    check_limits,
-    independent_lines,
-    spread_words,
-)
-from bayes_asv.report.content import limits
-from bayes_asv.report.figures import figures
-from bayes_asv.report.html import Document, html_report
-from bayes_asv.report.plots_consistency import forest
-from bayes_asv.report.saved import read_saved
-from bayes_asv.report.words import headline, next_steps, verdict_lines
-from tests.report.conftest import DATA, HOSTILE, load
+from bayes_asv.report.page import limits
+from bayes_asv.report.render import html_report
+from bayes_asv.report.schema import EstimateDocument, read_saved
+from bayes_asv.report.sections import predictive_checks
+from bayes_asv.report.sections.run_consistency import consistency_lines, consistency_steps
+from bayes_asv.report.sections.sampling import sampling_lines
+from bayes_asv.report.sections.verdict import headline, next_steps, verdict_lines
+from tests.report.conftest import DATA, HOSTILE, Data, data, figures, load, table
 
 SOURCES = ("stops.csv", "bump.csv")
+RUNS, CHECKS = "Consistency of the runs", "Posterior predictive checks"
+check_limits = predictive_checks.SECTION.limits
 
 
-def told(verdict: str) -> Document:
+def saved(verdict: str) -> Data:
     """Two runs of one car that agree, or the front damper of one 5 % stiffer."""
-    data: dict[str, Any] = json.loads((DATA / "agreement.json").read_text(encoding="utf-8"))
-    document = load("two_runs")
-    document["agreement"] = data[verdict]
+    parts: Data = json.loads((DATA / "agreement.json").read_text(encoding="utf-8"))
+    document = data("two_runs")
+    document["agreement"] = parts[verdict]
     for run, checks, alone, source in zip(
-        document["runs"], data["checks"], data[verdict]["runs"], SOURCES, strict=True
+        document["runs"], parts["checks"], parts[verdict]["runs"], SOURCES, strict=True
     ):
         run["checks"] = checks
         alone["source"] = run["source"] = source
     if verdict == "disagree":
-        document["parameters"] = data["parameters"]
-        document["warnings"] = [data["warning"]]
+        document["parameters"] = parts["parameters"]
+        document["warnings"] = [parts["warning"]]
         document["diagnostics"]["sampler"] = "random effects"
     return document
 
 
 @pytest.fixture
-def apart() -> Document:
-    return told("disagree")
+def apart() -> EstimateDocument:
+    return EstimateDocument.model_validate(saved("disagree"))
 
 
 @pytest.fixture
-def alike() -> Document:
-    return told("agree")
+def alike() -> EstimateDocument:
+    return EstimateDocument.model_validate(saved("agree"))
 
 
-def spoilt(document: Document) -> Document:
-    """The same with far too much left of one run's front chassis."""
-    out = copy.deepcopy(document)
-    for check in out["runs"][1]["checks"]:
-        if check["channel"] == "front_chassis" and check["of"] == "residual":
-            times = 20.0 if check["band"] == [0.5, 5.0] else 3.0
-            check.update(observed=times * check["replicated"]["median"], p=0.0025, p_family=0.00125)
+def with_residual(document: EstimateDocument) -> EstimateDocument:
+    """The same with a far too large residual of one run's front chassis."""
+    out = document.model_copy(deep=True)
+    for check in out.runs[1].checks:
+        if check.channel == "front_chassis" and check.of == "residual":
+            times = 20.0 if check.band == [0.5, 5.0] else 3.0
+            check.observed = times * check.replicated.median
+            check.p, check.p_family = 0.0025, 0.00125
     return out
 
 
-def test_runs_that_agree_are_said_to_in_one_sentence(alike: Document) -> None:
-    lines = agreement_lines(alike)
-    assert lines == [
-        "The 2 runs agree: of runs of an unchanged car, 81 % would differ more than these do."
-    ]
+def test_consistent_runs_are_one_sentence(alike: EstimateDocument) -> None:
+    lines = consistency_lines(alike)
+    assert lines == ["The 2 runs are consistent (p = 0.81)."]
     assert lines[0] in verdict_lines(alike)
     assert not headline(alike).startswith("The runs")
-    assert agreement_steps(alike) == []
+    assert consistency_steps(alike) == []
 
 
-def test_runs_that_disagree_are_told_first(apart: Document) -> None:
-    assert headline(apart).startswith("The runs do not agree. ")
+def test_inconsistent_runs_are_in_the_headline(apart: EstimateDocument) -> None:
+    assert headline(apart).startswith("The runs are not consistent. ")
     lines = verdict_lines(apart)
     assert sum("the runs do not agree: the front damping rate" in line for line in lines) == 1
     assert next_steps(apart)[0].startswith("Find out what changed between the runs")
     assert limits(apart)[0].startswith("The runs do not agree: the front damping rate differs")
 
 
-def test_what_cannot_be_told_is_not_told(alike: Document) -> None:
-    alike["agreement"].update(verdict="unknown", p=None)
-    assert agreement_lines(alike)[0].startswith("Whether the runs agree cannot be told")
+def test_what_is_unknown_is_not_stated() -> None:
+    unknown = saved("agree")
+    unknown["agreement"].update(verdict="unknown", p=None)
+    lines = consistency_lines(EstimateDocument.model_validate(unknown))
+    assert lines[0].startswith("The consistency of the runs could not be tested")
     for kind in ("us", "refused", "not_converged"):
         document = load(kind)
-        assert agreement_lines(document) == []
-        assert agreement_table(document) is None
-        assert check_table(document) is None
+        assert consistency_lines(document) == []
+        assert table(document, RUNS) is None
+        assert table(document, CHECKS) is None
         assert check_limits(document) == []
-        assert forest(document) is None
-        assert independent_lines(document["diagnostics"]) == []
+        assert "agreement" not in figures(document)
+        assert not any("mean car" in line for line in sampling_lines(document.diagnostics))
 
 
-def test_an_answer_that_did_not_converge_does_not_pose_as_a_finding(apart: Document) -> None:
-    apart["verdict"] = "not_converged"
+def test_an_unconverged_estimate_says_nothing_about_runs(apart: EstimateDocument) -> None:
+    apart.verdict = "not_converged"
     assert "runs" not in headline(apart)
-    assert agreement_steps(apart) == []
+    assert consistency_steps(apart) == []
 
 
-def test_the_table_holds_each_runs_own_value(apart: Document, alike: Document) -> None:
-    table = agreement_table(apart)
-    assert table is not None
-    rows = {row[0]: row[1:] for row in table["rows"]}
+def test_the_table_holds_each_runs_own_value(
+    apart: EstimateDocument, alike: EstimateDocument
+) -> None:
+    found = table(apart, RUNS)
+    assert found is not None
+    rows = {row[0]: row[1:] for row in found.rows}
     assert list(rows) == [
-        "stops.csv", "bump.csv", "all, if alike", "mean car", "a run to come",
-        "spread from run to run", "probability, if alike",
+        "stops.csv", "bump.csv", "all, if consistent", "mean car", "prediction for a run",
+        "spread from run to run", "p-value",
     ]  # fmt: skip
     own = [float(rows[source][0].split(" ± ")[0]) for source in SOURCES]
     assert own[1] / own[0] == pytest.approx(1.05, rel=0.005)
-    assert rows["spread from run to run"][0] == spread_words(
-        apart["agreement"]["spread_percent"]["c_f"]
-    )
-    assert rows["probability, if alike"][0] == "< 0.1 %"
-    table = agreement_table(alike)
-    assert table is not None
-    assert [row[0] for row in table["rows"]][2:] == ["all, if alike", "probability, if alike"]
-    alike["agreement"]["runs"][0]["parameters"]["c_f"].pop("own")
-    table = agreement_table(alike)
-    assert table is not None
-    assert table["rows"][0][1] == "–"
+    assert apart.agreement is not None
+    spread = apart.agreement.spread_percent["c_f"]
+    numbers = [float(x) for x in re.findall(r"[\d.]+", rows["spread from run to run"][0])]
+    assert numbers == pytest.approx([spread.median, *spread.eti95], rel=0.05)
+    assert rows["p-value"][0] == "< 0.1 %"
+    found = table(alike, RUNS)
+    assert found is not None
+    assert [row[0] for row in found.rows][2:] == ["all, if consistent", "p-value"]
+    assert alike.agreement is not None
+    alike.agreement.runs[0].parameters["c_f"].own = None
+    found = table(alike, RUNS)
+    assert found is not None
+    assert found.rows[0][1] == "–"
 
 
-def test_the_forest_has_a_row_a_run(apart: Document, alike: Document) -> None:
+def test_the_forest_plot_has_a_row_a_run(apart: EstimateDocument, alike: EstimateDocument) -> None:
     for document in (apart, alike):
-        panel = forest(document)
-        assert panel is not None
+        (panel,) = figures(document)["agreement"].panels
         assert panel.wide
         ET.fromstring(panel.svg)
-    apart.update(draws={}, runs=[])
-    assert [figure.key for figure in figures(apart)] == ["agreement"]
-    far = copy.deepcopy(apart)
-    for p in far["parameters"].values():
-        p["nominal"] = 1e6
-    assert forest(far) != forest(apart)
-    many = copy.deepcopy(apart)
-    many["agreement"]["runs"] = many["agreement"]["runs"] * 40
-    panel = forest(many)
-    assert panel is not None
+    apart.draws, apart.runs = {}, []
+    assert list(figures(apart)) == ["agreement"]
+    far = apart.model_copy(deep=True)
+    for p in far.parameters.values():
+        p.nominal = 1e6
+    assert figures(far) != figures(apart)
+    assert apart.agreement is not None
+    apart.agreement.runs = apart.agreement.runs * 40
+    (panel,) = figures(apart)["agreement"].panels
     assert len(panel.svg) < 400_000
 
 
-def test_checks_of_one_run_stand_in_full_and_of_several_in_brief(alike: Document) -> None:
-    table = check_table(alike)
-    assert table is not None
-    assert len(table["rows"]) == 2  # the farthest out of each
-    spoilt_table = check_table(spoilt(alike))
-    assert spoilt_table is not None
-    marked = [row for row in spoilt_table["rows"] if row[-1].endswith("✱")]
+def test_checks_of_one_run_stand_in_full_and_of_several_in_brief(alike: EstimateDocument) -> None:
+    found = table(alike, CHECKS)
+    assert found is not None
+    assert len(found.rows) == 2  # the smallest p-value of each
+    found = table(with_residual(alike), CHECKS)
+    assert found is not None
+    marked = [row for row in found.rows if row[-1].endswith("✱")]
     assert len(marked) == 3
     assert marked[0][0] == "bump.csv: front residual, rms, body band (0.5 to 5 Hz)"
-    alike["runs"] = alike["runs"][:1]
-    table = check_table(alike)
-    assert table is not None
-    assert len(table["rows"]) == 20
+    alike.runs = alike.runs[:1]
+    found = table(alike, CHECKS)
+    assert found is not None
+    assert len(found.rows) == 20
 
 
-def test_a_recording_that_the_model_would_not_make_limits_the_answer(alike: Document) -> None:
+def test_a_recording_that_the_model_would_not_produce_limits_the_answer(
+    alike: EstimateDocument,
+) -> None:
     assert check_limits(alike) == []
-    (sentence,) = check_limits(spoilt(alike))
+    (sentence,) = check_limits(with_residual(alike))
     assert sentence.startswith(
-        "Predictive check: more of the front chassis' motion is left unexplained in 1 of 2 "
-        "recordings than the half car and its sensors would make, most clearly in the body band "
-        "(0.5 to 5 Hz) in bump.csv: "
+        "Posterior predictive check: the front chassis residual is larger in 1 of 2 recordings "
+        "than the half car and its sensors produce, most clearly in the body band (0.5 to 5 Hz) "
+        "of bump.csv: "
     )
-    assert sentence.endswith("(probability 0.1 %, all checks of a run counted).")
-    assert sentence in limits(spoilt(alike))
-    reading = spoilt(alike)
-    for check in reading["runs"][1]["checks"]:
-        check["of"] = "reading"
-    reading["runs"] = reading["runs"][1:]
+    assert sentence.endswith("(p = 0.0013, corrected for all checks of a run).")
+    assert sentence in limits(with_residual(alike))
+    reading = with_residual(alike)
+    reading.runs = reading.runs[1:]
+    for check in reading.runs[0].checks:
+        check.of = "reading"
     (sentence,) = check_limits(reading)
-    assert sentence.startswith("Predictive check: more was measured at the front chassis than ")
+    assert sentence.startswith(
+        "Posterior predictive check: the front chassis reading has more motion than "
+    )
 
 
-def test_checks_are_ordered_by_how_far_out_they_are(alike: Document) -> None:
-    ordered = by_distance(spoilt(alike)["runs"][1]["checks"])
-    assert ordered[0]["band"] == [0.5, 5.0]
-    assert [c["p_family"] for c in ordered] == sorted(c["p_family"] for c in ordered)
-    assert band_words(ordered[0]) == "rms, body band (0.5 to 5 Hz)"
-
-
-def test_a_report_of_it_is_whole(apart: Document) -> None:
-    apart["draws"] = {}
+def test_a_report_of_it_is_whole(apart: EstimateDocument) -> None:
+    apart.draws = {}
     page = html_report(apart)
-    assert "<span>The runs do not agree.</span>" in page
-    assert "One run against another" in page
-    assert "Would the model make such recordings?" in page
+    assert "<span>The runs are not consistent.</span>" in page
+    assert RUNS in page
+    assert CHECKS in page
     assert len(re.findall(r'id="agreement"', page)) == 1
     assert "draws are of a mean car" in page
     assert "ensembles" not in page
 
 
-def test_foreign_names_stay_names(apart: Document) -> None:
-    for run in (*apart["agreement"]["runs"], *apart["runs"]):
-        run["source"] = HOSTILE
-    panel, table, checks = forest(apart), agreement_table(apart), check_table(spoilt(apart))
-    assert panel is not None
-    assert "<script>alert" not in panel.svg
-    assert table is not None
+def test_foreign_names_stay_names(apart: EstimateDocument) -> None:
+    assert apart.agreement is not None
+    for alone, run in zip(apart.agreement.runs, apart.runs, strict=True):
+        alone.source = run.source = HOSTILE
+    runs, checks = table(apart, RUNS), table(with_residual(apart), CHECKS)
+    assert "<script>alert" not in figures(apart)["agreement"].panels[0].svg
+    assert runs is not None
     assert checks is not None
-    for row in (*table["rows"], *checks["rows"]):
+    for row in (*runs.rows, *checks.rows):
         assert all(cell.isprintable() for cell in row)
-    assert all(sentence.isprintable() for sentence in check_limits(spoilt(apart)))
+    assert all(sentence.isprintable() for sentence in check_limits(with_residual(apart)))
 
 
 @pytest.mark.parametrize(
@@ -225,13 +217,11 @@ def test_foreign_names_stay_names(apart: Document) -> None:
     ],
     ids=["verdict", "no mean car", "no run to come", "odd quantity", "probability", "no range"],
 )
-def test_a_broken_saved_comparison_is_named(
-    apart: Document, tmp_path: Path, change: Any, key: str
-) -> None:
-    path = tmp_path / "saved.json"
-    path.write_text(json.dumps(apart), encoding="utf-8")
-    assert read_saved(path)["agreement"]["verdict"] == "disagree"
-    change(apart)
-    path.write_text(json.dumps(apart), encoding="utf-8")
+def test_a_broken_saved_comparison_is_named(tmp_path: Path, change: Any, key: str) -> None:
+    path, document = tmp_path / "saved.json", saved("disagree")
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert read_saved(path).to_dict()["agreement"]["verdict"] == "disagree"
+    change(document)
+    path.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(InputError, match=re.escape(key)):
         read_saved(path)

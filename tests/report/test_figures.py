@@ -6,24 +6,26 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from bayes_asv.report.figures import MOST_RUNS, Document, Figure, figures
-from bayes_asv.report.plots_parameters import prior_of
-from bayes_asv.report.plots_residuals import power_of_ten
-from bayes_asv.report.plots_time import velocity_shares
-from bayes_asv.report.svg import COLOURS, gauge, themed
+from bayes_asv.report.schema import EstimateDocument
+from bayes_asv.report.schema.estimate import Run, Travel, TravelCurves, WheelCurves
+from bayes_asv.report.schema.parts import Curve
+from bayes_asv.report.sections.blocks import Figure
+from bayes_asv.report.sections.parameters import log_normal_prior
+from bayes_asv.report.sections.simulation import MAX_RUNS
+from bayes_asv.report.sections.travel import velocity_shares
+from bayes_asv.report.svg import COLOURS, gauge, power_of_ten, themed
+from tests.report.conftest import data, figures, load
 
 
 @pytest.fixture(scope="module")
-def drawn(request: pytest.FixtureRequest) -> list[Figure]:
-    from tests.report.conftest import load
-
-    return figures(load("us"))
+def drawn() -> list[Figure]:
+    return list(figures(load("us")).values())
 
 
 def test_every_figure_is_there_in_order(drawn: list[Figure]) -> None:
     assert [f.key for f in drawn] == [
-        "chassis-0", "wheels-0", "travel-0", "posterior", "corner", "velocity", "spectrum-0",
-        "whiteness-0",
+        "posterior", "corner", "chassis-0", "wheels-0", "spectrum-0", "whiteness-0", "travel-0",
+        "velocity",
     ]  # fmt: skip
     assert all(f.caption.endswith(".") and f.title and f.panels for f in drawn)
     assert len({p.key for f in drawn for p in f.panels}) == 17
@@ -55,41 +57,39 @@ def test_pictures_fetch_nothing_and_weigh_little(drawn: list[Figure]) -> None:
         assert len(panel.svg) < 250_000
 
 
-def test_same_document_same_bytes(drawn: list[Figure], documents: dict[str, Document]) -> None:
-    assert figures(documents["us"]) == drawn
+def test_same_document_same_bytes(drawn: list[Figure]) -> None:
+    assert list(figures(load("us")).values()) == drawn
 
 
-def test_settings_of_the_user_change_nothing(
-    drawn: list[Figure], documents: dict[str, Document]
-) -> None:
+def test_settings_of_the_user_change_nothing(drawn: list[Figure]) -> None:
     import matplotlib as mpl
 
     with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red", "svg.fonttype": "none"}):
-        assert figures(documents["us"]) == drawn
+        assert list(figures(load("us")).values()) == drawn
 
 
-def test_no_figures_for_a_refusal(documents: dict[str, Document]) -> None:
-    assert figures(documents["refused"]) == []
+def test_no_figures_for_a_refusal() -> None:
+    assert figures(load("refused")) == {}
 
 
-def test_no_figures_where_the_document_holds_none(documents: dict[str, Document]) -> None:
-    document = documents["us"]
+def test_no_figures_where_the_document_has_no_data() -> None:
+    document = data("us")
     for key in ("runs", "draws", "prior", "known"):
         del document[key]
-    assert figures(document) == []
+    assert figures(EstimateDocument.model_validate(document)) == {}
 
 
-def test_many_runs_do_not_make_an_endless_page(documents: dict[str, Document]) -> None:
-    document = documents["us"]
-    document["runs"] = [document["runs"][0]] * (MOST_RUNS + 1)
-    document["draws"] = {}
-    keys = [f.key for f in figures(document)]
-    assert f"chassis-{MOST_RUNS - 1}" in keys
-    assert f"chassis-{MOST_RUNS}" not in keys
+def test_many_runs_do_not_make_an_endless_page() -> None:
+    document = load("us")
+    document.runs = [document.runs[0]] * (MAX_RUNS + 1)
+    document.draws = {}
+    keys = figures(document)
+    assert f"chassis-{MAX_RUNS - 1}" in keys
+    assert f"chassis-{MAX_RUNS}" not in keys
 
 
-def test_gaps_and_flat_channels_are_drawn(documents: dict[str, Document]) -> None:
-    document = documents["us"]
+def test_gaps_and_flat_channels_are_drawn() -> None:
+    document = data("us")
     run = document["runs"][0]
     for curve in run["chassis"].values():
         curve["measured"][5:20] = [None] * 15
@@ -100,51 +100,61 @@ def test_gaps_and_flat_channels_are_drawn(documents: dict[str, Document]) -> Non
     run["chassis"]["rear_chassis"]["spectrum"]["residual"] = [0.0] * 64
     run["chassis"]["front_chassis"]["spectrum"]["measured"][3] = None
     document["draws"] = {}
-    panels = {f.key: [p.key for p in f.panels] for f in figures(document)}
+    drawn = figures(EstimateDocument.model_validate(document))
+    panels = {key: [p.key for p in figure.panels] for key, figure in drawn.items()}
     assert panels["velocity"] == ["velocity-front"]
     assert panels["spectrum-0"] == ["spectrum-front-0"]
     assert len(panels["chassis-0"]) == len(panels["whiteness-0"]) == 2
 
 
-def test_travel_without_limits_draws_no_limits(documents: dict[str, Document]) -> None:
-    document = documents["us"]
-    document["draws"] = {}
-    with_limits = figures(document)[2].panels[0].svg
-    document["vehicle"]["travel"] = {"unit": "in"}
-    without = figures(document)[2].panels[0].svg
+def test_travel_without_limits_draws_no_limits() -> None:
+    document = load("us")
+    document.draws = {}
+    with_limits = figures(document)["travel-0"].panels[0].svg
+    document.vehicle.travel = None
+    without = figures(document)["travel-0"].panels[0].svg
     assert with_limits.count("stroke-dasharray") == without.count("stroke-dasharray") + 2
+
+
+def _run(time: Curve, velocity: Curve) -> Run:
+    flat: Curve = [0.0] * len(time)
+    front = TravelCurves(
+        deflection=flat, band95=[flat, flat], velocity=velocity, largest_bump=0.0, largest_droop=0.0
+    )
+    return Run(
+        source="run.csv", rate=400.0, seconds=1.0, unit="m/s^2", time=time, chassis={},
+        wheels=WheelCurves(time=[], front_wheel=[], rear_wheel=[]),
+        travel=Travel(unit="mm", front=front),
+    )  # fmt: skip
 
 
 def test_velocity_shares_follow_the_sign_convention() -> None:
     time = np.linspace(0.0, 1.0, 401)
     velocity = np.where(time < 0.25, -1.0, np.where(time < 0.75, 0.0, 2.0))
-    run: Document = {"time": time.tolist(), "travel": {"front": {"velocity": velocity.tolist()}}}
-    bound, still, rebound = velocity_shares([run], "front")
-    assert bound == pytest.approx(0.25, abs=0.01)
+    run = _run(time.tolist(), velocity.tolist())
+    compression, at_rest, rebound = velocity_shares([run], "front")
+    assert compression == pytest.approx(0.25, abs=0.01)
     assert rebound == pytest.approx(0.25, abs=0.01)
-    assert bound + still + rebound == pytest.approx(1.0)
+    assert compression + at_rest + rebound == pytest.approx(1.0)
     assert velocity_shares([run], "rear") == (0.0, 1.0, 0.0)
 
 
 def test_shares_do_not_depend_on_how_a_curve_was_thinned() -> None:
-    def run(count: int, velocity: float) -> Document:
-        time = np.linspace(0.0, 1.0, count).tolist()
-        return {"time": time, "travel": {"front": {"velocity": [velocity] * count}}}
+    def run(count: int, velocity: float) -> Run:
+        return _run(np.linspace(0.0, 1.0, count).tolist(), [velocity] * count)
 
-    bound, _, rebound = velocity_shares([run(1500, -1.0), run(100, 1.0)], "front")
-    assert bound == pytest.approx(0.5)
+    compression, _, rebound = velocity_shares([run(1500, -1.0), run(100, 1.0)], "front")
+    assert compression == pytest.approx(0.5)
     assert rebound == pytest.approx(0.5)
 
 
-def test_prior_of_the_radius_follows_from_that_of_the_inertia(
-    documents: dict[str, Document],
-) -> None:
-    document = documents["us"]
-    radius, front = prior_of("k_g", document), prior_of("c_f", document)
+def test_prior_of_the_radius_follows_from_that_of_the_inertia() -> None:
+    document = load("us")
+    radius, front = log_normal_prior("k_g", document), log_normal_prior("c_f", document)
     assert radius is not None
     assert front is not None
     median, log_sd = radius
-    assert median == pytest.approx(document["parameters"]["k_g"]["nominal"])
+    assert median == pytest.approx(document.parameters["k_g"].nominal)
     assert log_sd == pytest.approx(0.5 * np.hypot(np.log(2.0), 0.01), rel=1e-6)
     assert front[0] == pytest.approx(7.2)
 
@@ -163,15 +173,14 @@ def test_gauge_stays_on_its_scale() -> None:
 
 
 def test_colours_follow_the_page(drawn: list[Figure]) -> None:
-    svg = themed(drawn[0].panels[0].svg)
+    svg = themed(drawn[2].panels[0].svg)
     assert f"var(--front, {COLOURS['front']})" in svg
     assert svg.count(COLOURS["front"]) == svg.count("var(--front")
 
 
 def test_importing_the_report_is_cheap() -> None:
     code = (
-        "import sys, bayes_asv.report.render, bayes_asv.report.words, bayes_asv.report.html, "
-        "bayes_asv.report.pdf\n"
+        "import sys, bayes_asv.report.render, bayes_asv.report.schema\n"
         "print([m for m in ('matplotlib', 'typst', 'jinja2', 'scipy') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

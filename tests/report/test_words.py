@@ -1,29 +1,25 @@
-import copy
 import math
 
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from bayes_asv.report.readable import (
+from bayes_asv.report.schema.parts import Parameter
+from bayes_asv.report.sections.sampling import sampling_lines
+from bayes_asv.report.sections.verdict import headline, next_steps, split_reason, verdict_lines
+from bayes_asv.report.words import (
+    compare_parameter,
     decimals_for,
+    likelihood_words,
     number,
+    p_value,
+    parameter_sentence,
     percent,
     plain,
     probability,
     readable_unit,
 )
-from bayes_asv.report.words import (
-    Document,
-    compare,
-    convergence_lines,
-    headline,
-    likelihood_words,
-    next_steps,
-    sentence,
-    split_reason,
-    verdict_lines,
-)
+from tests.report.conftest import load
 
 ORDER = [
     "exceptionally unlikely",
@@ -157,11 +153,17 @@ def test_foreign_text_stays_on_one_line(text: str) -> None:
     out.encode("utf-8")
 
 
-def parameter(mean: float, sd: float, nominal: float, p_below: float) -> Document:
-    return {
-        "mean": mean, "sd": sd, "eti95": [mean - 1.96 * sd, mean + 1.96 * sd],
-        "nominal": nominal, "p_below_nominal": p_below, "unit": "lbf*s/in",
-    }  # fmt: skip
+def test_p_values() -> None:
+    assert p_value(0.7712) == "p = 0.77"
+    assert p_value(0.00125) == "p = 0.0013"
+    assert p_value(0.0001) == "p < 0.001"
+
+
+def parameter(mean: float, sd: float, nominal: float | None, p_below: float | None) -> Parameter:
+    return Parameter(
+        mean=mean, sd=sd, eti95=[mean - 1.96 * sd, mean + 1.96 * sd], nominal=nominal,
+        p_below_nominal=p_below, unit="lbf*s/in",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -174,36 +176,35 @@ def parameter(mean: float, sd: float, nominal: float, p_below: float) -> Documen
         ("i", 12.0, 0.1, 0.0, "above", "20 % larger than nominal"),
         ("i", 8.0, 0.1, 1.0, "below", "20 % smaller than nominal"),
         ("c_f", 10.1, 0.2, 0.3, "agrees", "agrees with nominal"),
-        ("c_f", 9.0, 4.0, 0.6, "unclear", "too uncertain to tell from nominal"),
+        ("c_f", 9.0, 4.0, 0.6, "unclear", "too uncertain to compare with nominal"),
     ],
 )
 def test_comparison_with_nominal(
     name: str, mean: float, sd: float, p: float, sense: str, words: str
 ) -> None:
-    found = compare(name, parameter(mean, sd, 10.0, p))
+    found = compare_parameter(name, parameter(mean, sd, 10.0, p))
     assert found is not None
     assert (found.sense, found.words) == (sense, words)
 
 
-@pytest.mark.parametrize("missing", ["mean", "nominal", "p_below_nominal"])
-def test_without_nominal_there_is_no_comparison(missing: str) -> None:
-    p = {**parameter(8.0, 0.1, 10.0, 1.0), missing: None}
-    assert compare("c_f", p) is None
+def test_without_nominal_there_is_no_comparison() -> None:
+    assert compare_parameter("c_f", parameter(8.0, 0.1, None, 1.0)) is None
+    assert compare_parameter("c_f", parameter(8.0, 0.1, 10.0, None)) is None
 
 
 def test_sentence_says_value_interval_difference_and_probability() -> None:
-    text = sentence("c_f", parameter(7.9, 0.1, 7.2, 0.0))
+    text = parameter_sentence("c_f", parameter(7.9, 0.1, 7.2, 0.0))
     assert text == (
         "The front damping rate is 7.9 lbf·s/in (95 %: 7.7 to 8.1), 10 % above the nominal 7.2; "
         "it is virtually certain (> 99.9 %) that it is above nominal."
     )
-    text = sentence("c_r", parameter(10.05, 0.1, 10.0, 0.3))
+    text = parameter_sentence("c_r", parameter(10.05, 0.1, 10.0, 0.3))
     assert "agrees with the nominal 10" in text
     assert "likely (70 %) that it is above nominal" in text
 
 
 def test_sentence_without_nominal_leaves_it_out() -> None:
-    text = sentence("c_f", {**parameter(7.9, 0.1, 7.2, 0.0), "nominal": None})
+    text = parameter_sentence("c_f", parameter(7.9, 0.1, None, 0.0))
     assert text == "The front damping rate is 7.9 lbf·s/in (95 %: 7.7 to 8.1)."
 
 
@@ -219,65 +220,60 @@ def test_sentence_without_nominal_leaves_it_out() -> None:
         ((10, 0.1, 0.5), (9, 0.1, 1),
          "Rear damper: 10 % softer than nominal. Front damper: agrees with nominal."),
         ((10, 5, 0.5), (10, 5, 0.5),
-         "Neither damper is known well enough to tell it from nominal."),
+         "Both dampers are too uncertain to compare with nominal."),
     ],
 )  # fmt: skip
 def test_headline_names_the_softer_damper_first(
     front: tuple[float, float, float], rear: tuple[float, float, float], text: str
 ) -> None:
-    document = {
-        "verdict": "ok",
-        "parameters": {
-            name: parameter(mean, sd, 10.0, p)
-            for name, (mean, sd, p) in (("c_f", front), ("c_r", rear))
-        },
-    }
+    document = load("us")
+    for name, (mean, sd, p) in (("c_f", front), ("c_r", rear)):
+        document.parameters[name] = parameter(mean, sd, 10.0, p)
     assert headline(document) == text
 
 
-def test_lines_of_an_answer(documents: dict[str, Document]) -> None:
-    lines = verdict_lines(documents["us"])
-    assert lines[0] == headline(documents["us"])
+def test_lines_of_an_answer() -> None:
+    lines = verdict_lines(load("us"))
+    assert lines[0] == headline(load("us"))
     assert lines[1].startswith("The front damping rate is 7.90 lbf·s/in")
     assert [line.split()[0] for line in lines[1:5]] == ["The"] * 4
-    assert lines[5].startswith("Next: Look at the rear damper first")
+    assert lines[5].startswith("Next: Inspect the rear damper first")
 
 
-def test_lines_of_a_refusal_say_why_and_what_to_do(documents: dict[str, Document]) -> None:
-    document = documents["refused"]
+def test_lines_of_a_refusal_say_why_and_what_to_do() -> None:
+    document = load("refused")
     text = "\n".join(verdict_lines(document))
-    assert text.startswith("No answer: this recording cannot")
-    for reason in document["reasons"]:
+    assert text.startswith("No answer: the suspension parameters cannot be determined from this ")
+    for reason in document.reasons:
         assert f"Why: {reason}." in text
     steps = next_steps(document)
     assert any("bump" in step for step in steps)
     assert len(steps) == len(set(steps))
 
 
-def test_lines_of_what_did_not_converge_do_not_pose_as_an_answer(
-    documents: dict[str, Document],
-) -> None:
-    lines = verdict_lines(documents["not_converged"])
-    assert lines[0] == "No answer to rely on: the sampling did not converge."
+def test_an_unconverged_estimate_is_marked_as_unreliable() -> None:
+    document = load("not_converged")
+    lines = verdict_lines(document)
+    assert lines[0] == "No reliable answer: the sampling did not converge."
     assert all(line.startswith("Not to be relied on: ") for line in lines[1:5])
     assert any(line.startswith("Note: the ensembles had not agreed") for line in lines)
-    text = " ".join(convergence_lines(documents["not_converged"]["diagnostics"]))
+    text = " ".join(sampling_lines(document.diagnostics))
     assert "do not agree" in text
-    assert "too few" in text
+    assert "too small" in text
 
 
-def test_a_wide_answer_asks_for_another_recording(documents: dict[str, Document]) -> None:
-    document = copy.deepcopy(documents["us"])
-    document["parameters"]["c_f"] = parameter(7.0, 2.0, 7.2, 0.5)
-    assert any("known to ±29 % only" in step for step in next_steps(document))
+def test_a_wide_answer_asks_for_another_recording() -> None:
+    document = load("us")
+    document.parameters["c_f"] = parameter(7.0, 2.0, 7.2, 0.5)
+    assert any("known only to ±29 %" in step for step in next_steps(document))
 
 
-def test_convergence_says_nothing_where_nothing_was_sampled(documents: dict[str, Document]) -> None:
-    assert convergence_lines(documents["refused"]["diagnostics"]) == []
+def test_convergence_says_nothing_where_nothing_was_sampled() -> None:
+    assert sampling_lines(load("refused").diagnostics) == []
 
 
 @pytest.mark.parametrize(
-    ("reason", "what", "mend"),
+    ("reason", "what", "fix"),
     [
         ("x is too short; record longer", "x is too short", "record longer"),
         ("next to nothing about i (i): drive over a bump",
@@ -285,9 +281,9 @@ def test_convergence_says_nothing_where_nothing_was_sampled(documents: dict[str,
         ("bad", "bad", ""),
     ],
 )  # fmt: skip
-def test_a_reason_splits_into_fault_and_mend(reason: str, what: str, mend: str) -> None:
-    assert split_reason(reason) == (what, mend)
+def test_a_reason_splits_into_fault_and_fix(reason: str, what: str, fix: str) -> None:
+    assert split_reason(reason) == (what, fix)
 
 
-def test_control_characters_do_not_reach_the_terminal(documents: dict[str, Document]) -> None:
-    assert all(line.isprintable() for line in verdict_lines(documents["hostile"]))
+def test_control_characters_do_not_reach_the_terminal() -> None:
+    assert all(line.isprintable() for line in verdict_lines(load("hostile")))

@@ -1,0 +1,1 @@
+"""Documents of results: from what a computation returns to the typed schema."""

@@ -1,0 +1,274 @@
+"""Document of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv import __version__
+from bayes_asv.diagnosis.engine_force import Engine
+from bayes_asv.diagnosis.localization import Cell
+from bayes_asv.diagnosis.simulation_error import Gap
+from bayes_asv.diagnosis.workflow import Diagnosis, Named
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.report.documents.force_curves import force_curves
+from bayes_asv.report.documents.quantities import Units, effect_value, parameter
+from bayes_asv.report.schema import DiagnoseDocument
+from bayes_asv.report.schema import diagnose as schema
+from bayes_asv.report.schema.parts import (
+    EffectName,
+    EffectValue,
+    Parameter,
+    Provenance,
+    SourceFile,
+    VehicleInfo,
+)
+
+__all__ = ["diagnose_document"]
+
+Array = NDArray[np.float64]
+
+_SHOWN: Final = ("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r")
+_MAX_POINTS: Final = 1200  # of a curve
+_CHASSIS: Final = ("front_chassis", "rear_chassis")
+
+
+def diagnose_document(found: Diagnosis, recordings: Sequence[Recording] = ()) -> DiagnoseDocument:
+    """Document of a diagnosis.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        From :func:`bayes_asv.diagnosis.workflow.diagnose`.
+    recordings : sequence of Recording
+        The fitted and the held-out recordings, for the provenance.
+    """
+    vehicle = found.vehicle
+    return DiagnoseDocument(
+        schema="bayes_asv/diagnose/1",
+        verdict=found.verdict,
+        reasons=list(found.reasons),
+        warnings=[_without_folders(text, recordings) for text in found.warnings],
+        preflight=[schema.RecordingFault.model_validate(f) for f in found.preflight],
+        effects=_effects(found),
+        unexplained=_unexplained(found),
+        disagreement=_disagreement(found),
+        gap=_gap(found.gaps or {}, vehicle),
+        parameters_before=_parameters(found.before, vehicle),
+        parameters_after=_parameters(found.after, vehicle),
+        p_value=found.p,
+        p_none=found.none,
+        map=None
+        if found.seen is None
+        else {
+            axle: [_cell(cell, vehicle) for cell in cells]
+            for axle, cells in found.seen.planes.items()
+        },
+        laws=force_curves(found),
+        residuals=_residuals(found),
+        runs=schema.FittedRuns(
+            fit=[line.source for line in found.fit],
+            holdout=[line.source for line in found.holdout],
+        ),
+        vehicle=VehicleInfo(name=vehicle.name, units=vehicle.units),
+        provenance=Provenance(
+            recordings=[
+                SourceFile(file=Path(r.source).name, sha256=r.sha256) for r in recordings
+            ],
+            vehicle=SourceFile(file=Path(vehicle.source).name, sha256=vehicle.sha256),
+        ),
+        seconds=found.seconds,
+        version=__version__,
+        seed=found.seed,
+    )  # fmt: skip
+
+
+def _without_folders(text: str, recordings: Sequence[Recording]) -> str:
+    """Name recordings without their folders, which are private."""
+    for recording in recordings:
+        text = text.replace(recording.source, Path(recording.source).name)
+    return text
+
+
+def _effects(found: Diagnosis) -> list[schema.NamedEffect]:
+    engine = [] if found.engine is None else [_engine(found.engine, found)]
+    return engine + [_effect(named, found) for named in found.named]
+
+
+def _engine(engine: Engine, found: Diagnosis) -> schema.NamedEffect:
+    units = Units(found.vehicle.units)
+    frequency = [float(v) for v in engine.frequency]
+    amplitude = [units.convert(float(v), "force") for v in engine.amplitude]
+    return schema.NamedEffect(
+        name="engine_vibration",
+        where=None,
+        title="an engine that shakes the frame",
+        probability=found.believed(engine),
+        indistinguishable_from=[],
+        drive="the same drive with the engine off",
+        parameters={
+            name: EffectValue(mean=mean, eti95=[low, high], unit=unit)
+            for name, (mean, low, high), unit in (
+                ("frequency", frequency, "Hz"), ("amplitude", amplitude, units.unit("force")),
+            )
+        },
+        gap=schema.Gap() if found.named else _gap(found.gaps or {}, found.vehicle),
+        tones=[float(tone) for tone in engine.tones],
+    )  # fmt: skip
+
+
+def _effect(named: Named, found: Diagnosis) -> schema.NamedEffect:
+    site = named.site
+    draws = (found.effects or {}).get(str(site), {})
+    others = [
+        EffectName(name=o.site.effect.name, where=o.site.where or None, title=o.site.effect.title)
+        for o in named.others
+    ]
+    # A wrong mass scales both springs and has no signature of its own.
+    springs = {n.site.where for n in found.named if n.site.effect.name == "spring_rate"}
+    if site.effect.name == "spring_rate" and springs == {"front", "rear"}:
+        others.append(EffectName(name="mass_scale", where=None, title="a wrong mass"))
+    return schema.NamedEffect(
+        name=site.effect.name,
+        where=site.where or None,
+        title=site.effect.title,
+        probability=found.believed(named),
+        indistinguishable_from=others,
+        drive=site.effect.drive,
+        parameters={
+            p.name: effect_value(p, draws[p.name], site, found.vehicle)
+            for p in site.effect.parameters
+            if p.name in draws
+        },
+        gap=_gap(named.gaps, found.vehicle),
+        run=None if site.run is None else found.fit[site.run].source,
+    )
+
+
+def _gap(gaps: Mapping[str, Gap], vehicle: Vehicle) -> schema.Gap:
+    units = Units(vehicle.units)
+
+    def error(name: str) -> schema.SimulationError | None:
+        if name not in gaps:
+            return None
+        gap = gaps[name]
+        return schema.SimulationError(
+            before=units.convert(gap.before, "acceleration"),
+            after=units.convert(gap.after, "acceleration"),
+            floor=units.convert(gap.floor, "acceleration"),
+            closed=gap.closed,
+            worse=bool(gap.worse),
+        )
+
+    return schema.Gap(fit=error("fit"), holdout=error("holdout"), unit=units.unit("acceleration"))
+
+
+def _unexplained(found: Diagnosis) -> schema.Unexplained:
+    left = found.left
+    if left is None:
+        return schema.Unexplained(present=False, score=None)
+    return schema.Unexplained(
+        present=bool(left.present),
+        score=left.score,
+        axle=left.axle,
+        p_memory=left.p_memory,
+        swollen=list(left.swollen),
+        p_decoy=left.p_decoy,
+        like=left.like,
+        failed=list(left.failed),
+        ended=left.ended,
+        p_jitter=left.p_jitter,
+        jitters=left.jitters,
+        rival=left.rival,
+    )
+
+
+def _disagreement(found: Diagnosis) -> schema.Disagreement | None:
+    seen = found.seen
+    if seen is None:
+        return None
+    return schema.Disagreement(
+        channel=seen.channel,
+        axle=seen.axle,
+        time=[[float(a), float(b)] for _, a, b in seen.time],
+        time_run=[found.fit[run].source for run, _, _ in seen.time],
+        frequency=[[float(a), float(b)] for a, b in seen.frequency],
+        state=None if seen.state is None else _cell(seen.state, found.vehicle),
+    )
+
+
+def _cell(cell: Cell, vehicle: Vehicle) -> schema.Cell:
+    units = Units(vehicle.units)
+    return schema.Cell(
+        deflection=[units.convert(float(v), "length") for v in cell.delta],
+        velocity=[units.convert(float(v), "velocity") for v in cell.rate],
+        force=units.convert(float(cell.force), "force"),
+        t=float(cell.t),
+        units=[units.unit(dimension) for dimension in ("length", "velocity", "force")],
+    )
+
+
+def _parameters(draws: dict[str, Array] | None, vehicle: Vehicle) -> dict[str, Parameter]:
+    return {n: parameter(n, draws[n], vehicle) for n in _SHOWN if draws and n in draws}
+
+
+def _residuals(found: Diagnosis) -> list[schema.Residual]:
+    """Measured less simulated acceleration of every fitted run, before and after.
+
+    The simulation is driven by the wheels alone.  An engine's tones are removed from both.
+    """
+    if found.base is None or found.final is None:
+        return []
+    units, entries = Units(found.vehicle.units), []
+    for run, line in enumerate(found.base.space.timelines):
+        residuals = []
+        for stage in (found.base, found.final):
+            own = stage.space.timelines[run]
+            output, _, _ = free_run(stage.target, stage.mode.z, run)
+            residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
+        time = line.instants[line.pairs.max(axis=1)]
+        keep = np.unique(np.linspace(0, len(time) - 1, _MAX_POINTS).astype(int))
+        curves = {
+            channel: schema.BeforeAfter(
+                before=units.curve(residuals[0][keep, axle], "acceleration"),
+                after=units.curve(residuals[1][keep, axle], "acceleration"),
+            )
+            for axle, channel in enumerate(_CHASSIS)
+        }
+        entries.append(
+            schema.Residual(
+                source=line.source,
+                unit=units.unit("acceleration"),
+                time=units.curve(time[keep]),
+                seconds=[float(time[0]), float(time[-1])],
+                spectrum=_spectrum(residuals, line.reading_step, units),
+                **curves,
+            )
+        )
+    return entries
+
+
+def _spectrum(residuals: Sequence[Array], step: float, units: Units) -> schema.ResidualSpectrum:
+    from scipy.signal import welch
+
+    factor = units.convert(1.0, "acceleration") ** 2
+    length = min(256, len(residuals[0]))
+    frequency = np.asarray(np.fft.rfftfreq(length, step), dtype=float)
+    curves = {}
+    for axle, channel in enumerate(_CHASSIS):
+        spectra = [
+            welch(np.nan_to_num(residual[:, axle]), 1.0 / step, nperseg=length)[1][1:]
+            for residual in residuals
+        ]
+        before, after = (units.curve(factor * spectrum) for spectrum in spectra)
+        curves[channel] = schema.BeforeAfter(before=before, after=after)
+    return schema.ResidualSpectrum(
+        unit=f"({units.unit('acceleration')})^2/Hz", frequency=units.curve(frequency[1:]), **curves
+    )

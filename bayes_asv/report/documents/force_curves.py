@@ -1,0 +1,230 @@
+"""Force curves of dampers and springs that an effect changes, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.diagnosis.workflow import Diagnosis
+from bayes_asv.filters.force_laws import excess_many
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.effects import AXLES, Site
+from bayes_asv.posterior.effects import law_table
+from bayes_asv.posterior.fitted_model import FittedModel
+from bayes_asv.report.documents.quantities import Units
+from bayes_asv.report.schema import diagnose as schema
+from bayes_asv.report.schema.parts import EffectValue
+
+__all__ = ["force_curves"]
+
+Array = NDArray[np.float64]
+
+_DRAWS: Final = 400
+_POINTS: Final = 81
+_MIN_EXCESS: Final = 1e-6  # of the largest linear force: less is rounding
+
+
+def force_curves(found: Diagnosis) -> dict[str, schema.ForceCurves]:
+    """Force curves of each axle with an effect on its damper or spring, over the range covered.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        With or without effects.
+
+    Returns
+    -------
+    dict of str to ForceCurves
+        By axle: the damper's force over velocity at rest position, and the spring's force over
+        deflection at standstill, with curves of the linear half car (before), of the model with
+        the named effects (after) and of the nominal values.
+
+    Notes
+    -----
+    Draws of the car and of the effects have the marginals of the document and the ranks of
+    Laplace's approximation at the mode (Iman & Conover 1982); parameters that only shape a curve
+    are drawn from the approximation alone.
+    """
+    stage = found.final
+    if stage is None or found.before is None:
+        return {}
+    units = Units(found.vehicle.units)
+    z = _draws(stage, found.seed)
+    values, car = _effect_draws(stage, z, found), _car_draws(stage, z, found)
+    curves = {}
+    for k, axle in enumerate(AXLES):
+        sites = [s for s in stage.sites if axle in s.axles and s.run is None]
+        laws = tuple(s for s in sites if s.effect.acts == "suspension")
+        if not laws and not any(s.effect.name == "spring_rate" for s in sites):
+            continue
+        c_name, k_name = f"c_{axle[0]}", f"k_{axle[0]}"
+        law = _ForceLaw(k, stage.space.car, laws, values, car[c_name], car[k_name])
+        deflection, velocity = _range_covered(stage, k)
+        rest = np.zeros(_POINTS)
+        axle_curves = schema.ForceCurves()
+        if law.is_nonlinear(rest, velocity):
+            nominal = getattr(found.vehicle, c_name).value
+            damper = _curve("velocity", velocity, found.before[c_name], nominal,
+                            law.forces(rest, velocity, 0.0), units)  # fmt: skip
+            if any(s.effect.name == "damper_fade" for s in laws):
+                damper.after_end = _band(law.forces(rest, velocity, 1.0), units)
+            axle_curves.damper = damper
+        if law.is_nonlinear(deflection, rest) or len(laws) < len(sites):
+            nominal = getattr(found.vehicle, k_name).value
+            before = found.before.get(k_name, np.array([nominal]))
+            axle_curves.spring = _curve("deflection", deflection, before, nominal,
+                                        law.forces(deflection, rest, 0.0), units)  # fmt: skip
+        for site in laws:
+            if site.effect.name == "bound_rebound":
+                axle_curves.rates = _rates(law.c, values[site]["ratio"], units)
+        if axle_curves.model_fields_set:
+            curves[axle] = axle_curves
+    return curves
+
+
+class _ForceLaw:
+    """Draws of the force law of one axle (0 front, 1 rear)."""
+
+    def __init__(
+        self,
+        axle: int,
+        car: CarModel,
+        sites: tuple[Site, ...],
+        values: Mapping[Site, Mapping[str, Array]],
+        c: Array,
+        k: Array,
+    ) -> None:
+        self.axle, self.c, self.k = axle, c, k
+        self.tables = [
+            law_table(car, {s: {p: float(v[n]) for p, v in values[s].items()} for s in sites}, 0)
+            for n in range(_DRAWS)
+        ]
+
+    def excess(self, n: int, deflection: Array, velocity: Array, share: float) -> Array:
+        """Force (N) of draw `n` beyond the linear one, upward on the chassis."""
+        time = np.full(len(deflection), share)  # share of the run that has passed
+        table, c, k = self.tables[n], float(self.c[n]), float(self.k[n])
+        force: Array = excess_many(table, self.axle, c, k, deflection, velocity, time, 1.0)[:, 0]
+        return force
+
+    def is_nonlinear(self, deflection: Array, velocity: Array) -> bool:
+        """Whether the force differs from the linear one along a line through the plane."""
+        linear = self.k[0] * np.abs(deflection) + self.c[0] * np.abs(velocity)
+        excess = [self.excess(0, deflection, velocity, share) for share in (0.0, 1.0)]
+        return float(np.abs(excess).max()) > _MIN_EXCESS * float(linear.max())
+
+    def forces(self, deflection: Array, velocity: Array, share: float) -> Array:
+        """Return the forces (draws, points) that resist extension, N."""
+        return np.array(
+            [
+                self.k[n] * deflection
+                + self.c[n] * velocity
+                - self.excess(n, deflection, velocity, share)
+                for n in range(_DRAWS)
+            ]
+        )
+
+
+def _draws(stage: FittedModel, seed: int) -> Array:
+    """Draws (N, p) from Laplace's approximation at the mode."""
+    rng = np.random.default_rng([seed, 61])
+    covariance = np.linalg.inv(stage.mode.slopes.precision())
+    return rng.multivariate_normal(stage.mode.z, covariance, _DRAWS, method="eigh")
+
+
+def _with_ranks(ranked: Array, marginal: Array) -> Array:
+    """Quantiles of `marginal` (M,) in the order of `ranked` (N,): (N,)."""
+    share = (np.argsort(np.argsort(ranked)) + 0.5) / len(ranked)
+    return np.asarray(np.quantile(marginal, share))
+
+
+def _effect_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[Site, dict[str, Array]]:
+    drawn = [stage.space.effects(one) for one in z]
+    out: dict[Site, dict[str, Array]] = {}
+    for site in stage.sites:
+        marginals = (found.effects or {}).get(str(site), {})
+        out[site] = {}
+        for parameter in site.effect.parameters:
+            own = np.array([values[site][parameter.name] for values in drawn])
+            marginal = marginals.get(parameter.name)
+            out[site][parameter.name] = own if marginal is None else _with_ranks(own, marginal)
+    return out
+
+
+def _car_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[str, Array]:
+    drawn = stage.space.quantities(z, found.seed)
+    out: dict[str, Array] = {}
+    for name in ("c_f", "c_r", "k_f", "k_r"):
+        if name in drawn and found.after is not None and name in found.after:
+            out[name] = _with_ranks(drawn[name], found.after[name])
+        else:
+            out[name] = np.full(_DRAWS, getattr(found.vehicle, name).value)
+    for site in stage.sites:  # the curve of a spring is that of its true rate
+        if site.effect.name == "spring_rate":
+            factor = (found.effects or {})[str(site)]["factor"]
+            rank = z[:, stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))]
+            name = f"k_{site.where[0]}"
+            out[name] = out[name] * _with_ranks(rank, factor)
+    return out
+
+
+def _range_covered(stage: FittedModel, axle: int) -> tuple[Array, Array]:
+    """Grids of deflection (m) and velocity (m/s) over the range of the fitted runs."""
+    states = np.concatenate(
+        [
+            stage.target.scored(stage.mode.z, run)[2][:, 2 * axle : 2 * axle + 2]
+            for run in range(len(stage.space.timelines))
+        ]
+    )
+    low, high = states.min(axis=0), states.max(axis=0)
+    deflection, velocity = (
+        np.linspace(min(low[n], 0.0), max(high[n], 0.0), _POINTS) for n in range(2)
+    )
+    return deflection, velocity
+
+
+def _curve(
+    along: str, grid: Array, before: Array, nominal: float, forces: Array, units: Units
+) -> schema.ForceCurve:
+    """Curves over `grid`: linear with the draws `before` of its rate, and `forces` after."""
+    low, high = np.quantile(before, [0.025, 0.975])
+    lines = np.outer([low, float(np.median(before)), high], grid)
+    linear = np.array([lines.min(axis=0), lines[1], lines.max(axis=0)])
+    curve = units.curve(grid, along)
+    return schema.ForceCurve(
+        velocity=curve if along == "velocity" else None,
+        deflection=curve if along == "deflection" else None,
+        unit=units.unit(along),
+        force_unit=units.unit("force"),
+        before=_force_band(linear, units),
+        after=_band(forces, units),
+        nominal=units.curve(nominal * grid, "force"),
+    )
+
+
+def _band(forces: Array, units: Units) -> schema.ForceBand:
+    """Median and 95 % band of curves (draws, points)."""
+    return _force_band(np.quantile(forces, [0.025, 0.5, 0.975], axis=0), units)
+
+
+def _force_band(curves: Array, units: Units) -> schema.ForceBand:
+    low, median, high = (units.curve(curve, "force") for curve in curves)
+    return schema.ForceBand(median=median, band95=[low, high])
+
+
+def _rates(c: Array, ratio: Array, units: Units) -> schema.DamperRates:
+    """Compression and rebound rates of a damper with mean rate `c`."""
+
+    def rate(share: Array) -> EffectValue:
+        x = units.convert(c * share, "damping")
+        low, high = (float(q) for q in np.quantile(x, [0.025, 0.975]))
+        return EffectValue(mean=float(np.mean(x)), eti95=[low, high])
+
+    return schema.DamperRates(
+        unit=units.unit("damping"),
+        bound=rate(2.0 / (1.0 + ratio)),
+        rebound=rate(2.0 * ratio / (1.0 + ratio)),
+    )

@@ -1,0 +1,178 @@
+"""Draws as summaries, and SI values in the units of a document."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import TypedDict, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv import __version__
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Parameter as EffectParameter
+from bayes_asv.models.effects import Site
+from bayes_asv.report.schema.parts import (
+    Effect,
+    EffectValue,
+    Parameter,
+    Provenance,
+    Quantity,
+    SourceFile,
+)
+
+__all__ = [
+    "Z95",
+    "SummaryFields",
+    "Units",
+    "effect_value",
+    "effects",
+    "parameter",
+    "provenance",
+    "summary",
+]
+
+Array = NDArray[np.float64]
+
+Z95 = 1.959964
+"""97.5 % quantile of the standard normal distribution."""
+
+_EFFECT_DIMENSIONS = {
+    "N": "force", "N/m": "stiffness", "m": "length", "m/s": "velocity", "s": "time",
+}  # fmt: skip
+
+
+class SummaryFields(TypedDict):
+    """Fields of :class:`~bayes_asv.report.schema.parts.Summary`."""
+
+    mean: float
+    median: float
+    sd: float
+    eti95: list[float]
+
+
+class Units:
+    """Display units of a system.
+
+    Parameters
+    ----------
+    system : {'US', 'SI'}
+        As in the vehicle file.
+    """
+
+    def __init__(self, system: str) -> None:
+        self._units = display_units(system)
+
+    def unit(self, dimension: str) -> str:
+        """Return the unit of a dimension such as ``damping``."""
+        return self._units[dimension]
+
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a parameter such as ``c_f``."""
+        return self._units[QUANTITIES[name][0]]
+
+    @overload
+    def convert(self, value: float, dimension: str) -> float: ...
+    @overload
+    def convert(self, value: Array, dimension: str) -> Array: ...
+    def convert(self, value: float | Array, dimension: str) -> float | Array:
+        """Convert from SI."""
+        factor = float(from_si(1.0, self._units[dimension], dimension))
+        return value * factor if isinstance(value, np.ndarray) else float(value) * factor
+
+    @overload
+    def convert_parameter(self, value: float, name: str) -> float: ...
+    @overload
+    def convert_parameter(self, value: Array, name: str) -> Array: ...
+    def convert_parameter(self, value: float | Array, name: str) -> float | Array:
+        """Convert a parameter such as ``c_f`` from SI."""
+        return self.convert(value, QUANTITIES[name][0])
+
+    def curve(self, values: Array, dimension: str = "time") -> list[float | None]:
+        """Convert a curve from SI, with six significant digits; None where it has no number."""
+        converted = self.convert(values, dimension)
+        return [float(f"{v:.6g}") if math.isfinite(v) else None for v in converted]
+
+
+def summary(draws: Array) -> SummaryFields:
+    """Mean, median, standard deviation and equal-tailed 95 % interval of draws."""
+    x = draws.ravel()
+    low, median, high = (float(q) for q in np.quantile(x, [0.025, 0.5, 0.975]))
+    return {
+        "mean": float(x.mean()), "median": median, "sd": float(x.std(ddof=1)), "eti95": [low, high]
+    }  # fmt: skip
+
+
+def parameter(name: str, draws: Array, vehicle: Vehicle) -> Parameter:
+    """Summarise the draws (N,) of a parameter, SI units, in the vehicle's units and in SI."""
+    units, si = Units(vehicle.units), Units("SI")
+    given = getattr(vehicle, name)
+    nominal = float(given if isinstance(given, float) else given.value)
+    return Parameter(
+        label=QUANTITIES[name][1],
+        unit=units.unit_of(name),
+        **summary(units.convert_parameter(draws, name)),
+        nominal=units.convert_parameter(nominal, name),
+        p_below_nominal=float(np.mean(draws < nominal)),
+        si=Quantity(unit=si.unit_of(name), **summary(draws), nominal=nominal),
+    )
+
+
+def effects(draws: Mapping[Site, Mapping[str, Array]], vehicle: Vehicle) -> list[Effect]:
+    """Effects with draws (any shape) of their parameters, SI units."""
+    return [
+        Effect(
+            name=site.effect.name,
+            where=site.where or None,
+            title=site.effect.title,
+            parameters={
+                p.name: effect_value(p, values[p.name].ravel(), site, vehicle)
+                for p in site.effect.parameters
+                if p.name in values
+            },
+        )
+        for site, values in draws.items()
+    ]
+
+
+def effect_value(
+    parameter: EffectParameter, draws: Array, site: Site, vehicle: Vehicle
+) -> EffectValue:
+    """Mean and 95 % interval of one parameter of an effect from draws (N,), SI units."""
+    factor, unit = _effect_unit(parameter.unit, Units(vehicle.units))
+    if parameter.unit == "share":  # of the declared bandwidth
+        factor, unit = float(vehicle.sensor(site.where).bandwidth or 1.0), "Hz"
+    low, high = (float(q) * factor for q in np.quantile(draws, [0.025, 0.975]))
+    return EffectValue(mean=float(draws.mean()) * factor, eti95=[low, high], unit=unit)
+
+
+def _effect_unit(unit: str, units: Units) -> tuple[float, str]:
+    """Factor from SI, and the unit in which a parameter of an effect is shown."""
+    if unit in _EFFECT_DIMENSIONS:
+        dimension = _EFFECT_DIMENSIONS[unit]
+        return units.convert(1.0, dimension), units.unit(dimension)
+    if unit == "1/m^2":
+        return units.convert(1.0, "length") ** -2, f"1/{units.unit('length')}^2"
+    if unit == "m/s^3":
+        return units.convert(1.0, "acceleration"), f"{units.unit('acceleration')}/s"
+    return 1.0, unit
+
+
+def provenance(
+    recordings: Iterable[tuple[str, str]], vehicle: Vehicle, packages: Iterable[str], seed: int
+) -> Provenance:
+    """Files (source and hash of each recording), versions and seed."""
+    return Provenance(
+        recordings=[SourceFile(file=Path(source).name, sha256=h) for source, h in recordings],
+        vehicle=SourceFile(file=Path(vehicle.source).name, sha256=vehicle.sha256),
+        bayes_asv=__version__,
+        python=platform.python_version(),
+        packages={name: metadata.version(name) for name in packages},
+        seed=seed,
+    )

@@ -1,0 +1,306 @@
+"""Documents of ``track`` and ``watch``, and the trace of a track as CSV."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv import __version__
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.report.documents.quantities import Z95, SummaryFields, Units, provenance
+from bayes_asv.report.schema import TrackDocument, WatchDocument
+from bayes_asv.report.schema import track as schema
+from bayes_asv.report.schema.parts import Known, Parameter, Quantity, Summary, VehicleInfo
+from bayes_asv.report.sections.online_filter import consistency_lines
+from bayes_asv.tracking.alarm import AXLES, Alarm, AlarmMonitor
+from bayes_asv.tracking.consistency import LAGS, WINDOW
+from bayes_asv.tracking.data_checks import unidentified_parameters
+from bayes_asv.tracking.frames import PARAMETERS, Frames
+from bayes_asv.tracking.track import TrackResult
+from bayes_asv.tracking.tracker import Tracker
+
+__all__ = ["Trace", "track_document", "watch_document"]
+
+Array = NDArray[np.float64]
+
+_GIVEN: Final = ("m", "l", "wdf", "k_f", "k_r")
+_MAX_POINTS: Final = 1500  # of a curve
+_PACKAGES: Final = ("numpy", "scipy", "numba", "filterpy")
+_PIECE: Final = 1 << 20  # bytes
+
+
+class _Product(NamedTuple):
+    """Logarithm of a constant, and powers of the car's parameters."""
+
+    log_constant: float
+    powers: dict[str, float]
+
+
+# Each answer as a product of powers of the car's parameters.
+_ANSWERS: Final = {
+    "c_f": _Product(0.0, {"c_f": 1.0}),
+    "c_r": _Product(0.0, {"c_r": 1.0}),
+    "i": _Product(0.0, {"i": 1.0}),
+    "k_g": _Product(0.0, {"i": 0.5, "m": -0.5}),
+    "zeta_f": _Product(-math.log(2.0), {"c_f": 1.0, "k_f": -0.5, "m": -0.5, "wdf": -0.5}),
+    "zeta_r": _Product(-math.log(2.0), {"c_r": 1.0, "k_r": -0.5, "m": -0.5, "1 - wdf": -0.5}),
+}
+
+
+def track_document(result: TrackResult, trace: str | None = None, seed: int = 0) -> TrackDocument:
+    """Document of a track.
+
+    Parameters
+    ----------
+    result : TrackResult
+        From :func:`bayes_asv.tracking.track.track`.
+    trace : str, optional
+        File to which the trace was written.
+    seed : int
+        As given; the filter draws nothing.
+    """
+    vehicle, ok = result.vehicle, result.verdict == "ok"
+    document = TrackDocument(
+        schema="bayes_asv/track/1",
+        verdict=result.verdict,
+        reasons=list(result.reasons),
+        warnings=list(result.warnings),
+        parameters={n: _parameter(n, result) for n in _ANSWERS} if ok else {},
+        consistency=_consistency(result),
+        known={n: _known(n, result) for n in _GIVEN},
+        track=_curves(result) if ok else None,
+        filter=schema.Filter(
+            engine=result.engine,
+            forget_seconds=result.forget,
+            rate=result.rate,
+            rows=result.rows,
+            seconds=max(result.end - result.begin, 0.0),
+            resets=list(result.resets),
+        ),
+        vehicle=VehicleInfo(
+            name=vehicle.name,
+            units=vehicle.units,
+            source=Path(vehicle.source).name,
+            sha256=vehicle.sha256,
+        ),
+        provenance=provenance([(result.source, result.sha256)], vehicle, _PACKAGES, seed),
+        seconds=result.seconds,
+        version=__version__,
+        seed=seed,
+    )
+    if trace is not None:
+        document.trace = trace
+    document.consistency.words = consistency_lines(document)
+    return document
+
+
+def _log_normal(log_mean: float, log_sd: float, factor: float) -> SummaryFields:
+    """Summary of a log-normal distribution in other units."""
+    mean, sd = (float(v) for v in _moments(np.array(log_mean), np.array(log_sd)))
+    low, median, high = (math.exp(log_mean + z * log_sd) for z in (-Z95, 0.0, Z95))
+    return {
+        "mean": factor * mean, "median": factor * median, "sd": factor * sd,
+        "eti95": [factor * low, factor * high],
+    }  # fmt: skip
+
+
+def _parameter(name: str, result: TrackResult) -> Parameter:
+    """One answer after the last row, log-normal."""
+    log_constant, powers = _ANSWERS[name]
+    log_mean, log_sd = result.log_moments(powers)
+    log_mean += log_constant
+    given = getattr(result.vehicle, name)
+    nominal = float(given if isinstance(given, float) else given.value)
+    z = (math.log(nominal) - log_mean) / max(log_sd, 1e-300)
+    units, si = Units(result.vehicle.units), Units("SI")
+    factor = units.convert_parameter(1.0, name)
+    return Parameter(
+        label=QUANTITIES[name][1],
+        unit=units.unit_of(name),
+        **_log_normal(log_mean, log_sd, factor),
+        nominal=units.convert_parameter(nominal, name),
+        p_below_nominal=0.5 * math.erfc(-z / math.sqrt(2.0)),
+        si=Quantity(unit=si.unit_of(name), **_log_normal(log_mean, log_sd, 1.0), nominal=nominal),
+    )
+
+
+def _known(name: str, result: TrackResult) -> Known:
+    """One given value, and its posterior."""
+    units, coordinates = Units(result.vehicle.units), result.coordinates
+    given = getattr(result.vehicle, name)
+    known = Known(
+        label=QUANTITIES[name][1],
+        unit=units.unit_of(name),
+        value=units.convert_parameter(given.value, name),
+        sd=units.convert_parameter(given.sd, name),
+    )
+    if name in coordinates.names and result.verdict == "ok":
+        k = coordinates.names.index(name)
+        mean = coordinates.centre[k] + coordinates.scale[k] * float(result.mean[k])
+        sd = coordinates.scale[k] * math.sqrt(result.covariance[k, k])
+        factor = units.convert_parameter(1.0, name)
+        if coordinates.log[k]:
+            known.posterior = Summary(**_log_normal(mean, sd, factor))
+        else:
+            ends = [factor * (mean + side * Z95 * sd) for side in (-1.0, 1.0)]
+            known.posterior = Summary(mean=factor * mean, sd=factor * sd, eti95=ends)
+    return known
+
+
+def _consistency(result: TrackResult) -> schema.Consistency:
+    found = result.consistency
+    return schema.Consistency(
+        nis_mean=found.nis_mean,
+        nis_band95=list(found.nis_band95),
+        verdict=found.verdict,
+        faults=list(found.faults),
+        readings=found.readings,
+        share_of_time=found.consistent_share,
+        largest_noise_level=math.sqrt(found.max_noise_factor),
+        colour=found.max_box_pierce,
+        autocorrelation=schema.Autocorrelation(
+            front=found.correlation[0].tolist(),
+            rear=found.correlation[1].tolist(),
+            band95=Z95 / math.sqrt(max(found.readings // 2, 1)),
+            lags=LAGS,
+            lag_seconds=1.0 / result.rate,
+        ),
+        window_seconds=WINDOW,
+    )
+
+
+def _curves(result: TrackResult) -> schema.TrackCurves:
+    frames, units = result.frames, Units(result.vehicle.units)
+    keep = np.unique(np.linspace(0, len(frames) - 1, _MAX_POINTS).astype(int))
+    # An inconsistency between two points of a curve is kept as well.
+    since = np.append(0, keep[:-1] + 1)
+    parameters = {}
+    for k, name in enumerate(PARAMETERS):
+        median, sd = frames.median[keep, k], frames.log_sd[keep, k]
+        dimension = QUANTITIES[name][0]
+        parameters[name] = schema.ParameterCurve(
+            unit=units.unit_of(name),
+            median=units.curve(median, dimension),
+            band95=[
+                units.curve(median * np.exp(side * Z95 * sd), dimension) for side in (-1.0, 1.0)
+            ],
+        )
+    return schema.TrackCurves(
+        time=units.curve(frames.time[keep] - result.begin),
+        parameters=parameters,
+        nis=schema.NisCurve(
+            mean=units.curve(frames.nis_mean[keep]),
+            band95=[units.curve(frames.nis_low[keep]), units.curve(frames.nis_high[keep])],
+        ),
+        inflation=units.curve(np.maximum.reduceat(frames.inflation, since)),
+        consistent=np.logical_and.reduceat(frames.consistent, since).tolist(),
+    )
+
+
+def watch_document(
+    tracker: Tracker, monitor: AlarmMonitor, alarm: Alarm | None, source: str, seed: int = 0
+) -> WatchDocument:
+    """Document of a watch.
+
+    Parameters
+    ----------
+    tracker : Tracker
+        After the last row.
+    monitor : AlarmMonitor
+        Settings of the alarm, and its last state.
+    alarm : Alarm or None
+        The alarm that was raised.
+    source : str
+        Recording or port.
+    seed : int
+        As given; nothing is drawn.
+    """
+    name = Path(source).name
+    reasons = [] if alarm else tracker.data_checks.reasons(tracker.vehicle, tracker.sensors, name)
+    if alarm is None and not reasons and tracker.started:
+        before = tracker.coordinates.scale[:3]
+        D = tracker.filter.state.D[:, :3]
+        inconsistent = tracker.consistency.summary().verdict == "inconsistent"
+        after = before * np.sqrt(np.sum(D**2, axis=0))
+        reasons = unidentified_parameters(after, before, inconsistent=inconsistent)
+    return WatchDocument(
+        schema="bayes_asv/watch/1",
+        verdict="alarm" if alarm else "refused" if reasons else "ok",
+        reasons=list(reasons),
+        warnings=[],
+        asked=schema.AlarmSettings(
+            share=monitor.share, probability=monitor.threshold, hold_seconds=monitor.hold
+        ),
+        alarm=None
+        if alarm is None
+        else schema.AlarmInfo(
+            axle=alarm.axle,
+            time=alarm.time,
+            since=alarm.since,
+            probability=alarm.probability,
+            share_of_nominal=alarm.median,
+            eti95=[alarm.low, alarm.high],
+        ),
+        probability={
+            axle: float(p) for axle, p in zip(AXLES, monitor.probability, strict=True)
+        },
+        seconds_watched=monitor.rows / tracker.rate,
+        share_of_time=monitor.rows_consistent / max(monitor.rows, 1),
+        recording=name,
+        version=__version__,
+        seed=seed,
+    )  # fmt: skip
+
+
+class Trace:
+    """State of the filter after each row, as CSV in the vehicle's units.
+
+    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of c_f, c_r and i, then ``nis mean`` (one
+    before the first reading that counts), ``inflation`` and ``consistent`` (1 or 0).  The rows are
+    kept in an unnamed temporary file and not in memory.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Determines the units.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._units = Units(vehicle.units)
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the trace
+        names = [f"{name} {what}" for name in PARAMETERS for what in ("mean", "sd")]
+        columns = ["time [s]", *names, "nis mean", "inflation", "consistent"]
+        self._file.write((",".join(columns) + "\n").encode())
+
+    def append(self, frames: Frames) -> None:
+        """Append the frames that follow."""
+        values = [frames.time]
+        for k, name in enumerate(PARAMETERS):
+            for value in _moments(np.log(frames.median[:, k]), frames.log_sd[:, k]):
+                values.append(self._units.convert_parameter(value, name))
+        values += [frames.nis_mean, frames.inflation, frames.consistent.astype(float)]
+        rows = np.column_stack(values).tolist()
+        self._file.writelines((",".join(f"{v:.9g}" for v in row) + "\n").encode() for row in rows)
+
+    def close(self) -> None:
+        """Delete the temporary file; may be called twice."""
+        self._file.close()
+
+    def pieces(self) -> Iterator[bytes]:
+        """Yield the whole file, from the header on."""
+        self._file.seek(0)
+        while piece := self._file.read(_PIECE):
+            yield piece
+
+
+def _moments(log_mean: Array, log_sd: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation of a log-normal distribution."""
+    mean = np.exp(log_mean + 0.5 * log_sd**2)
+    return mean, mean * np.sqrt(np.expm1(log_sd**2))

@@ -1,0 +1,473 @@
+"""``bayes_asv/estimate/1`` and ``bayes_asv/estimate_roll/1``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.report.schema.diagnose import DiagnoseDocument
+from bayes_asv.report.schema.parts import (
+    AnswerName,
+    Axle,
+    Band,
+    ChassisChannel,
+    Count,
+    Curve,
+    Effect,
+    Finite,
+    Interval,
+    Known,
+    MaybeNumber,
+    MaybeShare,
+    Model,
+    NonNegative,
+    OneOf,
+    Parameter,
+    Positive,
+    Provenance,
+    Quantity,
+    Share,
+    Summary,
+    Text,
+    Texts,
+    Unit,
+    VehicleInfo,
+    check_lengths,
+)
+from bayes_asv.report.schema.track import TrackDocument
+
+__all__ = [
+    "AnswerBudget",
+    "Check",
+    "EstimateDocument",
+    "Fault",
+    "Measure",
+    "Run",
+    "RunConsistency",
+    "UncertaintyBudget",
+]
+
+_GIVEN = ("m", "l", "wdf", "k_f", "k_r")
+ParameterName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r", *_GIVEN)]
+Percents = dict[Text, NonNegative]
+
+
+class Prior(Model):
+    """A log-normal prior."""
+
+    kind: Text = "log-normal"
+    median: Positive
+    factor: Positive | None = None
+    """exp(log_sd)."""
+    log_sd: Annotated[float, Field(ge=1e-9, le=50.0, allow_inf_nan=False)]
+    eti95: Interval | None = None
+
+
+class Diagnostics(Model):
+    """Convergence of the sampler: the worst of all coordinates."""
+
+    rhat_max: MaybeNumber = None
+    ess_bulk_min: MaybeNumber = None
+    ess_tail_min: MaybeNumber = None
+    acceptance: MaybeNumber = None
+    draws: Count | None = None
+    likelihood: Text = ""
+    band: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] | None = None
+    """Frequency band used, Hz; null for all."""
+    sampler: Text = ""
+
+
+class Measure(Model):
+    """A value to be known better, or further runs to be recorded."""
+
+    what: Annotated[str, OneOf("runs", *_GIVEN, *(f"gain {channel}" for channel in CHANNELS))]
+    further: Count = 0
+    """Number of further runs."""
+    now_sd_percent: Positive = 1.0
+    needed_sd_percent: Positive = 1.0
+    now_sd: Positive = 1.0
+    needed_sd: Positive = 1.0
+    unit: Unit = ""
+
+
+class Remedy(Model):
+    """Measures that together halve the standard deviation of one answer."""
+
+    what: Text = ""
+    measures: Annotated[list[Measure], Field(min_length=1, max_length=6)]
+    sentence: Text = ""
+
+
+class AnswerBudget(Model):
+    """Where the variance of one answer comes from."""
+
+    sd_percent: NonNegative
+    """Standard deviation of the linearised posterior."""
+    posterior_sd_percent: Positive | None = None
+    """Standard deviation of the draws."""
+    shares: Annotated[dict[Text, Finite], Field(min_length=1)]
+    """Share of the variance by source."""
+    noises: dict[Text, Finite]
+    """The share of the data, by sensor."""
+    exact_sd_percent: Percents
+    """Standard deviation if one given value were exact."""
+    better_sd_percent: Percents
+    """Standard deviation if one sensor were better."""
+    twice_the_runs_sd_percent: NonNegative
+    halve: Annotated[list[Remedy], Field(max_length=100)]
+    """What would halve the standard deviation, the least demanding first."""
+    runs_to_halve: Count | None = None
+
+
+class Shift(Model):
+    """How far an undeclared fault moves an answer: in percent and in standard deviations."""
+
+    percent: Finite
+    sd: Finite
+
+
+class Fault(Model):
+    """A fault that the vehicle file does not declare, of a size the residuals would not show."""
+
+    kind: Annotated[str, OneOf("given", "gain", "delay", "bandwidth", "place")]
+    where: Annotated[str, OneOf(*CHANNELS, "c_f", "c_r", "i", *_GIVEN)]
+    size: Positive
+    """SI units, or a share."""
+    larger_shows: bool
+    """Whether a larger fault would show in the residuals."""
+    shift: dict[AnswerName, Shift]
+
+
+class UncertaintyBudget(Model):
+    """Uncertainty budget of every answer."""
+
+    c_f: AnswerBudget | None = None
+    c_r: AnswerBudget | None = None
+    i: AnswerBudget | None = None
+    k_g: AnswerBudget | None = None
+    faults: Annotated[dict[Text, Fault], Field(max_length=100)] = Field(default_factory=dict)
+    white: bool
+    """Whether the residuals are as white as the sensors' noise."""
+    runs: Count
+
+
+class OwnValue(Quantity):
+    """Posterior of one run by itself."""
+
+    own: Summary | None = None
+    """With the given values held, whose errors all runs share."""
+
+
+class SingleRun(Model):
+    """What one run says by itself."""
+
+    source: Text
+    effective_draws: NonNegative | None = None
+    parameters: dict[AnswerName, OwnValue]
+
+
+class Spread(Model):
+    """Spread from run to run, percent."""
+
+    median: NonNegative
+    eti95: Interval
+    p_differs: MaybeShare = None
+    """Probability that it is not zero."""
+
+
+class Test(Model):
+    """A p-value; null when it could not be computed."""
+
+    p: MaybeShare = None
+
+
+class RunConsistency(Model):
+    """Whether the runs are consistent with one car."""
+
+    verdict: Annotated[str, OneOf("agree", "disagree", "unknown")]
+    p: MaybeShare = None
+    contrasts: Count = 0
+    disagree_below: Share = 0.0
+    """p-value below which the verdict is ``disagree``."""
+    each: dict[AnswerName, Test]
+    differing: Texts = Field(default_factory=list)
+    spread_percent: dict[AnswerName, Spread]
+    own_percent: dict[AnswerName, MaybeNumber] = Field(default_factory=dict)
+    runs: Annotated[list[SingleRun], Field(max_length=1000)]
+    joint: dict[AnswerName, Quantity]
+    """Posterior if all runs are of one car."""
+    mean_car: dict[AnswerName, Quantity]
+    """Posterior of the mean over runs that differ."""
+    next_run: dict[AnswerName, Quantity]
+    """Prediction for a further run."""
+
+    @model_validator(mode="after")
+    def _check_complete(self) -> Self:
+        for name in ("c_f", "c_r", "i"):
+            if any(name not in part for part in (self.each, self.spread_percent, self.mean_car)):
+                raise ValueError(f"it compares runs but not their {name}")
+            if self.verdict == "disagree" and not (name in self.next_run and name in self.joint):
+                raise ValueError("its runs disagree but it does not say how")
+        return self
+
+
+class Fit(Model):
+    """Normalised rms error of the simulation, percent of the measured movement."""
+
+    nrmse_percent: MaybeNumber
+    fit_percent: MaybeNumber = None
+
+
+class Fits(Model):
+    """Fit of both chassis channels."""
+
+    source: Text = ""
+    front_chassis: Fit | None = None
+    rear_chassis: Fit | None = None
+
+
+class NoiseLevel(Summary):
+    """Posterior of the noise of one sensor, rms, and what the vehicle file gives."""
+
+    given: NonNegative | None = None
+
+
+class Noise(Model):
+    """Sensor noise in one run."""
+
+    source: Text
+    unit: Unit
+    front_wheel: NoiseLevel | None = None
+    front_chassis: NoiseLevel | None = None
+    rear_wheel: NoiseLevel | None = None
+    rear_chassis: NoiseLevel | None = None
+    filtered_share: Summary | None = None
+    """Share of the noise variance that passed the sensor's filter."""
+    colour_order: Count = 0
+    """Order of the autoregressive model of the innovations."""
+
+
+class Spectrum(Model):
+    """Power spectral densities of the reading and of the residual (Welch)."""
+
+    unit: Unit = ""
+    frequency: Curve
+    measured: Curve
+    residual: Curve
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        check_lengths(len(self.frequency), self.measured, self.residual)
+        return self
+
+
+class ChassisCurves(Model):
+    """One chassis channel: measured, simulated, and tests of what is left."""
+
+    measured: Curve
+    simulated: Curve
+    band95: Band
+    autocorrelation: Annotated[list[MaybeNumber], Field(max_length=1000)] = Field(
+        default_factory=list
+    )
+    """Of the innovations, from lag 0."""
+    autocorrelation_band95: NonNegative = 0.0
+    whiteness_p: MaybeShare = None
+    """p-value of the Ljung–Box test."""
+    lag_seconds: NonNegative = 0.0
+    spectrum: Spectrum | None = None
+
+
+class WheelCurves(Model):
+    """Wheel accelerations."""
+
+    time: Curve
+    front_wheel: Curve
+    rear_wheel: Curve
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        check_lengths(len(self.time), self.front_wheel, self.rear_wheel)
+        return self
+
+
+class TravelCurves(Model):
+    """Suspension travel from rest and its velocity at one axle; extension is positive."""
+
+    deflection: Curve
+    band95: Band
+    velocity: Curve
+    largest_bump: NonNegative
+    largest_droop: NonNegative
+
+
+class Travel(Model):
+    """Suspension travel of both axles."""
+
+    unit: Unit
+    front: TravelCurves | None = None
+    rear: TravelCurves | None = None
+    velocity_unit: Unit = ""
+
+
+class Replicated(Model):
+    """Quantiles over replicated recordings."""
+
+    median: NonNegative
+    eti95: Interval
+
+
+class Check(Model):
+    """A posterior predictive check."""
+
+    channel: Annotated[str, OneOf("front_chassis", "rear_chassis")]
+    of: Annotated[str, OneOf("reading", "residual")]
+    quantity: Annotated[str, OneOf("peak", "rms")]
+    band: Annotated[list[MaybeNumber], Field(min_length=2, max_length=2)] | None = None
+    """Hz; an upper edge of null is the highest frequency there is."""
+    unit: Unit
+    observed: NonNegative
+    replicated: Replicated
+    p: Share
+    """Two-sided."""
+    p_larger: MaybeShare = None
+    """P(T(replicate) ≥ T(recording))."""
+    p_family: Share
+    """Corrected for the number of checks of the run."""
+
+
+class Bias(Model):
+    """Bias of the chassis channels."""
+
+    unit: Unit
+    front: Finite
+    rear: Finite
+
+
+class Run(Model):
+    """One recording beside its simulation; times are in seconds from its start."""
+
+    source: Text
+    sha256: Text = ""
+    rate: Annotated[float, Field(ge=1e-3, le=1e8, allow_inf_nan=False)]
+    """Hz."""
+    seconds: NonNegative
+    rows: Count = 0
+    missing: dict[Text, Count] = Field(default_factory=dict)
+    clipped: dict[Text, Count] = Field(default_factory=dict)
+    bias: Bias | None = None
+    unit: Unit
+    time: Curve
+    chassis: dict[ChassisChannel, ChassisCurves]
+    wheels: WheelCurves
+    travel: Travel
+    checks: Annotated[list[Check], Field(max_length=200)] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        n = len(self.time)
+        for part in self.chassis.values():
+            check_lengths(n, part.measured, part.simulated, *part.band95)
+        for side in (self.travel.front, self.travel.rear):
+            if side is not None:
+                check_lengths(n, side.deflection, side.velocity, *side.band95)
+        return self
+
+
+class EstimateDocument(Model):
+    """Posterior of damping rates and pitch inertia; written by ``bayes-asv estimate``."""
+
+    schema_name: Literal["bayes_asv/estimate/1"] = Field(alias="schema")
+    verdict: Annotated[str, OneOf("ok", "not_converged", "refused")]
+    reasons: Texts
+    """Why it was refused."""
+    warnings: Texts
+    parameters: dict[ParameterName, Parameter]
+    known: dict[Text, Known] = Field(default_factory=dict)
+    prior: dict[Text, Prior] = Field(default_factory=dict)
+    diagnostics: Diagnostics
+    width: UncertaintyBudget | None = None
+    """Uncertainty budget."""
+    agreement: RunConsistency | None = None
+    """Consistency of several runs."""
+    effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)
+    """Effects in the model."""
+    fit: Fits
+    fit_by_run: Annotated[list[Fits], Field(max_length=1000)] = Field(default_factory=list)
+    noise: Annotated[list[Noise], Field(max_length=1000)] = Field(default_factory=list)
+    runs: Annotated[list[Run], Field(max_length=1000)] = Field(default_factory=list)
+    draws: dict[Text, Curve] = Field(default_factory=dict)
+    """Some of the draws, in the vehicle's units."""
+    vehicle: VehicleInfo = VehicleInfo()
+    provenance: Provenance = Provenance()
+    seconds: NonNegative = 0.0
+    """Time of computation."""
+    version: Text
+    seed: Count
+    diagnosis: DiagnoseDocument | None = None
+    """A diagnosis of the same recordings, for a report of both."""
+    online: TrackDocument | None = None
+    """A track of one of the recordings, for a report of both."""
+
+    @model_validator(mode="after")
+    def _check_verdict(self) -> Self:
+        if self.verdict == "refused" and not self.reasons:
+            raise ValueError("it is refused without a reason")
+        if self.verdict != "refused":
+            missing = [n for n in ("c_f", "c_r", "i", "k_g") if n not in self.parameters]
+            if missing:
+                raise ValueError(f"it has a verdict but no parameter {missing[0]}")
+        check_lengths(None, *self.draws.values())
+        return self
+
+
+class SideRatio(Summary):
+    """Ratio of the left damper of an axle to the right one."""
+
+    p_left_softer: Share
+
+
+class RollDiagnostics(Model):
+    """Draws of the estimate of the roll car."""
+
+    likelihood: Text
+    sampler: Text
+    draws: Count
+    effective_draws: MaybeNumber = None
+
+
+class RollRecording(Model):
+    """A recording of the roll car."""
+
+    source: Text
+    sha256: Text
+    rows: Count
+
+
+class RollFits(Model):
+    """Fit of the three chassis channels of the roll car."""
+
+    source: Text
+    front_left_chassis: Fit | None = None
+    front_right_chassis: Fit | None = None
+    rear_chassis: Fit | None = None
+
+
+class RollDocument(Model):
+    """Posterior of the roll car; written by ``bayes-asv estimate --car roll``."""
+
+    schema_name: Literal["bayes_asv/estimate_roll/1"] = Field(alias="schema")
+    verdict: Annotated[str, OneOf("ok", "not_converged", "refused")]
+    reasons: Texts
+    warnings: Texts
+    parameters: dict[Text, Parameter]
+    left_over_right: dict[Axle, SideRatio]
+    diagnostics: RollDiagnostics
+    fit_by_run: list[RollFits]
+    vehicle: VehicleInfo
+    recordings: list[RollRecording]
+    seconds: NonNegative
+    version: Text
+    seed: Count

@@ -1,0 +1,230 @@
+"""Types that several documents share: bounded numbers and texts, parameters, effects, files."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Final, Self
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    model_validator,
+)
+from pydantic_core import core_schema
+
+from bayes_asv.domain.channels import CHANNELS
+
+__all__ = [
+    "MAX_POINTS",
+    "AnswerName",
+    "Axle",
+    "Band",
+    "Channel",
+    "ChassisChannel",
+    "Count",
+    "Curve",
+    "Effect",
+    "EffectName",
+    "EffectValue",
+    "Finite",
+    "Interval",
+    "Known",
+    "MaybeNumber",
+    "MaybeShare",
+    "Model",
+    "NonNegative",
+    "OneOf",
+    "Parameter",
+    "Positive",
+    "Provenance",
+    "Quantity",
+    "QuantityName",
+    "Share",
+    "SourceFile",
+    "Summary",
+    "Text",
+    "Texts",
+    "TravelLimits",
+    "Unit",
+    "VehicleInfo",
+    "check_lengths",
+]
+
+MAX_POINTS: Final = 100_000
+_LARGEST: Final = 1e15
+_SMALLEST: Final = 1e-30
+
+
+def _none_unless_finite(value: Any) -> Any:
+    """JSON has no NaN and no infinity: an optional number that does not exist is null."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, le=_LARGEST, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+MaybeNumber = Annotated[Finite | None, BeforeValidator(_none_unless_finite)]
+MaybeShare = Annotated[Share | None, BeforeValidator(_none_unless_finite)]
+Count = Annotated[int, Field(ge=0, le=10**12)]
+Text = Annotated[str, Field(max_length=10_000)]
+Texts = Annotated[list[Text], Field(max_length=1000)]
+Unit = Annotated[str, Field(max_length=64)]
+Curve = Annotated[list[Finite | None], Field(max_length=MAX_POINTS)]
+Band = Annotated[list[Curve], Field(min_length=2, max_length=2)]
+Interval = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+
+
+class OneOf:
+    """Annotation of a text that is one of several: a ``Literal`` of static type ``str``."""
+
+    def __init__(self, *values: str) -> None:
+        self.values = values
+
+    def __get_pydantic_core_schema__(
+        self, source: type[Any], handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Accept the values and nothing else."""
+        return core_schema.literal_schema(list(self.values))
+
+
+Axle = Annotated[str, OneOf("front", "rear")]
+Channel = Annotated[str, OneOf(*CHANNELS)]
+ChassisChannel = Annotated[str, OneOf("front_chassis", "rear_chassis")]
+EffectPlace = Annotated[str, OneOf("front", "rear", "both", *CHANNELS)]
+AnswerName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g")]
+QuantityName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r")]
+
+
+class Model(BaseModel):
+    """Base class: no conversion of types, and keys of later versions are kept."""
+
+    model_config = ConfigDict(strict=True, extra="allow", use_attribute_docstrings=True)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON, with the keys that were given."""
+        return self.model_dump(by_alias=True, exclude_unset=True)
+
+
+class _Interval(Model):
+    """A value with its 95 % interval."""
+
+    mean: Finite
+    eti95: Interval
+    """Equal-tailed 95 % interval."""
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        low, high = self.eti95
+        if low > high:
+            raise ValueError("the interval ends before it begins")
+        return self
+
+
+class _Labelled(Model):
+    label: Text = ""
+    unit: Unit = ""
+
+
+class Summary(_Interval):
+    """Mean, median, standard deviation and 95 % interval."""
+
+    median: MaybeNumber = None
+    sd: NonNegative
+
+
+class Quantity(Summary, _Labelled):
+    """The same with unit and, where there is one, the nominal value."""
+
+    nominal: MaybeNumber = None
+
+
+class Parameter(Quantity):
+    """An estimated parameter in the vehicle's units."""
+
+    unit: Unit
+    p_below_nominal: MaybeShare = None
+    """Posterior probability that it is below nominal."""
+    si: Quantity | None = None
+    """The same in SI units."""
+
+
+class Known(_Labelled):
+    """A given value of the vehicle, and what the recordings say of it."""
+
+    unit: Unit
+    value: Finite
+    sd: NonNegative | None = None
+    """Standard deviation as given; 0 for a value given as exact."""
+    posterior: Summary | None = None
+
+
+class EffectValue(_Interval):
+    """A parameter of an effect."""
+
+    unit: Unit = ""
+
+
+class EffectName(Model):
+    """An effect and its place."""
+
+    name: Annotated[str, Field(max_length=64)]
+    where: EffectPlace | None = None
+    """Axle or sensor channel; null for an effect on the whole car."""
+    title: Text = ""
+
+
+class Effect(EffectName):
+    """An effect with its parameters."""
+
+    parameters: Annotated[dict[Text, EffectValue], Field(max_length=20)]
+
+
+class SourceFile(Model):
+    """A file with its hash."""
+
+    file: Text = ""
+    sha256: Text = ""
+
+
+class Provenance(Model):
+    """Files, versions and seed that a document was made of."""
+
+    recordings: Annotated[list[SourceFile], Field(max_length=1000)] = Field(default_factory=list)
+    vehicle: SourceFile | None = None
+    bayes_asv: Text = ""
+    python: Text = ""
+    packages: dict[Text, Text] = Field(default_factory=dict)
+    seed: Count = 0
+    order: Texts = Field(default_factory=list)
+    """Names of the sampled parameters of the car, in the sampler's order."""
+
+
+class TravelLimits(Model):
+    """Suspension travel from rest to the stops; bump is compression."""
+
+    unit: Unit = ""
+    front_bump: Positive | None = None
+    front_droop: Positive | None = None
+    rear_bump: Positive | None = None
+    rear_droop: Positive | None = None
+
+
+class VehicleInfo(Model):
+    """The vehicle file."""
+
+    name: Text = ""
+    units: Annotated[str, OneOf("US", "SI")] = "SI"
+    source: Text = ""
+    sha256: Text = ""
+    travel: TravelLimits | None = None
+
+
+def check_lengths(count: int | None, *curves: list[Any]) -> None:
+    """Refuse curves of different lengths; a count of None is the length of the first curve."""
+    wanted = len(curves[0]) if count is None and curves else count
+    if any(len(curve) != wanted for curve in curves):
+        raise ValueError("curves of one figure differ in length")

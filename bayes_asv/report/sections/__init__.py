@@ -1,0 +1,50 @@
+"""Sections of a report, one file each, in the order of the page.
+
+To add one, write a file with a ``SECTION`` and list it here; ``docs/extending.md`` has an example.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument, TrackDocument
+from bayes_asv.report.sections import (
+    diagnosis,
+    effects,
+    localization,
+    online_filter,
+    parameters,
+    predictive_checks,
+    run_consistency,
+    sampling,
+    simulation,
+    simulation_error,
+    travel,
+    uncertainty_budget,
+    undeclared_faults,
+)
+from bayes_asv.report.sections.blocks import Section
+
+__all__ = ["DIAGNOSIS", "ESTIMATE", "TRACK"]
+
+ESTIMATE: Final[tuple[Section[EstimateDocument], ...]] = (
+    parameters.SECTION,
+    effects.MODEL_SECTION,
+    uncertainty_budget.SECTION,
+    undeclared_faults.SECTION,
+    run_consistency.SECTION,
+    simulation.SECTION,
+    travel.SECTION,
+    predictive_checks.SECTION,
+    sampling.SECTION,
+)
+
+DIAGNOSIS: Final[tuple[Section[DiagnoseDocument], ...]] = (
+    diagnosis.SECTION,
+    effects.SECTION,
+    simulation_error.SECTION,
+    localization.SECTION,
+    diagnosis.FAULTS_SECTION,
+)
+
+TRACK: Final[tuple[Section[TrackDocument], ...]] = (online_filter.SECTION,)

@@ -1,0 +1,288 @@
+"""Effects beside the linear half car: sentences, tables, and force curves of damper and spring."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from bayes_asv.report import svg
+from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument
+from bayes_asv.report.schema.diagnose import ForceCurve, NamedEffect
+from bayes_asv.report.schema.parts import Effect, EffectName, EffectValue
+from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
+from bayes_asv.report.words import (
+    MISSING,
+    capitalized,
+    enumerated,
+    number,
+    plain,
+    probability,
+    readable_unit,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "MODEL_SECTION",
+    "SECTION",
+    "effect_lines",
+    "effect_name",
+    "effect_sentence",
+    "rate_lines",
+]
+
+
+class _Sentence(NamedTuple):
+    part: str
+    """The part at fault; ``{}`` stands for its place."""
+    statement: str
+    """What it does; each parameter of the effect stands in braces."""
+
+
+_SENTENCES: Final = {
+    "bound_rebound": _Sentence("{} damper", "rebound damping is {ratio} times compression damping"),
+    "digressive_damper": _Sentence("{} damper", "its force flattens above {knee}"),
+    "damper_fade": _Sentence("{} damper", "it loses {loss} of its damping during the run"),
+    "coulomb_friction": _Sentence("{} suspension", "dry friction of {force}"),
+    "progressive_spring": _Sentence("{} spring", "it stiffens with travel, kappa {kappa}"),
+    "spring_rate": _Sentence("{} spring", "its rate is {factor} times the given value"),
+    "bump_stop": _Sentence("{} bump stop", "met at {gap} from rest, with a rate of {rate}"),
+    "droop_stop": _Sentence("{} droop stop", "met at {gap} from rest, with a rate of {rate}"),
+    "weight_distribution": _Sentence(
+        "Weight distribution", "the front weight fraction is {factor} times the given value"
+    ),
+    "external_force": _Sentence(
+        "{} axle", "an external force of {force} from {start} on, for {duration}"
+    ),
+    "sensor_gain": _Sentence("{} sensor", "it reads {factor} times the true value"),
+    "sensor_lag": _Sentence("{} sensor", "it samples {lag} later than declared"),
+    "sensor_bandwidth": _Sentence("{} sensor", "its bandwidth is {bandwidth}, not as declared"),
+    "sensor_drift": _Sentence("{} sensor", "its zero drifts by {slope}"),
+    "engine_vibration": _Sentence("Engine", "vibration at {frequency} with a force of {amplitude}"),
+}
+_NAMES: Final = {"bound_rebound": "unequal compression and rebound damping"}
+_PROBABLE, _POSSIBLE = 0.95, 0.7  # probabilities below which a finding is qualified
+
+_FORCES: Final = (
+    "The linear half car lacked the difference between the coloured and the grey curve. Bands are "
+    "95 %, over the range that the fitted runs covered. Compression is a negative velocity, bump a "
+    "negative deflection; a force that resists extension is positive."
+)
+
+
+def _content(document: DiagnoseDocument) -> Iterator[Block]:
+    if document.effects:
+        yield _effect_table(document.effects)
+    yield Figure("laws", "Force of damper and spring", _FORCES, _force_curves(document))
+
+
+def _model_content(document: EstimateDocument) -> Iterator[Block]:
+    if document.effects:
+        yield _model_table(document.effects)
+
+
+def _model_limits(document: EstimateDocument) -> list[str]:
+    """Name the effects that a diagnosis of the same recordings found and the model lacks."""
+    diagnosis = document.diagnosis
+    if diagnosis is None or diagnosis.verdict not in ("named", "unexplained"):
+        return []
+    model = {(effect.name, effect.where) for effect in document.effects}
+    names = [effect_name(e) for e in diagnosis.effects if (e.name, e.where) not in model]
+    if not names and diagnosis.effects:
+        return []
+    missing = enumerated(names) if names else "something that no listed effect explains"
+    return [
+        f"The model of this estimate is a {'' if document.effects else 'linear '}half car, but the "
+        f"recordings show {missing}. The parameters with it are under 'What is missing?'."
+    ]
+
+
+SECTION: Final = Section(_content)
+"""Effects that a diagnosis named."""
+
+MODEL_SECTION: Final = Section(_model_content, _model_limits)
+"""Effects in the model of an estimate."""
+
+
+def effect_name(effect: EffectName) -> str:
+    """Name an effect with its place, such as ``dry friction at the front axle``."""
+    name = _NAMES.get(effect.name) or plain(effect.title or effect.name.replace("_", " "))
+    where = effect.where
+    if not where:
+        return name
+    if where == "both":
+        return f"{name} at both axles"
+    if where in svg.AXLES:
+        return f"{name} at the {where} axle"
+    return f"{name} of the {where.replace('_', ' ')} sensor"
+
+
+def effect_lines(effects: Sequence[Effect]) -> list[str]:
+    """State the effects in the model of an estimate, one sentence each."""
+    return [f"In the model: {_statement(effect)}." for effect in effects]
+
+
+def effect_sentence(effect: NamedEffect) -> str:
+    """State an effect with its size and probability, and what it cannot be distinguished from."""
+    p = effect.probability
+    prefix = "" if p > _PROBABLE else "Probable: " if p > _POSSIBLE else "Possible: "
+    text = f"{prefix}{_statement(effect)}; probability {probability(p)}"
+    if effect.run:
+        text += f"; in {plain(effect.run)} only"
+    if effect.indistinguishable_from:
+        others = enumerated([effect_name(other) for other in effect.indistinguishable_from], "or")
+        text += f". These recordings cannot distinguish it from {others}"
+        if effect.drive:
+            text += f"; to tell them apart: {plain(effect.drive)}"
+    return text + "."
+
+
+def _statement(effect: Effect) -> str:
+    """``Front damper: rebound damping is 1.48 (95 %: 1.47 to 1.49) times compression damping``."""
+    values = {name: _value_text(value) for name, value in effect.parameters.items()}
+    sentence = _SENTENCES.get(effect.name)
+    if sentence is None or not all(f"{{{name}}}" in sentence.statement for name in values):
+        sizes = ", ".join(f"{plain(name)} {text}" for name, text in values.items())
+        return f"{capitalized(effect_name(effect))}{': ' + sizes if sizes else ''}"
+    try:
+        statement = sentence.statement.format(**values)
+    except KeyError:  # a document without the parameters of the effect
+        return capitalized(effect_name(effect))
+    place = "both" if effect.where == "both" else (effect.where or "").replace("_", " ")
+    part = sentence.part.format(place.capitalize()).strip()
+    return f"{part if place != 'both' else part + 's'}: {statement}"
+
+
+def _value_text(value: EffectValue) -> str:
+    low, high = value.eti95
+    unit, sd = readable_unit(value.unit), _sd(value)
+    if low == high:
+        return f"{value.mean:.3g} {unit}".strip()
+    text = f"{number(value.mean, sd)} {unit}".strip()
+    return f"{text} (95 %: {number(low, sd)} to {number(high, sd)})"
+
+
+def _sd(value: EffectValue) -> float:
+    """Return the standard deviation of a normal distribution with the same 95 % interval."""
+    low, high = value.eti95
+    return (high - low) / 3.92
+
+
+def _effect_table(effects: Sequence[NamedEffect]) -> Table:
+    """Every effect with its probability and parameters."""
+    rows = []
+    for effect in effects:
+        first = [effect_name(effect), probability(effect.probability)]
+        cells = _parameter_rows(effect) or [[MISSING] * 3]
+        rows += [[*(first if n == 0 else ["", ""]), *row] for n, row in enumerate(cells)]
+    return Table(
+        "Named effects",
+        ["effect", "probability", "parameter", "value", "95 % interval"],
+        rows,
+        "In the order in which they were added to the model. docs/effects.md defines the "
+        "parameters; the intervals allow for the tolerances of all other effects.",
+    )
+
+
+def _model_table(effects: Sequence[Effect]) -> Table:
+    """Effects in the model of an estimate, with their parameters."""
+    rows = [
+        [effect_name(effect) if n == 0 else "", *row]
+        for effect in effects
+        for n, row in enumerate(_parameter_rows(effect))
+    ]
+    return Table(
+        "Effects in the model",
+        ["effect", "parameter", "value", "95 % interval"],
+        rows,
+        "Requested, or named by the diagnosis. docs/effects.md defines the parameters.",
+    )
+
+
+def _parameter_rows(effect: Effect) -> list[list[str]]:
+    rows = []
+    for name, value in effect.parameters.items():
+        unit, sd = readable_unit(value.unit), _sd(value)
+        low, high = value.eti95
+        shown = MISSING if low == high else f"{number(low, sd)} to {number(high, sd)}"
+        label = plain(name)
+        rows.append([f"{label} [{unit}]" if unit else label, number(value.mean, sd), shown])
+    return rows
+
+
+def rate_lines(document: DiagnoseDocument) -> list[str]:
+    """State compression and rebound rate of each damper in which they differ."""
+    lines = []
+    for axle, curves in document.laws.items():
+        if curves.rates is None:
+            continue
+        unit = readable_unit(curves.rates.unit)
+        parts = []
+        for side, value in (("compression", curves.rates.bound), ("rebound", curves.rates.rebound)):
+            low, high = value.eti95
+            sd = _sd(value)
+            parts.append(
+                f"{side} {number(value.mean, sd)} {unit} "
+                f"(95 %: {number(low, sd)} to {number(high, sd)})"
+            )
+        lines.append(f"{axle.capitalize()} damper: {', '.join(parts)}.")
+    return lines
+
+
+def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
+    """Draw the force of each damper over velocity and of each spring over deflection."""
+    curves = [
+        (axle, part, curve)
+        for axle in svg.AXLES
+        if axle in document.laws
+        for part, curve in (
+            ("damper", document.laws[axle].damper), ("spring", document.laws[axle].spring),
+        )
+        if curve is not None
+    ]  # fmt: skip
+    panels = []
+    for axle, part, curve in curves:
+        alone = len(curves) == 1
+        figure = svg.canvas(6.0, 3.4) if alone else svg.canvas(height=3.2)
+        axes = figure.subplots()
+        along = "velocity" if part == "damper" else "deflection"
+        _draw_force(axes, curve, axle, along)
+        unit, force = readable_unit(curve.unit), readable_unit(curve.force_unit)
+        axes.set(
+            xlabel=f"suspension {along} [{unit}], extension +",
+            ylabel=f"{axle} {part} force [{force}]\nagainst extension +",
+        )
+        alt = f"{axle} {part}: force against {along}, before and after"
+        panels.append(svg.panel(figure, f"law-{axle}-{part}", alt, wide=alone))
+    return tuple(panels)
+
+
+def _draw_force(axes: Axes, curve: ForceCurve, axle: str, along: str) -> None:
+    ink, muted, paint = svg.COLOURS["ink"], svg.COLOURS["muted"], svg.COLOURS[axle]
+    grid = svg.curve_array(curve.grid)
+    axes.axhline(0.0, color=muted, linewidth=0.8)
+    axes.axvline(0.0, color=muted, linewidth=0.8)
+    axes.plot(
+        grid, svg.curve_array(curve.nominal), color=ink, linestyle=(0, (5, 3)), linewidth=1.0,
+        label="nominal",
+    )  # fmt: skip
+    drawn = [
+        (curve.before, muted, "-", "before"),
+        (curve.after, paint, "-", "after"),
+        (curve.after_end, paint, ":", "after, end of run"),
+    ]
+    for band, colour, dashes, label in drawn:
+        if band is not None:
+            low, high = (svg.curve_array(side) for side in band.band95)
+            axes.fill_between(grid, low, high, color=colour, alpha=0.28, linewidth=0)
+            axes.plot(
+                grid, svg.curve_array(band.median), color=colour, linestyle=dashes, label=label
+            )
+    sides = ("compression", "rebound") if along == "velocity" else ("bump", "droop")
+    for x, y, align, words in (
+        (0.02, 0.93, "left", f"← {sides[0]}"), (0.98, 0.03, "right", f"{sides[1]} →"),
+    ):  # fmt: skip
+        axes.text(x, y, words, transform=axes.transAxes, ha=align, fontsize=8.5, color=muted)
+    count = 3 + (curve.after_end is not None)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count, columnspacing=1.0)

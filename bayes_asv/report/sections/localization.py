@@ -1,0 +1,178 @@
+"""Where simulation and measurement disagree: state, time and frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from bayes_asv.report import svg
+from bayes_asv.report.schema import DiagnoseDocument
+from bayes_asv.report.schema.diagnose import Cell, Disagreement, Residual
+from bayes_asv.report.sections.blocks import Block, Figure, Section
+from bayes_asv.report.words import plain, readable_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["SECTION", "where_to_look"]
+
+_MAX_RUNS: Final = 3  # runs whose residuals are drawn
+_FULL_COLOUR: Final = 12.0  # t-value of a cell in full colour
+
+_FORCE: Final = (
+    "Mean force that the linear half car lacks in each cell, upward on the chassis, with its "
+    "t-value in brackets. A column of one colour points to travel (spring, stop), a row to "
+    "velocity (damper, friction). A frame marks the strongest cell, if it is significant."
+)
+_RESIDUAL: Final = (
+    "In the shaded windows the linear half car leaves more than chance; the coloured curve should "
+    "have no pattern there."
+)
+_SPECTRUM: Final = (
+    "Shaded bands are those of the disagreement: low frequencies are motion of the body, high ones "
+    "of wheels, engine or sensors."
+)
+
+
+def _content(document: DiagnoseDocument) -> Iterator[Block]:
+    seen = document.disagreement or Disagreement()
+    yield Figure("plane", "Missing force of the linear half car", _FORCE, _missing_force(document))
+    for n, run in enumerate(document.residuals[:_MAX_RUNS]):
+        of = f", {plain(run.source)}" if len(document.residuals) > 1 else ""
+        yield Figure(
+            f"left-{n}", f"Residuals before and after{of}", _RESIDUAL, _residuals(run, seen, n)
+        )
+        yield Figure(
+            f"leftband-{n}", f"Spectrum of the residuals{of}", _SPECTRUM,
+            _residual_spectra(run, seen, n),
+        )  # fmt: skip
+
+
+SECTION: Final = Section(_content)
+
+
+def where_to_look(document: DiagnoseDocument) -> str:
+    """Say where and when an unexplained disagreement shows, and what usually causes one."""
+    seen = document.disagreement or Disagreement()
+    text = "Look for the unlisted cause"
+    if seen.channel:
+        text += f", first near the {plain(seen.channel).replace('_', ' ')} sensor"
+    parts = []
+    if seen.frequency:
+        low, high = min(band[0] for band in seen.frequency), max(b[1] for b in seen.frequency)
+        parts.append(f"between {low:.2g} and {high:.2g} Hz")
+    if seen.time:
+        begin, end = seen.time[0]
+        source = f" of {plain(seen.time_run[0])}" if seen.time_run and seen.time_run[0] else ""
+        parts.append(f"from {begin:.2f} to {end:.2f} s{source}")
+    if parts:
+        text += f"; it shows {' and '.join(parts)}"
+    return (
+        f"{text}. Common causes are a loose mount, a seat, a panel, tyres off the ground, and roll."
+    )
+
+
+def _missing_force(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
+    """Draw the missing force over the deflection–velocity plane."""
+    from matplotlib.patches import Rectangle
+
+    seen = document.disagreement or Disagreement()
+
+    def draw(axes: Axes, axle: str) -> str | None:
+        cells = (document.map or {}).get(axle)
+        if not cells:
+            return None
+        for cell in cells:
+            (left, right), (low, high) = cell.deflection, cell.velocity
+            box = (left, low), right - left, high - low
+            colour = svg.COLOURS["above" if cell.force > 0.0 else "prior"]
+            strength = min(abs(cell.t) / _FULL_COLOUR, 1.0)
+            edge: dict[str, Any] = {"edgecolor": svg.COLOURS["grid"], "linewidth": 0.6}
+            axes.add_patch(Rectangle(*box, facecolor=colour, alpha=0.75 * strength, **edge))
+            axes.add_patch(Rectangle(*box, fill=False, **edge))
+            axes.text(
+                0.5 * (left + right), 0.5 * (low + high),
+                f"{_signed(cell.force)}\n({_signed(cell.t)})",
+                ha="center", va="center", fontsize=7.5, color=svg.COLOURS["ink"], linespacing=1.15,
+            )  # fmt: skip
+            if seen.axle == axle and _same_cell(cell, seen.state):
+                frame: dict[str, Any] = {"edgecolor": svg.COLOURS["ink"], "linewidth": 1.6}
+                axes.add_patch(Rectangle(*box, fill=False, zorder=3, **frame))
+        length, velocity, force = (readable_unit(unit) for unit in cells[0].units)
+        axes.set(
+            xlim=_limits([c.deflection for c in cells]), ylim=_limits([c.velocity for c in cells]),
+            xlabel=f"{axle} deflection [{length}], extension +",
+            ylabel=f"velocity [{velocity}], extension +",
+        )  # fmt: skip
+        axes.set_title(f"missing force [{force}], up + (t-value)", loc="left")
+        axes.grid(visible=False)
+        return f"{axle}: mean missing force by deflection and velocity"
+
+    return svg.axle_panels("plane-{}", draw, 3.4)
+
+
+def _same_cell(cell: Cell, other: Cell | None) -> bool:
+    return other is not None and bool(
+        np.allclose(cell.deflection, other.deflection)
+        and np.allclose(cell.velocity, other.velocity)
+    )
+
+
+def _limits(intervals: Sequence[Sequence[float]]) -> tuple[float, float]:
+    return min(low for low, _ in intervals), max(high for _, high in intervals)
+
+
+def _signed(value: float) -> str:
+    text = f"{value:+.0f}" if abs(value) >= 99.5 else f"{value:+.2g}"
+    if "e" in text:
+        text = f"{value:+.0f}"
+    return text.replace("-", "−")
+
+
+def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
+    """Draw the residuals of a run against time, before and after."""
+    time, unit = svg.curve_array(run.time), readable_unit(run.unit)
+    spans = zip(seen.time, seen.time_run, strict=False)
+    windows = [window for window, source in spans if source == run.source]
+    curves = {"front": run.front_chassis, "rear": run.rear_chassis}
+
+    def draw(axes: Axes, axle: str) -> str | None:
+        before, after = svg.curve_array(curves[axle].before), svg.curve_array(curves[axle].after)
+        if not np.isfinite(before).any():
+            return None
+        _shade(axes, windows)
+        axes.plot(time, before, color=svg.COLOURS["muted"], linewidth=0.9, label="before")
+        axes.plot(time, after, color=svg.COLOURS[axle], linewidth=0.8, label="after")
+        axes.axhline(0.0, color=svg.COLOURS["ink"], linewidth=0.6)
+        axes.set(xlabel="time [s]", ylabel=f"{axle}: measured − simul.\n[{unit}], up +")
+        axes.set_xlim(float(time[0]), float(time[-1]))
+        svg.legend_above(axes)
+        return f"{plain(run.source)}, {axle}: residuals against time, before and after"
+
+    return svg.axle_panels(f"left-{{}}-{n}", draw, 2.5)
+
+
+def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
+    """Draw the power spectral densities of the residuals of a run, before and after."""
+    spectrum = run.spectrum
+    curves = {"front": spectrum.front_chassis, "rear": spectrum.rear_chassis}
+
+    def draw(axes: Axes, axle: str) -> str | None:
+        _shade(axes, seen.frequency)
+        curve = curves[axle]
+        spectra = [("before", "muted", curve.before), ("after", axle, curve.after)]
+        if not svg.draw_spectra(axes, spectrum.frequency, spectra):
+            return None
+        axes.set_ylabel(f"{axle}, spectral\ndensity [{readable_unit(spectrum.unit)}]")
+        axes.set_xlim(*svg.curve_array(spectrum.frequency)[[0, -1]].tolist())
+        return f"{plain(run.source)}, {axle}: spectrum of the residuals, before and after"
+
+    return svg.axle_panels(f"leftband-{{}}-{n}", draw, 2.5)
+
+
+def _shade(axes: Any, intervals: Sequence[Sequence[float]]) -> None:
+    for k, (begin, end) in enumerate(intervals):
+        label = "disagreement" if k == 0 else None
+        axes.axvspan(begin, end, color=svg.COLOURS["below"], alpha=0.1, linewidth=0, label=label)

@@ -1,0 +1,248 @@
+"""Parameters and given values: tables, posterior against prior and nominal, joint posterior."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.report import svg
+from bayes_asv.report.schema import EstimateDocument
+from bayes_asv.report.schema.parts import Known, Parameter
+from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
+from bayes_asv.report.words import (
+    LABELS,
+    MISSING,
+    capitalized,
+    interval,
+    labelled,
+    number,
+    plus_minus,
+    probability,
+    readable_unit,
+)
+
+__all__ = ["ANSWERS", "SECTION", "given_table", "log_normal_prior", "parameter_table"]
+
+Array = NDArray[np.float64]
+
+ANSWERS: Final = ("c_f", "c_r", "i", "k_g")
+"""Parameters that the first page shows, in this order."""
+
+_PAINT: Final = {"c_f": "front", "c_r": "rear", "i": "muted", "k_g": "muted"}
+_SHORT: Final = {
+    "c_f": "front\ndamping", "c_r": "rear\ndamping", "i": "pitch\ninertia",
+    "k_g": "radius of\ngyration",
+}  # fmt: skip
+_POSTERIOR: Final = (
+    "The dashed line is the nominal value: where it is outside the shaded 95 % interval, the car "
+    "differs from its data sheet. The prior (brown) should be flat over the posterior; then the "
+    "recordings and not the prior determine the answer."
+)
+_CORNER: Final = (
+    "Draws of every pair of parameters, with their correlation. In a slanted cloud the data "
+    "determine a combination of the two parameters better than either. Dashed lines are nominal "
+    "values, where they are in range."
+)
+
+
+def _content(document: EstimateDocument) -> Iterator[Block]:
+    parameters = document.parameters
+    if parameters:
+        title = "Parameters" if document.verdict == "ok" else "Parameters, not to be relied on"
+        yield parameter_table(parameters, title)
+        if document.vehicle.units != "SI" and all(p.si is not None for p in parameters.values()):
+            yield parameter_table(parameters, f"{title}, in SI units", si=True)
+    if document.known:
+        yield given_table(document.known)
+    if document.draws:
+        yield Figure("posterior", "Posterior and prior", _POSTERIOR, _posteriors(document))
+        yield Figure("corner", "Joint posterior", _CORNER, _corner(document))
+
+
+SECTION: Final = Section(_content)
+
+
+def parameter_table(parameters: Mapping[str, Parameter], title: str, *, si: bool = False) -> Table:
+    """Mean, standard deviation, interval, nominal value and probability of every parameter."""
+    rows = []
+    for name, parameter in parameters.items():
+        shown = parameter.si if si and parameter.si is not None else parameter
+        rows.append(
+            [
+                capitalized(labelled(name, parameter.label, shown.unit)),
+                number(shown.mean, shown.sd),
+                number(shown.sd, shown.sd),
+                interval(shown),
+                number(shown.nominal),
+                probability(parameter.p_below_nominal),
+            ]
+        )
+    columns = ["parameter", "mean", "sd", "95 % interval", "nominal", "P(below nominal)"]
+    return Table(title, columns, rows)
+
+
+def given_table(known: Mapping[str, Known]) -> Table:
+    """Given values, with their posterior where there is one."""
+    rows = []
+    for name, value in known.items():
+        sd, posterior = value.sd or 0.0, value.posterior
+        after = shift = MISSING
+        if posterior is not None:
+            after = plus_minus(posterior)
+            shift = _shift((posterior.mean - value.value) / sd) if sd else MISSING
+        given = number(value.value, sd)
+        given += f" ± {number(sd, sd)}" if sd else " (exact)"
+        label = capitalized(labelled(name, value.label, value.unit))
+        rows.append([label, given, after, shift])
+    if all(row[2] == MISSING for row in rows):
+        note = "± is one standard deviation."
+        return Table("Given values", ["given value", "as given"], [r[:2] for r in rows], note)
+    return Table(
+        "Given values, prior and posterior",
+        ["given value", "as given", "posterior", "shift"],
+        rows,
+        "± is one standard deviation; the shift is in standard deviations of the given value. A "
+        "shift beyond two means that the value or the model is wrong.",
+    )
+
+
+def _shift(deviations: float) -> str:
+    text = number(deviations, 1.0)
+    return "0.0 sd" if text == "0.0" else f"{'' if text.startswith('−') else '+'}{text} sd"
+
+
+def log_normal_prior(name: str, document: EstimateDocument) -> tuple[float, float] | None:
+    """Median and standard deviation of the logarithm of a log-normal prior.
+
+    The prior of k_g = √(i/m) follows from those of i and of the sprung mass.
+    """
+    if name in document.prior:
+        return document.prior[name].median, document.prior[name].log_sd
+    inertia, p = document.prior.get("i"), document.parameters
+    if name != "k_g" or inertia is None or not p["k_g"].nominal or not p["i"].nominal:
+        return None
+    mass = document.known.get("m")
+    relative = (mass.sd or 0.0) / mass.value if mass is not None and mass.value else 0.0
+    median = p["k_g"].nominal * math.sqrt(inertia.median / p["i"].nominal)
+    return median, 0.5 * math.hypot(inertia.log_sd, relative)
+
+
+def _posteriors(document: EstimateDocument) -> tuple[svg.Panel, ...]:
+    """Draw the densities of posterior and prior with the nominal value, one panel a parameter."""
+    panels = []
+    for name in ANSWERS:
+        draws, p = _draws(document, name), document.parameters.get(name)
+        if p is None or len(draws) < 3 or not p.sd:
+            continue
+        centres = [p.mean] if p.nominal is None else [p.mean, p.nominal]
+        margin = max(4.5 * p.sd, 0.12 * (max(centres) - min(centres)))
+        start, stop = float(min(centres) - margin), float(max(centres) + margin)
+        figure = svg.canvas(height=2.2)
+        axes = figure.subplots()
+        paint = svg.COLOURS[_PAINT[name]]
+        fine = p.mean + p.sd * np.linspace(-4.5, 4.5, 200)
+        grid = np.unique(np.concatenate([np.linspace(start, stop, 200), fine]))
+        density = _density(draws, grid)
+        inside = (grid >= p.eti95[0]) & (grid <= p.eti95[1])
+        axes.fill_between(grid[inside], density[inside], color=paint, alpha=0.3, linewidth=0)
+        axes.plot(grid, density, color=paint, label="posterior")
+        log_normal = log_normal_prior(name, document)
+        if log_normal is not None:
+            positive = grid[grid > 0.0]
+            z = (np.log(positive) - math.log(log_normal[0])) / log_normal[1]
+            height = np.exp(-0.5 * z**2) / (positive * log_normal[1] * math.sqrt(2.0 * math.pi))
+            axes.plot(positive, height, color=svg.COLOURS["prior"], linewidth=1.8, label="prior")
+        if p.nominal is not None:
+            axes.axvline(
+                p.nominal, color=svg.COLOURS["ink"], linestyle=(0, (5, 3)), linewidth=1.2,
+                label=f"nominal {number(p.nominal)}",
+            )  # fmt: skip
+        axes.set(xlabel=labelled(name, "", p.unit), ylabel="density", xlim=(start, stop), yticks=[])
+        axes.set_ylim(0.0, 1.08 * float(density.max()))
+        axes.grid(visible=False)
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.2)
+        alt = f"posterior, prior and nominal value of the {LABELS[name]}"
+        panels.append(svg.panel(figure, f"posterior-{name.replace('_', '-')}", alt))
+    return tuple(panels)
+
+
+def _corner(document: EstimateDocument) -> tuple[svg.Panel, ...]:
+    """Draw every pair of parameters against each other, with correlations above the diagonal."""
+    names = [n for n in ANSWERS if len(_draws(document, n)) > 2 and document.parameters[n].sd]
+    if len(names) < 2:
+        return ()
+    count = len(names)
+    draws = {n: _draws(document, n) for n in names}
+    figure = svg.canvas(5.4, 4.7)
+    grid = figure.subplots(count, count, squeeze=False)
+    for row, down in enumerate(names):
+        for column, across in enumerate(names):
+            axes = grid[row, column]
+            axes.grid(visible=False)
+            x, y = draws[across], draws[down]
+            if column > row:
+                axes.axis("off")
+                r = float(np.corrcoef(x, y)[0, 1])
+                axes.text(
+                    0.5, 0.5, number(round(r, 2), 0.1), transform=axes.transAxes,
+                    ha="center", va="center", fontsize=9.0 + 7.0 * abs(r),
+                    color=svg.COLOURS["ink"],
+                )  # fmt: skip
+                continue
+            _cell(axes, document, across, down, x, y)
+            axes.tick_params(labelsize=8.5, labelbottom=row == count - 1)
+            axes.tick_params(axis="y", labelleft=row > 0 and column == 0)
+            if row == count - 1:
+                axes.set_xlabel(_short_label(across, document), fontsize=9)
+                axes.tick_params(axis="x", labelrotation=40)
+            if column == 0 and row > 0:
+                axes.set_ylabel(_short_label(down, document), fontsize=9)
+    figure.align_labels()
+    return (svg.panel(figure, "corner", "draws of every pair of parameters", wide=True),)
+
+
+def _cell(
+    axes: Any, document: EstimateDocument, across: str, down: str, x: Array, y: Array
+) -> None:
+    """One scatter plot, or the histogram on the diagonal."""
+    p, q = document.parameters[across], document.parameters[down]
+    dashed = {"color": svg.COLOURS["ink"], "linestyle": (0, (4, 3)), "linewidth": 0.8}
+    if across == down:
+        axes.hist(x, bins=24, color=svg.COLOURS[_PAINT[across]], alpha=0.75)
+        axes.set_yticks([])
+    else:
+        # A thousand dots a cell as paths would weigh megabytes.
+        axes.scatter(
+            x, y, s=5.0, color=svg.COLOURS["front"], alpha=0.3, linewidths=0, rasterized=True
+        )
+        axes.set_ylim(q.mean - 4.0 * q.sd, q.mean + 4.0 * q.sd)
+        if q.nominal is not None:
+            axes.axhline(q.nominal, **dashed)
+    axes.set_xlim(p.mean - 4.0 * p.sd, p.mean + 4.0 * p.sd)
+    if p.nominal is not None:
+        axes.axvline(p.nominal, **dashed)
+    axes.locator_params(axis="x", nbins=3)
+    if across != down:
+        axes.locator_params(axis="y", nbins=3)
+
+
+def _draws(document: EstimateDocument, name: str) -> Array:
+    values = document.draws.get(name, []) if name in document.parameters else []
+    return np.array([v for v in values if v is not None], dtype=float)
+
+
+def _density(draws: Array, grid: Array) -> Array:
+    """Gaussian kernel density estimate with Silverman's rule of thumb."""
+    sd = float(draws.std(ddof=1)) or 1.0
+    width = 1.06 * sd * len(draws) ** -0.2
+    z = (grid[:, None] - draws[None, :]) / width
+    density: Array = np.exp(-0.5 * z**2).mean(axis=1) / (width * math.sqrt(2.0 * math.pi))
+    return density
+
+
+def _short_label(name: str, document: EstimateDocument) -> str:
+    return f"{_SHORT[name]}\n[{readable_unit(document.parameters[name].unit)}]"

@@ -1,0 +1,312 @@
+"""The verdict on the first page and in the terminal: headline, parameter cards, next steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from bayes_asv.report import svg
+from bayes_asv.report.schema import EstimateDocument, RollDocument, TrackDocument
+from bayes_asv.report.schema.estimate import SideRatio
+from bayes_asv.report.schema.parts import Parameter
+from bayes_asv.report.sections.online_filter import (
+    INCONSISTENT,
+    INCONSISTENT_STEPS,
+    RECOVERED,
+    consistency_lines,
+    is_inconsistent,
+    last_state,
+)
+from bayes_asv.report.sections.parameters import ANSWERS
+from bayes_asv.report.sections.run_consistency import consistency_headline, consistency_steps
+from bayes_asv.report.sections.run_consistency import consistency_lines as run_consistency_lines
+from bayes_asv.report.sections.uncertainty_budget import budget_steps
+from bayes_asv.report.words import (
+    LABELS,
+    SMALL_DIFFERENCE,
+    WIDE,
+    capitalized,
+    compare_parameter,
+    difference,
+    enumerated,
+    estimate_text,
+    interval,
+    likelihood_words,
+    number,
+    parameter_sentence,
+    percent,
+    plain,
+    probability,
+)
+
+__all__ = [
+    "cards",
+    "headline",
+    "next_steps",
+    "roll_lines",
+    "split_reason",
+    "tone",
+    "track_headline",
+    "track_lines",
+    "track_steps",
+    "verdict_lines",
+]
+
+_DAMPERS: Final = {"front": "c_f", "rear": "c_r"}
+_ROLL_DAMPERS: Final = {
+    "c_fl": "front left", "c_fr": "front right", "c_rl": "rear left", "c_rr": "rear right",
+}  # fmt: skip
+_ORDER: Final = ("below", "above", "unclear", "agrees")  # senses of dampers in the headline
+_TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear": "muted"}
+_MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
+_SCALES: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ends of a gauge, share of nominal
+_DISTINCT: Final = 0.95  # probability from which left and right dampers are called different
+
+_NO_ANSWER: Final = "the suspension parameters cannot be determined from"
+_NOT_CONVERGED: Final = "No reliable answer: the sampling did not converge."
+_PROVISIONAL: Final = "Not to be relied on: "
+
+
+def headline(document: EstimateDocument | TrackDocument) -> str:
+    """State the verdict on the parameters in one or two sentences."""
+    if document.verdict == "refused":
+        several = len(document.provenance.recordings) > 1
+        return f"No answer: {_NO_ANSWER} {'these recordings' if several else 'this recording'}."
+    if document.verdict == "not_converged":
+        return _NOT_CONVERGED
+    dampers = _damper_sentences(document.parameters)
+    if isinstance(document, TrackDocument):
+        return dampers
+    return f"{consistency_headline(document)} {dampers}".strip()
+
+
+def _damper_sentences(parameters: Mapping[str, Parameter]) -> str:
+    compared = {
+        axle: comparison
+        for axle, name in _DAMPERS.items()
+        if name in parameters
+        if (comparison := compare_parameter(name, parameters[name])) is not None
+    }
+    if not compared:
+        return "The damping rates were estimated; there are no nominal values to compare them with."
+    senses = {c.sense for c in compared.values()}
+    if len(compared) == 2 and len(senses) == 1:
+        sense = senses.pop()
+        if sense == "agrees":
+            return "Both dampers agree with nominal."
+        if sense == "unclear":
+            return "Both dampers are too uncertain to compare with nominal."
+        word = "softer" if sense == "below" else "stiffer"
+        sizes = ", ".join(f"{axle} {difference(c.share)}" for axle, c in compared.items())
+        return f"Both dampers are {word} than nominal: {sizes}."
+    # The softer damper first: most users look for a worn one.
+    order = sorted(compared.items(), key=lambda item: _ORDER.index(item[1].sense))
+    return " ".join(f"{axle.capitalize()} damper: {c.words}." for axle, c in order)
+
+
+def split_reason(reason: str) -> tuple[str, str]:
+    """Split a reason into what is wrong and what to do, either of which may be empty."""
+    text = plain(reason)
+    for separator in ("; ", ": drive "):
+        what, found, fix = text.partition(separator)
+        if found:
+            return what, f"{found[2:]}{fix}"
+    return text, ""
+
+
+def next_steps(document: EstimateDocument | TrackDocument) -> list[str]:
+    """Say what to do next, the most useful first."""
+    if document.verdict == "refused":
+        fixes = dict.fromkeys(split_reason(r)[1] for r in document.reasons)
+        steps = [f"{capitalized(fix)}." for fix in fixes if fix]
+        return [*steps, "Record again, then run the same command on the new file."]
+    if document.verdict == "not_converged":
+        return [
+            "See in the figures where measurement and simulation differ: the car may do something "
+            "that the half car does not describe (a stop reached, a loose sensor, a worn bush).",
+            "Record again over a single, smooth bump and give both files to the same command.",
+            "Run again with another --seed; an answer that changes is not reliable.",
+        ]
+    if isinstance(document, TrackDocument):
+        return _steps(document.parameters, [])
+    return [*consistency_steps(document), *_steps(document.parameters, budget_steps(document))]
+
+
+def _steps(parameters: Mapping[str, Parameter], narrowing: list[str]) -> list[str]:
+    compared = {
+        name: comparison
+        for name, parameter in parameters.items()
+        if (comparison := compare_parameter(name, parameter)) is not None
+    }
+    steps = []
+    for sense, advice in (
+        ("below", "Inspect the {} first: oil, seals, gas charge, mounts and adjuster setting."),
+        ("above", "At the {}, check the adjuster setting, the oil and the nominal rate itself."),
+    ):
+        axles = [a for a, n in _DAMPERS.items() if n in compared and compared[n].sense == sense]
+        if axles:
+            plural = "s" if len(axles) > 1 else ""
+            steps.append(advice.format(f"{enumerated(axles)} damper{plural}"))
+    if not steps:
+        steps.append("The dampers need no attention; keep this file to compare the next run with.")
+    inertia = compared.get("i")
+    if inertia is not None and inertia.sense != "agrees" and abs(inertia.share) >= SMALL_DIFFERENCE:
+        steps.append(
+            f"The pitch inertia is {difference(inertia.share)} {inertia.side} nominal: check "
+            "driver, fuel and ballast, or enter the estimate in the vehicle file."
+        )
+    steps += narrowing
+    for name in ("c_f", "c_r", "i"):
+        p = parameters.get(name)
+        if not narrowing and p is not None and p.mean and p.sd / abs(p.mean) > WIDE:
+            steps.append(
+                f"The {LABELS[name]} is known only to ±{percent(p.sd / abs(p.mean))}: add a "
+                "recording over a higher or faster bump and give all files to the same command."
+            )
+    steps.append("Record again after any change and compare.")
+    return steps
+
+
+def verdict_lines(document: EstimateDocument) -> list[str]:
+    """State the whole verdict, one sentence or two a line, the headline first.
+
+    Text without markup; foreign text in it is on one line and without control characters.
+    """
+    parameters = document.parameters
+    prefix = _PROVISIONAL if document.verdict == "not_converged" else ""
+    lines = [headline(document)]
+    lines += [prefix + parameter_sentence(n, parameters[n]) for n in ANSWERS if n in parameters]
+    lines += run_consistency_lines(document)
+    lines += [f"Why: {plain(reason)}." for reason in document.reasons]
+    lines += [f"Note: {plain(warning)}." for warning in document.warnings]
+    # Each reason of a refusal carries its own fix already.
+    steps = next_steps(document)
+    return lines + [f"Next: {step}" for step in (steps[-1:] if document.reasons else steps)]
+
+
+def track_headline(document: TrackDocument) -> str:
+    """State the verdict of the online filter in one to three sentences."""
+    words = headline(document)
+    if document.verdict != "ok":
+        return words
+    if is_inconsistent(document):
+        return INCONSISTENT
+    return f"{words} {RECOVERED}" if document.consistency.verdict == "recovered" else words
+
+
+def track_steps(document: TrackDocument) -> list[str]:
+    """Say what to do after a track."""
+    if document.verdict == "ok" and is_inconsistent(document):
+        return list(INCONSISTENT_STEPS)
+    return next_steps(document)
+
+
+def track_lines(document: TrackDocument) -> list[str]:
+    """State the verdict of the online filter, its parameters, consistency and warnings."""
+    if document.verdict == "refused":
+        return [track_headline(document), *(f"Why: {plain(r)}." for r in document.reasons)]
+    parameters = {n: document.parameters[n] for n in ANSWERS if n in document.parameters}
+    # Probabilities of an inconsistent filter would be wrong.
+    sentence = last_state if is_inconsistent(document) else parameter_sentence
+    lines = [track_headline(document), *(sentence(n, p) for n, p in parameters.items())]
+    lines += consistency_lines(document)
+    if is_inconsistent(document):
+        lines += [f"Next: {step}" for step in INCONSISTENT_STEPS]
+    return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
+
+
+def roll_lines(document: RollDocument) -> list[str]:
+    """State the verdict on a roll car, the headline first."""
+    parameters = document.parameters
+    if document.verdict == "refused":
+        lines = [f"No answer: {_NO_ANSWER} these recordings."]
+    elif document.verdict == "not_converged":
+        lines = ["No reliable answer: the weights of the draws are too uneven."]
+    else:
+        dampers = [
+            f"{place} {comparison.words}"
+            for name, place in _ROLL_DAMPERS.items()
+            if (comparison := compare_parameter(name, parameters[name])) is not None
+        ]
+        lines = [f"Dampers: {'; '.join(dampers)}."]
+    if document.verdict != "refused":
+        prefix = _PROVISIONAL if document.verdict == "not_converged" else ""
+        lines += [prefix + parameter_sentence(name, p) for name, p in parameters.items()]
+        lines += [_side_sentence(axle, r) for axle, r in document.left_over_right.items()]
+    lines += [f"Why: {plain(reason)}." for reason in document.reasons]
+    return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
+
+
+def _side_sentence(axle: str, ratio: SideRatio) -> str:
+    p = max(ratio.p_left_softer, 1.0 - ratio.p_left_softer)
+    start = (
+        f"The {axle} left damper has {estimate_text(ratio, '')} times the rate of the right one "
+        f"(95 %: {interval(ratio, 1)})"
+    )
+    if p < _DISTINCT:
+        return f"{start}; the sides cannot be distinguished."
+    softer = "softer" if ratio.p_left_softer > 0.5 else "stiffer"
+    return f"{start}; it is {likelihood_words(p)} that it is the {softer} one."
+
+
+def cards(
+    parameters: Mapping[str, Parameter], *, reliable: bool = True
+) -> tuple[list[dict[str, Any]], list[svg.Panel]]:
+    """One card a parameter: value, gauge against nominal, and the comparison in words.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Of a document.
+    reliable : bool
+        Without it the cards state no comparison.
+
+    Returns
+    -------
+    cards, gauges : list of dict, list of Panel
+        Plain data for the templates, and the pictures that they name.
+    """
+    shown = {name: parameters[name] for name in ANSWERS if name in parameters}
+    compared = {name: compare_parameter(name, p) for name, p in shown.items()}
+    spans = [
+        abs(v / p.nominal - 1.0) for p in shown.values() if p.nominal for v in (*p.eti95, p.mean)
+    ]
+    # One scale for all cards, so that they can be compared.
+    scale = next((s for s in _SCALES if max(spans, default=0.1) <= s), _SCALES[-1])
+    made: list[dict[str, Any]] = []
+    gauges = []
+    for name, p in shown.items():
+        card = {
+            "name": name,
+            "label": capitalized(LABELS[name]),
+            "value": estimate_text(p, p.unit),
+            "interval": f"95 %: {interval(p, 1)}",
+            "nominal": f"nominal {number(p.nominal)}",
+            "sense": "", "words": "", "tone": "muted", "gauge": "", "alt": "",
+        }  # fmt: skip
+        comparison = compared[name]
+        if comparison is not None and p.nominal:
+            tone = _TONES[comparison.sense] if reliable else "muted"
+            low, high = (v / p.nominal - 1.0 for v in p.eti95)
+            picture = svg.gauge(
+                f"gauge-{name.replace('_', '-')}", comparison.share, low, high, scale, tone
+            )
+            gauges.append(picture)
+            card |= {"gauge": picture.key, "alt": picture.alt, "tone": tone}
+            card["sense"] = "not to be relied on"
+            if reliable:
+                p_side = comparison.p_side
+                card["sense"] = f"{_MARKS[comparison.sense]} {comparison.words}"
+                card["words"] = (
+                    f"{likelihood_words(p_side)} {comparison.side} nominal ({probability(p_side)})"
+                )
+        made.append(card)
+    return made, gauges
+
+
+def tone(verdict: str, made: list[dict[str, Any]]) -> str:
+    """Colour of the verdict: that of the most conspicuous damper."""
+    if verdict != "ok":
+        return "stop"
+    tones = [card["tone"] for card in made if card["name"] in _DAMPERS.values()]
+    return next((t for t in ("below", "above", "muted") if t in tones), "good")
