@@ -17,11 +17,11 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.io import read_recording
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.map_fit import best_fit, lay_out
-from bayes_asv.posterior.parameters import CAR
 from bayes_asv.preprocessing.coherence import coherence
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
 __all__ = [
     "BELOW", "CUT", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",
@@ -61,7 +61,7 @@ def run_of(
 
 def ratios(run: SingleRunFit) -> Array:
     """c_f/m, c_r/m (1/s), i/m (m²), k_f/m, k_r/m (1/s²) and the weight share: draws (S, 6)."""
-    car = dict(zip(CAR, run.fit.space.cars(run.z).T, strict=True))
+    car = run.fit.space.values(run.z)
     over_mass = [car[name] / car["m"] for name in ("c_f", "c_r", "i", "k_f", "k_r")]
     return np.stack([*over_mass, car["wdf"]], axis=1)
 
@@ -100,7 +100,7 @@ def posterior_row(line: PreparedRecording, run: SingleRunFit) -> Row:
 
 def coherence_row(recording: Recording, vehicle: Vehicle, car: Array) -> Row:
     """Share of the chassis' power that both wheels, and one half car, leave over by frequency."""
-    line = build(recording, vehicle)
+    line = prepare(recording, vehicle, car_model("half", vehicle))
     seen = coherence(line, WINDOW)
     if seen is None:
         raise SystemExit(f"{line.source} is too short for a spectrum")
@@ -139,7 +139,7 @@ def at_full_band(recording: Recording, vehicle: Vehicle) -> Row:
     """Tell what the estimator says of a drive when no band is given."""
     lines, reasons, _ = lay_out([recording], vehicle)
     fit = best_fit(lines, vehicle)
-    car = dict(zip(CAR, fit.space.cars(fit.mode.z[None])[0].tolist(), strict=True))
+    car = {name: float(x[0]) for name, x in fit.space.values(fit.mode.z[None]).items()}
     return {
         "reasons": [*reasons, *fit.reasons],
         "mode": {f"{name}/m": car[name] / car["m"] for name in ("c_f", "c_r", "i")},
