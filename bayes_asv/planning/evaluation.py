@@ -107,7 +107,9 @@ def evaluate(
             vehicle, drive, () if rate_independent else filtered, seed
         )
         near_limit = [
-            channel(n).words for n, used in zip(CHANNELS, range_use, strict=True) if used > _MAX_RANGE_USE
+            channel(n).words
+            for n, used in zip(CHANNELS, range_use, strict=True)
+            if used > _MAX_RANGE_USE
         ]
         if near_limit and not notes:
             notes = [
