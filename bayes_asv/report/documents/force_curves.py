@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,10 +193,9 @@ def _curve(
     low, high = np.quantile(before, [0.025, 0.975])
     lines = np.outer([low, float(np.median(before)), high], grid)
     linear = np.array([lines.min(axis=0), lines[1], lines.max(axis=0)])
-    curve = units.curve(grid, along)
+    axis: dict[str, Any] = {along: units.curve(grid, along)}
     return schema.ForceCurve(
-        velocity=curve if along == "velocity" else None,
-        deflection=curve if along == "deflection" else None,
+        **axis,
         unit=units.unit(along),
         force_unit=units.unit("force"),
         before=_force_band(linear, units),
