@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,7 @@ def groups(result: Estimate) -> dict[str, Any]:
     """
     posterior = {**result.draws, **_nuisance(result.nuisance), **_effects(result.effects)}
     datasets = {
-        "posterior": _dataset(posterior, _units(posterior)),
+        "posterior": _dataset(posterior, _units(posterior, result.effects)),
         "sample_stats": _dataset({"lp": result.log_posterior}, {}),
         "prior": _prior(result),
         "observed_data": _readings(result, None),
@@ -135,22 +136,28 @@ def _nuisance(values: dict[str, Array]) -> dict[str, Array]:
 
 def _effects(values: dict[Site, dict[str, Array]]) -> dict[str, Array]:
     return {
-        f"{str(site).replace('@', '_')}_{name}": x
+        _effect_label(site, name): x
         for site, parameters in values.items()
         for name, x in parameters.items()
     }
 
 
-def _units(names: Any) -> dict[str, str]:
+def _effect_label(site: Site, name: str) -> str:
+    """Name a variable, ``<effect>_<where>_<parameter>``."""
+    return f"{str(site).replace('@', '_')}_{name}"
+
+
+def _units(names: Iterable[str], sites: Iterable[Site]) -> dict[str, str]:
+    """SI unit of each variable; empty for a number without one."""
     si = display_units("SI")
-    return {
-        name: si[QUANTITIES[name][0]]
-        if name in QUANTITIES
-        else si["acceleration"]
-        if name.startswith("noise_")
-        else ""
-        for name in names
-    }
+    units = {name: si[QUANTITIES[name][0]] for name in names if name in QUANTITIES}
+    units |= {name: si["acceleration"] for name in names if name.startswith("noise_")}
+    for site in sites:
+        for parameter in site.effect.parameters:
+            # a share is of the declared bandwidth
+            unit = "" if parameter.unit == "share" else parameter.unit
+            units[_effect_label(site, parameter.name)] = unit
+    return units
 
 
 def _dataset(values: dict[str, Array], units: dict[str, str]) -> Any:
@@ -177,7 +184,7 @@ def _prior(result: Estimate) -> Any:
     values = {**space.quantities(z, result.seed), **_effects(space.effect_draws(z))}
     if not result.joint:  # of runs that differ, this space is that of the first alone
         values |= _nuisance(space.nuisance(z))
-    return _dataset({name: x[None] for name, x in values.items()}, _units(values))
+    return _dataset({name: x[None] for name, x in values.items()}, _units(values, space.sites))
 
 
 def _log_prior(result: Estimate, space: ParameterSpace) -> dict[str, Array]:

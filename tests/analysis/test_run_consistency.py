@@ -13,7 +13,7 @@ from bayes_asv.analysis.run_consistency import COMPARED, RunConsistency, compare
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import Estimate, estimate
-from bayes_asv.io.netcdf import write_netcdf
+from bayes_asv.library.inference_data import write_netcdf
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.report.documents.estimate import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle

@@ -75,14 +75,22 @@ def test_the_file_holds_the_same(result: asv.Estimate, data: Any, tmp_path: Path
         assert np.array_equal(saved["c_f"], data["posterior"]["c_f"])
 
 
-def test_a_model_with_effects_has_their_parameters(car: asv.Vehicle) -> None:
+def test_a_model_with_effects_has_their_parameters(car: asv.Vehicle, tmp_path: Path) -> None:
+    import xarray as xr
+
     run = asv.read_recording(asv.example("valved-bump-400hz.csv"))
-    result = asv.estimate(run, car, effects="bound_rebound@front")
-    assert [effect.name for effect in result.effects] == ["bound_rebound"]
+    result = asv.estimate(run, car, effects=("bound_rebound@front", "coulomb_friction@rear"))
+    assert [effect.name for effect in result.effects] == ["bound_rebound", "coulomb_friction"]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         data = result.to_inference_data()
     ratio = data["posterior"]["bound_rebound_front_ratio"].values
     assert ratio.mean() == pytest.approx(1.48, abs=0.03)
     assert "bound_rebound_front_ratio" in data["prior"]
+    result.to_netcdf(tmp_path / "draws.nc")
+    with xr.open_dataset(tmp_path / "draws.nc", group="posterior", engine="h5netcdf") as saved:
+        assert np.array_equal(saved["bound_rebound_front_ratio"], ratio)
+        assert saved["bound_rebound_front_ratio"].dims == ("chain", "draw")
+        assert saved["bound_rebound_front_ratio"].attrs["units"] == ""
+        assert saved["coulomb_friction_rear_force"].attrs["units"] == "N"
     assert "ratio" in str(result)
