@@ -23,8 +23,8 @@ from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
-from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
+from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording

@@ -27,7 +27,11 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import (
-    AT_LEAST, AT_MOST, VALUE, Measurements, StateSpace,
+    AT_LEAST,
+    AT_MOST,
+    VALUE,
+    Measurements,
+    StateSpace,
 )  # fmt: skip
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.posterior.free_simulation import free_run

@@ -4,7 +4,8 @@ A joint posterior takes for granted that c_f, c_r and i are the same in every ru
 is asked alone and the answers are held against each other, with what the runs share (the given
 values and their errors) taken out: see :mod:`bayes_asv.analysis.random_effects`.  Runs that do not
 agree get an answer of their own, the mean car with the spread from run to run in its interval; a
-joint fit would hide the difference in swollen noise and a coloured residual."""
+joint fit would hide the difference in swollen noise and a coloured residual.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +28,9 @@ from bayes_asv.analysis.random_effects import (
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fit_checks import misfit
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.importance import Weighted, importance
 from bayes_asv.posterior.likelihood import shared_work
-from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -215,8 +216,8 @@ class RunConsistency:
             low, middle, high = self.spread_percent(name)
             own = self.own_percent(name)
             parts.append(
-                f"the {QUANTITIES[name][1]} differs from run to run by {_two(middle)} % (95 %: {_two(low)} to "
-                f"{_two(high)} %), more than their own uncertainty of {_two(own)} %"
+                f"the {QUANTITIES[name][1]} differs from run to run by {_two(middle)} % (95 %: "
+                f"{_two(low)} to {_two(high)} %), more than their own uncertainty of {_two(own)} %"
             )
         few = " (two runs say little about a spread, so it is wide)" if len(self.runs) == 2 else ""
         return (

@@ -16,8 +16,8 @@ from bayes_asv.diagnosis.denoised_model import DenoisedModel
 from bayes_asv.diagnosis.nuisance_projection import NuisanceProjection
 from bayes_asv.filters.force_laws import OUTSIDE, excess_many
 from bayes_asv.models.effects import AXLES
-from bayes_asv.posterior.parameters import car_scale
 from bayes_asv.posterior.likelihood import Perturbation, shared_work
+from bayes_asv.posterior.parameters import car_scale
 
 __all__ = ["free_course", "pulses"]
 

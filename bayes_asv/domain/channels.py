@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 __all__ = [
-    "BODY_CHANNELS", "CHANNELS", "DEFAULT_CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS", "TRAVEL_CHANNELS", "Channel",
-    "channel",
+    "BODY_CHANNELS", "CHANNELS", "DEFAULT_CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS",
+    "TRAVEL_CHANNELS", "Channel", "channel",
 ]  # fmt: skip
 
 Quantity = Literal["acceleration", "angular_rate", "deflection"]
@@ -60,9 +60,7 @@ class Channel:
     @property
     def dimension(self) -> str:
         """Physical dimension of its readings, as :mod:`bayes_asv.domain.units` names it."""
-        return {
-            "acceleration": "acceleration", "angular_rate": "angular_rate", "deflection": "deflection",
-        }[self.quantity]  # fmt: skip
+        return "deflection" if self.quantity == "deflection" else self.quantity
 
     @property
     def si_unit(self) -> str:
@@ -128,7 +126,7 @@ ROLL_CHANNELS: Final = tuple(one.name for one in ROLL_CAR_CHANNELS)
 
 
 KNOWN_CHANNELS: Final = tuple(_KNOWN)
-"""Names of all channels."""
+"""Names of all channels, in the order in which a reader puts those of a half car."""
 
 
 def channel(name: str) -> Channel:

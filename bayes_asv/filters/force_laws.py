@@ -142,7 +142,7 @@ def excess_many(
     time: Array,
     end: float,
 ) -> Array:
-    """Return :func:`excess` of a table (K, 6) at N points (N, 3); ``share`` is one at ``end``, s."""
+    """Return :func:`excess` of a table (K, 6) at N points (N, 3); ``share`` is 1 at ``end``, s."""
     laws = table.reshape((1, *table.shape))
     out = np.empty((len(delta), 3))
     for n in range(len(delta)):

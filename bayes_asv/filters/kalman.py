@@ -21,11 +21,26 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.measurement import (
-    AT_LEAST, AT_MOST, LOG_2PI, MISSING, VALUE, condition, condition_on_bound, condition_on_value,
-    predicted_reading, project,
+    AT_LEAST,
+    AT_MOST,
+    LOG_2PI,
+    MISSING,
+    VALUE,
+    condition,
+    condition_on_bound,
+    condition_on_value,
+    predicted_reading,
+    project,
 )  # fmt: skip
 from bayes_asv.filters.prediction import (
-    OPTIONS, ORDER, TAYLOR, advance_mean, decays, discretize, power_series, predict_covariance,
+    OPTIONS,
+    ORDER,
+    TAYLOR,
+    advance_mean,
+    decays,
+    discretize,
+    power_series,
+    predict_covariance,
 )  # fmt: skip
 from bayes_asv.filters.suspension_forces import advance_forces, force_weights, linearise
 
@@ -50,7 +65,7 @@ class StateSpace(NamedTuple):
     Parameters
     ----------
     A : (W, nx, nx) array
-        System matrices; suspension element e has its deflection at state 2 e and its rate behind it.
+        System matrices; element e has its deflection at state 2 e and its rate behind it.
     B : (W, nx, nu) array
         By measured inputs.
     C : (W, ny, nx) array
@@ -98,9 +113,7 @@ class SensorNoise(NamedTuple):
 
     def one(self, k: int) -> SensorNoise:
         """Parameter set k alone."""
-        return SensorNoise(
-            self.white[k : k + 1], self.filtered[k : k + 1], self.poles[k : k + 1]
-        )
+        return SensorNoise(self.white[k : k + 1], self.filtered[k : k + 1], self.poles[k : k + 1])
 
 
 class Measurements(NamedTuple):

@@ -76,7 +76,7 @@ def condition_on_value(
 def condition_on_bound(
     lanes: int, at_least: bool, bound: float, S: Array, shift: Array, shrink: Array, total: Array
 ) -> None:
-    """Fill the gains of a bound whose predictions stand in ``shift``; add its log p to ``total``."""
+    """Fill the gains of a bound, predictions being in ``shift``; add its log p to ``total``."""
     sign = 1.0 if at_least else -1.0
     for q in range(lanes):
         root = math.sqrt(S[q])

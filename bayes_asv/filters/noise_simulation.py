@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 def normals_needed(nu: int, ny: int) -> int:
-    """Standard normal numbers that an instant takes: car, filtered noise, white noise."""
+    """Count the standard normal numbers of an instant: car, filtered noise, white noise."""
     return 2 * nu + (nu + ny) + ny
 
 

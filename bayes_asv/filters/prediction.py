@@ -10,8 +10,8 @@ the biases of the input sensors along the columns of N, w and v the noise that p
 input and output sensors, b the biases of the outputs.  The order of the filter's state is
 (x, d, w, b, v); the first three groups drive x, so Φ, Γ N and Γ stand side by side in ``carry``.
 
-Every array ends in an axis of L lanes, each of which holds one set of parameters: the compiler takes
-lanes side by side.  Sizes are arguments that each filter fixes when it is compiled.
+Every array ends in an axis of L lanes, each of which holds one set of parameters: the compiler
+takes lanes side by side.  Sizes are arguments that each filter fixes when it is compiled.
 """
 
 from __future__ import annotations
@@ -86,8 +86,9 @@ def discretize(
 ) -> None:
     """Fill what one step of length h needs.
 
-    ``carry`` (…, ahead + nd + nu, L) gets Φ, −Γ N and −Γ in its first nx rows, ``Q`` (nu, nx, nx, L)
-    ∫ Φ B Bᵀ Φᵀ ds for each input by two-point Gauss quadrature, exact to the fourth power of h.
+    ``carry`` (…, ahead + nd + nu, L) gets Φ, −Γ N and −Γ in its first nx rows, ``Q``
+    (nu, nx, nx, L) ∫ Φ B Bᵀ Φᵀ ds for each input by two-point Gauss quadrature, exact to the
+    fourth power of h.
     Columns nx … ahead of ``carry`` are left alone.  ``work`` (nx, nx, L) and ``impulse``
     (nx, nu, L) are room to work in.
     """
@@ -175,7 +176,11 @@ def advance_mean(
     for a in range(rows):
         for q in range(lanes):
             total = 0.0
-            for c in range(coupled):
+            for c in range(nx):
+                total += carry[a, c, q] * mean[c, q]
+            for c in range(nx, rows):
+                total += carry[a, c, q] * mean[c, q]
+            for c in range(rows, coupled):
                 total += carry[a, c, q] * mean[c, q]
             ahead[a, q] = total
     for a in range(nx):
@@ -228,14 +233,22 @@ def predict_covariance(
         for b in range(n):
             for q in range(lanes):
                 total = 0.0
-                for c in range(coupled):
+                for c in range(nx):  # short loops, which the compiler unrolls
+                    total += carry[a, c, q] * P[c, b, q]
+                for c in range(nx, rows):
+                    total += carry[a, c, q] * P[c, b, q]
+                for c in range(rows, coupled):
                     total += carry[a, c, q] * P[c, b, q]
                 T[a, b, q] = total
     for a in range(rows):
         for b in range(a, nx):
             for q in range(lanes):
                 total = 0.0
-                for c in range(coupled):
+                for c in range(nx):
+                    total += T[a, c, q] * carry[b, c, q]
+                for c in range(nx, rows):
+                    total += T[a, c, q] * carry[b, c, q]
+                for c in range(rows, coupled):
                     total += T[a, c, q] * carry[b, c, q]
                 for u in range(nu):
                     total += intensity[u, q] * Q[u, a, b, q]
@@ -244,7 +257,11 @@ def predict_covariance(
         for b in range(max(a, nx), rows):
             for q in range(lanes):
                 total = 0.0
-                for c in range(coupled):
+                for c in range(nx):
+                    total += T[a, c, q] * carry[b, c, q]
+                for c in range(nx, rows):
+                    total += T[a, c, q] * carry[b, c, q]
+                for c in range(rows, coupled):
                     total += T[a, c, q] * carry[b, c, q]
                 P[a, b, q] = total
                 P[b, a, q] = total

@@ -9,7 +9,7 @@ evaluated by Horner's rule from the highest order down, eight lanes at a time.  
 reference, lanes 1 + 2 i and 2 + 2 i are the sigma points at plus and minus the distance along
 direction i.  Eight more lanes with the reference's parameters give the transition matrices: two
 columns of Φ, both of Γ, and the two Gauss nodes of each axle's process noise (see
-:func:`bayes_asv.filters.discretization.transition`).  The other columns of Φ follow from
+:func:`bayes_asv.filters.prediction.discretize`).  The other columns of Φ follow from
 Φ e = e + ∫ Φ(s) A e ds, such as e + A0 Γ_f + A4 Γ_r.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.discretization import OPTIONS, ORDER, TAYLOR
+from bayes_asv.filters.prediction import OPTIONS, ORDER, TAYLOR
 from bayes_asv.filters.simd_layout import (
     A0,
     A1,

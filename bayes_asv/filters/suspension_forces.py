@@ -45,9 +45,9 @@ def force_weights(
 ) -> None:
     """Fill what one step of length h makes of filtered and of new forces.
 
-    Columns nx … nx + ne of ``base`` carry φ at the step's beginning, ``W0`` (nx + ne, ne, L) a force
-    that is constant over the step, ``W1`` one that grows from zero to one newton.  ``term`` and
-    ``after`` (nx + ne, L) are room to work in.
+    Columns nx … nx + ne of ``base`` carry φ at the step's beginning, ``W0`` (nx + ne, ne, L) a
+    force that is constant over the step, ``W1`` one that grows from zero to one newton.  ``term``
+    and ``after`` (nx + ne, L) are room to work in.
     """
     for e in range(ne):
         for a in range(nx + ne):

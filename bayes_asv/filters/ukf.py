@@ -34,7 +34,6 @@ from bayes_asv.filters.cholesky_update import (
     parameter_variance,
     recentre,
 )
-from bayes_asv.filters.discretization import OPTIONS, TAYLOR, advance
 from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.noise_adaptation import (
     detect_drift,
@@ -45,6 +44,7 @@ from bayes_asv.filters.noise_adaptation import (
     update_noise_factor,
 )
 from bayes_asv.filters.predicted_measurement import SIGMA_DISTANCE, predict_measurement
+from bayes_asv.filters.prediction import OPTIONS, TAYLOR
 from bayes_asv.filters.simd_batch import (
     fill_lanes,
     propagate,
@@ -91,6 +91,55 @@ DONE, RELINEARIZE, RESET, REVIEW = 0, 1, 2, 3
 # the noise.
 _MAX_INTERACTION: Final = 0.1
 _LOG_2PI: Final = math.log(2.0 * math.pi)
+
+
+@njit(**OPTIONS)
+def _advance_covariance(
+    P: Array,
+    T: Array,
+    phi: Array,
+    gamma: Array,
+    qf: Array,
+    qr: Array,
+    decay: Array,
+    intensity_f: float,
+    intensity_r: float,
+    slow: Array,
+) -> None:
+    """Carry the covariance P (10, 10) over one step in place; T (4, 10) is room to work in."""
+    for a in range(4):
+        for b in range(10):
+            T[a, b] = (
+                phi[a, 0] * P[0, b]
+                + phi[a, 1] * P[1, b]
+                + phi[a, 2] * P[2, b]
+                + phi[a, 3] * P[3, b]
+                + gamma[a, 0] * P[6, b]
+                + gamma[a, 1] * P[7, b]
+            )
+    for a in range(4):
+        for b in range(a, 4):
+            acc = (
+                T[a, 0] * phi[b, 0]
+                + T[a, 1] * phi[b, 1]
+                + T[a, 2] * phi[b, 2]
+                + T[a, 3] * phi[b, 3]
+                + T[a, 6] * gamma[b, 0]
+                + T[a, 7] * gamma[b, 1]
+                + intensity_f * qf[a, b]
+                + intensity_r * qr[a, b]
+            )
+            P[a, b] = acc
+            P[b, a] = acc
+        for b in range(6):
+            acc = T[a, 4 + b] * decay[b]
+            P[a, 4 + b] = acc
+            P[4 + b, a] = acc
+    for a in range(6):
+        for b in range(6):
+            P[4 + a, 4 + b] *= decay[a] * decay[b]
+    for a in range(4):
+        P[6 + a, 6 + a] += slow[a] * (1.0 - decay[2 + a] * decay[2 + a])
 
 
 @njit(**OPTIONS)
@@ -229,7 +278,9 @@ def run(
                     J[i, 6 + c] *= decay[2 + c]
             intensity_f = noise_factor[0] * (noise[0] * steps.spread[k, 0] + steps.spread[k, 2])
             intensity_r = noise_factor[1] * (noise[1] * steps.spread[k, 1] + steps.spread[k, 3])
-            advance(Pi, T, phi, gamma, qf, qr, decay, intensity_f, intensity_r, filtered_noise)
+            _advance_covariance(
+                Pi, T, phi, gamma, qf, qr, decay, intensity_f, intensity_r, filtered_noise
+            )
             for a in range(4):
                 for b in range(4):
                     Pi[a, b] += even_covariance[a, b]
@@ -250,7 +301,14 @@ def run(
                 if axle == 1 and not fixed:  # a bound is not linear: use the updated belief
                     recentre(mu, D, x, J, m, F)
                     max_rate = set_parameters(
-                        W, mu, D, SIGMA_DISTANCE, model.element, model.log, model.centre, model.scale
+                        W,
+                        mu,
+                        D,
+                        SIGMA_DISTANCE,
+                        model.element,
+                        model.log,
+                        model.centre,
+                        model.scale,
                     )
                     output_matrix(W, C, gain)
                     odd_parts(W, n_model, SIGMA_DISTANCE, odd)

@@ -173,7 +173,10 @@ def _columns(header: Sequence[str], where: str) -> tuple[dict[str, _Column], lis
     if not found:
         raise InputError(where, "is not the header of a recording", f"write: {_HEADER}")
     _check_complete(found, ignored, where)
-    order = [name for name in ("time", *KNOWN_CHANNELS) if name in columns]
+    corners = sum(name in ROLL_CHANNELS for name in found)
+    roll = corners > sum(name in CHANNELS for name in found)
+    known = dict.fromkeys((*ROLL_CHANNELS, *KNOWN_CHANNELS) if roll else KNOWN_CHANNELS)
+    order = [name for name in ("time", *known) if name in columns]
     return {name: columns[name] for name in order}, ignored
 
 

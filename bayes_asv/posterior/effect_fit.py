@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from bayes_asv.domain.errors import InputError
 from bayes_asv.models.effects import EFFECTS, Site, site
 from bayes_asv.posterior.effect_candidates import Candidate, candidates
-from bayes_asv.posterior.parameters import car_scale
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried, fitted, foretold
+from bayes_asv.posterior.parameters import car_scale
 
 __all__ = ["added", "read_site", "with_effects"]
 

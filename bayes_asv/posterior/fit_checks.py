@@ -1,4 +1,4 @@
-"""Checks after the fit: does the model explain the recording, and did the noise stay plausible?"""
+"""Checks after the fit: whether the model explains a recording, and the noise is plausible."""
 
 from __future__ import annotations
 

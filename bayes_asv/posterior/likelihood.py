@@ -21,7 +21,7 @@ from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.missing_band import log_determinant
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["Perturbation", "Posterior", "ResidualAR", "shared_work", "WHITE"]
+__all__ = ["WHITE", "Perturbation", "Posterior", "ResidualAR", "shared_work"]
 
 Array = NDArray[np.float64]
 

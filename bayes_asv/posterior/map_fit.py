@@ -20,11 +20,10 @@ from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fit_checks import meant_for, misfit, swollen_noise
 from bayes_asv.posterior.fitted_model import setting
-from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.free_simulation import free_run, left_in_band
+from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import Mode, find_mode
-from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.posterior.residual_ar import find_colour
 from bayes_asv.preprocessing.band import check_band, limited, too_short
 from bayes_asv.preprocessing.coherence import suggest_band

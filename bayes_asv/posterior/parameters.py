@@ -300,7 +300,7 @@ class ParameterSpace:
         return named if self.car.derived is None else {**named, **self.car.derived(values)}
 
     def gains(self, z: Array, run: int) -> tuple[Array, Array]:
-        """Readings over truth (W, nu) of the inputs and (W, ny) of the outputs of one run."""
+        """Return readings over truth (W, nu) of a run's inputs and (W, ny) of its outputs."""
         recording = self.timelines[run]
         gains = np.ones((len(z), len(recording.channels)))
         for k, coordinate in enumerate(self.coordinates):
@@ -444,7 +444,7 @@ class ParameterSpace:
         return np.stack(out, axis=-1)
 
     def log_slopes(self, name: str) -> Array:
-        """Derivatives (r,) of the logarithm of a parameter by the identified coordinates."""
+        """Return derivatives (r,) of a parameter's logarithm by the identified coordinates."""
         prior = self.prior
         return np.asarray(prior.root[prior.logs.index(name)] @ prior.identified)
 
@@ -548,7 +548,7 @@ def space(
                         sd,
                         channel=channel.name,
                         run=run,
-                    )  # fmt: skip
+                    )
                 )
         held.append(levels)
         filtered = likelihood == "innovations" and bool(np.any(recording.poles > 0.0))

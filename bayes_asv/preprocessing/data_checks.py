@@ -7,13 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.recording import Recording, sample_times, accelerations
+from bayes_asv.domain.recording import Recording, accelerations, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import Mode, nominal_modes
 from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import (
-    FEWEST_READINGS, PreparedRecording, rails, used_channels,
+    FEWEST_READINGS,
+    PreparedRecording,
+    rails,
+    used_channels,
 )  # fmt: skip
 
 __all__ = ["DOUBTFUL", "clipping_limit", "dead_channels", "least_rate", "preflight"]

@@ -46,7 +46,7 @@ class MissingBand(NamedTuple):
 
 
 def frequency_response(system: StateSpace, frequency: Array) -> Complex:
-    """Outputs over inputs (F, ny, nu) of the first parameter set at frequencies (F,), Hz."""
+    """Return outputs over inputs (F, ny, nu) of parameter set 0 at frequencies (F,), Hz."""
     A, B, C = system.A[0], system.B[0], system.C[0]
     s = 2j * np.pi * frequency
     resolvent = s[:, None, None] * np.eye(len(A)) - A

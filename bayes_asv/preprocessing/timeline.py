@@ -13,11 +13,16 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import Recording, sample_times, accelerations
+from bayes_asv.domain.recording import Recording, accelerations, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE, Measurements
 from bayes_asv.models.car_model import (
-    CarModel, Output, bias_directions, fastest_motion, start_covariance, state_space,
+    CarModel,
+    Output,
+    bias_directions,
+    fastest_motion,
+    start_covariance,
+    state_space,
 )  # fmt: skip
 from bayes_asv.preprocessing.missing_band import MissingBand
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, equalised, moments, wheel_signal

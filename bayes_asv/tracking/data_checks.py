@@ -97,8 +97,8 @@ class DataChecks:
             missing = self.rows - int(self.present[c])
             if missing > _MAX_MISSING * self.rows:
                 out.append(
-                    f"{missing} of {self.rows} readings of the {channel(name).words} sensor of {source} "
-                    "are missing; check its wiring and the transfer"
+                    f"{missing} of {self.rows} readings of the {channel(name).words} sensor of "
+                    f"{source} are missing; check its wiring and the transfer"
                 )
         for axle, c in (("front", 0), ("rear", 2)):
             quantization = sensors.resolution[c] / np.sqrt(12.0)

@@ -111,7 +111,9 @@ def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coo
         sd = prior_log_sd(getattr(vehicle, name), factor)
         if sd > 0.0:
             rows.append((name, number, True, math.log(base[number]), sd))
-    for number, (channel, sd) in enumerate(zip(CHANNELS, scale_sd, strict=True), len(HalfCar._fields)):
+    for number, (channel, sd) in enumerate(
+        zip(CHANNELS, scale_sd, strict=True), len(HalfCar._fields)
+    ):
         if sd > 0.0:
             rows.append((f"gain {channel}", number, True, 0.0, sd))
     names, element, log, centre, scale = zip(*rows, strict=True)

@@ -23,6 +23,7 @@ DIMENSIONS = (
     "frequency",
     "velocity",
     "acceleration",
+    "angular_rate",
     "force",
     "stiffness",
     "damping",

@@ -19,18 +19,14 @@ from bayes_asv.models.cars import car_model
 
 Array = NDArray[np.float64]
 
-VEHICLE = read_vehicle(
-    Path(__file__).parents[2] / "data" / "vehicles" / "baja2008_roll.toml"
-)
+VEHICLE = read_vehicle(Path(__file__).parents[2] / "data" / "vehicles" / "baja2008_roll.toml")
 LEAD = 0.003  # s, of a sensor without a filter behind a common pole
 KINDS: dict[str, tuple[str, tuple[Output, ...]]] = {
     "half": ("half", (Output(channel("front_chassis")), Output(channel("rear_chassis")))),
     "quarter": ("quarter-rear", (Output(channel("rear_chassis")),)),
     "roll": (
         "roll",
-        tuple(
-            Output(channel(f"{name}_chassis")) for name in ("front_left", "front_right", "rear")
-        ),
+        tuple(Output(channel(f"{name}_chassis")) for name in ("front_left", "front_right", "rear")),
     ),
     "travel": ("half", (Output(channel("front_travel"), LEAD), Output(channel("rear_travel")))),
     "body": (
@@ -72,9 +68,7 @@ def linear_case(name: str, seed: int, n: int = 25, missing: bool = True, sets: i
     rng = np.random.default_rng(seed)
     car, outputs = KINDS[name]
     model = car_model(car, VEHICLE)
-    values = {
-        key: x * np.exp(0.1 * rng.normal(size=sets)) for key, x in model.nominal.items()
-    }
+    values = {key: x * np.exp(0.1 * rng.normal(size=sets)) for key, x in model.nominal.items()}
     gains = tuple(
         np.exp(0.02 * rng.normal(size=(sets, size))) for size in (len(model.elements), len(outputs))
     )
@@ -102,7 +96,7 @@ def linear_case(name: str, seed: int, n: int = 25, missing: bool = True, sets: i
         extra=0.01 * size**2 * rng.uniform(size=(n, ny)),
         start=start,
     )
-    noise = SensorNoise(*variance, rng.uniform(100.0, 400.0, (sets, nu + ny)))
+    noise = SensorNoise(variance[0], variance[1], rng.uniform(100.0, 400.0, (sets, nu + ny)))
     return Case(system, noise, data, np.cumsum(step), u)
 
 

@@ -1,4 +1,4 @@
-"""The extended Kalman filter against the linear one, and free responses against a general solver."""
+"""The extended Kalman filter against the linear one, free responses against a general solver."""
 
 from __future__ import annotations
 

@@ -10,7 +10,14 @@ from scipy.stats import multivariate_normal, norm
 
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import (
-    AT_LEAST, AT_MOST, LANES, MISSING, VALUE, SensorNoise, filter_pass, log_likelihood,
+    AT_LEAST,
+    AT_MOST,
+    LANES,
+    MISSING,
+    VALUE,
+    SensorNoise,
+    filter_pass,
+    log_likelihood,
 )  # fmt: skip
 from bayes_asv.filters.tails import upper_tail
 from bayes_asv.models.discretization import simulate_linear

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.filters import kalman_ar
-from bayes_asv.filters.kalman import MISSING, VALUE, filter_pass, log_likelihood
+from bayes_asv.filters.kalman import MISSING, VALUE, Measurements, filter_pass, log_likelihood
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import LinearSystem
 from tests.filters.linear_cases import KINDS, Case, linear_case
@@ -98,15 +98,16 @@ def test_two_instants_a_row_are_one_group() -> None:
     case = linear_case("half", 9, n=12, missing=False)
     ar, root = np.full((2, 2, 2), 0.1), np.array([[1.1, 0.0], [0.2, 0.9]])
     whole = _value(case, np.ones(12, bool), ar, root)
-    step, moments, spread, kind, reading, extra = (
-        np.repeat(x, 2, axis=0) for x in case.data[:6]
-    )
+    old = case.data
+    step, moments, spread = (np.repeat(x, 2, axis=0) for x in (old.step, old.moments, old.spread))
+    reading, extra = (np.repeat(x, 2, axis=0) for x in (old.reading, old.extra))
+    kind = np.repeat(old.kind, 2, axis=0)
     step[1::2] = 0.0  # the second instant of a row comes no later
     kind[0::2, 1] = MISSING
     kind[1::2, 0] = MISSING
     closes = np.ones(24, bool)
     closes[0::2] = False
-    data = type(case.data)(step, moments, spread, kind, reading, extra, case.data.start)
+    data = Measurements(step, moments, spread, kind, reading, extra, case.data.start)
     assert _value(case._replace(data=data), closes, ar, root) == pytest.approx(whole, abs=1e-9)
 
 

@@ -11,7 +11,12 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
 from bayes_asv.filters.prediction import ORDER
-from bayes_asv.filters.running_spline import forward_elimination, interpolation_errors, spline_coefficients, step_moments
+from bayes_asv.filters.running_spline import (
+    forward_elimination,
+    interpolation_errors,
+    spline_coefficients,
+    step_moments,
+)
 
 Array = NDArray[np.float64]
 

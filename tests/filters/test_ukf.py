@@ -10,22 +10,41 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bayes_asv.filters import kalman as innovations
 from bayes_asv.filters import ukf as unscented
-from bayes_asv.filters.cholesky_update import recentre, parameter_variance, measurement_update, add_parameter_noise
-from bayes_asv.filters.discretization import TAYLOR
-from bayes_asv.filters.simd_batch import fill_lanes, unscented_moments, set_parameters, propagate, transition_matrices
+from bayes_asv.filters.cholesky_update import (
+    add_parameter_noise,
+    measurement_update,
+    parameter_variance,
+    recentre,
+)
+from bayes_asv.filters.prediction import TAYLOR
+from bayes_asv.filters.simd_batch import (
+    fill_lanes,
+    propagate,
+    set_parameters,
+    transition_matrices,
+    unscented_moments,
+)
 from bayes_asv.filters.simd_layout import BLOCK, blocks
-from bayes_asv.filters.ukf_state import COLUMNS, INNOVATION, LOG_LIKELIHOOD, Model, FilterSettings, State, Steps
+from bayes_asv.filters.ukf_state import (
+    COLUMNS,
+    INNOVATION,
+    LOG_LIKELIHOOD,
+    FilterSettings,
+    Model,
+    State,
+    Steps,
+)
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.tracking.filter import initial_state
-from tests.filters.test_kalman import CAR, LaidOut, recursion_case
+from tests.filters.half_car_case import CAR, Prepared, kalman_pass, recursion_case
 
 Array = NDArray[np.float64]
 
 NEVER = FilterSettings(
-    gate=math.inf, prior_readings=1e300, slow_window=500.0, fast_window=32.0, fast_threshold=math.inf, fault_threshold=math.inf,
-    fault_duration=math.inf, drift_threshold=math.inf, information_gain=math.inf, review_interval=math.inf,
+    gate=math.inf, prior_readings=1e300, slow_window=500.0, fast_window=32.0,
+    fast_threshold=math.inf, fault_threshold=math.inf, fault_duration=math.inf,
+    drift_threshold=math.inf, information_gain=math.inf, review_interval=math.inf,
 )  # fmt: skip
 SCALE = np.array([1.1, 1.1, 0.7])
 
@@ -38,7 +57,7 @@ def _model(noise: Array, start: Array) -> Model:
     )  # fmt: skip
 
 
-def _steps(laid: LaidOut) -> Steps:
+def _steps(laid: Prepared) -> Steps:
     h, moments, spread, kind, reading, _, _ = laid
     return Steps(h, moments, spread, kind, reading, np.zeros(len(h), bool))
 
@@ -53,8 +72,8 @@ def test_with_known_parameters_it_is_the_linear_filter(
         rng = np.random.default_rng(seed)
         at = rng.uniform(size=laid[3].shape) < 0.1
         laid[3][at & (laid[3] == 1)] = rng.integers(2, 4)
-    kept = np.zeros((40, 2))
-    expected = innovations.residuals(np.array(CAR), noise, *laid, kept)
+    linear = kalman_pass(noise, laid)
+    expected, kept = linear.log_likelihood[0], linear.innovations[0]
     model = _model(noise, laid[6])
     state = initial_state(model)
     state.D[:] = 0.0
@@ -152,7 +171,9 @@ def test_lanes_carry_sigma_points_exactly(seed: int) -> None:
     points = np.array(wanted)
     W = np.zeros(blocks(p) * BLOCK)
     fill_lanes(W, p, model.base)
-    max_rate = set_parameters(W, mu, D, distance, model.element, model.log, model.centre, model.scale)
+    max_rate = set_parameters(
+        W, mu, D, distance, model.element, model.log, model.centre, model.scale
+    )
     propagate(W, p, distance, x, J, h, laid[1][1], np.zeros((2, TAYLOR + 1)), max_rate, True)
     phi, gamma, qf, qr = (np.zeros(s) for s in ((4, 4), (4, 2), (4, 4), (4, 4)))
     transition_matrices(W, p, h, phi, gamma, qf, qr)

@@ -16,7 +16,8 @@ from bayes_asv.domain.recording import Recording, Timing, accelerations, sample_
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.ukf_state import Steps
-from bayes_asv.preprocessing.timeline import build
+from bayes_asv.models.cars import car_model
+from bayes_asv.preprocessing.timeline import prepare
 from bayes_asv.tracking.sensor_noise import sensor_model
 from bayes_asv.tracking.streaming_spline import LOOKAHEAD
 from bayes_asv.tracking.streaming_timeline import Rows, StreamingTimeline, TimelineChunk, max_gap
@@ -48,7 +49,7 @@ def _scheduled(
 @pytest.mark.parametrize("rate", [100.0, 400.0, 800.0])
 def test_timeline_of_the_whole_recording(rate: float) -> None:
     _, _, recording = case("stops", 2, EXACT, rate=rate)
-    whole = build(recording, CAR)
+    whole = prepare(recording, CAR, car_model("half", CAR))
     steps, rows = _scheduled(recording, [len(recording.time)])
     np.testing.assert_allclose(steps.step, whole.step, atol=1e-12)
     np.testing.assert_array_equal(steps.kind, whole.kind)
@@ -132,7 +133,7 @@ def test_short_gaps_are_interpolated() -> None:
     keep[[200, 201, 350]] = False
     gappy = replace(recording, time=recording.time[keep], values=recording.values[:, keep])
     steps, _ = _scheduled(gappy, [len(gappy.time)])
-    whole = build(gappy, CAR)
+    whole = prepare(gappy, CAR, car_model("half", CAR))
     assert not steps.restart.any()
     np.testing.assert_allclose(steps.step, whole.step, atol=1e-12)
     assert max_gap(400.0) > 4.0 / 400.0
@@ -158,7 +159,7 @@ def test_bandwidths_are_matched() -> None:
     )
     car = replace(CAR, sensors=fast)  # type: ignore[arg-type]
     steps, _ = _scheduled(recording, [37] * 10 + [len(recording.time) - 370], car)
-    whole = build(recording, car)
+    whole = prepare(recording, car, car_model("half", car))
     scale = float(np.abs(whole.moments[:, :, 0]).max())
     assert np.abs(steps.moments - whole.moments)[12:-12, :, 0].max() < 4e-3 * scale
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import MISSING, VALUE
-from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Source", "found_again", "lost_readings", "sources"]

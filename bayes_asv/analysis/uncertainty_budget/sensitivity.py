@@ -140,7 +140,7 @@ def prior_sd(target: Posterior, z: Array) -> Array:
 
 
 def answer_slopes(target: Posterior) -> dict[str, Array]:
-    """Derivatives (P,) of the logarithm of each answer by those of :func:`parameters`."""
+    """Return derivatives (P,) of the logarithm of each answer by those of :func:`parameters`."""
     car = target.space.car
     known = parameters(target)
     by_name = {p.name: p for p in car.parameters}
