@@ -32,9 +32,9 @@ import numpy as np
 from scipy import stats
 
 from bayes_asv import __version__
-from bayes_asv.acquire.job import acquire
+from bayes_asv.acquire.acquisition import acquire
 from bayes_asv.acquire.messages import Settings
-from bayes_asv.acquire.run import Request
+from bayes_asv.acquire.transfer import RunRequest
 from bayes_asv.domain.recording import Recording, declared_rate, sample_times
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.shipped import shipped
@@ -104,7 +104,7 @@ def run_of(logger: Logger, rate: int, synch: int, ppm: float, number: int) -> Ro
     since = emulated.now
     outcome = acquire(
         VirtualPort(emulated),
-        Request(Settings(rate=rate, synch=synch), start=True),
+        RunRequest(Settings(rate=rate, synch=synch), start=True),
         patience=PATIENCE,
         seq=37 * number % 256,
     )
@@ -114,8 +114,8 @@ def run_of(logger: Logger, rate: int, synch: int, ppm: float, number: int) -> Ro
         "reasons": list(outcome.reasons),
         "overruns": [block["overruns"] for block in outcome.blocks],
         "seconds": round(emulated.now - since, 2),
-        "frames_spoilt": outcome.spoilt,
-        "commands_repeated": outcome.repeats,
+        "frames_spoilt": outcome.corrupted,
+        "commands_repeated": outcome.retries,
     }
     if outcome.recording is not None:
         row |= held_against_truth(emulated, outcome.recording, since, ppm)

@@ -1,1 +1,1 @@
-"""The laptop's side of the data logger: frames, blocks, the talk, and the recording they make."""
+"""Client of the data logger: frames, blocks, the transfer, and the recording that results."""

@@ -1,41 +1,42 @@
-"""Frames of the logger's serial line: COBS, CRC-16, addresses and kinds (firmware/PROTOCOL.md).
-
-Pure: bytes in, frames out. What does not decode or fails its CRC is no frame.
-"""
+"""Frames of the logger's serial line: COBS, CRC-16, addresses and kinds (firmware/PROTOCOL.md)."""
 
 from __future__ import annotations
 
+import re
 import struct
 from binascii import crc_hqx
 from enum import IntEnum
 from typing import Final, NamedTuple
 
 __all__ = [
-    "LONGEST_BODY",
+    "MAX_BODY",
     "REPLY",
     "Address",
     "Frame",
     "Kind",
     "Result",
     "State",
-    "decoded",
-    "encoded",
-    "stuffed",
-    "unstuffed",
+    "StreamDecoder",
+    "cobs_decode",
+    "cobs_encode",
+    "decode",
+    "encode",
 ]
 
-LONGEST_BODY: Final = 31
-"""Bytes of the longest body: three of head, 26 of payload, two of CRC."""
+MAX_BODY: Final = 31
+"""Bytes of the longest body: three of header, 26 of payload, two of CRC."""
 REPLY: Final = 0x80
-"""This bit of a kind says that the frame is a reply."""
+"""Bit of a kind that marks a reply."""
 
-_SHORTEST_BODY: Final = 5
+_MIN_BODY: Final = 5
 _CRC_START: Final = 0xFFFF
-_LONGEST_RUN: Final = 254  # bytes that one code byte can stand for
+_MAX_RUN: Final = 254  # bytes after one code byte
+_MAX_CHUNK: Final = 128  # bytes; no frame (32) and no line (100) is longer
+_LINE: Final = re.compile(rb"([\x20-\x7e]+)\r?\n")
 
 
 class Address(IntEnum):
-    """Who sends and who is meant."""
+    """Sender or receiver."""
 
     LAPTOP = 0
     SLAVE_1 = 1
@@ -44,7 +45,7 @@ class Address(IntEnum):
 
 
 class Kind(IntEnum):
-    """What a frame is; commands go from the laptop to Slave 1."""
+    """Kind of a frame; commands go from the laptop to Slave 1."""
 
     HELLO = 0x01
     CONFIG = 0x02
@@ -89,7 +90,7 @@ class State(IntEnum):
 
 
 class Frame(NamedTuple):
-    """One frame without its CRC.
+    """A frame without its CRC.
 
     Attributes
     ----------
@@ -98,7 +99,7 @@ class Frame(NamedTuple):
     kind : int
         `Kind`, with `REPLY` in a reply.
     seq : int
-        0 to 255.
+        Sequence number, 0 to 255.
     payload : bytes
         0 to 26 bytes.
     """
@@ -110,16 +111,16 @@ class Frame(NamedTuple):
     payload: bytes = b""
 
 
-def stuffed(data: bytes) -> bytes:
-    """Return data without zero bytes (COBS: Cheshire and Baker 1999, IEEE/ACM Trans. Netw. 7:2).
+def cobs_encode(data: bytes) -> bytes:
+    """Encode data without zero bytes (COBS: Cheshire and Baker 1999, IEEE/ACM Trans. Netw. 7:2).
 
-    A code byte n stands before n - 1 bytes that are not zero, and for a zero after them unless it
+    A code byte n precedes n - 1 bytes that are not zero, and stands for a zero after them unless it
     is 255 or the last.
     """
     out = bytearray(b"\0")
-    code = 0  # place of the code byte that is being counted
+    code = 0  # index of the current code byte
     for byte in data:
-        if byte and len(out) - code == _LONGEST_RUN + 1:
+        if byte and len(out) - code == _MAX_RUN + 1:
             out[code] = 255
             code = len(out)
             out.append(0)
@@ -133,35 +134,90 @@ def stuffed(data: bytes) -> bytes:
     return bytes(out)
 
 
-def unstuffed(data: bytes) -> bytes | None:
-    """Reverse `stuffed`; None where the data cannot come from it."""
-    out, place = bytearray(), 0
-    while place < len(data):
-        code = data[place]
-        end = place + code
-        if code == 0 or end > len(data) or 0 in data[place + 1 : end]:
+def cobs_decode(data: bytes) -> bytes | None:
+    """Reverse `cobs_encode`; None for data that it cannot have produced."""
+    out, start = bytearray(), 0
+    while start < len(data):
+        code = data[start]
+        end = start + code
+        if code == 0 or end > len(data) or 0 in data[start + 1 : end]:
             return None
-        out += data[place + 1 : end]
+        out += data[start + 1 : end]
         if code != 255 and end < len(data):
             out.append(0)
-        place = end
+        start = end
     return bytes(out)
 
 
-def encoded(frame: Frame) -> bytes:
-    """Return a frame as it goes on the serial line, its zero byte at the end."""
+def encode(frame: Frame) -> bytes:
+    """Return the bytes of a frame on the serial line, with the zero byte at its end."""
     body = bytes((frame.to << 4 | frame.sender, frame.kind, frame.seq)) + frame.payload
-    return stuffed(body + struct.pack("<H", crc_hqx(body, _CRC_START))) + b"\0"
+    return cobs_encode(body + struct.pack("<H", crc_hqx(body, _CRC_START))) + b"\0"
 
 
-def decoded(chunk: bytes) -> Frame | None:
-    """Return the frame between two zero bytes of the line; None when it is none or spoilt.
+def decode(chunk: bytes) -> Frame | None:
+    """Return the frame between two zero bytes of the line, or None if it is invalid.
 
     CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected.
     """
-    body = unstuffed(chunk)
-    if body is None or not _SHORTEST_BODY <= len(body) <= LONGEST_BODY:
+    body = cobs_decode(chunk)
+    if body is None or not _MIN_BODY <= len(body) <= MAX_BODY:
         return None
     if crc_hqx(body[:-2], _CRC_START) != int.from_bytes(body[-2:], "little"):
         return None
     return Frame(body[0] >> 4, body[0] & 0x0F, body[1], body[2], body[3:-2])
+
+
+class StreamDecoder:
+    """Converts the bytes of the serial line, in any chunks, to frames and lines of text.
+
+    A zero byte ends a frame. Printable characters up to a line feed are a line: no frame to the
+    laptop starts like that, since its address byte is not printable. All else is counted as
+    corrupted.
+
+    Attributes
+    ----------
+    corrupted : int
+        Pieces that were neither frame nor line.
+    """
+
+    def __init__(self) -> None:
+        self.corrupted = 0
+        self._bytes = bytearray()
+
+    def feed(self, data: bytes) -> list[Frame | str]:
+        """Add bytes; return the frames and lines that are complete with them, in order."""
+        self._bytes += data
+        pieces: list[Frame | str] = []
+        while self._bytes:
+            line = _LINE.match(self._bytes)
+            if line is not None:
+                pieces.append(line[1].decode("ascii"))
+                del self._bytes[: line.end()]
+                continue
+            end = self._bytes.find(0)
+            if end < 0:
+                if len(self._bytes) > _MAX_CHUNK:
+                    self._resynchronise()
+                    continue
+                break
+            chunk = bytes(self._bytes[:end])
+            del self._bytes[: end + 1]
+            if chunk:
+                pieces += self._decode(chunk)
+        return pieces
+
+    def _decode(self, chunk: bytes) -> list[Frame | str]:
+        # Noise without a zero byte, such as half a line, may precede a frame; where the frame
+        # starts is then unknown, and the chunk counts as corrupted.
+        frame = decode(chunk) if len(chunk) <= MAX_BODY + 1 else None
+        if frame is None:
+            self.corrupted += 1
+            return []
+        return [frame]
+
+    def _resynchronise(self) -> None:
+        """Drop bytes that can be neither frame nor line, up to the next possible start."""
+        self.corrupted += 1
+        end = self._bytes.find(b"\n")
+        del self._bytes[: end + 1 if end >= 0 else len(self._bytes)]

@@ -1,4 +1,4 @@
-"""Payloads of commands, replies and events, and the words a person reads for them."""
+"""Payloads of commands, replies and events, and their text for the user (firmware/PROTOCOL.md)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = [
     "Hello",
     "Settings",
     "Status",
-    "event_of",
-    "hello_of",
-    "status_of",
+    "parse_event",
+    "parse_hello",
+    "parse_status",
 ]
 
 RATES: Final = (50, 100, 200, 400, 800)
 SYNCHS: Final = ("six", "short", "radio")
-"""Names of the ways to synchronise, by their number in CONFIG."""
+"""Methods of synchronisation, by their number in CONFIG."""
 MODES: Final = ("fixed", "loop")
 
 STATES: Final = {
@@ -44,11 +44,11 @@ STATES: Final = {
 _HELLO: Final = struct.Struct("<BBBHBB")
 _CONFIG: Final = struct.Struct("<HBBBHH")
 _STATUS: Final = struct.Struct("<BHHHHHBBBBB")
-_PLACES: Final = {1: "front", 2: "rear"}
+_AXLES: Final = {1: "front", 2: "rear"}
 
 
 class Code(IntEnum):
-    """What an event tells."""
+    """Code of an event."""
 
     RUN_STARTED = 1
     TRIGGERED = 2
@@ -92,20 +92,20 @@ class Status(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What CONFIG sets for the next run.
+    """Settings of the next run, set by CONFIG.
 
     Attributes
     ----------
     rate : int
-        Rows a second, one of `RATES`; 0 as the knob says.
+        Rows per second, one of `RATES`; 0 for the logger's knob.
     mode, synch : int
-        Places in `MODES` and `SYNCHS`.
+        Indices into `MODES` and `SYNCHS`.
     readings : int
         Conversions averaged to one reading: 1, 2, 4, 8, 16 or 32.
     pre : int
         Rows kept from before the trigger, 0 to 600.
     threshold : int
-        Counts of mean deviation of the wheel that count as a shake.
+        Mean deviation of the wheel, counts, that triggers.
     """
 
     rate: int = 0
@@ -121,7 +121,7 @@ class Settings(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What Slave 1 told by itself."""
+    """A message that Slave 1 sends unasked."""
 
     code: int
     board: int
@@ -129,9 +129,9 @@ class Event(NamedTuple):
     text: str
 
     @property
-    def said(self) -> str:
-        """One sentence that names the board and, where there is one, the mend."""
-        whose = f"{_PLACES.get(self.board, 'a')} board (Slave {self.board})"
+    def message(self) -> str:
+        """The event for the user, with the board's name and what to do."""
+        board = f"{_AXLES.get(self.board, 'a')} board (Slave {self.board})"
         match self.code:
             case Code.RUN_STARTED:
                 return "the run has started"
@@ -141,52 +141,52 @@ class Event(NamedTuple):
                 return "the run is done and waits for its transfer"
             case Code.SATURATED:
                 return (
-                    f"the {whose} read 0 or 1023 ten times, so the run was given up and nothing "
-                    "kept; drive it softer or use a sensor of wider range"
+                    f"the {board} read 0 or 1023 ten times, so the run was aborted and discarded; "
+                    "drive more gently or use a sensor with a wider range"
                 )
             case Code.NO_ANSWER:
-                return f"the {whose} does not answer by radio; is it on and in range?"
+                return f"the {board} does not answer by radio; is it on and in range?"
             case Code.NO_PULSE:
                 return (
-                    f"the {whose} did not see the synchronisation pulse; mend the wire or give "
+                    f"the {board} did not see the synchronisation pulse; repair the wire or give "
                     "--synch radio"
                 )
             case Code.BLOCK_READY:
-                return f"the {whose} has its block ready"
+                return f"the {board} has its block ready"
             case Code.STOPPED:
-                return "the run was stopped; nothing is kept"
+                return "the run was stopped and discarded"
             case Code.ALL_SENT:
                 return "both blocks are acknowledged"
             case Code.OVERRUNS:
-                return f"the {whose} missed rows; take a lower rate or fewer readings"
+                return f"the {board} missed rows; use a lower rate or fewer readings"
             case Code.RUN_LOST:
-                return f"the {whose} has lost the run: it was reset or missed the start"
+                return f"the {board} has lost the run: it was reset or missed the start"
             case Code.POOR_SIGNAL:
                 signal = self.text.rpartition(": ")[2]
-                return f"poor signal on the {whose}: {signal}; the data are kept"
+                return f"poor signal on the {board}: {signal}; the data are kept"
             case _:
-                return f"the {whose} says: {self.text}"
+                return f"the {board} reports: {self.text}"
 
     @property
     def ends_run(self) -> bool:
-        """Whether a run has come to nothing by it: told in standby, and not after the transfer."""
+        """Whether a run ended without data: sent in standby, and not after the transfer."""
         return self.state == State.STANDBY and self.code in (
             Code.SATURATED, Code.NO_ANSWER, Code.NO_PULSE, Code.STOPPED, Code.RUN_LOST,
         )  # fmt: skip
 
 
-def hello_of(payload: bytes) -> Hello | None:
-    """Read the reply to HELLO; None when it is none."""
+def parse_hello(payload: bytes) -> Hello | None:
+    """Parse the reply to HELLO; None if it is invalid."""
     return Hello._make(_HELLO.unpack(payload)) if len(payload) == _HELLO.size else None
 
 
-def status_of(payload: bytes) -> Status | None:
-    """Read the reply to STATUS; None when it is none."""
+def parse_status(payload: bytes) -> Status | None:
+    """Parse the reply to STATUS; None if it is invalid."""
     return Status._make(_STATUS.unpack(payload)) if len(payload) == _STATUS.size else None
 
 
-def event_of(frame: Frame) -> Event | None:
-    """Read an EVENT frame; None when it is none."""
+def parse_event(frame: Frame) -> Event | None:
+    """Parse an EVENT frame; None if it is invalid."""
     if len(frame.payload) < 3 or frame.sender != Address.SLAVE_1:
         return None
     code, board, state = frame.payload[:3]

@@ -1,4 +1,4 @@
-"""The serial port: every byte on disk before anybody looks at it, through losses of the cable."""
+"""Serial port that saves every byte before anything else, and waits for a disconnected cable."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from typing import Any, BinaryIO, Final, Self
 from bayes_asv.domain.errors import BayesAsvError, InputError
 from bayes_asv.domain.files import PathLike
 
-__all__ = ["BAUD", "GoneError", "KeptPort", "found_port"]
+__all__ = ["BAUD", "PortLostError", "SavingPort", "find_port"]
 
 BAUD: Final = 9600
-"""Bits a second of the logger's line."""
+"""Bits per second of the logger's serial line."""
 
-_BETWEEN_TRIES: Final = 0.3  # s before a port that was lost is opened again
-_MOST_NAMED: Final = 8
-
-
-class GoneError(BayesAsvError):
-    """The port went away and did not come back."""
+_RETRY_INTERVAL: Final = 0.3  # s between attempts to open a lost port again
+_MAX_NAMED: Final = 8  # ports in a message
 
 
-class KeptPort:
-    """A serial port that keeps what it reads, and waits for a cable that was pulled.
+class PortLostError(BayesAsvError):
+    """The port was disconnected and did not come back."""
+
+
+class SavingPort:
+    """Serial port that saves what it reads, and waits for a cable that was unplugged.
 
     Parameters
     ----------
@@ -35,25 +35,25 @@ class KeptPort:
     keep : str or os.PathLike
         File for the bytes as they come.
     resume : bool
-        Whether the file may exist and is written on.
+        Whether the file may exist; new bytes are appended.
     patience : float
-        s to wait for a lost port.
+        Time to wait for a lost port, s.
     baud : int
-        Bits a second.
+        Bits per second.
     say : callable, optional
-        Told when the port goes and comes.
+        Called with a message when the port is lost and when it is back.
 
     Attributes
     ----------
     timeout : float
-        s that `read` waits for a first byte.
+        Time that `read` waits for the first byte, s.
     losses : int
-        How often the port went away.
+        Number of times the port was lost.
 
     Raises
     ------
     InputError
-        If the port cannot be opened, or the file cannot be made or exists.
+        If the port cannot be opened, or the file cannot be created or exists.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class KeptPort:
         self.timeout = 1.0
         self.losses = 0
         self._name, self._baud, self._patience, self._say = name, baud, patience, say
-        self._away = 0.0  # s during which there was no port
+        self._time_lost = 0.0  # s without a port
         self._serial = self._open()
         try:
             self._file: BinaryIO = open(keep, "ab" if resume else "xb", buffering=0)  # noqa: SIM115
-        except OSError as fault:
+        except OSError as error:
             self._serial.close()
-            raise _unkept(str(keep), fault) from None
+            raise _file_error(str(keep), error) from None
         self.file = Path(keep)
 
     def __enter__(self) -> Self:
@@ -91,45 +91,45 @@ class KeptPort:
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that can be read at once; none where the port is away."""
+        """Bytes that can be read at once; none while the port is lost."""
         try:
             return int(self._serial.in_waiting)
         except (OSError, TypeError):
             return 0
 
     def clock(self) -> float:
-        """Seconds with a port: the clock stands still while it is away."""
-        return time.monotonic() - self._away
+        """Time with a port, s: the clock stops while it is lost."""
+        return time.monotonic() - self._time_lost
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes, at least one unless none came within `timeout`.
+        """Read up to `size` bytes, at least one unless none came within `timeout`.
 
         Raises
         ------
-        GoneError
-            If the port went away and did not come back.
+        PortLostError
+            If the port was lost and did not come back.
         InputError
-            If what came cannot be written to the file.
+            If the bytes cannot be written to the file.
         """
         try:
             self._serial.timeout = self.timeout
             data = bytes(self._serial.read(size))
-        except (OSError, TypeError, ValueError):  # pulled out; SerialException is an OSError
-            self._wait()
+        except (OSError, TypeError, ValueError):  # unplugged; SerialException is an OSError
+            self._reconnect()
             return b""
         if data:
             try:
                 self._file.write(data)
-            except OSError as fault:
-                raise _unkept(str(self.file), fault) from None
+            except OSError as error:
+                raise _file_error(str(self.file), error) from None
         return data
 
     def write(self, data: bytes) -> int:
-        """Send bytes; what a lost port swallows is asked for again anyway."""
+        """Send bytes; what a lost port drops is repeated by the client anyway."""
         try:
             return int(self._serial.write(data) or 0)
         except (OSError, TypeError, ValueError):
-            self._wait()
+            self._reconnect()
             return 0
 
     def close(self) -> None:
@@ -143,32 +143,34 @@ class KeptPort:
 
         try:
             return serial.serial_for_url(self._name, baudrate=self._baud, write_timeout=5.0)
-        except (OSError, ValueError) as fault:
-            reason = getattr(fault, "strerror", None) or str(fault)
-            fix = "check the cable and the name; on Linux the group dialout may open it"
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            fix = "check the cable and the name; on Linux add yourself to the group dialout"
             raise InputError(self._name, f"cannot be opened ({reason})", fix) from None
 
-    def _wait(self) -> None:
+    def _reconnect(self) -> None:
         """Wait until the port can be opened again."""
         began = time.monotonic()
         self.losses += 1
         with contextlib.suppress(OSError):
             self._serial.close()
-        self._say(f"{self._name} has gone; what came is kept; plug it in again to go on")
+        self._say(f"{self._name} has gone; what came is saved; plug it in again to continue")
         while time.monotonic() - began < self._patience:
-            time.sleep(_BETWEEN_TRIES)
+            time.sleep(_RETRY_INTERVAL)
             try:
                 self._serial = self._open()
             except InputError:
                 continue
-            self._away += time.monotonic() - began
-            self._say(f"{self._name} is back after {time.monotonic() - began:.1f} s; going on")
+            self._time_lost += time.monotonic() - began
+            self._say(f"{self._name} is back after {time.monotonic() - began:.1f} s; continuing")
             return
-        raise GoneError(f"{self._name} went away and did not come back in {self._patience:g} s")
+        raise PortLostError(
+            f"{self._name} was disconnected and did not come back in {self._patience:g} s"
+        )
 
 
-def found_port() -> str:
-    """Return the one serial port of this machine.
+def find_port() -> str:
+    """Return the only serial port of this machine.
 
     Raises
     ------
@@ -178,29 +180,27 @@ def found_port() -> str:
     from serial.tools.list_ports import comports
 
     ports = list(comports())
-    # Main boards show ports that nothing is plugged into; a cable or a modem has a USB identity.
-    real = [port for port in ports if port.vid is not None] or [
+    # Main boards have ports that nothing is plugged into; a cable or a modem has a USB identity.
+    candidates = [port for port in ports if port.vid is not None] or [
         port for port in ports if port.description not in (None, "", "n/a", "ttyS", port.name)
     ]
-    if not real:
+    if not candidates:
         raise InputError(
             "serial port",
-            "none is there",
+            "none was found",
             "plug in the logger's cable or modem, or name it with --port; "
             "without hardware: bayes-asv logger --emulated",
         )
-    if len(real) > 1:
-        named = ", ".join(f"{port.device} ({port.description})" for port in real[:_MOST_NAMED])
+    if len(candidates) > 1:
+        named = ", ".join(f"{port.device} ({port.description})" for port in candidates[:_MAX_NAMED])
         raise InputError("serial port", f"there are several: {named}", "choose one with --port")
-    return str(real[0].device)
+    return str(candidates[0].device)
 
 
-def _unkept(where: str, fault: OSError) -> InputError:
-    if isinstance(fault, FileExistsError):
-        return InputError(
-            where, "is there already", "give --resume to go on with it, or name another"
-        )
-    if isinstance(fault, FileNotFoundError):
+def _file_error(where: str, error: OSError) -> InputError:
+    if isinstance(error, FileExistsError):
+        return InputError(where, "exists already", "give --resume to continue it, or another name")
+    if isinstance(error, FileNotFoundError):
         return InputError(where, "its folder does not exist", "make the folder first")
-    reason = fault.strerror or str(fault)
+    reason = error.strerror or str(error)
     return InputError(where, f"cannot be written ({reason})", "free some space or name another")

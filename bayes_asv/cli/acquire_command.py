@@ -15,10 +15,10 @@ from bayes_asv.domain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from bayes_asv.acquire.acquisition import Outcome
     from bayes_asv.acquire.blocks import Block
-    from bayes_asv.acquire.outcome import Outcome
-    from bayes_asv.acquire.run import Request
-    from bayes_asv.acquire.watch import Watch
+    from bayes_asv.acquire.tracking import TransferTracker
+    from bayes_asv.acquire.transfer import RunRequest
     from bayes_asv.library.progress import Report
 
 __all__ = ["command"]
@@ -105,18 +105,20 @@ def command(
         raise click.UsageError("--watch and --vehicle belong together")
     raw_file = replay or raw or f"{output}.raw"
     common.check_outputs((replay, vehicle), output, json_file, None if replay else raw_file)
-    from bayes_asv.acquire.job import replayed
-    from bayes_asv.acquire.outcome import document, lines
+    from bayes_asv.acquire.acquisition import outcome_document, outcome_lines, replay_file
     from bayes_asv.io import write_recording
 
     watcher = None if vehicle is None else _watcher(vehicle)
     if replay is not None:
-        outcome = replayed(replay, rate, output)
+        outcome = replay_file(replay, rate, output)
     else:
         outcome = _acquire(
             port, raw_file, output, request, rate, options["patience"], options["cable"], watcher
         )  # fmt: skip
-    report, messages = document(outcome, output, raw_file), lines(outcome, output, raw_file)
+    report, messages = (
+        outcome_document(outcome, output, raw_file),
+        outcome_lines(outcome, output, raw_file),
+    )
     if outcome.recording is not None:
         write_recording(outcome.recording, output)
         if watcher is not None:
@@ -149,10 +151,10 @@ def _request(
     discard: bool,
     text: bool,
     resume: bool,
-) -> Request:
+) -> RunRequest:
     """Combine the options, and refuse combinations that do not fit."""
     from bayes_asv.acquire.messages import Settings
-    from bayes_asv.acquire.run import Request
+    from bayes_asv.acquire.transfer import RunRequest
 
     loop = mode == "loop"
     for name, value in (("--pre", pre), ("--threshold", threshold), ("--trigger", trigger)):
@@ -172,22 +174,22 @@ def _request(
             pre=usual.pre if pre is None else pre,
             threshold=threshold or usual.threshold,
         )
-    return Request(settings, start, trigger, wait, resume, discard, text)
+    return RunRequest(settings, start, trigger, wait, resume, discard, text)
 
 
 def _acquire(
     name: str | None,
     raw_file: str,
     output: str,
-    request: Request,
+    request: RunRequest,
     rate: float | None,
     patience: float,
     cable: float,
-    watcher: Watch | None,
+    watcher: TransferTracker | None,
 ) -> Outcome:
     """Read a run over the port, with messages and a progress bar on standard error."""
-    from bayes_asv.acquire.job import acquire
-    from bayes_asv.acquire.port import KeptPort, found_port
+    from bayes_asv.acquire.acquisition import acquire
+    from bayes_asv.acquire.port import SavingPort, find_port
     from bayes_asv.library.progress import progress_bar
 
     held = _held(raw_file) if request.resumed else b""
@@ -195,11 +197,11 @@ def _acquire(
         raise InputError(
             raw_file, "exists already", "give --resume to continue it, or another file with --raw"
         )
-    chosen = name or found_port()
+    chosen = name or find_port()
     with ExitStack() as stack:
         progress = stack.enter_context(progress_bar())
         port = stack.enter_context(
-            KeptPort(chosen, raw_file, resume=request.resumed, patience=cable, say=common.say)
+            SavingPort(chosen, raw_file, resume=request.resumed, patience=cable, say=common.say)
         )
         common.say(f"{chosen}: every byte is kept in {raw_file}")
         return acquire(
@@ -210,30 +212,31 @@ def _acquire(
             source=output,
             rate=rate,
             say=common.say,
-            grown=_block_callback(progress, watcher),
+            on_block=_block_callback(progress, watcher),
         )
 
 
-def _watcher(vehicle: str) -> Watch:
-    from bayes_asv.acquire.watch import Watch
+def _watcher(vehicle: str) -> TransferTracker:
+    from bayes_asv.acquire.tracking import TransferTracker
     from bayes_asv.domain.vehicle import read_vehicle
 
-    return Watch(read_vehicle(vehicle), common.say)
+    return TransferTracker(read_vehicle(vehicle), common.say)
 
 
-def _block_callback(progress: Report | None, watcher: Watch | None) -> Callable[[Block], None]:
+def _block_callback(
+    progress: Report | None, watcher: TransferTracker | None
+) -> Callable[[Block], None]:
     """Make the function that is called with a block whenever a frame of it has arrived."""
 
     def on_block(block: Block) -> None:
         if watcher is not None:
-            watcher.grown(block)
+            watcher.on_block(block)
         if progress is None:
             return
-        share = block.come / (block.expected or _FRAMES)
+        share = block.received / (block.expected or _FRAMES)
         first = block.board == 1
-        words = (
-            f"{'front' if first else 'rear'} board, {block.come} of {block.expected or '?'} frames"
-        )
+        name, expected = "front" if first else "rear", block.expected or "?"
+        words = f"{name} board, {block.received} of {expected} frames"
         progress(0.5 * share + (0.0 if first else 0.5), words)
 
     return on_block

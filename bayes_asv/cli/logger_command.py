@@ -58,13 +58,13 @@ def command(
     if not emulated:
         raise click.UsageError("give --emulated; for a real logger use bayes-asv acquire")
     import bayes_asv as asv
-    from bayes_asv.acquire.emulated import (
-        EVERY,
-        Emulation,
-        built,
+    from bayes_asv.acquire.emulator import (
+        PERIOD,
+        EmulatorOptions,
+        build_firmware,
         default_drive,
-        scenario,
-        started,
+        scenario_text,
+        start_emulator,
         write_voltages,
     )
     from bayes_asv.library.inputs import check_inputs
@@ -74,18 +74,18 @@ def command(
     drive = None if recording is None else asv.read_recording(recording, rate=rate)
     if drive is not None:
         check_inputs("logger", drive, car)
-    firmware = built()
+    firmware = build_firmware()
     with tempfile.TemporaryDirectory(prefix="logger-") as name:
         folder = Path(name)
         inputs, warning = write_voltages(drive or default_drive(car, seed), car, folder)
         if warning:
             click.echo(f"Note: {warning}.", err=True)
-        wanted = Emulation(seed=seed, loss=loss, errors=errors, speed=speed)
+        wanted = EmulatorOptions(seed=seed, loss=loss, errors=errors, speed=speed)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _interrupted)
-        process, port = started(firmware, scenario(firmware, wanted, inputs), folder)
+        process, port = start_emulator(firmware, scenario_text(firmware, wanted, inputs), folder)
         click.echo(
-            f"The emulated logger is at {port}; the car passes its road every {EVERY:g} s.\n"
+            f"The emulated logger is at {port}; the car passes its road every {PERIOD:g} s.\n"
             "In another terminal:\n"
             f"  bayes-asv acquire --port {port} --start --mode loop --frequency 400 -o run.csv\n"
             f"  bayes-asv estimate run.csv --vehicle {chosen}\n"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from bayes_asv.io import read_recording
-from tests.acquire.made import Made, counts, stream
+from tests.acquire.synthetic import SyntheticBlock, counts, stream
 from tests.cli.conftest import Check, Command
 
-FRONT, REAR = Made(1, counts(1)), Made(2, counts(2), ppm=-35.0)
+FRONT, REAR = SyntheticBlock(1, counts(1)), SyntheticBlock(2, counts(2), ppm=-35.0)
 
 
 @pytest.fixture

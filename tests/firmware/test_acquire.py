@@ -205,7 +205,7 @@ def test_a_cable_that_is_pulled_costs_nothing(tmp_path: Path) -> None:
     assert came.status == 0, came.said
     assert "has gone" in came.said
     assert "is back" in came.said
-    assert any("went away 2 times" in w for w in came.document["warnings"])
+    assert any("disconnected 2 times" in w for w in came.document["warnings"])
     assert read_recording(came.recording).values.shape == (4, 800)
     # The same bytes give the same recording.
     again = subprocess.run(

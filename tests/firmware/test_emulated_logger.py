@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bayes_asv.acquire import emulated
-from bayes_asv.acquire.emulated import EVERY, built, default_drive, write_voltages
+from bayes_asv.acquire import emulator
+from bayes_asv.acquire.emulator import PERIOD, build_firmware, default_drive, write_voltages
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import read_vehicle
@@ -76,7 +76,7 @@ def test_each_reading_is_played_at_the_instant_at_which_it_was_taken(tmp_path: P
         assert sensor.zero_counts is not None
         assert (np.diff(table[:, 0]) > 0).all()
         for turn in (0, 3):  # the drive comes again
-            at = EVERY * turn + 0.001 + delays[k] + time_stamps[50]
+            at = PERIOD * turn + 0.001 + delays[k] + time_stamps[50]
             volts = np.interp(at, table[:, 0], table[:, 1])
             expected = sensor.zero_counts + 0.0254 * values[k, 50] / sensor.counts_scale
             assert volts == pytest.approx(expected, abs=1e-4)
@@ -103,9 +103,9 @@ def test_a_sensor_without_scale_is_named(tmp_path: Path) -> None:
 def test_an_installed_package_says_that_it_needs_a_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(emulated, "FIRMWARE", tmp_path / "firmware")
+    monkeypatch.setattr(emulator, "FIRMWARE", tmp_path / "firmware")
     with pytest.raises(InputError, match="needs a source checkout"):
-        built()
+        build_firmware()
 
 
 def test_a_missing_tool_is_named_with_the_mend(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +113,7 @@ def test_a_missing_tool_is_named_with_the_mend(monkeypatch: pytest.MonkeyPatch) 
         "shutil.which", lambda tool: None if tool == "avr-gcc" else f"/usr/bin/{tool}"
     )
     with pytest.raises(InputError, match=r"avr-gcc.* not installed.*apt-get install"):
-        built()
+        build_firmware()
 
 
 def test_without_emulated_there_is_nothing_to_run() -> None:

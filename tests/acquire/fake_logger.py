@@ -1,6 +1,6 @@
-"""A logger of a few lines behind a port, with its own virtual time: PROTOCOL.md without firmware.
+"""A minimal logger behind a port, with its own virtual time: PROTOCOL.md without firmware.
 
-It speaks by the tests' own implementation of frames. The line may spoil what it carries.
+It uses the tests' own implementation of frames. The line may corrupt what it carries.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tests.acquire.made import Made, told
+from tests.acquire.synthetic import SyntheticBlock, event_bytes
 from tests.firmware.frames import (
     BLOCK,
     CONFIG,
@@ -42,7 +42,7 @@ from tests.firmware.frames import (
 __all__ = ["FakeLogger"]
 
 BYTE = 10 / 9600  # s
-Spoil = Callable[[bytes], bytes]
+Corrupt = Callable[[bytes], bytes]
 
 
 @dataclass
@@ -52,26 +52,26 @@ class FakeLogger:
     Attributes
     ----------
     front, rear
-        What a run gives.
-    spoil
-        What happens to a frame on its way to the laptop.
+        Blocks of a run.
+    corrupt
+        Corrupts a frame on its way to the laptop.
     run_takes
         Seconds from START to the end of the run.
     aborts
         Event (code, board, text) that ends the run instead.
     dump
-        What DUMP gives.
+        Text that DUMP sends.
     deaf
-        Whether nothing is heard.
+        Whether it receives nothing.
     refuses
-        Results of commands that are not obeyed.
-    got
-        Kinds of commands that came.
+        Results of commands that are refused.
+    received
+        Kinds of commands received.
     """
 
-    front: Made
-    rear: Made
-    spoil: Spoil = bytes
+    front: SyntheticBlock
+    rear: SyntheticBlock
+    corrupt: Corrupt = bytes
     run_takes: float = 2.0
     state: int = STANDBY
     aborts: tuple[int, int, str] | None = None
@@ -79,13 +79,13 @@ class FakeLogger:
     deaf: bool = False
     refuses: dict[int, int] = field(default_factory=dict)
     timeout: float = 1.0
-    got: list[int] = field(default_factory=list)
+    received: list[int] = field(default_factory=list)
     settings: bytes = b""
     _now: float = 0.0
     _run_ends: float | None = None
     _fetch_ends: float | None = None
     _line: bytearray = field(default_factory=bytearray)
-    _heard: bytearray = field(default_factory=bytearray)
+    _input: bytearray = field(default_factory=bytearray)
     _last: tuple[int, int] | None = None
     _reply: bytes = b""
 
@@ -97,50 +97,50 @@ class FakeLogger:
         return self._now
 
     def read(self, size: int = 1) -> bytes:
-        """Let time pass until something is there, `timeout` at most."""
+        """Advance the time until something is there, `timeout` at most."""
         end = self._now + self.timeout
-        self._live()
+        self._advance()
         while not self._line and self._now < end:
             self._now = min(end, self._now + 0.05)
-            self._live()
+            self._advance()
         data = bytes(self._line[:size])
         del self._line[:size]
         self._now += BYTE * len(data)
         return data
 
     def write(self, data: bytes) -> int:
-        self._heard += data
-        *chunks, rest = bytes(self._heard).split(b"\0")
-        self._heard = bytearray(rest)
+        self._input += data
+        *chunks, rest = bytes(self._input).split(b"\0")
+        self._input = bytearray(rest)
         for chunk in chunks:
             body = cobs_decode(chunk)
             frame = decode_body(body) if body else None
             if frame is not None and frame.to == SLAVE_1 and not self.deaf:
-                self._obey(frame)
+                self._execute(frame)
         return len(data)
 
-    def _live(self) -> None:
+    def _advance(self) -> None:
         if self._run_ends is not None and self._now >= self._run_ends:
             self._run_ends = None
             if self.aborts is None:
                 self.state = WAITING
-                self.tell(3, 1, "Slave 1: run done")
+                self.send_event(3, 1, "Slave 1: run done")
             else:
                 self.state = STANDBY
-                self.tell(*self.aborts)
+                self.send_event(*self.aborts)
         if self._fetch_ends is not None and self._now >= self._fetch_ends:
             self._fetch_ends = None
             self.state = SENDING_2
-            self.tell(7, 2, "Slave 2: block ready")
+            self.send_event(7, 2, "Slave 2: block ready")
 
-    def tell(self, code: int, board: int, text: str) -> None:
-        self._put(told(code, board, self.state, text, seq=code))
+    def send_event(self, code: int, board: int, text: str) -> None:
+        self._put(event_bytes(code, board, self.state, text, seq=code))
 
     def _put(self, data: bytes) -> None:
-        self._line += self.spoil(data)
+        self._line += self.corrupt(data)
 
-    def _obey(self, frame: Frame) -> None:
-        self.got.append(frame.kind)
+    def _execute(self, frame: Frame) -> None:
+        self.received.append(frame.kind)
         if frame.kind == HEARD:
             return
         if frame.kind == GET:
@@ -190,7 +190,7 @@ class FakeLogger:
             self.state, self._fetch_ends = FETCHING, self._now + 1.0
         else:
             self.state = STANDBY
-            self.tell(10, 1, "Slave 1: all sent")
+            self.send_event(10, 1, "Slave 1: all sent")
         return 0
 
     def _get(self, frame: Frame) -> None:

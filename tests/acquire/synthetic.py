@@ -1,4 +1,4 @@
-"""Blocks and raw streams made by hand, on the tests' own implementation of the protocol."""
+"""Synthetic blocks and raw streams, with the tests' own implementation of the protocol."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.firmware.frames import (
     encode_body,
 )
 
-__all__ = ["BOARDS", "Made", "counts", "on_the_line", "stream", "told"]
+__all__ = ["BOARDS", "SyntheticBlock", "counts", "event_bytes", "frame_bytes", "stream"]
 
 BOARDS = (1, 2)
 _CYCLES = {50: (8, 10_000), 100: (1, 40_000), 200: (1, 20_000), 400: (1, 10_000), 800: (1, 5_000)}
@@ -34,13 +34,13 @@ def counts(board: int, rows: int = 800, seed: int = 0) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True)
-class Made:
+class SyntheticBlock:
     """A block to be sent.
 
     Attributes
     ----------
     ppm
-        By how much the board's clock runs fast.
+        Error of the board's clock, positive if it runs fast.
     wait
         True seconds from the start mark to the first row, rounded to whole rows.
     """
@@ -86,24 +86,24 @@ class Made:
 
     @property
     def frames(self) -> list[bytes]:
-        """All frames as they go on the line."""
+        """Bytes of all frames on the line."""
         return [
-            on_the_line(Frame(LAPTOP, self.board, BLOCK, number, payload))
+            frame_bytes(Frame(LAPTOP, self.board, BLOCK, number, payload))
             for number, payload in enumerate(self.payloads)
         ]
 
 
-def on_the_line(frame: Frame) -> bytes:
-    """A frame's bytes with a zero before and behind."""
+def frame_bytes(frame: Frame) -> bytes:
+    """Bytes of a frame with a zero before and after."""
     return b"\0" + cobs_encode(encode_body(frame)) + b"\0"
 
 
-def told(code: int, board: int, state: int, text: str, seq: int = 0) -> bytes:
-    """An EVENT frame on the line."""
+def event_bytes(code: int, board: int, state: int, text: str, seq: int = 0) -> bytes:
+    """Bytes of an EVENT frame."""
     payload = bytes((code, board, state)) + text.encode()
-    return on_the_line(Frame(LAPTOP, SLAVE_1, EVENT, seq, payload))
+    return frame_bytes(Frame(LAPTOP, SLAVE_1, EVENT, seq, payload))
 
 
-def stream(*made: Made) -> bytes:
-    """Everything that comes of blocks in order."""
-    return b"".join(frame for block in made for frame in block.frames)
+def stream(*blocks: SyntheticBlock) -> bytes:
+    """Bytes of all frames of blocks, in order."""
+    return b"".join(frame for block in blocks for frame in block.frames)

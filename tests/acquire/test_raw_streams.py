@@ -1,4 +1,4 @@
-"""Raw streams that were spoilt or cut: never a traceback, never a wrong reading untold."""
+"""Corrupted and truncated raw streams: no traceback, and no wrong reading without notice."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bayes_asv.acquire.job import replayed
-from bayes_asv.acquire.outcome import Outcome, document, lines
-from tests.acquire.made import Made, counts, stream, told
+from bayes_asv.acquire.acquisition import Outcome, outcome_document, outcome_lines, replay_file
+from tests.acquire.synthetic import SyntheticBlock, counts, event_bytes, stream
 
 ROWS = 60
-FRONT, REAR = Made(1, counts(1, ROWS)), Made(2, counts(2, ROWS), ppm=-35.0)
-WHOLE = told(3, 1, 5, "Slave 1: run done") + stream(FRONT, REAR)
+FRONT, REAR = SyntheticBlock(1, counts(1, ROWS)), SyntheticBlock(2, counts(2, ROWS), ppm=-35.0)
+COMPLETE = event_bytes(3, 1, 5, "Slave 1: run done") + stream(FRONT, REAR)
 TRUTH = np.concatenate([FRONT.rows.T, REAR.rows.T])
 
 Change = tuple[int, int]
@@ -24,37 +23,37 @@ Change = tuple[int, int]
 def text_dump() -> bytes:
     rows = [f"{k + 1} " + " ".join(map(str, TRUTH[:, k])) for k in range(ROWS)]
     delays = [f"# delay {end}_chassis = 0.000416000 s" for end in ("front", "rear")]
-    said = ["# sample_rate = 400.000 Hz", *delays, "# clock rear = -35.0 ppm", *rows, "# end", ""]
-    return "\r\n".join(said).encode()
+    lines = ["# sample_rate = 400.000 Hz", *delays, "# clock rear = -35.0 ppm", *rows, "# end", ""]
+    return "\r\n".join(lines).encode()
 
 
 def read(data: bytes, folder: Path) -> Outcome:
     path = folder / "r.raw"
     path.write_bytes(data or b"\0")
-    return replayed(path)
+    return replay_file(path)
 
 
 def check(outcome: Outcome, checked: bool = True) -> None:
-    """Every reading given is a true one at its true place, and gaps are told."""
-    assert document(outcome, "r.csv", "r.raw")["verdict"] == outcome.verdict
-    assert lines(outcome, "r.csv", "r.raw")
+    """Check that all readings are true and in the right row, and that gaps are reported."""
+    assert outcome_document(outcome, "r.csv", "r.raw")["verdict"] == outcome.verdict
+    assert outcome_lines(outcome, "r.csv", "r.raw")
     recording = outcome.recording
     if recording is None:
         assert outcome.verdict == "refused"
         assert outcome.reasons
         return
     first = int(recording.get("first row") or 1) - 1
-    places = np.round(recording.time * 400).astype(int) + first
+    rows = np.round(recording.time * 400).astype(int) + first
     given_cells = ~np.isnan(recording.values)
     if checked:
-        assert np.array_equal(recording.values[given_cells], TRUTH[:, places][given_cells])
+        assert np.array_equal(recording.values[given_cells], TRUTH[:, rows][given_cells])
     if given_cells.sum() < 4 * ROWS:
         assert outcome.verdict == "incomplete"
         assert any("did not come" in r or "nothing of" in r or "missing" in r or "differs" in r
                    for r in outcome.reasons)  # fmt: skip
 
 
-def spoilt(data: bytes, changes: list[Change]) -> bytes:
+def corrupt(data: bytes, changes: list[Change]) -> bytes:
     out = bytearray(data)
     for place, flip in changes:
         out[place % len(out)] ^= flip
@@ -64,8 +63,8 @@ def spoilt(data: bytes, changes: list[Change]) -> bytes:
 CHANGES = st.lists(st.tuples(st.integers(0, 10_000), st.integers(1, 255)), max_size=12)
 
 
-def test_the_whole_stream_is_whole(tmp_path: Path) -> None:
-    outcome = read(WHOLE, tmp_path)
+def test_complete_stream(tmp_path: Path) -> None:
+    outcome = read(COMPLETE, tmp_path)
     check(outcome)
     assert outcome.verdict == "ok"
     assert outcome.reasons == ()
@@ -74,47 +73,45 @@ def test_the_whole_stream_is_whole(tmp_path: Path) -> None:
 
 @settings(max_examples=150)
 @given(CHANGES)
-def test_spoilt_bytes(tmp_path_factory: pytest.TempPathFactory, changes: list[Change]) -> None:
-    check(read(spoilt(WHOLE, changes), tmp_path_factory.getbasetemp()))
+def test_corrupted_bytes(tmp_path_factory: pytest.TempPathFactory, changes: list[Change]) -> None:
+    check(read(corrupt(COMPLETE, changes), tmp_path_factory.getbasetemp()))
 
 
 @settings(max_examples=100)
 @given(st.integers(0, 10_000), st.integers(0, 10_000))
-def test_a_stream_cut_at_either_end(
-    tmp_path_factory: pytest.TempPathFactory, start: int, end: int
-) -> None:
-    start, end = start % len(WHOLE), end % len(WHOLE)
-    check(read(WHOLE[min(start, end) : max(start, end)], tmp_path_factory.getbasetemp()))
+def test_truncated_stream(tmp_path_factory: pytest.TempPathFactory, start: int, end: int) -> None:
+    start, end = start % len(COMPLETE), end % len(COMPLETE)
+    check(read(COMPLETE[min(start, end) : max(start, end)], tmp_path_factory.getbasetemp()))
 
 
 @settings(max_examples=50)
 @given(st.binary(min_size=1, max_size=2000))
-def test_any_bytes(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+def test_arbitrary_bytes(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
     outcome = read(data, tmp_path_factory.getbasetemp())
     assert outcome.recording is None or outcome.verdict == "incomplete"
 
 
 @given(CHANGES, CHANGES, CHANGES)
 @settings(max_examples=60)
-def test_spoilt_text_that_came_three_times(
+def test_three_corrupted_dumps(
     tmp_path_factory: pytest.TempPathFactory,
     first: list[Change],
     second: list[Change],
     third: list[Change],
 ) -> None:
-    """Two of three outvote one; that two were spoilt at one place alike no vote can tell."""
+    """Two of three dumps outvote one; the same error in two dumps cannot be detected."""
     dump = text_dump()
-    places = [{place % len(dump) for place, _ in part} for part in (first, second, third)]
-    assume(not (places[0] & places[1] or places[1] & places[2] or places[0] & places[2]))
-    data = b"".join(spoilt(dump, part) for part in (first, second, third))
+    rows = [{place % len(dump) for place, _ in part} for part in (first, second, third)]
+    assume(not (rows[0] & rows[1] or rows[1] & rows[2] or rows[0] & rows[2]))
+    data = b"".join(corrupt(dump, part) for part in (first, second, third))
     check(read(data, tmp_path_factory.getbasetemp()))
 
 
 @given(CHANGES)
-def test_spoilt_text_that_came_once_is_said_to_be_unchecked(
+def test_single_dump_is_reported_as_unchecked(
     tmp_path_factory: pytest.TempPathFactory, changes: list[Change]
 ) -> None:
-    outcome = read(spoilt(text_dump(), changes), tmp_path_factory.getbasetemp())
+    outcome = read(corrupt(text_dump(), changes), tmp_path_factory.getbasetemp())
     check(outcome, checked=False)
     if outcome.recording is not None:
         assert any("nothing checks" in w for w in outcome.warnings) or any(
@@ -122,9 +119,12 @@ def test_spoilt_text_that_came_once_is_said_to_be_unchecked(
         )
 
 
-def test_a_second_run_in_the_stream_is_not_mixed_with_the_first(tmp_path: Path) -> None:
-    older = Made(1, counts(1, ROWS, seed=5), run=9), Made(2, counts(2, ROWS, seed=5), run=9)
-    data = stream(older[0]) + b"".join(older[1].frames[:5]) + WHOLE
+def test_two_runs_are_not_mixed(tmp_path: Path) -> None:
+    older = (
+        SyntheticBlock(1, counts(1, ROWS, seed=5), run=9),
+        SyntheticBlock(2, counts(2, ROWS, seed=5), run=9),
+    )
+    data = stream(older[0]) + b"".join(older[1].frames[:5]) + COMPLETE
     outcome = read(data, tmp_path)
     check(outcome)
     assert outcome.verdict == "ok"
