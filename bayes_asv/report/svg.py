@@ -268,7 +268,7 @@ def draw_spectra(axes: Axes, frequency: Curve, spectra: Sequence[tuple[str, str,
         density[~(density > 0.0)] = np.nan
         if not np.isfinite(density).any():
             return False  # a channel that never moved has no logarithm
-        axes.loglog(curve_array(frequency), density, color=COLOURS[colour], label=label)
+        axes.loglog(curve_array(frequency), density, color=colour, label=label)
     axes.set_xlabel("frequency [Hz]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(value))
@@ -277,17 +277,22 @@ def draw_spectra(axes: Axes, frequency: Curve, spectra: Sequence[tuple[str, str,
 
 
 def draw_autocorrelation(
-    axes: Axes, values: Sequence[float], band: float, lag_seconds: float, axle: str
+    axes: Axes,
+    values: Sequence[float],
+    band: float,
+    lag_seconds: float,
+    name: str,
+    colour: str,
 ) -> None:
     """Draw an autocorrelation from lag 1 on, with its 95 % band ±`band`."""
-    lags, paint = np.arange(1, len(values) + 1), COLOURS[axle]
+    lags, paint = np.arange(1, len(values) + 1), colour
     axes.axhspan(-band, band, color=paint, alpha=0.2, linewidth=0)
     axes.axhline(0.0, color=COLOURS["muted"], linewidth=0.8)
     axes.vlines(lags, 0.0, values, color=paint, linewidth=2.0)
     axes.plot(lags, values, "o", color=paint, markersize=3.5)
     end = max(1.15 * max(map(abs, values)), 2.2 * band, 1e-3)
     axes.set(
-        xlabel=f"lag [samples of {1e3 * lag_seconds:.3g} ms]", ylabel=f"{axle} autocorrelation",
+        xlabel=f"lag [samples of {1e3 * lag_seconds:.3g} ms]", ylabel=f"{name} autocorrelation",
         ylim=(-end, end), xlim=(0.3, len(values) + 0.7),
     )  # fmt: skip
 

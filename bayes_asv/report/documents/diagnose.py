@@ -235,12 +235,14 @@ def _residuals(found: Diagnosis) -> list[schema.Residual]:
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
         time = line.instants[line.pairs.max(axis=1)]
         keep = np.unique(np.linspace(0, len(time) - 1, _MAX_POINTS).astype(int))
+        columns = {line.channels[c].name: y for y, c in enumerate(line.outputs)}
+        chassis: dict[str, int] = {n: columns[n] for n in _CHASSIS if n in columns}
         curves = {
-            channel: schema.BeforeAfter(
-                before=units.curve(residuals[0][keep, axle], "acceleration"),
-                after=units.curve(residuals[1][keep, axle], "acceleration"),
+            name: schema.BeforeAfter(
+                before=units.curve(residuals[0][keep, y], "acceleration"),
+                after=units.curve(residuals[1][keep, y], "acceleration"),
             )
-            for axle, channel in enumerate(_CHASSIS)
+            for name, y in chassis.items()
         }
         entries.append(
             schema.Residual(
@@ -248,23 +250,25 @@ def _residuals(found: Diagnosis) -> list[schema.Residual]:
                 unit=units.unit("acceleration"),
                 time=units.curve(time[keep]),
                 seconds=[float(time[0]), float(time[-1])],
-                spectrum=_spectrum(residuals, line.reading_step, units),
+                spectrum=_spectrum(residuals, chassis, line.reading_step, units),
                 **curves,
             )
         )
     return entries
 
 
-def _spectrum(residuals: Sequence[Array], step: float, units: Units) -> schema.ResidualSpectrum:
+def _spectrum(
+    residuals: Sequence[Array], chassis: Mapping[str, int], step: float, units: Units
+) -> schema.ResidualSpectrum:
     from scipy.signal import welch
 
     factor = units.convert(1.0, "acceleration") ** 2
     length = min(256, len(residuals[0]))
     frequency = np.asarray(np.fft.rfftfreq(length, step), dtype=float)
     curves = {}
-    for axle, channel in enumerate(_CHASSIS):
+    for channel, y in chassis.items():
         spectra = [
-            welch(np.nan_to_num(residual[:, axle]), 1.0 / step, nperseg=length)[1][1:]
+            welch(np.nan_to_num(residual[:, y]), 1.0 / step, nperseg=length)[1][1:]
             for residual in residuals
         ]
         before, after = (units.curve(factor * spectrum) for spectrum in spectra)

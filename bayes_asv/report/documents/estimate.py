@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import ANSWERS, DERIVED, Estimate, RunFit
@@ -128,15 +127,18 @@ def _noise(result: Estimate) -> list[schema.Noise]:
     units, entries = Units(result.vehicle.units), []
     for n, fit in enumerate(result.runs):
         noise = schema.Noise(source=fit.line.source, unit=units.unit("acceleration"))
-        for c, channel in enumerate(CHANNELS):
-            draws = result.nuisance.get(f"noise {channel} {n}")
-            if draws is not None:
-                given = fit.line.noise[c]
-                level = schema.NoiseLevel(
-                    **summary(units.convert(draws, "acceleration")),
-                    given=None if given is None else units.convert(given, "acceleration"),
-                )
-                setattr(noise, channel, level)
+        for channel, given in zip(fit.line.channels, fit.line.noise, strict=True):
+            draws = result.nuisance.get(f"noise {channel.name} {n}")
+            if draws is None:
+                continue
+            dimension = channel.dimension
+            level = schema.NoiseLevel(
+                **summary(units.convert(draws, dimension)),
+                given=None if given is None else units.convert(given, dimension),
+            )
+            if dimension != "acceleration":
+                level.unit = units.unit(dimension)
+            setattr(noise, channel.name, level)
         share = result.nuisance.get(f"filtered share {n}")
         if share is not None:
             noise.filtered_share = Summary(**summary(share))

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from bayes_asv.analysis.predictive_checks import Check
 from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.analysis.run_consistency import RunConsistency as Comparison
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel
 from bayes_asv.estimation import Estimate, RunFit
+from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.posterior.residual_ar import portmanteau
 from bayes_asv.report.documents.quantities import Z95, Units, summary
 from bayes_asv.report.schema import estimate as schema
@@ -31,78 +32,98 @@ _CHASSIS: Final = ("front_chassis", "rear_chassis")
 def pooled_fit(runs: Sequence[RunFit], source: str | None = None) -> schema.Fits:
     """Normalised rms error of the simulation driven by the wheels, pooled over runs."""
     fits = schema.Fits() if source is None else schema.Fits(source=source)
-    for axle, name in enumerate(_CHASSIS):
-        error, power = 0.0, 0.0
-        for run in runs:
-            use = run.line.kind[:, axle] == 1
-            y = run.line.reading[use, axle]
-            error += float(np.sum((y - run.free.output[use, axle]) ** 2))
-            power += float(np.sum((y - y.mean()) ** 2))
-        if power > 0.0:
-            nrmse = 100.0 * math.sqrt(error / power)
+    error: dict[str, float] = {}
+    power: dict[str, float] = {}
+    for run in runs:
+        for y, channel in enumerate(_outputs(run)):
+            use = run.line.kind[:, y] == VALUE
+            reading, name = run.line.reading[use, y], channel.name
+            left = float(np.sum((reading - run.free.output[use, y]) ** 2))
+            error[name] = error.get(name, 0.0) + left
+            power[name] = power.get(name, 0.0) + float(np.sum((reading - reading.mean()) ** 2))
+    for name in error:
+        if power[name] > 0.0:
+            nrmse = 100.0 * math.sqrt(error[name] / power[name])
             setattr(fits, name, schema.Fit(nrmse_percent=nrmse, fit_percent=100.0 - nrmse))
     return fits
 
 
+def _outputs(fit: RunFit) -> list[Channel]:
+    """Channels of the outputs, in the order of the columns of their arrays."""
+    return [fit.line.channels[c] for c in fit.line.outputs]
+
+
 def run_document(fit: RunFit, system: str) -> schema.Run:
     """One recording beside its simulation, in the units of a system."""
-    line, recording, units = fit.line, fit.recording, Units(system)
-    acceleration = units.unit("acceleration")
-    pairs = line.pairs[np.all(line.pairs >= 0, axis=1)]
+    line, units = fit.line, Units(system)
+    # Groups of readings without a gap, or all where channels are never read together.
+    whole = np.all(line.pairs >= 0, axis=1)
+    pairs = line.pairs[whole] if np.any(whole) else line.pairs
     pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, _MAX_POINTS).astype(int))]
-    keep = pairs[:, 0]
     rows = np.unique(np.linspace(0, line.times.shape[1] - 1, _MAX_POINTS).astype(int))
-    start = line.times[0, 0]
-    return schema.Run(
+    start, at = line.times[0, 0], np.where(pairs[:, 0] >= 0, pairs[:, 0], pairs.max(axis=1))
+    front, rear = line.inputs[:2]
+    outputs = _outputs(fit)
+    curves = {c.name: _output(fit, y, pairs, units) for y, c in enumerate(outputs)}
+    further = {name: curve for name, curve in curves.items() if name not in _CHASSIS}
+    names = [channel.name for channel in line.channels]
+    run = schema.Run(
         source=line.source,
-        sha256=recording.sha256,
+        sha256=fit.recording.sha256,
         rate=1.0 / float(np.median(np.diff(line.times[0]))),
         seconds=float(line.times[0, -1] - start),
         rows=int(line.times.shape[1]),
-        missing={n: int(np.sum(~np.isfinite(line.values[c]))) for c, n in enumerate(CHANNELS)},
-        clipped={n: int(line.clipped[c].sum()) for c, n in enumerate(CHANNELS)},
-        bias=schema.Bias(
-            unit=acceleration,
-            front=units.convert(float(fit.free.begin[-2]), "acceleration"),
-            rear=units.convert(float(fit.free.begin[-1]), "acceleration"),
-        ),
-        unit=acceleration,
-        time=units.curve(line.instants[keep] - start),
-        chassis={n: _chassis(fit, axle, pairs, units) for axle, n in enumerate(_CHASSIS)},
+        missing={n: int(np.sum(~np.isfinite(line.values[c]))) for c, n in enumerate(names)},
+        clipped={n: int(line.clipped[c].sum()) for c, n in enumerate(names)},
+        bias=_bias(fit, units),
+        unit=units.unit("acceleration"),
+        time=units.curve(line.instants[at] - start),
+        chassis={name: curve for name, curve in curves.items() if name in _CHASSIS},
         wheels=schema.WheelCurves(
             time=units.curve(line.times[0, rows] - start),
-            front_wheel=units.curve(line.values[0, rows], "acceleration"),
-            rear_wheel=units.curve(line.values[2, rows], "acceleration"),
+            front_wheel=units.curve(line.values[front, rows], "acceleration"),
+            rear_wheel=units.curve(line.values[rear, rows], "acceleration"),
         ),
         travel=schema.Travel(
             unit=units.unit("deflection"),
-            front=_travel(fit, 0, keep, units),
-            rear=_travel(fit, 1, keep, units),
+            front=_travel(fit, 0, at, units),
+            rear=_travel(fit, 1, at, units),
             velocity_unit=units.unit("velocity"),
         ),
-        checks=[_check(check, units) for check in fit.checks],
+        checks=[_check(check, outputs[check.axle], units) for check in fit.checks],
     )
+    if further:
+        run.outputs = further
+    return run
 
 
-def _chassis(
-    fit: RunFit, axle: int, pairs: NDArray[np.integer], units: Units
-) -> schema.ChassisCurves:
-    line, keep = fit.line, pairs[:, axle]
-    simulated = fit.free.output[:, axle]
-    measured = np.where(line.kind[:, axle] == 0, np.nan, line.reading[:, axle])
-    read = line.kind[:, axle] == 1
-    residual = line.reading[read, axle] - simulated[read]
-    sd = np.sqrt(fit.ensemble[:, :, axle].var(axis=0) + np.mean(residual**2))
-    x = line.paired(fit.innovations)[:, axle]
+def _bias(fit: RunFit, units: Units) -> schema.Bias:
+    """Biases of the chassis channels; those of the outputs are the last of the beginning."""
+    bias = schema.Bias(unit=units.unit("acceleration"))
+    outputs = _outputs(fit)
+    for value, channel in zip(fit.free.begin[-len(outputs) :], outputs, strict=True):
+        if channel.name in _CHASSIS:
+            setattr(bias, str(channel.axle), units.convert(float(value), "acceleration"))
+    return bias
+
+
+def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> schema.OutputCurves:
+    line, keep, channel = fit.line, pairs[:, y], _outputs(fit)[y]
+    simulated = fit.free.output[:, y]
+    measured = np.where(line.kind[:, y] == MISSING, np.nan, line.reading[:, y])
+    read = line.kind[:, y] == VALUE
+    residual = line.reading[read, y] - simulated[read]
+    sd = np.sqrt(fit.ensemble[:, :, y].var(axis=0) + np.mean(residual**2))
+    x = line.paired(fit.innovations)[:, y]
     x = x[np.isfinite(x)]
     x = x - x.mean()
     power = float(x @ x) or 1.0
     order = int(fit.colour.order)
 
     def curve(values: Array) -> Curve:
-        return units.curve(values[keep], "acceleration")
+        return units.curve(np.where(keep >= 0, values[keep], np.nan), channel.dimension)
 
-    return schema.ChassisCurves(
+    curves = schema.OutputCurves(
         measured=curve(measured),
         simulated=curve(simulated),
         band95=[curve(simulated - 1.96 * sd), curve(simulated + 1.96 * sd)],
@@ -111,19 +132,24 @@ def _chassis(
         # The lags that whitened the innovations are no evidence of whiteness.
         whiteness_p=portmanteau(x, _LAGS, order) if order < _LAGS else None,
         lag_seconds=line.reading_step,
-        spectrum=_spectrum(line.reading[read, axle], residual, line.reading_step, units),
+        spectrum=_spectrum(line.reading[read, y], residual, line.reading_step, channel, units),
     )
+    if channel.name not in _CHASSIS:
+        curves.unit = units.unit(channel.dimension)
+    return curves
 
 
-def _spectrum(signal: Array, residual: Array, step: float, units: Units) -> schema.Spectrum:
+def _spectrum(
+    signal: Array, residual: Array, step: float, channel: Channel, units: Units
+) -> schema.Spectrum:
     from scipy.signal import welch
 
     length = min(256, len(signal))
     frequency, measured = welch(signal, 1.0 / step, nperseg=length)
     _, left = welch(residual, 1.0 / step, nperseg=length)
-    factor = units.convert(1.0, "acceleration") ** 2
+    factor = units.convert(1.0, channel.dimension) ** 2
     return schema.Spectrum(
-        unit=f"({units.unit('acceleration')})^2/Hz",
+        unit=f"({units.unit(channel.dimension)})^2/Hz",
         frequency=units.curve(frequency[1:]),
         measured=units.curve(factor * measured[1:]),
         residual=units.curve(factor * left[1:]),
@@ -142,15 +168,16 @@ def _travel(fit: RunFit, axle: int, keep: NDArray[np.integer], units: Units) -> 
     )
 
 
-def _check(check: Check, units: Units) -> schema.Check:
-    low, median, high = (units.convert(float(v), "acceleration") for v in check.replicated)
+def _check(check: Check, channel: Channel, units: Units) -> schema.Check:
+    dimension = channel.dimension
+    low, median, high = (units.convert(float(v), dimension) for v in check.replicated)
     return schema.Check(
-        channel=_CHASSIS[check.axle],
+        channel=channel.name,
         of=check.of,
         quantity=check.quantity,
         band=None if check.band is None else [float(edge) for edge in check.band],
-        unit=units.unit("acceleration"),
-        observed=units.convert(check.observed, "acceleration"),
+        unit=units.unit(dimension),
+        observed=units.convert(check.observed, dimension),
         replicated=schema.Replicated(median=median, eti95=[low, high]),
         p=check.p,
         p_larger=check.p_larger,

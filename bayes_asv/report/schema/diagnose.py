@@ -213,13 +213,14 @@ class ResidualSpectrum(Model):
 
     unit: Unit
     frequency: Annotated[Curve, Field(min_length=1)]
-    front_chassis: BeforeAfter
-    rear_chassis: BeforeAfter
+    front_chassis: BeforeAfter | None = None
+    rear_chassis: BeforeAfter | None = None
 
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
         for part in (self.front_chassis, self.rear_chassis):
-            check_lengths(len(self.frequency), part.before, part.after)
+            if part is not None:
+                check_lengths(len(self.frequency), part.before, part.after)
         return self
 
 
@@ -233,13 +234,14 @@ class Residual(Model):
     seconds: Interval | None = None
     """First and last instant."""
     spectrum: ResidualSpectrum
-    front_chassis: BeforeAfter
-    rear_chassis: BeforeAfter
+    front_chassis: BeforeAfter | None = None
+    rear_chassis: BeforeAfter | None = None
 
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
         for part in (self.front_chassis, self.rear_chassis):
-            check_lengths(len(self.time), part.before, part.after)
+            if part is not None:
+                check_lengths(len(self.time), part.before, part.after)
         return self
 
 

@@ -6,12 +6,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import KNOWN_CHANNELS
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
 from bayes_asv.report.schema.parts import (
     AnswerName,
     Axle,
     Band,
+    Channel,
     ChassisChannel,
     Count,
     Curve,
@@ -82,7 +83,7 @@ class Diagnostics(Model):
 class Measure(Model):
     """A value to be known better, or further runs to be recorded."""
 
-    what: Annotated[str, OneOf("runs", *_GIVEN, *(f"gain {channel}" for channel in CHANNELS))]
+    what: Annotated[str, OneOf("runs", *_GIVEN, *(f"gain {channel}" for channel in KNOWN_CHANNELS))]
     further: Count = 0
     """Number of further runs."""
     now_sd_percent: Positive = 1.0
@@ -132,7 +133,7 @@ class Fault(Model):
     """A fault that the vehicle file does not declare, of a size the residuals would not show."""
 
     kind: Annotated[str, OneOf("given", "gain", "delay", "bandwidth", "place")]
-    where: Annotated[str, OneOf(*CHANNELS, "c_f", "c_r", "i", *_GIVEN)]
+    where: Annotated[str, OneOf(*KNOWN_CHANNELS, "c_f", "c_r", "i", *_GIVEN)]
     size: Positive
     """SI units, or a share."""
     larger_shows: bool
@@ -221,17 +222,23 @@ class Fit(Model):
 
 
 class Fits(Model):
-    """Fit of both chassis channels."""
+    """Fit of each output."""
 
     source: Text = ""
     front_chassis: Fit | None = None
     rear_chassis: Fit | None = None
+    front_travel: Fit | None = None
+    rear_travel: Fit | None = None
+    body_vertical: Fit | None = None
+    body_pitch_rate: Fit | None = None
 
 
 class NoiseLevel(Summary):
     """Posterior of the noise of one sensor, rms, and what the vehicle file gives."""
 
     given: NonNegative | None = None
+    unit: Unit = ""
+    """Where it is not an acceleration."""
 
 
 class Noise(Model):
@@ -243,6 +250,10 @@ class Noise(Model):
     front_chassis: NoiseLevel | None = None
     rear_wheel: NoiseLevel | None = None
     rear_chassis: NoiseLevel | None = None
+    front_travel: NoiseLevel | None = None
+    rear_travel: NoiseLevel | None = None
+    body_vertical: NoiseLevel | None = None
+    body_pitch_rate: NoiseLevel | None = None
     filtered_share: Summary | None = None
     """Share of the noise variance that passed the sensor's filter."""
     colour_order: Count = 0
@@ -263,8 +274,11 @@ class Spectrum(Model):
         return self
 
 
-class ChassisCurves(Model):
-    """One chassis channel: measured, simulated, and tests of what is left."""
+class OutputCurves(Model):
+    """One output: measured, simulated, and tests of what is left."""
+
+    unit: Unit = ""
+    """Where it is not that of the run."""
 
     measured: Curve
     simulated: Curve
@@ -322,7 +336,7 @@ class Replicated(Model):
 class Check(Model):
     """A posterior predictive check."""
 
-    channel: Annotated[str, OneOf("front_chassis", "rear_chassis")]
+    channel: Channel
     of: Annotated[str, OneOf("reading", "residual")]
     quantity: Annotated[str, OneOf("peak", "rms")]
     band: Annotated[list[MaybeNumber], Field(min_length=2, max_length=2)] | None = None
@@ -342,8 +356,8 @@ class Bias(Model):
     """Bias of the chassis channels."""
 
     unit: Unit
-    front: Finite
-    rear: Finite
+    front: MaybeNumber = None
+    rear: MaybeNumber = None
 
 
 class Run(Model):
@@ -360,7 +374,9 @@ class Run(Model):
     bias: Bias | None = None
     unit: Unit
     time: Curve
-    chassis: dict[ChassisChannel, ChassisCurves]
+    chassis: dict[ChassisChannel, OutputCurves]
+    outputs: dict[Channel, OutputCurves] = Field(default_factory=dict)
+    """Further outputs: suspension travel, vertical acceleration and pitch rate of the body."""
     wheels: WheelCurves
     travel: Travel
     checks: Annotated[list[Check], Field(max_length=200)] = Field(default_factory=list)
@@ -368,7 +384,7 @@ class Run(Model):
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
         n = len(self.time)
-        for part in self.chassis.values():
+        for part in (*self.chassis.values(), *self.outputs.values()):
             check_lengths(n, part.measured, part.simulated, *part.band95)
         for side in (self.travel.front, self.travel.rear):
             if side is not None:

@@ -15,7 +15,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import KNOWN_CHANNELS
 
 __all__ = [
     "MAX_POINTS",
@@ -92,9 +92,9 @@ class OneOf:
 
 
 Axle = Annotated[str, OneOf("front", "rear")]
-Channel = Annotated[str, OneOf(*CHANNELS)]
+Channel = Annotated[str, OneOf(*KNOWN_CHANNELS)]
 ChassisChannel = Annotated[str, OneOf("front_chassis", "rear_chassis")]
-EffectPlace = Annotated[str, OneOf("front", "rear", "both", *CHANNELS)]
+EffectPlace = Annotated[str, OneOf("front", "rear", "both", *KNOWN_CHANNELS)]
 AnswerName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g")]
 QuantityName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r")]
 

@@ -139,9 +139,10 @@ def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ..
     curves = {"front": run.front_chassis, "rear": run.rear_chassis}
 
     def draw(axes: Axes, axle: str) -> str | None:
-        before, after = svg.curve_array(curves[axle].before), svg.curve_array(curves[axle].after)
-        if not np.isfinite(before).any():
+        curve = curves[axle]
+        if curve is None or all(v is None for v in curve.before):
             return None
+        before, after = svg.curve_array(curve.before), svg.curve_array(curve.after)
         _shade(axes, windows)
         axes.plot(time, before, color=svg.COLOURS["muted"], linewidth=0.9, label="before")
         axes.plot(time, after, color=svg.COLOURS[axle], linewidth=0.8, label="after")
@@ -160,9 +161,12 @@ def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Pa
     curves = {"front": spectrum.front_chassis, "rear": spectrum.rear_chassis}
 
     def draw(axes: Axes, axle: str) -> str | None:
-        _shade(axes, seen.frequency)
         curve = curves[axle]
-        spectra = [("before", "muted", curve.before), ("after", axle, curve.after)]
+        if curve is None:
+            return None
+        _shade(axes, seen.frequency)
+        muted, paint = svg.COLOURS["muted"], svg.COLOURS[axle]
+        spectra = [("before", muted, curve.before), ("after", paint, curve.after)]
         if not svg.draw_spectra(axes, spectrum.frequency, spectra):
             return None
         axes.set_ylabel(f"{axle}, spectral\ndensity [{readable_unit(spectrum.unit)}]")

@@ -269,7 +269,8 @@ def _autocorrelations(consistency: Consistency) -> tuple[svg.Panel, ...]:
         values = [v or 0.0 for v in curves[axle][1:]]
         if not values:
             return None
-        svg.draw_autocorrelation(axes, values, found.band95, found.lag_seconds, axle)
+        colour = svg.COLOURS[axle]
+        svg.draw_autocorrelation(axes, values, found.band95, found.lag_seconds, axle, colour)
         return f"{axle} innovations of the online filter: autocorrelation with its 95 % band"
 
     return svg.axle_panels("track-lags-{}", draw, 2.2)

@@ -36,7 +36,8 @@ def _check_limits(document: EstimateDocument) -> list[str]:
         is significant.
     """
     sentences = []
-    for channel in ("front_chassis", "rear_chassis"):
+    channels = dict.fromkeys(check.channel for run in document.runs for check in run.checks)
+    for channel in channels:
         for of in ("residual", "reading"):
             found = [
                 (run, check)
@@ -104,14 +105,16 @@ def _sentence(found: Sequence[tuple[Run, Check]], count: int) -> str:
 
 def _check_table(runs: Sequence[Run]) -> Table:
     """Measured beside replicated: all checks of one run, the most significant ones of several."""
-    rows, several = [], len(runs) > 1
+    rows, several, unit = [], len(runs) > 1, readable_unit(runs[0].checks[0].unit)
     for run in runs:
         prefix = f"{plain(run.source)}: " if several else ""
         shown = run.checks
         if several:
             shown = _significant(run)[:_ROWS] or _by_surprise(run.checks)[:1]
-        rows += [[f"{prefix}{_label(check)}", *_cells(check)] for check in shown]
-    unit = readable_unit(runs[0].checks[0].unit)
+        for check in shown:
+            own = readable_unit(check.unit)
+            label = _label(check) + (f" [{own}]" if own != unit else "")
+            rows.append([f"{prefix}{label}", *_cells(check)])
     selection = (
         f"Of each run, up to {_ROWS} significant checks are shown, or else the one with the "
         "smallest p-value. "
@@ -129,7 +132,8 @@ def _check_table(runs: Sequence[Run]) -> Table:
 
 
 def _label(check: Check) -> str:
-    return f"{check.channel.partition('_')[0]} {check.of}, {_band_text(check)}"
+    name = check.channel.removesuffix("_chassis").replace("_", " ")
+    return f"{name} {check.of}, {_band_text(check)}"
 
 
 def _cells(check: Check) -> list[str]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
-from bayes_asv.report.schema.estimate import Fit, Noise, Run
+from bayes_asv.report.schema.estimate import Fit, Noise, NoiseLevel, OutputCurves, Run
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
 from bayes_asv.report.words import (
     MISSING,
@@ -34,12 +33,13 @@ MAX_RUNS: Final = 6
 _COLOURED: Final = 0.01  # whiteness p-value below which the intervals are called too narrow
 _MOVING: Final = 0.05  # of the largest wheel acceleration: the motion is above it
 _BEFORE, _AFTER = 0.1, 0.4  # s shown around the motion
+_FURTHER: Final = ("front_travel", "rear_travel", "body_vertical", "body_pitch_rate")
 
 _SIGNS: Final = (
     "Signs: up is positive for accelerations, extension is positive for travel, and compression is "
     "a negative damper velocity."
 )
-_CHASSIS: Final = (
+_MOTION: Final = (
     "The lower strip is the residual: it should stay inside the band, where 95 % of the readings "
     "are predicted to be, and show no pattern."
 )
@@ -58,6 +58,39 @@ _WHITENESS: Final = (
 )
 
 
+class _Output(NamedTuple):
+    """One output of a run."""
+
+    name: str
+    curves: OutputCurves
+    unit: str
+
+    @property
+    def label(self) -> str:
+        return self.name.replace("_", " ")
+
+    @property
+    def key(self) -> str:
+        return self.name.removesuffix("_chassis").replace("_", "-")
+
+    @property
+    def colour(self) -> str:
+        axle = self.name.partition("_")[0]
+        return svg.COLOURS[axle if axle in svg.AXLES else "muted"]
+
+    @property
+    def sign(self) -> str:
+        """Direction of positive values."""
+        if self.name.endswith("travel"):
+            return "extension +"
+        return "nose-up +" if self.name.endswith("rate") else "up +"
+
+
+def _outputs(run: Run) -> list[_Output]:
+    curves = {**run.chassis, **run.outputs}
+    return [_Output(n, c, readable_unit(c.unit or run.unit)) for n, c in curves.items()]
+
+
 def _content(document: EstimateDocument) -> Iterator[Block]:
     runs, several = document.runs, len(document.runs) > 1
     if runs:
@@ -66,7 +99,8 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
         yield _fit_table(document)
     for n, run in enumerate(runs[:MAX_RUNS]):
         of = f", {plain(run.source)}" if several else ""
-        yield Figure(f"chassis-{n}", f"Chassis acceleration{of}", _CHASSIS, _chassis(run, n))
+        motion = "Measured and simulated motion" if run.outputs else "Chassis acceleration"
+        yield Figure(f"chassis-{n}", f"{motion}{of}", _MOTION, _motion(run, n))
         yield Figure(f"wheels-{n}", f"Wheel acceleration{of}", _WHEELS, _wheels(run, n))
     for n, run in enumerate(runs[:MAX_RUNS]):
         of = f", {plain(run.source)}" if several else ""
@@ -80,18 +114,18 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
     if len(runs) > MAX_RUNS:
         further = len(runs) - MAX_RUNS
         yield Text("", [f"Figures of {further} further recordings are left out; tables have all."])
-    if any(getattr(noise, channel) for noise in document.noise for channel in CHANNELS):
+    if any(isinstance(level, NoiseLevel) for noise in document.noise for _, level in noise):
         yield _noise_table(document.noise)
 
 
 def _limits(document: EstimateDocument) -> list[str]:
     return [
-        f"The {axle} residuals of {plain(run.source)} are not white ({p_value(p)}): something "
-        "moves that the half car does not describe, and the intervals are too narrow."
+        f"The {output.label.removesuffix(' chassis')} residuals of {plain(run.source)} are not "
+        f"white ({p_value(p)}): something moves that the half car does not describe, and the "
+        "intervals are too narrow."
         for run in document.runs
-        for axle in svg.AXLES
-        if f"{axle}_chassis" in run.chassis
-        if (p := run.chassis[f"{axle}_chassis"].whiteness_p) is not None and p < _COLOURED
+        for output in _outputs(run)
+        if (p := output.curves.whiteness_p) is not None and p < _COLOURED
     ]
 
 
@@ -103,14 +137,12 @@ def _fit_table(document: EstimateDocument) -> Table:
     entries = [(plain(fits.source), fits) for fits in document.fit_by_run]
     if len(entries) > 1:
         entries.append(("All together", document.fit))
-    rows = [
-        [source, _fit_text(fits.front_chassis), _fit_text(fits.rear_chassis)]
-        for source, fits in entries
-    ]
+    names = ["front_chassis", "rear_chassis"]
+    names += [n for n in _FURTHER if any(getattr(fits, n) is not None for _, fits in entries)]
     return Table(
         "Fit of the simulation",
-        ["recording", "front chassis, rms error", "rear chassis, rms error"],
-        rows,
+        ["recording", *(f"{name.replace('_', ' ')}, rms error" for name in names)],
+        [[source, *(_fit_text(getattr(fits, name)) for name in names)] for source, fits in entries],
         "The simulation is driven by the measured wheel accelerations. Its error is in percent of "
         "the measured motion (NRMSE); 0 % is a perfect fit.",
     )
@@ -136,39 +168,35 @@ def motion_window(run: Run) -> tuple[float, float]:
     return max(float(first) - _BEFORE, float(time[0])), min(float(last) + _AFTER, float(time[-1]))
 
 
-def _chassis(run: Run, n: int) -> tuple[svg.Panel, ...]:
-    """Draw measured and simulated acceleration, with the residual below."""
-    time, unit, window = svg.curve_array(run.time), readable_unit(run.unit), motion_window(run)
+def _motion(run: Run, n: int) -> tuple[svg.Panel, ...]:
+    """Draw each output as measured and simulated, with the residual below."""
+    time, window = svg.curve_array(run.time), motion_window(run)
     panels = []
-    for axle in svg.AXLES:
-        curves = run.chassis.get(f"{axle}_chassis")
-        if curves is None:
-            continue
+    for output in _outputs(run):
+        curves, paint, ink = output.curves, output.colour, svg.COLOURS["ink"]
         measured, simulated = svg.curve_array(curves.measured), svg.curve_array(curves.simulated)
         low, high = (svg.curve_array(side) for side in curves.band95)
         figure = svg.canvas(height=3.1)
         top, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.25))
-        paint = svg.COLOURS[axle]
         # Thick and pale below thin and strong: both are visible where they coincide.
-        top.plot(
-            time, measured, color=svg.COLOURS["ink"], alpha=0.3, linewidth=4.0, label="measured"
-        )
+        top.plot(time, measured, color=ink, alpha=0.3, linewidth=4.0, label="measured")
         top.fill_between(time, low, high, color=paint, alpha=0.25, linewidth=0)
         top.plot(time, simulated, color=paint, label="simulated, 95 % band")
-        top.set_ylim(*svg.shared_limits([c.measured for c in run.chassis.values()]))
-        top.set_ylabel(f"{axle} chassis [{unit}]\nup +")
+        alike = run.chassis.values() if output.name in run.chassis else [curves]
+        top.set_ylim(*svg.shared_limits([c.measured for c in alike]))
+        top.set_ylabel(f"{output.label} [{output.unit}]\n{output.sign}")
         svg.legend_above(top, 2)
         below.fill_between(
             time, low - simulated, high - simulated, color=paint, alpha=0.25, linewidth=0
         )
-        below.plot(time, measured - simulated, color=svg.COLOURS["ink"], linewidth=0.7)
+        below.plot(time, measured - simulated, color=ink, linewidth=0.7)
         below.axhline(0.0, color=paint, linewidth=0.8)
         below.set_ylabel("measured\n− simul.")
         below.set_xlabel("time [s]")
         below.set_xlim(*window)
         figure.align_ylabels([top, below])
-        alt = f"{axle} chassis acceleration against time, measured and simulated"
-        panels.append(svg.panel(figure, f"chassis-{axle}-{n}", alt))
+        alt = f"{output.label} against time, measured and simulated"
+        panels.append(svg.panel(figure, f"chassis-{output.key}-{n}", alt))
     return tuple(panels)
 
 
@@ -191,48 +219,53 @@ def _wheels(run: Run, n: int) -> tuple[svg.Panel, ...]:
 
 
 def _spectra(run: Run, n: int) -> tuple[svg.Panel, ...]:
-    def draw(axes: Axes, axle: str) -> str | None:
-        curves = run.chassis.get(f"{axle}_chassis")
-        if curves is None or curves.spectrum is None:
-            return None
-        spectrum = curves.spectrum
-        spectra = [("reading", "ink", spectrum.measured), ("residual", axle, spectrum.residual)]
-        if not svg.draw_spectra(axes, spectrum.frequency, spectra):
-            return None
-        unit = readable_unit(spectrum.unit)
-        axes.set_ylabel(f"{axle} chassis, spectral\ndensity [{unit}]")
-        return f"{axle} chassis: spectrum of the reading and of the residual"
-
-    return svg.axle_panels(f"spectrum-{{}}-{n}", draw, 2.5)
+    panels = []
+    for output in _outputs(run):
+        spectrum = output.curves.spectrum
+        if spectrum is None:
+            continue
+        figure = svg.canvas(height=2.5)
+        axes = figure.subplots()
+        spectra = [
+            ("reading", svg.COLOURS["ink"], spectrum.measured),
+            ("residual", output.colour, spectrum.residual),
+        ]
+        if svg.draw_spectra(axes, spectrum.frequency, spectra):
+            unit = readable_unit(spectrum.unit)
+            axes.set_ylabel(f"{output.label}, spectral\ndensity [{unit}]")
+            alt = f"{output.label}: spectrum of the reading and of the residual"
+            panels.append(svg.panel(figure, f"spectrum-{output.key}-{n}", alt))
+    return tuple(panels)
 
 
 def _whiteness(run: Run, n: int) -> tuple[svg.Panel, ...]:
-    def draw(axes: Axes, axle: str) -> str | None:
-        curves = run.chassis.get(f"{axle}_chassis")
-        values = [] if curves is None else [v or 0.0 for v in curves.autocorrelation[1:]]
-        if curves is None or not values:
-            return None
-        svg.draw_autocorrelation(
-            axes, values, curves.autocorrelation_band95, curves.lag_seconds, axle
-        )
+    panels = []
+    for output in _outputs(run):
+        curves, name = output.curves, output.label.removesuffix(" chassis")
+        values = [v or 0.0 for v in curves.autocorrelation[1:]]
+        if not values:
+            continue
+        figure = svg.canvas(height=2.2)
+        axes = figure.subplots()
+        band = curves.autocorrelation_band95
+        svg.draw_autocorrelation(axes, values, band, curves.lag_seconds, name, output.colour)
         axes.set_xticks(range(5, len(values) + 1, 5))
         p = probability(curves.whiteness_p)
-        axes.set_title(f"{axle}: whiteness p-value {p}", loc="left")
-        return f"{axle} innovations: autocorrelation, whiteness p-value {p}"
-
-    return svg.axle_panels(f"whiteness-{{}}-{n}", draw, 2.2)
+        axes.set_title(f"{name}: whiteness p-value {p}", loc="left")
+        alt = f"{name} innovations: autocorrelation, whiteness p-value {p}"
+        panels.append(svg.panel(figure, f"whiteness-{output.key}-{n}", alt))
+    return tuple(panels)
 
 
 def _noise_table(entries: Sequence[Noise]) -> Table:
     """Noise of each sensor as estimated, and as declared in the vehicle file."""
-    rows, unit = [], ""
+    rows, unit = [], readable_unit(entries[0].unit)
     for entry in entries:
-        unit = readable_unit(entry.unit)
-        for channel in CHANNELS:
-            level = getattr(entry, channel)
-            if level is None:
+        for channel, level in entry:
+            if not isinstance(level, NoiseLevel):
                 continue
             label = capitalized(channel.replace("_", " "))
+            label += f" [{readable_unit(level.unit)}]" if level.unit else ""
             label += f", {plain(entry.source)}" if len(entries) > 1 else ""
             given = "not declared" if level.given is None else number(level.given)
             rows.append([label, plus_minus(level), given])

@@ -1,0 +1,66 @@
+"""Documents of results that the commands' own tests do not reach: recordings with more channels."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.estimation import estimate
+from bayes_asv.io import read_recording
+from bayes_asv.report.documents.estimate import estimate_document
+from bayes_asv.report.page import report_page
+from bayes_asv.report.schema import EstimateDocument, read_saved
+from bayes_asv.shipped import shipped
+from tests.report.conftest import figures, table
+
+
+@pytest.fixture(scope="module")
+def document() -> EstimateDocument:
+    """Document of an estimate with a travel sensor at the front, made from the simulation."""
+    car = read_vehicle(shipped("vehicles", "baja2008.toml"))
+    run = read_recording(shipped("recordings", "stops-400hz.csv"))
+    (fit,) = estimate([run], car).runs
+    deflection = np.interp(run.time, fit.line.instants, fit.free.states[:, 0])
+    noise = np.random.default_rng(5).normal(scale=2e-4, size=len(run.time))
+    more = replace(
+        run,
+        channels=(*run.channels, "front_travel"),
+        units=(*run.units, "m"),
+        values=np.vstack([run.values, deflection + noise]),
+    )
+    return estimate_document(estimate([more], car))
+
+
+def test_a_travel_sensor_is_in_the_document(document: EstimateDocument, tmp_path: Path) -> None:
+    assert document.verdict == "ok"
+    (run,) = document.runs
+    assert list(run.chassis) == ["front_chassis", "rear_chassis"]
+    assert list(run.outputs) == ["front_travel"]
+    assert run.outputs["front_travel"].unit == "in"
+    travel = np.array(run.outputs["front_travel"].measured, dtype=float)
+    assert run.travel.front is not None
+    assert np.allclose(travel, np.array(run.travel.front.deflection, dtype=float), atol=0.05)
+    assert "front_travel" in run.missing
+    assert document.fit.front_travel is not None
+    assert document.fit.front_travel.nrmse_percent is not None
+    assert 0.0 < document.fit.front_travel.nrmse_percent < 10.0
+    file = tmp_path / "saved.json"
+    file.write_text(json.dumps(document.to_dict()), encoding="utf-8")
+    assert read_saved(file) == document
+
+
+def test_a_travel_sensor_is_in_the_report(document: EstimateDocument) -> None:
+    drawn = figures(document)
+    assert [p.key for p in drawn["chassis-0"].panels] == [
+        "chassis-front-0", "chassis-rear-0", "chassis-front-travel-0",
+    ]  # fmt: skip
+    fits = table(document, "Fit of the simulation")
+    assert fits is not None
+    assert fits.columns[-1] == "front travel, rms error"
+    page, _ = report_page(document)
+    assert "Measured and simulated motion" in [s["title"] for s in page["sections"]]
