@@ -55,7 +55,7 @@ class Diagnosis:
     Parameters
     ----------
     verdict : {'agreement', 'named', 'unexplained', 'refused'}
-        See ``interfaces.md``.
+        See ``docs/interfaces.md``.
     reasons, warnings, preflight : tuples
         Why it was refused; what to know; what was found before any fit.
     p : float

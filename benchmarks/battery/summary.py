@@ -31,7 +31,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 ABOVE_THE_FLOOR = 40.0
-"""Noncentrality from which an effect is well above the floor, as ``interfaces.md`` says."""
+"""Noncentrality from which an effect is well above the floor, as ``docs/interfaces.md`` says."""
 
 _NEAR = 0.5  # least share of the strength asked for that has to be reached
 _GROUP_OF = {cell.name: cell.group for cell in CELLS}

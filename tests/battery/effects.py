@@ -301,7 +301,7 @@ EFFECTS: Final[Mapping[str, Maker]] = {
     "sensor_drift": _sensor("sensor_drift", "slope", "drift", "m/s^3", 0.02, 10.0, 0.01),
     "engine_vibration": _engine,
 }
-"""Makers of effects by the names of ``interfaces.md``."""
+"""Makers of effects by the names of ``docs/interfaces.md``."""
 
 _PLACES: Final[Mapping[str, tuple[str, ...]]] = {
     **dict.fromkeys(EFFECTS, _SUSPENSION),

@@ -1,6 +1,6 @@
-"""What c means where the rig's law and that of ``interfaces.md`` are not the same function.
+"""What c means where the rig's law and that of ``docs/interfaces.md`` are not the same function.
 
-A diagnosis fits F = -k delta - c v (...) in the forms of ``interfaces.md``; the rig moves by
+A diagnosis fits F = -k delta - c v (...) in the forms of ``docs/interfaces.md``; the rig moves by
 tanh, sinh, softplus and an exponential fading.  Along the fitted runs the written form is fitted
 to the rig's force, c and the effect's own parameters free, k as it is.  Where that c is not the
 rig's c, either may be called true: an interval is right that reaches the span between them.

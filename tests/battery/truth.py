@@ -20,7 +20,7 @@ class TrueEffect:
     name, where : str
         As a diagnosis should say; ``where`` empty where there is no place.
     parameters : dict of str to float
-        In the words of ``interfaces.md``, SI; of the front where both axles have it.
+        In the words of ``docs/interfaces.md``, SI; of the front where both axles have it.
     size, tolerance : float
         In the effect's own measure, and what a data sheet leaves open at one deviation (0: none).
     noncentrality : float
@@ -62,7 +62,7 @@ class Truth:
         True c_f, c_r, i and given values, SI, without the effects.
     meant : dict of str to (float, float)
         What c_f, c_r and i mean to a diagnosis, lowest and highest: two values where the rig's
-        form and that of ``interfaces.md`` are not the same; see :mod:`tests.battery.meaning`.
+        form and that of ``docs/interfaces.md`` are not the same; see :mod:`tests.battery.meaning`.
     terrain, held_out : str
         What the fitted and the held-out run go over.
     family : str

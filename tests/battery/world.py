@@ -70,7 +70,7 @@ class Effect:
     change : callable
         Takes a world without the effect and a size, returns the world with it.
     told : callable
-        Its parameters in the words of ``interfaces.md``, SI, of a size.
+        Its parameters in the words of ``docs/interfaces.md``, SI, of a size.
     first, largest : float
         Size to try first for a noncentrality of ten, and size that no car has more of.
     tolerance : float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+from bayes_asv.cli import cli
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.models.effects import EFFECTS
 from bayes_asv.report.page import limits, report_page
 from bayes_asv.report.render import write_report
 from bayes_asv.report.schema import (
@@ -168,3 +173,21 @@ def test_a_mutated_document_is_drawn_or_refused_in_one_line(document: Data) -> N
 
 def _check_one_line(refusal: InputError) -> None:
     assert str(refusal).isprintable()
+
+
+def test_the_page_of_interfaces_names_what_there_is() -> None:
+    text = (ROOT / "docs" / "interfaces.md").read_text(encoding="utf-8")
+    names = {
+        *DOCUMENTS,
+        *QUANTITIES,
+        *CHANNELS,
+        *EFFECTS,
+        *(f"bayes-asv {c}" for c in cli.commands),
+    }
+    shown = {name for name in names if name in text.replace("`bayes_asv/report", "")}
+    assert names - shown == {"bayes_asv/estimate_roll/1", "bayes_asv/track/1", "bayes_asv/watch/1"}
+    examples = [json.loads(x) for x in re.findall(r"```json\n(.*?)```", text, re.DOTALL)]
+    for example, kind in zip(examples, ("estimate", "diagnose"), strict=True):
+        document = DOCUMENTS[example["schema"]]
+        assert example["schema"] == f"bayes_asv/{kind}/1"
+        assert set(example) - {"schema"} <= set(document.model_fields)

@@ -21,7 +21,7 @@ DECLARED_SDS: Final[Mapping[str, float]] = {
     "k_f": 0.05,
     "k_r": 0.05,
 }
-"""Relative deviations of what a team would say it knows (as in ``interfaces.md``)."""
+"""Relative deviations of what a team would say it knows (as in ``docs/interfaces.md``)."""
 
 SPREADS: Final[Mapping[str, float]] = {"c_f": 0.3, "c_r": 0.3, "i": 0.2}
 """Log-normal deviations of what is to be found; well inside the estimator's priors."""

@@ -102,7 +102,7 @@ def vehicle_toml(
     Returns
     -------
     str
-        TOML of ``interfaces.md``.
+        TOML of ``docs/interfaces.md``.
     """
     lines = [f'name  = "{car.name}"', 'units = "US"', "", "[known]"]
     lines += [_entry(car, row, sds) for row in _KNOWN]

@@ -5,8 +5,8 @@ chassis (N) from the deflection ``delta`` (m, extension positive, zero at rest),
 ``delta_dot`` (m/s) and the time ``t`` (s). The static load is left out: a law is zero at rest.
 
 The functional forms are chosen to differ from the ones the estimator writes down (smooth
-transitions, tanh, sinh, splines), while their parameters keep the meaning of ``interfaces.md``,
-so that an answer can be compared with the truth.
+transitions, tanh, sinh, splines), while their parameters keep the meaning of
+``docs/interfaces.md``, so that an answer can be compared with the truth.
 """
 
 from __future__ import annotations

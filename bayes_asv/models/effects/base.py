@@ -51,7 +51,7 @@ class Parameter:
     Parameters
     ----------
     name, unit : str
-        As in ``interfaces.md``; the unit is SI.
+        As in ``docs/interfaces.md``; the unit is SI.
     form : {'linear', 'log', 'positive', 'sinh'}
         The value is ``centre + wide z``, ``centre exp(wide z)``, ``wide |z|`` or
         ``centre + wide sinh(z)`` of a standard normal z; the third is a half-normal prior, the
@@ -109,7 +109,7 @@ class Effect:
     Parameters
     ----------
     name : str
-        As in ``interfaces.md``.
+        As in ``docs/interfaces.md``.
     title : str
         In words, for reports.
     acts : {'suspension', 'car', 'reading'}
