@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.cars import car_model
 from bayes_asv.planning.information import IDENTIFIABLE
-from bayes_asv.posterior.parameters import space
 
 __all__ = [
     "GIVEN",
@@ -98,9 +98,12 @@ class PriorSd:
 
 def prior_sd(vehicle: Vehicle) -> PriorSd:
     """Return the prior standard deviations that the estimator uses for a vehicle."""
-    parameters = space(vehicle, ())
-    log_sd = {name: parameters.log_prior_of(name)[1] for name in _ALL if name != "wdf"}
-    log_sd["wdf"] = vehicle.wdf.sd / vehicle.wdf.value
+    parameters = {p.name: p for p in car_model("half", vehicle).parameters}
+    log_sd = {
+        name: math.sqrt(sum((weight * sd) ** 2 for _, weight, sd in parameters[name].terms))
+        for name in _ALL
+    }
+    log_sd["wdf"] /= parameters["wdf"].nominal  # a fraction's own deviation is absolute
     return PriorSd(log_sd)
 
 
