@@ -85,7 +85,7 @@ def test_each_reading_is_played_at_the_instant_at_which_it_was_taken(tmp_path: P
 def test_a_coarse_recording_is_played_with_a_warning(tmp_path: Path) -> None:
     recording = read_recording(ROOT / "data" / "recordings" / "stops-400hz.csv")
     _, warning = write_voltages(recording, VEHICLE, tmp_path)
-    assert "straight lines between rows at 400 Hz" in warning
+    assert "interpolated linearly between rows at 400 Hz" in warning
 
 
 def test_the_default_drive_has_the_delays_of_nobody() -> None:
