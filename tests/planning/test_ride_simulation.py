@@ -11,8 +11,8 @@ import pytest
 from bayes_asv.domain.errors import InputError
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import HalfCar, deflection_form
-from bayes_asv.planning.drives import RoadProfile
-from bayes_asv.planning.ride_simulation import LEAD_IN, Pass, Tyres, default_tyres, simulate_passes
+from bayes_asv.planning.drives import LEAD_IN, RoadProfile
+from bayes_asv.planning.ride_simulation import Pass, Tyres, default_tyres, simulate_passes
 from tests.rig import RigCar, baja, drive
 from tests.rig import SensorSpec as Spec
 from tests.rig.terrain import Haversine, Terrain

@@ -16,10 +16,11 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, VALUE
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.preprocessing.band import check_band, limited, low_pass
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -55,7 +56,7 @@ def _plain() -> Vehicle:
 
 
 def _band(recording: Recording, car: Vehicle, below: float = BELOW) -> PreparedRecording:
-    return limited(build(recording, car), car, below)
+    return limited(prepare(recording, car, car_model("half", car)), below)
 
 
 @settings(deadline=None, max_examples=60)
@@ -78,7 +79,7 @@ def test_a_slow_motion_stays_and_a_fast_one_goes() -> None:
     line = _band(_made(np.tile(slow + fast, (4, 1))), _plain())
     at = line.times[0]
     for c in range(4):
-        assert line.acceleration[c] == pytest.approx(np.sin(2.0 * np.pi * 3.0 * at), abs=0.04)
+        assert line.values[c] == pytest.approx(np.sin(2.0 * np.pi * 3.0 * at), abs=0.04)
     used = line.kind[:, 0] == VALUE
     assert np.diff(line.instants[used]) == pytest.approx(1.0 / (2.0 * BELOW), abs=1e-9)
     assert line.reading[used, 0] == pytest.approx(
@@ -94,9 +95,7 @@ def test_delays_and_clocks_are_honoured_before_the_filter() -> None:
     told = (("delay front_chassis", f"{late} s"), ("clock rear_wheel", f"{fast * 1e6} ppm"))
     line = _band(replace(_made(signal), metadata=told), _plain())
     for c in range(4):
-        assert line.acceleration[c] == pytest.approx(
-            np.sin(2.0 * np.pi * 4.0 * line.times[c]), abs=0.01
-        )
+        assert line.values[c] == pytest.approx(np.sin(2.0 * np.pi * 4.0 * line.times[c]), abs=0.01)
 
 
 def test_noise_levels_are_those_of_the_filtered_readings() -> None:
@@ -157,11 +156,12 @@ def test_a_gap_is_not_filled_with_guesses() -> None:
 
 
 def test_a_band_without_the_cars_own_motion_is_refused() -> None:
+    car = car_model("half", vehicle(EXACT))
     with pytest.raises(InputError, match=r"--below 2: .* give at least 3\.6"):
-        check_band(2.0, vehicle(EXACT))
+        check_band(2.0, car)
     with pytest.raises(InputError):
-        check_band(float("nan"), vehicle(EXACT))
-    check_band(3.6, vehicle(EXACT))
+        check_band(float("nan"), car)
+    check_band(3.6, car)
 
 
 def test_a_record_too_short_for_the_filter_is_refused() -> None:

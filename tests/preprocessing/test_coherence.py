@@ -12,8 +12,9 @@ from scipy.signal import lfilter, welch
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.preprocessing.coherence import coherence, mend
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.models.cars import car_model
+from bayes_asv.preprocessing.coherence import coherence, suggest_band
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from tests.posterior.cases import EXACT, case, vehicle
 
 Array = NDArray[np.float64]
@@ -29,9 +30,13 @@ def _plain() -> Vehicle:
     return replace(car, sensors=(front, over, rear, behind))
 
 
+def _prepared(recording: Recording, car: Vehicle) -> PreparedRecording:
+    return prepare(recording, car, car_model("half", car))
+
+
 def _line(values: Array) -> PreparedRecording:
     time = np.arange(values.shape[1]) / RATE
-    return build(Recording(time, values, ("m/s^2",) * 4, (), "made.csv"), _plain())
+    return _prepared(Recording(time, values, ("m/s^2",) * 4, (), "made.csv"), _plain())
 
 
 def test_both_wheels_together_explain_what_they_cause() -> None:
@@ -79,14 +84,14 @@ def test_a_short_record_says_nothing() -> None:
 def test_a_band_is_named_only_where_the_wheels_explain_it() -> None:
     _, _, recording = case("rough", 1, EXACT, rate=RATE, seconds=30.0)
     car = vehicle(EXACT)
-    line = build(recording, car)
+    line = _prepared(recording, car)
     poor, good = np.array([0.1, 0.4]), np.array([0.08, 0.08])
-    (said,) = mend(line, car, poor, 7.0)
+    (said,) = suggest_band(line, poor, 7.0)
     assert "explains only 90 and 60 %" in said
     assert said.endswith("try --below 5")
-    assert mend(line, car, good, 7.0) == []  # little is left, so there is nothing to mend
+    assert suggest_band(line, good, 7.0) == []  # little is left, so there is nothing to mend
     values = recording.values.copy()
     values[[1, 3]] = values[[1, 3], ::-1]  # as much motion, and none of it from the wheels
-    assert mend(build(replace(recording, values=values), car), car, poor, 7.0) == []
+    assert suggest_band(_prepared(replace(recording, values=values), car), poor, 7.0) == []
     short = replace(recording, time=recording.time[:400], values=recording.values[:, :400])
-    assert mend(build(short, car), car, poor, 7.0) == []
+    assert suggest_band(_prepared(short, car), poor, 7.0) == []

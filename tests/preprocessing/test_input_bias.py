@@ -11,7 +11,7 @@ from bayes_asv.diagnosis.model_search import asked
 from bayes_asv.posterior.effect_fit import added, read_site, with_effects
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
-from bayes_asv.preprocessing.input_bias import levelled
+from bayes_asv.preprocessing.input_bias import without_mean_input
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.battery.cases import Case, case
 
@@ -28,7 +28,7 @@ def _lines(one: Case, off: float) -> tuple[PreparedRecording, ...]:
 def test_a_level_of_wheel_and_chassis_is_taken_off() -> None:
     one = case("droop_stop-400", 5, 0)
     for plain, shifted in zip(_lines(one, 0.0), _lines(one, 1.0), strict=True):
-        a, b = levelled(plain), levelled(shifted)
+        a, b = without_mean_input(plain), without_mean_input(shifted)
         np.testing.assert_allclose(a.moments, b.moments, atol=1e-9)
         np.testing.assert_allclose(a.reading, b.reading, atol=1e-9)
         time = a.wheels[0].knots
@@ -42,9 +42,12 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     site = read_site("droop_stop@front")
     target = where.target((site,))
     names = target.space.names
-    assert [n for n in names if n.startswith("zero")] == ["zero front 0", "zero front 1"]
+    assert [n for n in names if n.startswith("input bias")] == [
+        "input bias front 0",
+        "input bias front 1",
+    ]
     z = 0.1 * np.random.default_rng(3).standard_normal(len(names))
-    at = names.index("zero front 0")
+    at = names.index("input bias front 0")
     level = float(target.space.zeros(z, 0)[0])
     assert level == pytest.approx(0.15 * z[at])
     one_axle = np.array([level, 0.0])
@@ -109,7 +112,7 @@ def test_a_filter_begins_where_the_whole_recording_shows() -> None:
     lines, _, _ = lay_out(one.recordings, one.vehicle)
     where = setting(one.vehicle, lines)
     for line in where.lines:
-        assert np.all(np.sqrt(line.start[[0, 2]]) < 0.01)
+        assert np.all(np.sqrt(np.diag(line.start)[[0, 2]]) < 0.01)
     model = asked(where, base(where), 1)
     stops = [c for c in model.found.candidates if str(c.site) == f"bump_stop@{true.where}"]
     gaps = [c.values["gap"] for c in stops]

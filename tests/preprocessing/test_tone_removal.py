@@ -11,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import sosfreqz
 
+from bayes_asv.domain.recording import Recording
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.map_fit import best_fit, lay_out
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from bayes_asv.preprocessing.tone_removal import (
     Notch,
     find_tones,
@@ -59,10 +61,15 @@ def test_a_notch_is_as_wide_as_it_says_and_leaves_rest_alone(
         assert np.ptp(band) == pytest.approx(2.0 * width, rel=0.3)
 
 
+def _line(recording: Recording) -> PreparedRecording:
+    car = vehicle(EXACT)
+    return prepare(recording, car, car_model("half", car))
+
+
 @pytest.fixture(scope="module")
 def plain() -> PreparedRecording:
     _, _, recording = case("rough", 4, EXACT)
-    return build(recording, vehicle(EXACT))
+    return _line(recording)
 
 
 @given(st.floats(5.0, 1000.0), st.floats(30.0, 800.0))
@@ -79,7 +86,7 @@ def test_notches_cost_width_but_do_not_move_the_answer(plain: PreparedRecording)
     """A common filter leaves the relation between wheels and chassis as it is."""
     car = vehicle(EXACT)
     whole = best_fit((plain,), car)
-    line = notched(plain, car, [Notch(40.0, 3.0), Notch(21.0, 2.0)])
+    line = notched(plain, [Notch(40.0, 3.0), Notch(21.0, 2.0)])
     assert line.cut is not None
     assert 0.85 < line.cut.left < 0.96
     assert line.instants[0] - plain.instants[0] > 0.2  # the filters had to settle
@@ -95,19 +102,18 @@ def test_notches_cost_width_but_do_not_move_the_answer(plain: PreparedRecording)
 
 
 def test_missing_and_clipped_readings_do_not_spoil_the_filters(plain: PreparedRecording) -> None:
-    car = vehicle(EXACT)
     sensors = replace(SensorSpec(), jitter=2e-4, dropped=0.02)
     _, _, recording = case("rough", 4, EXACT, sensors=sensors)
-    line = notched(build(recording, car), car, [Notch(40.0, 3.0)])
-    same = notched(plain, car, [Notch(40.0, 3.0)])
-    at = np.isfinite(line.acceleration[0])
+    line = notched(_line(recording), [Notch(40.0, 3.0)])
+    same = notched(plain, [Notch(40.0, 3.0)])
+    at = np.isfinite(line.values[0])
     reference = same.wheels[0].spline(line.times[0, at])
     inside = (line.times[0, at] > 0.5) & (line.times[0, at] < 1.8)
-    left = line.acceleration[0, at][inside] - reference[inside]
+    left = line.values[0, at][inside] - reference[inside]
     assert np.std(left) < 0.1 * np.std(reference[inside])
     clipped = plain.clipped.copy()
     clipped[1, 400] = True
-    there = notched(replace(plain, clipped=clipped), car, [Notch(40.0, 3.0)])
+    there = notched(replace(plain, clipped=clipped), [Notch(40.0, 3.0)])
     assert there.readings == same.readings - 1
 
 
@@ -142,9 +148,9 @@ def test_an_engine_does_not_move_the_answer() -> None:
 def test_time_goes_by_from_the_beginning_of_the_record_not_of_what_a_filter_left(
     plain: PreparedRecording,
 ) -> None:
-    line = notched(plain, vehicle(EXACT), [Notch(40.0, 3.0)])
+    line = notched(plain, [Notch(40.0, 3.0)])
     assert plain.elapsed[0] == 0.0
     assert line.elapsed[0] == pytest.approx(line.instants[0] - plain.instants[0])
     assert line.elapsed[-1] == pytest.approx(plain.elapsed[-1])
-    twice = notched(line, vehicle(EXACT), [Notch(25.0, 3.0)])
+    twice = notched(line, [Notch(25.0, 3.0)])
     assert twice.elapsed[-1] == pytest.approx(plain.elapsed[-1])

@@ -42,7 +42,7 @@ def test_rear_hub_follows_the_front_a_wheelbase_later(ideal: Vehicle) -> None:
     way = road("bump", np.random.default_rng(0))
     drive = simulate(ideal, way, seconds=2.5)
     lag = ideal.l.value / way.speed
-    front, rear = drive.acceleration[0], drive.acceleration[2]
+    front, rear = drive.truth[0], drive.truth[2]
     late = np.interp(drive.time, drive.time + lag, front, left=0.0)
     np.testing.assert_allclose(rear, late, atol=0.02 * np.max(np.abs(front)))
 
@@ -50,7 +50,7 @@ def test_rear_hub_follows_the_front_a_wheelbase_later(ideal: Vehicle) -> None:
 def test_the_hub_acceleration_is_the_road_s_second_derivative(ideal: Vehicle) -> None:
     way = road("rollers", np.random.default_rng(0))
     drive = simulate(ideal, way, seconds=2.5)
-    again = np.cumsum(np.cumsum(drive.acceleration[0])) * (drive.time[1] - drive.time[0]) ** 2
+    again = np.cumsum(np.cumsum(drive.truth[0])) * (drive.time[1] - drive.time[0]) ** 2
     height = way.height(way.speed * (drive.time - 0.5))
     assert np.max(np.abs(again - height)) < 0.02 * np.max(height)
 
@@ -70,7 +70,7 @@ def test_noise_has_the_declared_deviation_and_correlation(baja: Vehicle) -> None
 
 def test_band_limited_noise_stays_in_its_band(ideal: Vehicle) -> None:
     drive = simulate(ideal, road("noise", np.random.default_rng(2)), seconds=30.0)
-    x = drive.acceleration[0][drive.time > 3.0]
+    x = drive.truth[0][drive.time > 3.0]
     power = np.abs(np.fft.rfft(x * np.hanning(len(x)))) ** 2
     frequency = np.fft.rfftfreq(len(x), drive.time[1] - drive.time[0])
     assert power[(frequency > 0.4) & (frequency < 20.5)].sum() > 0.999 * power.sum()
