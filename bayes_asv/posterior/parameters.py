@@ -26,6 +26,7 @@ from scipy.special import ndtr, ndtri
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
 from bayes_asv.models.car_model import CarModel, Values, state_space
+from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Parameter, Scale, Site
 from bayes_asv.models.priors import NOISE_GIVEN_SD, NOISE_UNKNOWN_SD, WORST
 from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
@@ -483,7 +484,7 @@ def space(
     Parameters
     ----------
     vehicle : Vehicle
-        Gives the sizes that the priors of effects are given in.
+        Gives the priors of the car, and the sizes that those of effects are given in.
     timelines : tuple of PreparedRecording
         The recordings, in order, all of one car.
     likelihood : str
@@ -500,7 +501,7 @@ def space(
     -------
     ParameterSpace
     """
-    car = timelines[0].car
+    car = car_model(timelines[0].car.name, vehicle)
     prior = car_prior(car, timelines)
     coordinates = [Coordinate("car", f"car-{k}") for k in range(prior.identified.shape[1])]
     coordinates += [

@@ -26,11 +26,12 @@ from scipy.signal import lfilter
 
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 from benchmarks.calibration.dense import suspension
 from benchmarks.calibration.quantities import coordinates, log_spread
 from benchmarks.calibration.rig_runs import Case
+from tests.posterior.cases import prepared
 from tests.rig import Motion, SensorSpec
 from tests.rig.sensors import low_pass
 
@@ -122,7 +123,7 @@ def _ideal(case: Case) -> PreparedRecording:
     """Lay out the true wheel motion at the recording's instants, with readings that fit it."""
     boundless = tuple(replace(s, low=-math.inf, high=math.inf) for s in case.vehicle.sensors)
     vehicle = replace(case.vehicle, sensors=boundless)  # type: ignore[arg-type]
-    line = build(case.recording, vehicle)
+    line = prepared(case.recording, vehicle)
     time, wheels = true_wheels(case.motion, case.sensors)
     front, rear = (WheelSignal(CubicSpline(time, u), time, np.zeros(len(time) - 1)) for u in wheels)
     order = line.moments.shape[2]

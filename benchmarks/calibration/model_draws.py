@@ -18,10 +18,11 @@ from scipy.linalg import expm
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.preprocessing.timeline import PreparedRecording
 from benchmarks.calibration.cells import Cell
 from benchmarks.calibration.dense import suspension
 from benchmarks.calibration.rig_runs import drive_cell
+from tests.posterior.cases import prepared
 
 __all__ = ["Drawn", "chassis_readings", "draw_run", "driven_states", "noisy_states"]
 
@@ -71,7 +72,7 @@ def draw_run(cell: Cell, seed: int, run: int) -> Drawn:
     case = drive_cell(cell, seed, run)
     boundless = tuple(replace(s, low=-np.inf, high=np.inf) for s in case.vehicle.sensors)
     vehicle = replace(case.vehicle, sensors=boundless)  # type: ignore[arg-type]
-    line = build(case.recording, vehicle)
+    line = prepared(case.recording, vehicle)
     where = space(vehicle, (line,))
     rng = np.random.default_rng([seed, run, 2018])
     z = rng.normal(size=(1, where.dimension))

@@ -22,10 +22,10 @@ from scipy.optimize import least_squares
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.timeline import build
+from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.preprocessing.timeline import prepare
 
 __all__ = ["Scaled", "carried", "left_over", "scaled", "without_rails"]
 
@@ -107,7 +107,8 @@ def carried(recordings: Sequence[Recording], vehicle: Vehicle, car: Array) -> fl
 
 def _target(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
     plain = without_rails(vehicle)
-    where = space(plain, tuple(build(recording, plain) for recording in recordings))
+    car = car_model("half", plain)
+    where = space(plain, tuple(prepare(recording, plain, car) for recording in recordings))
     return Posterior(where, (WHITE,) * len(recordings))
 
 

@@ -13,12 +13,12 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
+from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.preprocessing.timeline import PreparedRecording
 from benchmarks.calibration.cells import MODEL, Cell, Group
 from benchmarks.calibration.model_draws import chassis_readings, draw_run, driven_states
 from benchmarks.calibration.rig_runs import drive_cell
+from tests.posterior.cases import prepared
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ RUNS = 20
 def drawn() -> tuple[PreparedRecording, ParameterSpace]:
     """A short drive over a bump, laid out."""
     case = drive_cell(BUMP, 1, 0)
-    line = build(case.recording, case.vehicle)
+    line = prepared(case.recording, case.vehicle)
     return line, space(case.vehicle, (line,))
 
 
@@ -84,7 +84,7 @@ def test_readings_have_the_covariance_that_the_kernel_states() -> None:
     case = drive_cell(BUMP, 1, 0)
     first = 14  # rows
     cut = Recording(case.recording.time[:first], case.recording.values[:, :first], ("m/s^2",) * 4)
-    line = build(cut, case.vehicle)
+    line = prepared(cut, case.vehicle)
     where = space(case.vehicle, (line,))
     truth = np.random.default_rng(9).normal(size=where.dimension)
     targets = _targets(line, where, truth, 100, 7)
@@ -115,7 +115,7 @@ def test_a_drawn_recording_is_laid_out_as_the_drive_it_came_from() -> None:
     """Only the chassis readings differ: the model's input must not move with its output."""
     drawn = draw_run(CELL, 3, 1)
     case = drive_cell(CELL, 3, 1)
-    mine, theirs = build(drawn.recording, drawn.vehicle), build(case.recording, drawn.vehicle)
+    mine, theirs = prepared(drawn.recording, drawn.vehicle), prepared(case.recording, drawn.vehicle)
     np.testing.assert_array_equal(mine.moments, theirs.moments)
     np.testing.assert_array_equal(mine.spread, theirs.spread)
     np.testing.assert_array_equal(mine.instants, theirs.instants)

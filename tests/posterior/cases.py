@@ -10,6 +10,8 @@ import numpy as np
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.models.cars import car_model
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,
@@ -34,6 +36,11 @@ def vehicle(sds: dict[str, float], sensors: SensorSpec | None = None) -> Vehicle
         path = Path(folder) / "car.toml"
         path.write_text(vehicle_toml(baja(), sensors or SensorSpec(), sds), encoding="utf-8")
         return replace(read_vehicle(path), source="car.toml")
+
+
+def prepared(recording: Recording, vehicle: Vehicle, car: str = "half") -> PreparedRecording:
+    """Put a recording in the form that a filter takes, for a car by name."""
+    return prepare(recording, vehicle, car_model(car, vehicle))
 
 
 def case(

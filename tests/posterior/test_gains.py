@@ -12,7 +12,6 @@ from bayes_asv.analysis.uncertainty_budget import find_width
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
-from bayes_asv.posterior.parameters import CAR
 from tests.posterior.cases import DECLARED, EXACT, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
 
@@ -76,7 +75,7 @@ def test_scales_that_are_off_are_allowed_for(off: tuple[RigCar, Recording]) -> N
     narrow = fitted(declared(DECLARED, 0.0), recording)
     missed = {}
     for fit, share in ((wide, "wide"), (narrow, "narrow")):
-        best = dict(zip(CAR, fit.space.cars(fit.mode.z[None])[0], strict=True))
+        best = dict(zip(fit.space.car.names, fit.space.cars(fit.mode.z[None])[0], strict=True))
         missed[share] = [
             abs(math.log(best[n] / getattr(truth, n)))
             / fit.space.log_deviation(fit.mode.covariance, n)

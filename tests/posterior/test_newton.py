@@ -8,14 +8,13 @@ import pytest
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.newton import derivatives, find_mode
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import build
-from tests.posterior.cases import DECLARED, case, vehicle
+from tests.posterior.cases import DECLARED, case, prepared, vehicle
 
 
 @pytest.fixture(scope="module")
 def target() -> Posterior:
     car = vehicle(DECLARED)
-    lines = tuple(build(case(terrain, 31, DECLARED)[2], car) for terrain in ("bump", "rough"))
+    lines = tuple(prepared(case(terrain, 31, DECLARED)[2], car) for terrain in ("bump", "rough"))
     return Posterior(space(car, lines), (WHITE, WHITE))
 
 

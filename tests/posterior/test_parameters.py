@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from bayes_asv.domain.vehicle import Given
-from bayes_asv.filters import kalman as kernel
+from bayes_asv.filters.kalman import log_likelihood
+from bayes_asv.models.car_model import state_space
 from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.parameters import CAR
-from bayes_asv.preprocessing.timeline import PreparedRecording, build
-from tests.posterior.cases import DECLARED, EXACT, case, vehicle
+from bayes_asv.preprocessing.timeline import PreparedRecording
+from tests.posterior.cases import DECLARED, EXACT, case, prepared, vehicle
 
 
 @pytest.fixture(scope="module")
 def line() -> PreparedRecording:
     _, _, recording = case("bump", 1, DECLARED, seconds=1.0)
-    return build(recording, vehicle(DECLARED))
+    return prepared(recording, vehicle(DECLARED))
 
 
 def test_the_prior_is_the_one_that_is_promised(line: PreparedRecording) -> None:
@@ -26,15 +26,15 @@ def test_the_prior_is_the_one_that_is_promised(line: PreparedRecording) -> None:
     where = space(car, (line,))
     rng = np.random.default_rng(0)
     z = rng.normal(size=(200_000, where.dimension))
-    cars = np.log(where.cars(z, rng.normal(size=(len(z), where.unseen.shape[1]))))
-    sd = dict(zip(CAR, cars.std(axis=0), strict=True))
+    cars = np.log(where.cars(z, rng.normal(size=(len(z), where.prior.unidentified.shape[1]))))
+    sd = dict(zip(where.car.names, cars.std(axis=0), strict=True))
     expected = {"c_f": np.log(3), "c_r": np.log(3), "i": np.log(2), "m": 0.01, "l": 0.02,
                 "k_f": 0.05, "k_r": 0.05}  # fmt: skip
     for name, value in expected.items():
         assert sd[name] == pytest.approx(value, rel=0.01), name
     correlation = np.corrcoef(cars.T)
     assert np.max(np.abs(correlation - np.eye(8))) < 0.01
-    for k, name in enumerate(CAR):
+    for k, name in enumerate(where.car.names):
         centre = getattr(car, name).value
         assert np.exp(np.median(cars[:, k])) == pytest.approx(centre, rel=0.01)
 
@@ -45,13 +45,9 @@ def test_what_is_called_unseen_is_not_seen(line: PreparedRecording, sds: dict[st
     where = space(vehicle(sds), (line,))
     rng = np.random.default_rng(1)
     z = np.repeat(0.3 * rng.normal(size=(1, where.dimension)), 6, axis=0)
-    unseen = rng.normal(size=(6, where.unseen.shape[1]))
-    cars = where.cars(z, unseen)
-    out = np.zeros(6)
-    kernel.log_likelihood(
-        cars, where.noises(z, 0), line.step, line.moments, line.spread, line.kind,
-        line.reading, line.extra, line.start, out,
-    )  # fmt: skip
+    unseen = rng.normal(size=(6, where.prior.unidentified.shape[1]))
+    system = state_space(where.car, where.values(z, unseen), line.output_models)
+    out = log_likelihood(system, where.noises(z, 0), line.measurements)
     np.testing.assert_allclose(out, out[0], rtol=1e-9)
 
 

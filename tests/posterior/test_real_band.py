@@ -12,8 +12,8 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
-from bayes_asv.preprocessing.coherence import mend
-from bayes_asv.preprocessing.timeline import build
+from bayes_asv.preprocessing.coherence import suggest_band
+from tests.posterior.cases import prepared
 
 DRIVES = Path(__file__).resolve().parents[3] / "shared" / "data" / "roomster"
 
@@ -36,10 +36,10 @@ def _below_4(recording: Recording) -> MapFit:
 @pytest.mark.parametrize("name", ["04_1", "06_1", "08_1", "08_2"])
 def test_the_mend_is_the_band_that_the_wheels_explain(name: str) -> None:
     car = read_vehicle(DRIVES / "roomster.toml")
-    line = build(_drive(name), car)
-    (said,) = mend(line, car, np.array([1.0, 0.8]), 5.0)  # as a fit at full band may leave it
+    line = prepared(_drive(name), car)
+    (said,) = suggest_band(line, np.array([1.0, 0.8]), 5.0)  # as a fit at full band may leave it
     assert said.endswith("try --below 4")
-    assert mend(line, car, np.array([0.2, 0.1]), 5.0) == []
+    assert suggest_band(line, np.array([0.2, 0.1]), 5.0) == []
 
 
 def test_two_drives_in_the_band_tell_of_one_car() -> None:

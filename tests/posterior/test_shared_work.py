@@ -6,8 +6,7 @@ from threadpoolctl import threadpool_info
 
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import build
-from tests.posterior.cases import EXACT, case, vehicle
+from tests.posterior.cases import EXACT, case, prepared, vehicle
 
 
 def _blas() -> list[int]:
@@ -17,7 +16,7 @@ def _blas() -> list[int]:
 def test_blas_has_its_threads_back_when_the_last_has_left() -> None:
     """Of two diagnoses that overlap the first to come is the first to go."""
     car = vehicle(EXACT)
-    target = Posterior(space(car, (build(case("bump", 31, EXACT)[2], car),)), (WHITE,))
+    target = Posterior(space(car, (prepared(case("bump", 31, EXACT)[2], car),)), (WHITE,))
     before = _blas()
     assert before
     one, two = shared_work(target), shared_work(target)
