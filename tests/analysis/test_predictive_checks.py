@@ -12,9 +12,9 @@ from scipy.stats import kstest
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
 from bayes_asv.analysis.run_consistency import SingleRunFit, run_alone
 from bayes_asv.domain.recording import Recording
-from bayes_asv.filters.noise_simulation import NORMALS, noise_path
-from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.posterior.free_simulation import simulate_free
+from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import best_fit, lay_out
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
@@ -70,11 +70,11 @@ def test_of_the_model_itself_the_probabilities_are_uniform(
     line = plain.fit.space.timelines[0]
     truth = np.repeat(plain.fit.mode.z[None], 50, axis=0)
     car = plain.fit.space.cars(truth[:1])[0]
-    noise = plain.fit.space.noises(truth[:1], 0)[0]
+    system = plain.fit.space.state_space(truth[:1], 0)
+    noise = plain.fit.space.noises(truth[:1], 0)
     rng = np.random.default_rng(7)
-    made = np.empty((len(line.step), 60, 2))
-    normals = rng.standard_normal((len(line.step), 60, NORMALS))
-    noise_path(car, noise, line.step, line.spread, line.extra, normals, made)
+    normals = rng.standard_normal((len(line.step), 60, normals_needed(2, 2)))
+    made = simulate_noise(system, noise, line.measurements, normals)
     output = simulate_free(line, car).output
     found = []
     for k in range(60):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayes_asv.analysis.run_consistency import COMPARED, RunConsistency, compare_runs, run_alone
+from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, run_alone
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import Estimate, estimate
@@ -59,7 +59,8 @@ def test_runs_of_one_car_agree_and_each_knows_it(given: dict[str, float]) -> Non
     found = held(recordings(car, (1.0, 1.0, 1.0), 10), vehicle(given))
     assert found.verdict == "agree"
     assert found.whole.freedom == 6
-    for name in COMPARED:
+    assert found.compared == ("c_f", "c_r", "i")
+    for name in found.compared:
         assert found.each[name].p > 1e-3
         for run in found.runs:
             x = run.fit.space.quantities(run.z, 0)[name]
@@ -77,7 +78,7 @@ def test_two_percent_of_one_damper_is_found_and_named() -> None:
     assert found.whole.p < 1e-6
     assert found.differing == ("c_f",)
     assert found.each["c_r"].p > 1e-3
-    k = COMPARED.index("c_f")
+    k = found.compared.index("c_f")
     between = found.shift[1, k] - found.shift[0, k]
     assert between == pytest.approx(np.log(1.02), abs=4.5 * float(np.hypot(*found.sd[:, k])))
     low, _, high = found.spread_percent("c_f")

@@ -16,13 +16,15 @@ from bayes_asv.diagnosis.max_score_test import family_p, one_sided
 from bayes_asv.diagnosis.model_search import asked, without
 from bayes_asv.diagnosis.score_test import ScoreTest, signatures
 from bayes_asv.diagnosis.timing_jitter_test import jitter
+from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import EFFECTS, Site
 from bayes_asv.posterior.effect_candidates import Candidate, candidates
-from bayes_asv.posterior.effects import rows
+from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, foretold, setting
 from bayes_asv.posterior.map_fit import lay_out
 from tests.battery.cases import case
+from tests.posterior.cases import EXACT, vehicle
 
 
 @cache
@@ -170,12 +172,13 @@ def test_lines_near_the_cars_own_frequencies_are_no_engine(name: str, there: int
 
 
 def test_on_both_axles_a_law_acts_twice_and_a_push_in_halves() -> None:
+    car = car_model("half", vehicle(EXACT))
     friction = Site(EFFECTS["coulomb_friction"], "both")
-    table = rows({friction: {"force": 3.0, "slip": 0.01}}, 0)
+    table = law_table(car, {friction: {"force": 3.0, "slip": 0.01}}, 0)
     assert table[:, 0].tolist() == [0.0, 1.0]
     assert table[:, 2].tolist() == [3.0, 3.0]
     push = Site(EFFECTS["external_force"], "both", 0)
-    table = rows({push: {"force": 3.0, "start": 1.0, "duration": 0.2, "rise": 0.03}}, 0)
+    table = law_table(car, {push: {"force": 3.0, "start": 1.0, "duration": 0.2, "rise": 0.03}}, 0)
     assert table[:, 2].tolist() == [1.5, 1.5]
     assert friction.meets(Site(EFFECTS["coulomb_friction"], "rear"))
     assert not friction.meets(Site(EFFECTS["bound_rebound"], "rear"))

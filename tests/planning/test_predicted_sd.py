@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
+from bayes_asv.models.cars import car_model
 from bayes_asv.planning.information import IDENTIFIABLE, correlated_pairs
 from bayes_asv.planning.predicted_sd import (
     GIVEN,
@@ -24,7 +25,10 @@ from bayes_asv.planning.predicted_sd import (
     sd_floors,
 )
 from bayes_asv.posterior.parameters import space
+from bayes_asv.preprocessing.timeline import prepare
 from bayes_asv.shipped import shipped
+from bayes_asv.simulation.roads import road
+from bayes_asv.simulation.simulate import simulate
 
 Array = NDArray[np.float64]
 
@@ -53,17 +57,17 @@ def _car(m: float, l: float, wdf: float, k: float) -> Vehicle:
 def test_predicted_deviations_are_those_of_the_estimators_coordinates(car: Vehicle) -> None:
     """The same precision in the sampled coordinates, mapped back by the estimator."""
     J, passes = _information(3), 4
-    parameters = space(car, ())
+    drive = simulate(car, road("bump", np.random.default_rng(0)))
+    parameters = space(car, (prepare(drive.recording, car, car_model("half", car)),))
     d = parameters.car_dimension
     # ∂ ln θ / ∂z of the identifiable parameters, by central differences
     step = 1e-5
     slope = np.zeros((len(IDENTIFIABLE), d))
-    order = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")
     for k in range(d):
         by = np.zeros((1, parameters.dimension))
         by[0, k] = step
         up, down = np.log(parameters.cars(by)[0]), np.log(parameters.cars(-by)[0])
-        change = dict(zip(order, (up - down) / (2.0 * step), strict=True))
+        change = dict(zip(parameters.car.names, (up - down) / (2.0 * step), strict=True))
         for row, name in enumerate(IDENTIFIABLE):
             slope[row, k] = change[name]
             if name != "wdf":

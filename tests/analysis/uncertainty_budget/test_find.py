@@ -9,22 +9,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.uncertainty_budget import ANSWERS, UncertaintyBudget, find_width
+from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
 from bayes_asv.analysis.uncertainty_budget.budget import Budget
 from bayes_asv.analysis.uncertainty_budget.noise_sources import sources
 from bayes_asv.analysis.uncertainty_budget.sensitivity import (
     in_logs,
     information,
     jacobian,
+    parameters,
     prior_sd,
 )
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.posterior.newton import find_mode
 from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.parameters import CAR
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.rig import SensorSpec
 
@@ -42,9 +43,10 @@ def fitted(car: Vehicle, *recordings: Recording) -> MapFit:
 
 def again(car: Vehicle, fit: MapFit, times: int = 1) -> MapFit:
     """Climb again with other deviations, or with the same recording several times."""
-    there = dict(zip(CAR, fit.space.cars(fit.mode.z[None])[0], strict=True))
-    where = space(car, fit.space.timelines * times)
-    logs = {name: math.log(there[name] / getattr(car, name).value) for name in DIRECT}
+    there = fit.space.values(fit.mode.z[None])
+    lines = tuple(replace(r, car=car_model("half", car)) for r in fit.space.timelines)
+    where = space(car, lines * times)
+    logs = {name: math.log(there[name][0] / getattr(car, name).value) for name in DIRECT}
     target = Posterior(where, fit.target.colours * times)
     mode = find_mode(target, where.from_logs(logs))
     assert mode.converged
@@ -136,7 +138,7 @@ def test_a_better_weighing_halves_the_width_as_foretold(
     _, car, fit, width = declared
     for answer in DIRECT:
         first = width.answers[answer].remedies[0]
-        assert [CAR[k] for k in first.sources] == ["m"]
+        assert [width.parameters[k] for k in first.sources] == ["m"]
         assert width.answers[answer].runs_to_halve is None
     times = width.answers["c_f"].remedies[0].times
     better = replace(car, m=replace(car.m, sd=car.m.sd / math.sqrt(times)))
@@ -193,7 +195,8 @@ def test_a_finer_converter_narrows_as_foretold(
     after = widths(fitted(vehicle(EXACT, stepless), recording))
     budget = Budget(prior_sd(fit.target, fit.mode.z), information([jacobian(logs, z, 0)]))
     for name in DIRECT:
-        sd = math.sqrt(budget.covariance()[CAR.index(name), CAR.index(name)])
+        k = parameters(fit.target).index(name)
+        sd = math.sqrt(budget.covariance()[k, k])
         assert sd == pytest.approx(after[name], rel=0.12), name
         assert sd < 0.9 * widths(fit)[name]
 
@@ -241,7 +244,8 @@ def test_white_residuals_have_a_budget_without_wheel_noise() -> None:
 def test_each_answer_is_a_combination_of_the_parameters() -> None:
     """The radius of gyration is √(i/m)."""
     rng = np.random.default_rng(0)
-    away = dict(zip(CAR, 1e-6 * rng.normal(size=8), strict=True))
+    car = car_model("half", vehicle(EXACT))
+    away = dict(zip(car.names, 1e-6 * rng.normal(size=8), strict=True))
     i, m = 70.0 * math.exp(away["i"]), 200.0 * math.exp(away["m"])
     moved = math.log(math.sqrt(i / m) / math.sqrt(70.0 / 200.0))
-    assert sum(w * away[p] for p, w in ANSWERS["k_g"].items()) == pytest.approx(moved, rel=1e-6)
+    assert sum(w * away[p] for p, w in car.ratios["k_g"].items()) == pytest.approx(moved, rel=1e-6)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.uncertainty_budget import Shift, UncertaintyBudget, by_answer, find_width
+from bayes_asv.analysis.uncertainty_budget import Shift, UncertaintyBudget, find_width
 from bayes_asv.analysis.uncertainty_budget.sensitivity import in_logs, information, jacobian
 from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import HIDDEN
@@ -19,7 +19,6 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
-from bayes_asv.posterior.parameters import CAR
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, drive
@@ -47,7 +46,7 @@ def fitted(car: Vehicle, recording: Recording) -> MapFit:
 
 def answers(fit: MapFit) -> dict[str, float]:
     """Logarithms at the mode."""
-    car = dict(zip(CAR, fit.space.cars(fit.mode.z[None])[0], strict=True))
+    car = {name: float(x[0]) for name, x in fit.space.values(fit.mode.z[None]).items()}
     return {
         **{name: math.log(car[name]) for name in ("c_f", "c_r", "i")},
         "k_g": 0.5 * math.log(car["i"] / car["m"]),
@@ -100,7 +99,7 @@ def moved_and_foretold(of: Case, kind: str, where: str) -> tuple[Answers, Answer
     shift = next(s for s in of.width.shifts if (s.kind, s.where) == (kind, where))
     before = answers(of.fit)
     after = answers(fitted(of.car, driven(faulty(STEPLESS, shift), 7, of.sds)))
-    foretold = by_answer(shift.moved)
+    foretold = of.width.by_answer(shift.moved)
     sd = {name: of.width.answers[name].sd for name in foretold}
     return (
         {name: (after[name] - before[name]) / sd[name] for name in sd},
@@ -136,7 +135,7 @@ def test_a_value_wrongly_given_as_exact_moves_the_answer_as_foretold(name: str) 
     given = getattr(car, name)
     wrong = replace(car, **{name: replace(given, value=given.value / (1.0 + shift.size))})
     after, before = answers(fitted(wrong, recording)), answers(fit)
-    for answer, foretold in by_answer(shift.moved).items():
+    for answer, foretold in width.by_answer(shift.moved).items():
         sd = width.answers[answer].sd
         came = (after[answer] - before[answer]) / sd
         assert came == pytest.approx(foretold / sd, rel=0.05, abs=0.25), answer
@@ -175,7 +174,8 @@ def test_a_fault_is_cut_down_to_what_the_residuals_would_not_show(declared: Case
     logs, z = in_logs(fit.target, fit.mode.z)
     j = jacobian(logs, z, 0)
     wide = np.array([math.log(3.0), math.log(3.0), math.log(2.0)])
-    given = np.array([sds[name] for name in CAR[3:]])
+    assert width.parameters[:3] == ("c_f", "c_r", "i")
+    given = np.array([sds[name] for name in width.parameters[3:]])
     prior = np.concatenate([wide, given])
     free = prior > 0.0
     design = np.concatenate([j[:, free], np.diag(1.0 / prior[free])])
