@@ -20,14 +20,13 @@ from typing import Any
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.analysis.uncertainty_budget import ANSWERS, Shift, by_answer, find_width
+from bayes_asv.analysis.uncertainty_budget import Shift, find_width
 from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from bayes_asv.posterior.newton import Mode, find_mode
-from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.parameters import CAR, ParameterSpace
+from bayes_asv.posterior.parameters import ParameterSpace, space
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 
 __all__ = ["main"]
@@ -39,8 +38,9 @@ KNOWN = {"declared": DECLARED, "exact": EXACT}
 
 def answers(where: ParameterSpace, mode: Mode) -> dict[str, float]:
     """Logarithms of the answers at a mode."""
-    logs = dict(zip(CAR, np.log(where.cars(mode.z[None])[0]), strict=True))
-    return {n: sum(w * logs[p] for p, w in parts.items()) for n, parts in ANSWERS.items()}
+    logs = {name: float(np.log(x[0])) for name, x in where.values(mode.z[None]).items()}
+    answers = {n: {n: 1.0} for n in where.car.estimated} | dict(where.car.ratios)
+    return {n: sum(w * logs[p] for p, w in parts.items()) for n, parts in answers.items()}
 
 
 def again(fit: MapFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
@@ -72,7 +72,7 @@ def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
     before = answers(fit.space, fit.mode)
     misses, stuck = [], 0
     for shift in width.shifts:
-        after, foretold = again(fit, car, shift), by_answer(shift.moved)
+        after, foretold = again(fit, car, shift), width.by_answer(shift.moved)
         if after is None:
             stuck += 1
             continue

@@ -30,7 +30,7 @@ from scipy.stats import beta
 from bayes_asv import __version__
 from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.posterior.roll.estimate import RollEstimate, estimate_roll
+from bayes_asv.estimation import Estimate, estimate
 from tests.rig import DEFAULT_SPEEDS, TERRAINS
 from tests.rig.wide import WideCar, draw_wide, shifted, wide_baja, wide_drive, wide_toml
 
@@ -76,33 +76,32 @@ def one_run(case: str, terrain: str, seed: int, vehicle: Vehicle) -> dict[str, A
     recording = Recording(
         run.time, run.channels, ("m/s^2",) * 7, (), f"{terrain}-{seed}", channels=ROLL_CHANNELS
     )
-    found = estimate_roll([recording], vehicle, seed=seed)
+    found = estimate([recording], vehicle, seed=seed, car="roll")
     row: dict[str, Any] = {
         "case": case, "terrain": terrain, "seed": seed, "verdict": found.verdict,
         "seconds": round(found.seconds, 2),
     }  # fmt: skip
-    if found.weighted is not None:
-        row["effective"] = round(found.weighted.effective)
+    if found.draws:
+        row["effective"] = round(min(found.ess_bulk_min, found.ess_tail_min))
         row["answers"] = _scored(found, drawn)
     return row
 
 
-def _scored(found: RollEstimate, car: WideCar) -> dict[str, list[float]]:
+def _scored(found: Estimate, car: WideCar) -> dict[str, list[float]]:
     """Truth, bounds of the interval, and standard score of each answer."""
-    assert found.weighted is not None
     truth = {
         **dict(zip(("c_fl", "c_fr", "c_rl", "c_rr"), car.c, strict=True)),
         "i": car.i, "i_roll": car.i_roll,
         "ratio_f": car.c[0] / car.c[1], "ratio_r": car.c[2] / car.c[3],
     }  # fmt: skip
-    value = dict(found.quantities)
+    value = {name: x.ravel() for name, x in found.draws.items()}
     value["ratio_f"] = value["c_fl"] / value["c_fr"]
     value["ratio_r"] = value["c_rl"] / value["c_rr"]
     rows = {}
     for name in _ANSWERS:
         logs = np.log(value[name])
-        low, high = found.weighted.quantile(value[name], np.array([0.025, 0.975]))
-        score = (found.weighted.mean(logs) - math.log(truth[name])) / found.weighted.sd(logs)
+        low, high = np.quantile(value[name], [0.025, 0.975])
+        score = (logs.mean() - math.log(truth[name])) / logs.std()
         rows[name] = [float(f"{x:.6g}") for x in (truth[name], low, high, score)]
     return rows
 

@@ -24,6 +24,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from bayes_asv.filters.kalman import SensorNoise
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -56,9 +57,10 @@ class _KnownNoise(ParameterSpace):
 
     known: Array = field(default_factory=lambda: np.zeros(12))
 
-    def noises(self, z: Array, run: int) -> Array:
-        """Return the true noise (W, 12) for every row of z."""
-        return np.tile(self.known, (len(z), 1))
+    def noises(self, z: Array, run: int) -> SensorNoise:
+        """Return the true noise for every row of z."""
+        every = np.tile(self.known, (len(z), 1))
+        return SensorNoise(every[:, :4], every[:, 4:8], every[:, 8:])
 
 
 def bounds(case: Case, space: ParameterSpace, names: tuple[str, ...]) -> dict[str, float]:
@@ -79,7 +81,7 @@ def bounds(case: Case, space: ParameterSpace, names: tuple[str, ...]) -> dict[st
     """
     precision = information(case, space)
     covariance = np.asarray(np.linalg.inv(precision + np.eye(len(precision))))
-    r = space.seen.shape[1]
+    r = space.prior.identified.shape[1]
     return {name: log_spread(space, covariance[:r, :r], name) for name in names}
 
 

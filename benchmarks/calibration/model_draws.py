@@ -76,9 +76,9 @@ def draw_run(cell: Cell, seed: int, run: int) -> Drawn:
     where = space(vehicle, (line,))
     rng = np.random.default_rng([seed, run, 2018])
     z = rng.normal(size=(1, where.dimension))
-    unseen = rng.normal(size=(1, where.unseen.shape[1]))
+    unseen = rng.normal(size=(1, where.prior.unidentified.shape[1]))
     car = where.cars(z, unseen)[0]
-    readings = chassis_readings(line, car, where.noises(z, 0)[0], rng)
+    readings = chassis_readings(line, car, np.concatenate([x[0] for x in where.noises(z, 0)]), rng)
     return Drawn(_as_recording(case.recording, line, readings), vehicle, where.names, z[0], car)
 
 
@@ -109,7 +109,7 @@ def chassis_readings(
     """
     _, C = suspension(car)
     x = driven_states(line, car) + noisy_states(line, car, noise, rng)
-    bias = np.sqrt(line.start[4:]) * rng.standard_normal(2)
+    bias = np.sqrt(np.diag(line.start)[4:]) * rng.standard_normal(2)
     y = x @ C.T + bias
     for axle in range(2):
         white = np.sqrt(noise[2 + axle] + line.extra[:, axle]) * rng.standard_normal(len(y))
@@ -172,7 +172,7 @@ def noisy_states(
         [_remembered(noise[4 + a], noise[8 + a], line.step, rng) for a in range(2)], axis=1
     )
     intensity = noise[:2] * line.spread[:, :2] + line.spread[:, 2:]
-    x = np.sqrt(line.start[:4]) * rng.standard_normal(4)
+    x = np.sqrt(np.diag(line.start)[:4]) * rng.standard_normal(4)
     out = np.empty((len(line.step), 4))
     flows: dict[int, tuple[Array, tuple[Array, Array]]] = {}
     for k, h in enumerate(line.step):

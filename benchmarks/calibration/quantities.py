@@ -12,13 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.posterior.parameters import CAR, ParameterSpace
+from bayes_asv.posterior.parameters import ParameterSpace
 
 __all__ = ["Conditional", "car_quantities", "coordinates", "log_spread", "nuisance"]
 
 Array = NDArray[np.float64]
-
-_LOGS = ("c_f", "c_r", "i", "m", "l", "k_f", "k_r")  # the order of Space's logarithms
 
 
 @dataclass(frozen=True)
@@ -40,13 +38,12 @@ class Conditional:
     truth: float
 
 
-def exponents(name: str) -> Array:
-    """Exponents (7,) with which the logarithms of the car make that of a quantity."""
-    out = np.zeros(len(_LOGS))
-    if name == "k_g":  # √(i/m)
-        out[_LOGS.index("i")], out[_LOGS.index("m")] = 0.5, -0.5
-    else:
-        out[_LOGS.index(name)] = 1.0
+def exponents(space: ParameterSpace, name: str) -> Array:
+    """Exponents with which the positive parameters of the car make a quantity."""
+    logs = space.prior.logs
+    out = np.zeros(len(logs))
+    for part, power in space.car.ratios.get(name, {name: 1.0}).items():
+        out[logs.index(part)] = power
     return out
 
 
@@ -62,21 +59,22 @@ def car_quantities(
     z : (S, D) array
         Draws.
     truth : (8,) array
-        In the order of :data:`bayes_asv.posterior.parameters.CAR`, SI.
+        In the order of the car's parameters, SI.
     names : tuple of str
         Of c_f, c_r, i, m, l, k_f, k_r, k_g; one that is exact is left out.
     """
-    logs = np.log([truth[CAR.index(name)] for name in _LOGS])
-    seen = z[:, : space.seen.shape[1]] @ space.seen.T
+    prior = space.prior
+    logs = np.log([truth[space.car.names.index(name)] for name in prior.logs])
+    zeta = z[:, : prior.identified.shape[1]] @ prior.identified.T
     out = {}
     for name in names:
-        weight = exponents(name)
-        scaled = weight * space.log_sd
+        weight = exponents(space, name)
+        scaled = weight @ prior.root
         if not scaled.any():
             continue
         out[name] = Conditional(
-            mean=np.asarray(weight @ space.log_mean + seen @ scaled),
-            sd=float(np.linalg.norm(scaled @ space.unseen)),
+            mean=np.asarray(weight @ prior.log_mean + zeta @ scaled),
+            sd=float(np.linalg.norm(scaled @ prior.unidentified)),
             truth=float(weight @ logs),
         )
     return out
@@ -92,7 +90,7 @@ def nuisance(space: ParameterSpace, z: Array, truth: Array) -> dict[str, Conditi
     z, truth : (S, D) and (D,) arrays
         Draws and the true coordinates.
     """
-    first = space.seen.shape[1]
+    first = space.prior.identified.shape[1]
     return {
         space.names[k].removesuffix(" 0"): Conditional(z[:, k], 0.0, float(truth[k]))
         for k in range(first, space.dimension)
@@ -101,20 +99,14 @@ def nuisance(space: ParameterSpace, z: Array, truth: Array) -> dict[str, Conditi
 
 def coordinates(space: ParameterSpace, truth: Array) -> Array:
     """Coordinates (D,) of a true car (8,), everything that is not the car at its prior's centre."""
-    logs = np.log([truth[CAR.index(name)] for name in _LOGS])
-    there = space.log_sd > 0.0
-    turned = np.zeros(len(_LOGS))
-    turned[there] = (logs - space.log_mean)[there] / space.log_sd[there]
+    draws = {name: np.array(value) for name, value in zip(space.car.names, truth, strict=True)}
     z = np.zeros(space.dimension)
-    first = space.seen.shape[1]
-    z[:first] = turned @ space.seen
-    if "wdf" in space.names:
-        z[first] = (truth[CAR.index("wdf")] - space.centre[first]) / space.scale[first]
+    z[: space.car_dimension] = space.car_coordinates(draws)
     return z
 
 
 def log_spread(space: ParameterSpace, covariance: Array, name: str) -> float:
-    """Deviation of the logarithm of a quantity under a covariance (r, r) of what is seen."""
-    scaled = exponents(name) * space.log_sd
-    seen, unseen = scaled @ space.seen, scaled @ space.unseen
-    return float(np.sqrt(seen @ covariance @ seen + unseen @ unseen))
+    """Deviation of the logarithm of a quantity under a covariance (r, r) of what is identified."""
+    scaled = exponents(space, name) @ space.prior.root
+    known, kept = scaled @ space.prior.identified, scaled @ space.prior.unidentified
+    return float(np.sqrt(known @ covariance @ known + kept @ kept))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.posterior.parameters import CAR
+from bayes_asv.models.half_car import HalfCar
 from benchmarks.calibration.cells import MODEL, TERRAIN_NAMES, Cell
 from tests.rig import (
     DECLARED_SDS,
@@ -52,7 +52,7 @@ class Case:
     vehicle : Vehicle
         What the team says.
     car : (8,) array
-        The true car in the order of :data:`bayes_asv.posterior.parameters.CAR`, SI.
+        The true car in the order of :class:`bayes_asv.models.half_car.HalfCar`, SI.
     sensors : SensorSpec
         The true sensors.
     motion : Motion
@@ -110,7 +110,7 @@ def drive_cell(cell: Cell, seed: int, run: int) -> Case:
     name = f"{cell.name}-{run}.csv"
     recording = Recording(done.time, values, ("m/s^2",) * 4, metadata, name)
     assert done.motion is not None
-    truth = np.array([getattr(car, field) for field in CAR])
+    truth = np.array([getattr(car, field) for field in HalfCar._fields])
     return Case(recording, vehicle, truth, sensors, done.motion, clipped)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,12 +132,12 @@ def test_recording_can_be_read_back(tmp_path_factory: pytest.TempPathFactory) ->
     ],
 )
 def test_faults_of_the_blocks_are_reported(
-    front: dict[str, int], rear: dict[str, int], message: str
+    front: dict[str, Any], rear: dict[str, Any], message: str
 ) -> None:
     front_block, rear_block = SyntheticBlock(1, counts(1)), SyntheticBlock(2, counts(2))
     made = merge_blocks(
         block_of(replace(front_block, **front)), block_of(replace(rear_block, **rear))
-    )  # type: ignore[arg-type]
+    )
     assert any(message in fault for fault in made.faults), made.faults
     assert made.recording is not None
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.posterior.parameters import CAR, space
+from bayes_asv.posterior.parameters import space
 from benchmarks.calibration import dense
 from benchmarks.calibration.bound import bounds, information, true_noise, true_wheels
 from benchmarks.calibration.cells import Cell, Group
@@ -31,7 +31,7 @@ def _by_matrices(
     inside = (fine > read[0] - 0.2) & (fine < read[-1] + 0.01)
     drive = dense.Drive(
         fine[inside], wheels[:, inside], line.times[0], read,
-        (noise[0], noise[1], noise[2], noise[3]), line.start,
+        (noise[0], noise[1], noise[2], noise[3]), np.diag(line.start),
     )  # fmt: skip
     return drive, dense.information(case.car, drive, (0, 1, 2))[0]
 
@@ -44,7 +44,7 @@ def test_both_computations_agree(white: bool) -> None:
     precision = information(case, where)
     _, wanted = _by_matrices(case)
     # from the estimator's coordinates to logarithms of c_f, c_r, i
-    turn = where.seen[:3] / where.log_sd[:3, None]
+    turn = where.prior.identified[:3] / where.prior.log_sd[:3, None]
     found = turn @ precision @ turn.T
     sd, sd_wanted = (np.sqrt(np.diag(np.linalg.inv(J))) for J in (found, wanted))
     np.testing.assert_allclose(sd, sd_wanted, rtol=2e-3)
@@ -92,7 +92,9 @@ def test_coordinates_of_a_car_lead_back_to_it() -> None:
     where = space(case.vehicle, (prepared(case.recording, case.vehicle),))
     z = coordinates(where, case.car)
     # what cannot be seen is not in the coordinates: compare what can
-    there, back = (dict(zip(CAR, car, strict=True)) for car in (case.car, where.cars(z[None])[0]))
+    there, back = (
+        dict(zip(where.car.names, car, strict=True)) for car in (case.car, where.cars(z[None])[0])
+    )
     for name in ("c_f", "c_r", "k_f", "k_r"):
         assert back[name] / back["m"] == pytest.approx(there[name] / there["m"], rel=1e-9)
     assert back["i"] / back["m"] == pytest.approx(there["i"] / there["m"], rel=1e-9)

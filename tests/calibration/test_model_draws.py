@@ -42,7 +42,8 @@ def _targets(
 ) -> list[Posterior]:
     """Posteriors of recordings drawn at a truth."""
     rng = np.random.default_rng(seed)
-    car, noise = where.cars(truth[None])[0], where.noises(truth[None], 0)[0]
+    car = where.cars(truth[None])[0]
+    noise = np.concatenate([x[0] for x in where.noises(truth[None], 0)])
     out = []
     for _ in range(runs):
         mine = replace(line, reading=chassis_readings(line, car, noise, rng))
@@ -73,7 +74,7 @@ def test_innovations_of_draws_are_as_large_as_the_kernel_says(
     for k in (*sources, where.names.index("filtered share 0")):
         for factor in (0.5, 2.0):
             off = truth.copy()
-            off[k] += np.log(factor) / where.scale[k]
+            off[k] += np.log(factor) / where.coordinates[k].scale
             points = np.stack([truth, off])
             right, wrong = np.sum([target.log_likelihood(points) for target in targets], axis=0)
             assert right > wrong + 5.0, where.names[k]

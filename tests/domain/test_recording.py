@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import (
     Recording,
     accelerations,
     declared_rate,
     nominal_rate,
+    require_half_car,
     sample_times,
     timing,
 )
@@ -199,3 +201,20 @@ def test_white_space_in_metadata_is_collapsed() -> None:
     assert recording.get("none") is None
     with pytest.raises(InputError, match="without '='"):
         make(metadata=(("a=b", "c"),))
+
+
+@pytest.mark.parametrize(
+    ("channels", "said"),
+    [
+        (ROLL_CHANNELS, "has the seven channels of the roll car"),
+        (CHANNELS[:3], "lacks the channel rear_chassis"),
+        ((*CHANNELS, "front_travel"), "has the channel front_travel, which is not used here"),
+    ],
+)
+def test_the_half_car_has_four_channels(channels: tuple[str, ...], said: str) -> None:
+    units = tuple("m" if name.endswith("travel") else "m/s^2" for name in channels)
+    values = np.zeros((len(channels), 3))
+    recording = Recording(np.arange(3.0), values, units, source="a.csv", channels=channels)
+    with pytest.raises(InputError, match=f"a.csv: {said}"):
+        require_half_car(recording)
+    require_half_car(make())

@@ -66,7 +66,7 @@ def test_a_sensor_that_is_off_is_measured(name: str) -> None:
     site = stage.sites[0]
     k = stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))
     sd = np.sqrt(np.linalg.inv(stage.mode.slopes.precision())[k, k])
-    z = site.effect.parameters[0].coordinate(truth, stage.space.sizes)  # type: ignore[arg-type]
+    z = site.effect.parameters[0].coordinate(truth, stage.space.sizes)
     assert abs(stage.mode.z[k] - z) < 3.0 * sd
     assert abs(z) > 6.0 * sd  # and it is measured, not merely allowed for
     assert site.effect.parameters[0].name == parameter
