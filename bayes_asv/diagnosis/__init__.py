@@ -1,1 +1,1 @@
-"""Where simulation and measurement disagree, what is missing, and the proof that it was."""
+"""Discrepancy workflow: where simulation and measurement disagree, why, and held-out validation."""

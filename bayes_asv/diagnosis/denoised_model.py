@@ -1,125 +1,243 @@
-"""Recordings whose wheels carry next to no noise, to weigh what is missing on.
+"""Sensitivities of the predictions: on denoised wheel inputs, through filters of fixed gain.
 
-The filter takes a wheel's noise for independent of its reading.  Where the road gives nothing, the
-reading *is* the noise: a derivative along it then goes with the innovations, which the same noise
-drives (errors in variables; Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).
-Estimates of most cars hardly notice, but the small part of a signature that the car cannot imitate
-does, and whatever lives where the road gives next to nothing: friction of 2.4 N, worth 27 nats on
-quiet wheels, brought 4 on the readings.  So the wheels lose what the chassis show to be noise, and
-then whatever does not stand above a sensor's noise; the chassis readings change by what the car
-makes of that, so that the innovations stay what they were (exactly for a linear car, to first order
-with a law in it), and what a filter makes of earlier ones knows nothing of later ones.
+Two things would correlate a sensitivity with the innovations that it is multiplied by.
+
+Errors in variables.  The filter takes a wheel's noise to be independent of its reading.  Where the
+road gives nothing, the reading *is* the noise, and a derivative along it shares that noise with the
+innovations (Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).  The wheel
+signals are therefore denoised first: they lose what the chassis show to be noise, and then what
+does not stand above a sensor's noise.  The chassis readings change by what the model makes of the
+difference, so that the innovations stay what they were (exactly for a linear car, to first order
+with a force law in it).
+
+The gain.  A car coordinate changes the simulation and, with it, the filter: the variances of the
+innovations and the weight of earlier ones.  Its second part infers the coordinate from the noise
+alone, which is biased where the noise is not as declared.  The sensitivity is therefore that of the
+free simulation, seen through the filter at fixed gain: an estimating equation that is unbiased
+whatever the noise is (Godambe 1960, Ann. Math. Stat. 31, 1208; Liang & Zeger 1986, Biometrika 73,
+13), with the weights of the declared noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.fixed_gain_sensitivity import FixedGainFilter, along, steady
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.posterior.denoised_inputs import calm
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, foretold
+from bayes_asv.posterior.free_simulation import free_run, simulated
+from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["DenoisedModel", "clear", "on_quiet_wheels", "quieted"]
+__all__ = [
+    "DenoisedModel",
+    "FixedGainFilter",
+    "coordinate_sensitivities",
+    "denoise",
+    "denoised_model",
+    "fit_denoised",
+    "fixed_gain_filter",
+]
 
-_SETTLING = 0.2
-"""Seconds in which a filter finds motion and biases.
+Array = NDArray[np.float64]
 
-Meanwhile a law with a kink is drawn as a line through all the speeds that the car may have: on 60
-recordings without a fault the score of dry friction had a mean of 0.9, all of it from this time.
-"""
+_STEP = 1e-4  # finite-difference step, in prior standard deviations
+_PERTURBATION = 0.1  # largest change of a reading, in standard deviations: a law is linear there
+# Time in which a filter finds motion and biases, s.  Meanwhile it linearises a force law with a
+# kink over all the speeds that the car may have, which biases the score of the law.
+_SETTLING_TIME = 0.2
+
+
+@dataclass(frozen=True)
+class FixedGainFilter:
+    """The filter of a model on one run, its gain held.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Posterior of the model.
+    z : (D,) array
+        Coordinates of the model.
+    run : int
+        Index of the recording.
+    start : (6,) array
+        Initial state of the free simulation, as :func:`free_run` returns it.
+    residuals : (E, 2) array
+        Readings, as sensors as declared would have given them, minus the free simulation, m/s².
+    innovations, log_variances : (E, 2) arrays
+        Normalised innovations and the logarithms of their variances.
+    """
+
+    posterior: Posterior
+    z: Array
+    run: int
+    start: Array
+    residuals: Array
+    innovations: Array
+    log_variances: Array
+
+    @property
+    def has_reading(self) -> NDArray[np.bool_]:
+        """Where there is a reading (E, 2)."""
+        return np.asarray(self.log_variances != 0.0)
+
+    def sensitivity(self, posterior: Posterior, z: Array) -> Array:
+        """Change of the predictions (N,) towards another model, in standard deviations.
+
+        Parameters
+        ----------
+        posterior, z : Posterior, (D',) array
+            The other model, on the same recordings.
+        """
+        change = _residuals(posterior, z, self.run, self.start) - self.residuals
+        valid = self.has_reading
+        largest = float(np.max(np.abs(change)[valid] * np.exp(-0.5 * self.log_variances[valid])))
+        if not 0.0 < largest < np.inf:
+            return np.full(np.count_nonzero(valid), 0.0 if largest == 0.0 else np.nan)
+        scale = _PERTURBATION / largest
+        moments = self.posterior.space.timelines[self.run].moments
+        perturbation = Perturbation(np.zeros_like(moments), scale * change, np.zeros_like(change))
+        return self.response(perturbation) / scale
+
+    def response(self, perturbation: Perturbation) -> Array:
+        """Change of the predictions (N,) by a perturbation of the run, in standard deviations."""
+        perturbed = self.posterior.scored(self.z, self.run, perturbation)[0]
+        return np.asarray((self.innovations - perturbed)[self.has_reading])
+
+
+def fixed_gain_filter(posterior: Posterior, z: Array, run: int) -> FixedGainFilter:
+    """Return the filter of a model at coordinates (D,) on one run."""
+    start = free_run(posterior, z, run).begin
+    innovations, log_variances, _ = posterior.scored(z, run)
+    residuals = _residuals(posterior, z, run, start)
+    return FixedGainFilter(posterior, z, run, start, residuals, innovations, log_variances)
+
+
+def coordinate_sensitivities(filters: Sequence[FixedGainFilter], count: int) -> Array:
+    """Differentiate the predictions of all runs along a model's own coordinates.
+
+    Parameters
+    ----------
+    filters : sequence of FixedGainFilter
+        One for each run.
+    count : int
+        Number of coordinates: those before the first noise level, which changes no prediction.
+
+    Returns
+    -------
+    (count, N) array
+        In standard deviations of the innovations.
+    """
+    return np.concatenate([_run_sensitivities(one, count) for one in filters], axis=1)
+
+
+def _run_sensitivities(at: FixedGainFilter, count: int) -> Array:
+    sensitivities = np.zeros((count, np.count_nonzero(at.has_reading)))
+    relevant = [k for k in at.posterior.space.seen_by(at.run) if k < count]
+
+    def along(k: int) -> Array:
+        return at.sensitivity(at.posterior, at.z + _STEP * np.eye(len(at.z))[k]) / _STEP
+
+    with shared_work(at.posterior) as shared:
+        assert shared.pool is not None
+        sensitivities[relevant] = list(shared.pool.map(along, relevant))
+    return sensitivities
+
+
+def _residuals(posterior: Posterior, z: Array, run: int, start: Array) -> Array:
+    inputs = posterior.as_declared(z, run)
+    return np.asarray(inputs.reading - simulated(posterior, z, run, inputs, start)[0])
 
 
 @dataclass(frozen=True)
 class DenoisedModel:
-    """A stage on quiet wheels.
+    """A model fitted on denoised inputs, with its sensitivities.
 
     Parameters
     ----------
-    stage : FittedModel
-        The stage, at its mode there.
-    where : Dataset
-        The recordings with quiet wheels, and the stage's patterns.
-    stands : tuple of FixedGainFilter
-        Its filter as it stands on each run, nothing granted to it.
+    model : FittedModel
+        The model at its mode there.
+    dataset : Dataset
+        Recordings with denoised inputs, and the model's sensor patterns.
+    filters : tuple of FixedGainFilter
+        Its filter on each run, without any tolerances.
     settled : (N,) bool array
-        Innovations that come when the filter has found the motion.
-    slopes : ScoreAndInformation
-        The innovations, and their changes along the stage's coordinates, of the car by the filter
-        as it stands; those are zero where nothing is settled.
+        Innovations after the filter has found the motion.
+    derivatives : ScoreAndInformation
+        The innovations and their changes along the model's coordinates, those of the car through
+        the filter at fixed gain; zero where the filter has not settled.
     """
 
-    stage: FittedModel
-    where: Dataset
-    stands: tuple[FixedGainFilter, ...]
+    model: FittedModel
+    dataset: Dataset
+    filters: tuple[FixedGainFilter, ...]
     settled: NDArray[np.bool_]
-    slopes: ScoreAndInformation
+    derivatives: ScoreAndInformation
 
-    def joined(self, rows: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Join changes of some runs' innovations to a row (N,); other runs do not change.
+    def concatenate(self, by_run: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Join changes of the predictions of some runs to one sensitivity (N,).
 
         Parameters
         ----------
-        rows : mapping of int to (M,) array
-            By the run, each in deviations.
+        by_run : mapping of int to (M,) array
+            Change in standard deviations by index of the run; other runs do not change.
         """
         parts = [
-            rows[run] if run in rows else np.zeros(np.count_nonzero(here.there))
-            for run, here in enumerate(self.stands)
+            by_run[run] if run in by_run else np.zeros(np.count_nonzero(one.has_reading))
+            for run, one in enumerate(self.filters)
         ]
         return np.asarray(np.concatenate(parts) * self.settled)
 
 
-def quieted(where: Dataset, stage: FittedModel) -> Dataset:
-    """Return recordings with quiet wheels, above which a stage's innovations are what they were."""
-    lines = tuple(_quiet(where, stage, run) for run in range(len(where.lines)))
-    quiet = replace(where, lines=lines, quiet=True)
-    return foretold(quiet, replace(stage, target=quiet.target(stage.sites)))
+def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
+    """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
+    recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.lines)))
+    quiet = replace(dataset, lines=recordings, quiet=True)
+    return foretold(quiet, replace(model, target=quiet.target(model.sites)))
 
 
-def on_quiet_wheels(where: Dataset, stage: FittedModel) -> tuple[Dataset, FittedModel]:
-    """Quieten a stage's wheels, and find its mode there.
+def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
+    """Denoise the inputs by a model, and find its mode on them.
 
-    Evidence is comparable among models on the same recordings: quiet wheels follow from the
-    stage that quietened them.
+    The denoised inputs depend on the model that denoised them: compare the evidence of models on
+    the same ones only.
     """
-    quiet = quieted(where, stage)
-    return quiet, fitted(quiet.target(stage.sites), stage.mode.z)
+    denoised = denoise(dataset, model)
+    return denoised, fitted(denoised.target(model.sites), model.mode.z)
 
 
-def clear(where: Dataset, stage: FittedModel) -> DenoisedModel:
-    """Say what a stage that was fitted on quiet wheels sees.
+def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
+    """Compute the sensitivities of a model that was fitted on denoised inputs.
 
     Parameters
     ----------
-    where : Dataset
-        With quiet wheels.
-    stage : FittedModel
-        At its mode there.
+    dataset : Dataset
+        Recordings with denoised inputs.
+    model : FittedModel
+        At its mode on them.
     """
-    where = replace(where, patterns=stage.target.patterns)
-    target, z, first = where.target(stage.sites), stage.mode.z, stage.space.lasting_dimension
-    stands = tuple(steady(target, z, run) for run in range(len(where.lines)))
-    late, here = np.concatenate([_settled(one) for one in stands]), stage.mode.slopes
-    means, scales = here.means.copy(), here.scales.copy()
-    means[:first], scales[:first] = along(stands, first), 0.0
-    known = replace(here, means=means * late, scales=scales * late)
-    return DenoisedModel(stage, where, stands, late, known)
+    dataset = replace(dataset, patterns=model.target.patterns)
+    posterior, z, count = dataset.target(model.sites), model.mode.z, model.space.lasting_dimension
+    filters = tuple(fixed_gain_filter(posterior, z, run) for run in range(len(dataset.lines)))
+    settled, at_mode = np.concatenate([_settled(one) for one in filters]), model.mode.slopes
+    means, scales = at_mode.means.copy(), at_mode.scales.copy()
+    means[:count], scales[:count] = coordinate_sensitivities(filters, count), 0.0
+    derivatives = replace(at_mode, means=means * settled, scales=scales * settled)
+    return DenoisedModel(model, dataset, filters, settled, derivatives)
 
 
 def _settled(one: FixedGainFilter) -> NDArray[np.bool_]:
-    line = one.target.space.timelines[one.run]
-    heard = np.any(line.kind != MISSING, axis=1)
-    late = line.instants > line.instants[heard][0] + _SETTLING
-    return np.broadcast_to(late[:, None], one.there.shape)[one.there]
+    recording = one.posterior.space.timelines[one.run]
+    any_reading = np.any(recording.kind != MISSING, axis=1)
+    settled = recording.instants > recording.instants[any_reading][0] + _SETTLING_TIME
+    return np.broadcast_to(settled[:, None], one.has_reading.shape)[one.has_reading]
 
 
-def _quiet(where: Dataset, stage: FittedModel, run: int) -> PreparedRecording:
-    still, before, after = calm(stage.target, stage.mode.z, run, where.vehicle)
-    return replace(still, reading=still.reading + after - before)
+def _denoised(dataset: Dataset, model: FittedModel, run: int) -> PreparedRecording:
+    recording, before, after = calm(model.target, model.mode.z, run, dataset.vehicle)
+    return replace(recording, reading=recording.reading + after - before)

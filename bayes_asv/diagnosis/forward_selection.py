@@ -1,269 +1,305 @@
-"""Effects are added one by one, the most probable first, until nothing is gained."""
+"""Forward selection: the most probable missing effect is added, until nothing more is missing."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.indistinguishable import same_class
-from bayes_asv.diagnosis.model_averaging import Told, told_by
-from bayes_asv.diagnosis.model_comparison import Option, as_it_is, divided, probabilities, weigh
-from bayes_asv.diagnosis.model_search import Model, asked, weighed, without
-from bayes_asv.diagnosis.results import Named
-from bayes_asv.diagnosis.thresholds import ENOUGH, LEVEL, SHORT
-from bayes_asv.diagnosis.unlisted_faults_test import without_a_name
+from bayes_asv.diagnosis.indistinguishable import indistinguishable_from_best
+from bayes_asv.diagnosis.model_assessment import (
+    AssessedModel,
+    assess,
+    model_evidence,
+    remove_effects,
+)
+from bayes_asv.diagnosis.model_comparison import (
+    ExtendedModel,
+    WeightedPosterior,
+    evidence_without,
+    fit_candidates,
+    model_probabilities,
+    split_axles,
+    weighted_posterior,
+)
+from bayes_asv.diagnosis.results import NamedEffect
+from bayes_asv.diagnosis.thresholds import (
+    DECISIVE_EVIDENCE,
+    FIRST_ORDER_ERROR,
+    FURTHER_LEVEL,
+    MAX_EFFECTS,
+    MIN_PROBABILITY,
+    SIGNIFICANCE_LEVEL,
+    TOLERANCE_PREFERRED,
+)
+from bayes_asv.diagnosis.unlisted_faults_test import best_unlisted_explanation
 from bayes_asv.posterior.fitted_model import refitted
 
-__all__ = ["Selection", "begun", "grow", "reconsidered"]
+__all__ = ["Selection", "reconsider_pulses", "select_effects", "start_selection"]
 
 Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+"""Called with the share of the work that is done, and what follows."""
 
-_MOST = 4  # effects that are named
-_APART = 5.0  # nats that values of its own for each axle have to bring
-_STANDS_IN = 0.5  # probability from which on a little of everything may be all there is
-_TINY = 1e-12  # probability that stands for none
-_BARELY = 0.1  # probability below which a name is not worth its mention
+_TINY = 1e-12  # stands for a probability of zero
 
 
 @dataclass(frozen=True)
 class Selection:
-    """A model with what was added to it.
+    """A model with the effects that were added to it.
 
     Parameters
     ----------
-    model : Model
-        With everything named.
-    named : tuple of Named
-        In order.
-    told : list of Told
-        What the explanations of the last step say of the car, by their shares.
-    none : float
-        Probability that nothing beyond tolerances is missing, before the first was named.
-    beside : bool
-        Something was found that is no effect of the model: whatever is named is a further effect.
-    nameless : str
-        What explained more than any name where growing ended; empty where nothing did.
+    assessed : AssessedModel
+        With all named effects.
+    effects : tuple of NamedEffect
+        In the order in which they were added.
+    posteriors : list of WeightedPosterior
+        Explanations of the last step, by their probabilities.
+    p_none : float
+        Probability that nothing beyond tolerances is missing, before the first effect was named.
+    other_cause : bool
+        A cause that is no effect of the model was found: any effect is a further one.
+    stopped_by : str
+        The unlisted explanation that ended the selection; empty without one.
     """
 
-    model: Model
-    named: tuple[Named, ...]
-    told: list[Told]
-    none: float
-    beside: bool = False
-    nameless: str = ""
+    assessed: AssessedModel
+    effects: tuple[NamedEffect, ...]
+    posteriors: list[WeightedPosterior]
+    p_none: float
+    other_cause: bool = False
+    stopped_by: str = ""
 
 
 class _Step(NamedTuple):
-    """What may come next.
+    """What may be added next.
 
     Parameters
     ----------
-    options : list of Option
+    extended : list of ExtendedModel
         The most probable first.
-    share : (K,) array
+    probabilities : (K,) array
         Their probabilities.
-    nothing : float
+    p_none : float
         Probability that nothing is missing.
     gain : float
-        Nats that the first is better than nothing.
-    told : list of Told
-        What the explanations say of the car, by their probabilities.
-    nameless : str
-        What explains more than any of them without a name.
+        Log evidence of the first over the model as it is, nats.
+    posteriors : list of WeightedPosterior
+        All explanations, by their probabilities.
+    stopped_by : str
+        An unlisted explanation that is better than any of them; empty without one.
     """
 
-    options: list[Option]
-    share: Array
-    nothing: float
+    extended: list[ExtendedModel]
+    probabilities: Array
+    p_none: float
     gain: float
-    told: list[Told]
-    nameless: str
+    posteriors: list[WeightedPosterior]
+    stopped_by: str
 
 
-def begun(model: Model, *, beside: bool = False) -> Selection:
-    """Return a model to which nothing was added."""
-    return Selection(model, (), told_by(model.stage, model.allowed), 1.0, beside)
+def start_selection(assessed: AssessedModel, *, other_cause: bool = False) -> Selection:
+    """Return a selection without any effects."""
+    posteriors = weighted_posterior(assessed.model, assessed.evidence)
+    return Selection(assessed, (), posteriors, 1.0, other_cause)
 
 
-def grow(
-    grown: Selection,
+def select_effects(
+    selection: Selection,
     seed: int,
-    tell: Callable[[float, str], None],
-    failed: Collection[str] = (),
-    most: int = _MOST,
+    progress: Progress,
+    excluded: Collection[str] = (),
+    max_effects: int = MAX_EFFECTS,
 ) -> Selection:
-    """Name what is missing and add it, as long as something is, and has a name.
+    """Add the most probable effect, as long as one is missing and it is in the list.
 
-    What is in the list stands in for what is not, one after the other and each for a part of it:
-    four names for one hysteresis, none of them true.  Where something without a name explains more
-    than the best of them, nothing more is named.
+    Effects of the list stand in for a fault that is not in it, one after the other, each for a part
+    of it.  Where an unlisted explanation is better than the best effect, no more are added.
+
+    Where the tolerances alone are more probable than the best effect, it is added on trial, since
+    two faults may each be less probable than tolerances that explain both.  The next step decides.
 
     Parameters
     ----------
-    grown : Selection
-        From :func:`begun`, or of an earlier growth.
+    selection : Selection
+        From :func:`start_selection`, or a selection to go on with.
     seed : int
-        Of the tests.
-    tell : callable
-        Told the share that is done, and what is going on.
-    failed : collection of str
-        Sites that made things worse on what was held out; they are not named again.
-    most : int
-        How many effects are named in all.
+        Seed of the tests.
+    progress : callable
+        See :data:`Progress`.
+    excluded : collection of str
+        Sites that are not named, since they failed on held-out recordings.
+    max_effects : int
+        Largest number of effects in all.
     """
-    now = kept = replace(grown, nameless="")
-    doubt = 0.0  # that a little of everything is there, and not what was named first
-    while len(now.named) < most:
-        model = now.model
-        further = bool(now.named) or now.beside
-        if model.p >= (0.2 * LEVEL if further else LEVEL):
+    current = kept = replace(selection, stopped_by="")
+    p_tolerances = 0.0  # of the tolerances alone, in place of an effect on trial
+    while len(current.effects) < max_effects:
+        assessed = current.assessed
+        further = bool(current.effects) or current.other_cause
+        if assessed.p_value >= (FURTHER_LEVEL if further else SIGNIFICANCE_LEVEL):
             break
-        share_done = 0.1 + 0.2 * len(now.named)
-        tell(share_done, "asking what is missing")
-        step = _next(model, partial(_trying, tell, share_done), failed, beside=further)
+        done = 0.1 + 0.2 * len(current.effects)
+        progress(done, "testing for missing effects")
+        step = _next_step(assessed, progress, done + 0.05, excluded, further=further)
         if step is None:
             break
-        none = now.none if now.named else step.nothing
-        sure = 1.0  # that what is named already is there
-        if step.nameless:  # what is on trial is none the more probable for it
-            ended = kept if doubt > 0.0 else replace(now, told=step.told, none=none)
-            return replace(ended, nameless=step.nameless)
-        if doubt > 0.0:
-            left = _doubt(doubt, step.nothing)
-            if left > _STANDS_IN:
+        p_none = current.p_none if current.effects else step.p_none
+        p_named = 1.0  # that the effects named so far are present
+        if step.stopped_by:  # an effect on trial is no more probable for it
+            on_trial = p_tolerances > 0.0
+            last = kept if on_trial else replace(current, posteriors=step.posteriors, p_none=p_none)
+            return replace(last, stopped_by=step.stopped_by)
+        if p_tolerances > 0.0:
+            updated = _updated_tolerance_probability(p_tolerances, step.p_none)
+            if updated > TOLERANCE_PREFERRED:
                 break
-            now = _believed(now, (1.0 - left) / (1.0 - doubt), left)
-            doubt, none, sure = 0.0, left, 1.0 - left
-        now = replace(now, told=step.told, none=none)
-        tell(share_done + 0.15, "asking what cannot be told apart")
-        best, *others = members = same_class(model.quiet, step.options)
-        probability = sure * float(sum(step.share[step.options.index(m)] for m in members))
-        likely = sure * (1.0 - step.nothing) >= 1.0 - _STANDS_IN
-        named_for_itself = step.gain >= 0.0 and probability >= _BARELY and (likely or not further)
+            current = _rescaled(current, (1.0 - updated) / (1.0 - p_tolerances), updated)
+            p_tolerances, p_none, p_named = 0.0, updated, 1.0 - updated
+        current = replace(current, posteriors=step.posteriors, p_none=p_none)
+        progress(done + 0.15, "comparing indistinguishable effects")
+        best, *others = members = indistinguishable_from_best(assessed.denoised, step.extended)
+        probability = p_named * float(
+            sum(step.probabilities[step.extended.index(one)] for one in members)
+        )
+        likely = p_named * (1.0 - step.p_none) >= 1.0 - TOLERANCE_PREFERRED
+        accepted = step.gain >= 0.0 and probability >= MIN_PROBABILITY and (likely or not further)
         on_trial = not likely and not further
-        if not (named_for_itself or on_trial):
+        if not (accepted or on_trial):
             break
-        before, new = now, best.stage.sites[len(model.stage.sites) :]
-        added = [Named(site, min(probability, 1.0), tuple(others), {}) for site in new]
-        now = replace(
-            now, model=asked(model.where, best.stage, seed), named=(*now.named, *added)
-        )  # fmt: skip
+        before, new = current, best.model.sites[len(assessed.model.sites) :]
+        effects = [NamedEffect(site, min(probability, 1.0), tuple(others), {}) for site in new]
+        current = replace(
+            current,
+            assessed=assess(assessed.dataset, best.model, seed),
+            effects=(*current.effects, *effects),
+        )
         if on_trial:
-            doubt, kept = step.nothing, now if named_for_itself else before
-    return kept if doubt > 0.0 else now
+            p_tolerances, kept = step.p_none, current if accepted else before
+    return kept if p_tolerances > 0.0 else current
 
 
-def _next(
-    model: Model, trying: Callable[[str], None], failed: Collection[str], *, beside: bool
+def _next_step(
+    assessed: AssessedModel,
+    progress: Progress,
+    done: float,
+    excluded: Collection[str],
+    *,
+    further: bool,
 ) -> _Step | None:
-    """Weigh everything that a model may be lacking; none where nothing can be fitted."""
-    options = weigh(model.quiet, model.stage, model.found, trying, failed, beside=beside)
-    if not options:
+    """Compare everything that a model may lack; None where no candidate is worth a fit."""
+    extended = fit_candidates(
+        assessed.denoised,
+        assessed.model,
+        assessed.test,
+        lambda site: progress(done, f"fitting {site}"),
+        excluded,
+        further=further,
+    )
+    if not extended:
         return None
-    options[0] = best = divided(model.quiet, options[0], model.found, _APART)
-    as_is, stage, granted = as_it_is((model.stage, model.allowed), options, model.found)
-    nothing, share = probabilities(as_is, options, model.found.sites)
-    gain = best.allowed.log_evidence - as_is
-    nameless = _without_a_name(model, best, as_is)
-    if nameless:
-        told = told_by(model.stage, model.allowed)
+    extended[0] = best = split_axles(assessed.denoised, extended[0], assessed.test)
+    without, model, evidence = evidence_without(
+        assessed.model, assessed.evidence, extended, assessed.test
+    )
+    p_none, probabilities = model_probabilities(without, extended, assessed.test.site_count)
+    stopped_by = _better_unlisted(assessed, best, without)
+    if stopped_by:
+        posteriors = weighted_posterior(assessed.model, assessed.evidence)
     else:
-        told = told_by(stage, granted, nothing)
-        for option, part in zip(options, share, strict=True):
-            told += told_by(option.stage, option.allowed, part)
-    return _Step(options, share, nothing, gain, told, nameless)
+        posteriors = weighted_posterior(model, evidence, p_none)
+        for one, weight in zip(extended, probabilities, strict=True):
+            posteriors += weighted_posterior(one.model, one.evidence, weight)
+    gain = best.evidence.log_evidence - without
+    return _Step(extended, probabilities, p_none, gain, posteriors, stopped_by)
 
 
-def _without_a_name(model: Model, best: Option, as_is: float) -> str:
-    """Say what explains clearly more than the best of the list, and has no name there.
+def _better_unlisted(assessed: AssessedModel, best: ExtendedModel, without: float) -> str:
+    """Return the unlisted explanation that is decisively better than any effect of the list.
 
     Parameters
     ----------
-    model : Model
-        So far.
-    best : Option
-        Of the list.
-    as_is : float
-        Log evidence of the model as it is, with a little of everything.
+    assessed : AssessedModel
+        The model so far.
+    best : ExtendedModel
+        The best effect of the list.
+    without : float
+        Log evidence of the model as it is.
 
     Returns
     -------
     str
-        Nothing where a name, or a little of everything, does.
+        Its description; empty where an effect or the tolerances are as good.
     """
-    other = without_a_name(model.quiet, model.allowed)
-    known = max(best.allowed.log_evidence, as_is)
-    short = SHORT * (known - model.allowed.log_evidence)
-    return other.words if other.log_evidence > known + ENOUGH + short else ""
+    unlisted = best_unlisted_explanation(assessed.denoised, assessed.evidence)
+    listed = max(best.evidence.log_evidence, without)
+    margin = FIRST_ORDER_ERROR * (listed - assessed.evidence.log_evidence)
+    decisive = unlisted.log_evidence > listed + DECISIVE_EVIDENCE + margin
+    return unlisted.description if decisive else ""
 
 
-def _believed(grown: Selection, times: float, none: float) -> Selection:
-    """Return what was named first with so many times its probability, each axle's part alike."""
-    named = tuple(replace(n, probability=min(n.probability * times, 1.0)) for n in grown.named)
-    return replace(grown, named=named, none=none)
+def _rescaled(selection: Selection, factor: float, p_none: float) -> Selection:
+    """Multiply the probabilities of the named effects, those of both axles alike."""
+    effects = tuple(
+        replace(e, probability=min(e.probability * factor, 1.0)) for e in selection.effects
+    )
+    return replace(selection, effects=effects, p_none=p_none)
 
 
-def _doubt(before: float, nothing: float) -> float:
-    """Probability that a little of everything is there, and not what was named, once more is known.
+def _updated_tolerance_probability(before: float, p_none: float) -> float:
+    """Probability of the tolerances alone, after the step that follows an effect on trial.
 
-    Where two faults are there, either of them alone leaves too much, and a little of everything
-    explains both: two dampers' of noncentrality 4000 each were 0.11 probable one by one.  The next
-    step compares the first alone with both; by as much as both are more probable the odds of the
-    first rise.  Where there really is a little of everything no second fault helps the first.
+    Three explanations remain: tolerances alone, the first effect, and the first with a second.  The
+    step compares the last two; by as much as both together are more probable, the odds of the first
+    rise.  With tolerances alone no second effect helps the first.
 
     Parameters
     ----------
     before : float
-        That probability when the first was named.
-    nothing : float
-        Probability that nothing is missing beside the first.
+        That probability when the first effect was added.
+    p_none : float
+        Probability that nothing is missing next to the first.
     """
-    odds = (1.0 - before) / before / max(nothing, _TINY)
+    odds = (1.0 - before) / before / max(p_none, _TINY)
     return 1.0 / (1.0 + odds)
 
 
-def reconsidered(
-    grown: Selection, seed: int, tell: Callable[[float, str], None], failed: Collection[str] = ()
+def reconsider_pulses(
+    selection: Selection, seed: int, progress: Progress, excluded: Collection[str] = ()
 ) -> Selection:
-    """Ask again without pushes that were named before something else was.
+    """Select again without the force pulses that were named before another effect.
 
-    A push of any course fits a part of most things, and best while others are missing: with a
-    sensor's drift to come, a push was 87 nats before a droop stop that it stood in for.  A push
-    that is named again before anything else stays, and so does everything where as much was named
-    as may be: what asks for so many names has none, and would ask for as many others.
+    A pulse of free duration fits a part of most faults, and best while others are missing.  One
+    that is named again before any other effect stays, and so does everything where as many effects
+    were named as may be: what needs so many is not in the list, and would take as many others.
 
     Parameters
     ----------
-    grown, seed, tell, failed
-        As :func:`grow` takes and returns them.
+    selection, seed, progress, excluded
+        As :func:`select_effects` takes and returns them.
     """
-    pushes = [n for n in grown.named if n.site.run is not None]
-    order = [n.site.run is not None for n in grown.named]
-    followed = any(push and not other for push, other in pairwise(order))
-    if not followed or len(order) >= _MOST:
-        return grown
-    tell(0.8, "asking again without pushes")
-    model, kept = without(grown.model, list(grown.named), pushes, seed)
-    told = told_by(model.stage, model.allowed)
-    begin = replace(grown, model=model, named=tuple(kept), told=told)
-    other = grow(begin, seed, tell, failed, most=len(kept) + 1)
-    if any(n.site.key == push.site.key for n in other.named for push in pushes):
-        return grown
-    if len(other.named) > len(kept):
-        other = grow(other, seed, tell, failed)
-    if {n.site.key for n in other.named} == {n.site.key for n in grown.named}:
-        return grown
-    # evidence is comparable on the same quiet recordings alone
-    quiet, old = other.model.quiet, grown.model.stage
-    behind = weighed(quiet, refitted(quiet, old, old.sites)).log_evidence
-    return other if other.model.allowed.log_evidence > behind else grown
-
-
-def _trying(tell: Callable[[float, str], None], share: float, words: str) -> None:
-    tell(share + 0.05, f"trying {words}")
+    pulses = [e for e in selection.effects if e.site.run is not None]
+    is_pulse = [e.site.run is not None for e in selection.effects]
+    followed = any(first and not second for first, second in pairwise(is_pulse))
+    if not followed or len(is_pulse) >= MAX_EFFECTS:
+        return selection
+    progress(0.8, "selecting again without force pulses")
+    assessed, kept = remove_effects(selection.assessed, list(selection.effects), pulses, seed)
+    posteriors = weighted_posterior(assessed.model, assessed.evidence)
+    start = replace(selection, assessed=assessed, effects=tuple(kept), posteriors=posteriors)
+    other = select_effects(start, seed, progress, excluded, max_effects=len(kept) + 1)
+    if any(e.site.key == pulse.site.key for e in other.effects for pulse in pulses):
+        return selection
+    if len(other.effects) > len(kept):
+        other = select_effects(other, seed, progress, excluded)
+    if {e.site.key for e in other.effects} == {e.site.key for e in selection.effects}:
+        return selection
+    # evidence is comparable on the same denoised inputs only
+    denoised, old = other.assessed.denoised, selection.assessed.model
+    behind = model_evidence(denoised, refitted(denoised, old, old.sites)).log_evidence
+    return other if other.assessed.evidence.log_evidence > behind else selection

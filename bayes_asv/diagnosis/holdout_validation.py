@@ -1,32 +1,53 @@
-"""The proof: gaps before and after, on what was fitted and on what was held out."""
+"""Validation on held-out recordings: effects that make the simulation worse there are removed."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from bayes_asv.diagnosis.engine_force import Engine
-from bayes_asv.diagnosis.model_search import Model, fewer, upheld
-from bayes_asv.diagnosis.results import Named
-from bayes_asv.diagnosis.simulation_error import Gap, before_and_after, left_over
+from bayes_asv.diagnosis.engine import Engine
+from bayes_asv.diagnosis.forward_selection import (
+    Progress,
+    Selection,
+    reconsider_pulses,
+    select_effects,
+)
+from bayes_asv.diagnosis.misspecification_test import misspecification_tests
+from bayes_asv.diagnosis.model_assessment import (
+    AssessedModel,
+    prune,
+    remove_effects,
+    submodel,
+    supported_by_holdout,
+)
+from bayes_asv.diagnosis.model_comparison import weighted_posterior
+from bayes_asv.diagnosis.results import NamedEffect
+from bayes_asv.diagnosis.simulation_error import ErrorChange, compare_errors, simulation_residuals
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 
-__all__ = ["HoldoutValidation", "Recorded", "failed", "proof"]
+__all__ = [
+    "Split",
+    "ValidatedSelection",
+    "ValidationErrors",
+    "failed_effects",
+    "validate",
+    "validation_errors",
+]
 
-_NOISE = 1.03  # times the floor: a gap that a floor estimated from so many readings may have
+_AT_FLOOR = 1.03  # times the noise floor: within the uncertainty of an estimated floor
 
 
-class Recorded(NamedTuple):
-    """Recordings, and the linear car there.
+class Split(NamedTuple):
+    """Fitted and held-out recordings, with the linear half car.
 
     Parameters
     ----------
     fit : Dataset
-        What was fitted.
+        Fitted recordings.
     holdout : Dataset or None
-        What was held out.
+        Held-out recordings.
     linear : FittedModel
-        Fitted to the first.
+        The linear half car at its mode on the first.
     """
 
     fit: Dataset
@@ -34,115 +55,216 @@ class Recorded(NamedTuple):
     linear: FittedModel
 
 
-class HoldoutValidation(NamedTuple):
-    """Gaps before and after.
+class ValidationErrors(NamedTuple):
+    """Simulation errors before and after.
 
     Parameters
     ----------
-    gaps : dict of str to Gap
-        ``fit`` and, where there is one, ``holdout``, from the linear car to the finished model; an
-        engine is in what was before.
-    named : list of Named
-        Each with its own gaps.
-    silent : Gap or None
-        On what was held out, no engine's tones in it before or after.
+    errors : dict of str to ErrorChange
+        ``fit`` and, where there is one, ``holdout``, from the linear half car to the final model;
+        an engine is part of the error before.
+    effects : list of NamedEffect
+        Each with its own errors.
+    without_engine : ErrorChange or None
+        On held-out recordings, engine tones removed before and after.
     """
 
-    gaps: dict[str, Gap]
-    named: list[Named]
-    silent: Gap | None
+    errors: dict[str, ErrorChange]
+    effects: list[NamedEffect]
+    without_engine: ErrorChange | None
 
 
-def failed(
-    held: Dataset | None, model: Model, named: list[Named], whole: Gap | None, seed: int
-) -> list[Named]:
-    """Effects that made things worse on what was held out when they came, and would be better away.
-
-    When it comes, an effect can also be worse because of another that is still missing.  What
-    acts in one run alone has nothing to say on others, and where all that is left is noise, or
-    the likelihood of what was held out has nothing against it, nothing went wrong: a spring 2.5
-    times as stiff as it was given, worth 150 nats, left a gap that was nearly all noise and grew
-    by a part in two hundred.  Where all of them together made it worse and none is to blame alone,
-    all have failed: they stand in for something that has no name, and so may a push in one run,
-    which draws the car's own values after it.
+@dataclass(frozen=True)
+class ValidatedSelection:
+    """Effects that passed the validation.
 
     Parameters
     ----------
-    held : Dataset or None
-        What was held out.
-    model : Model
-        With everything named.
-    named : list of Named
-        With their gaps.
-    whole : Gap or None
-        Of all of them, on what was held out without an engine's tones: cut out, those leave less
-        than there was whatever names do.
-    seed : int
-        Of the bootstrap.
+    selection : Selection
+        The named effects that did not fail, with their simulation errors.
+    errors : dict of str to ErrorChange
+        Simulation errors of all of them together.
+    failed : tuple of str
+        Sites that were named and made the simulation of held-out recordings worse.
+    unlisted : bool
+        Something that is not in the list was found, in the selection or when effects failed.
     """
-    if held is None:
-        return []
-    out = []
-    for one in named:
-        if one.site.run is not None or not _worse(one.gaps["holdout"]):
-            continue
-        rest = tuple(n.site for n in named if n is not one)
-        less = fewer(model, rest)
-        worse = before_and_after(held, less, model.stage, seed).worse
-        if worse and not upheld(model, held, [one]):
-            out.append(one)
-    if not out and whole is not None and _worse(whole) and not upheld(model, held, named):
-        return named
-    return out
+
+    selection: Selection
+    errors: dict[str, ErrorChange]
+    failed: tuple[str, ...] = ()
+    unlisted: bool = False
 
 
-def _worse(gap: Gap) -> bool:
-    """Whether a gap grew beyond what noise leaves."""
-    return gap.worse and gap.after > _NOISE * gap.floor
-
-
-def proof(
-    given: Recorded,
-    cut: Recorded,
-    model: Model,
-    named: list[Named],
+def validate(
+    selection: Selection,
+    given: Split,
+    without_tones: Split,
     engine: Engine | None,
     seed: int,
-) -> HoldoutValidation:
-    """Work out gaps of the whole way and of each effect, on the fit and on what was held out.
+    progress: Progress,
+) -> ValidatedSelection:
+    """Remove effects that are unnecessary or fail; where one failed, select another once.
+
+    An effect that failed stood in for something else.  Where that is not in the list, as the
+    selection or the misspecification tests have found, another effect would only stand in for it
+    again.
 
     Parameters
     ----------
-    given, cut : Recorded
-        As they were given, and without an engine's tones.
-    model : Model
-        With everything named.
-    named : list of Named
+    selection : Selection
+        The named effects.
+    given, without_tones, engine, seed
+        As :func:`validation_errors` takes them.
+    progress : callable
+        See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
+    """
+
+    def attempt(selection: Selection, excluded: tuple[str, ...] = ()) -> ValidatedSelection:
+        selection = _pruned(selection, seed)
+        reconsidered = reconsider_pulses(selection, seed, progress, excluded)
+        if reconsidered is not selection:
+            selection = _pruned(reconsidered, seed)
+        assessed, named = selection.assessed, list(selection.effects)
+        progress(0.85, "validating on held-out recordings")
+        errors, named, silent = validation_errors(
+            given, without_tones, assessed, named, engine, seed
+        )
+        unlisted = bool(selection.stopped_by)
+        while failed := failed_effects(without_tones.holdout, assessed, named, silent, seed):
+            excluded += tuple(str(e.site) for e in failed)
+            unlisted = (
+                unlisted
+                or misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
+            )
+            assessed, named = remove_effects(assessed, named, failed, seed)
+            errors, named, silent = validation_errors(
+                given, without_tones, assessed, named, engine, seed
+            )
+        return ValidatedSelection(
+            _with_effects(selection, assessed, named), errors, excluded, unlisted
+        )
+
+    first = attempt(selection)
+    if not first.failed or first.unlisted:
+        return first
+    again = select_effects(first.selection, seed, progress, first.failed)
+    return attempt(again, first.failed)
+
+
+def _pruned(selection: Selection, seed: int) -> Selection:
+    """Remove the effects that later ones made unnecessary."""
+    return _with_effects(selection, *prune(selection.assessed, list(selection.effects), seed))
+
+
+def _with_effects(
+    selection: Selection, assessed: AssessedModel, effects: list[NamedEffect]
+) -> Selection:
+    """Return a selection with these effects, and the model's posterior where some were removed."""
+    fewer = len(effects) < len(selection.effects)
+    posteriors = selection.posteriors
+    if fewer:
+        posteriors = weighted_posterior(assessed.model, assessed.evidence)
+    return replace(selection, assessed=assessed, effects=tuple(effects), posteriors=posteriors)
+
+
+def failed_effects(
+    holdout: Dataset | None,
+    assessed: AssessedModel,
+    effects: list[NamedEffect],
+    total: ErrorChange | None,
+    seed: int,
+) -> list[NamedEffect]:
+    """Effects that make the simulation of held-out recordings worse.
+
+    An effect fails when the error increased both when it was added (which may be the fault of
+    another that was still missing) and when it is added last, when the remaining error is above the
+    noise floor, and when the likelihood of the held-out recordings speaks against it.  An effect of
+    a single run cannot be judged on others.  Where all effects together increased the error and
+    none alone is to blame, all fail, those of a single run included, which displace the car's own
+    parameters: they stand in for something that is not in the list.
+
+    Parameters
+    ----------
+    holdout : Dataset or None
+        Held-out recordings.
+    assessed : AssessedModel
+        With all named effects.
+    effects : list of NamedEffect
+        With their simulation errors.
+    total : ErrorChange or None
+        Of all of them on the held-out recordings without engine tones: removed, those lower the
+        error whatever the effects do.
+    seed : int
+        Seed of the bootstrap.
+    """
+    if holdout is None:
+        return []
+    failed = []
+    for effect in effects:
+        if effect.site.run is not None or not _worse(effect.errors["holdout"]):
+            continue
+        others = tuple(e.site for e in effects if e is not effect)
+        without = submodel(assessed, others)
+        worse = compare_errors(holdout, without, assessed.model, seed).worse
+        if worse and not supported_by_holdout(assessed, holdout, [effect]):
+            failed.append(effect)
+    if failed or total is None or not _worse(total):
+        return failed
+    return [] if supported_by_holdout(assessed, holdout, effects) else effects
+
+
+def _worse(error: ErrorChange) -> bool:
+    """Whether an error increased and is not at the noise floor."""
+    return error.worse and error.after > _AT_FLOOR * error.floor
+
+
+def validation_errors(
+    given: Split,
+    without_tones: Split,
+    assessed: AssessedModel,
+    effects: list[NamedEffect],
+    engine: Engine | None,
+    seed: int,
+) -> ValidationErrors:
+    """Compute the errors of the selection and of each effect, on fitted and held-out runs.
+
+    Parameters
+    ----------
+    given, without_tones : Split
+        Recordings as given, and without engine tones.
+    assessed : AssessedModel
+        With all named effects.
+    effects : list of NamedEffect
         In order.
     engine : Engine or None
-        Whose tones were cut out.
+        Whose tones were removed.
     seed : int
-        Of the bootstrap.
+        Seed of noise and bootstrap.
     """
-    stages = [cut.linear]
-    for k in range(1, len(named)):
-        stages.append(fewer(model, tuple(n.site for n in named[:k])))
-    if named:
-        stages.append(model.stage)
-    gaps: dict[str, Gap] = {}
-    silent: dict[str, Gap] = {}
-    told = [dict(n.gaps) for n in named]
-    kinds = (("fit", cut.fit, given.fit), ("holdout", cut.holdout, given.holdout))
-    for name, where, whole in kinds:
-        if where is None or whole is None:
+    models = [without_tones.linear]
+    for k in range(1, len(effects)):
+        models.append(submodel(assessed, tuple(e.site for e in effects[:k])))
+    if effects:
+        models.append(assessed.model)
+    errors: dict[str, ErrorChange] = {}
+    without_engine: dict[str, ErrorChange] = {}
+    of_effects = [dict(e.errors) for e in effects]
+    parts = (
+        ("fit", without_tones.fit, given.fit),
+        ("holdout", without_tones.holdout, given.holdout),
+    )
+    for name, dataset, as_given in parts:
+        if dataset is None or as_given is None:
             continue
         own = name == "fit"
-        silent[name] = gap = before_and_after(where, stages[0], stages[-1], seed, own=own)
+        change = compare_errors(dataset, models[0], models[-1], seed, own=own)
+        without_engine[name] = change
         if engine is not None:
-            before = left_over(whole, given.linear, seed).rms
-            gap = replace(gap, before=before, worse=gap.after > before)
-        gaps[name] = gap
-        for j in range(len(named)):
-            told[j][name] = before_and_after(where, stages[j], stages[j + 1], seed, own=own)
-    named = [replace(n, gaps=g) for n, g in zip(named, told, strict=True)]
-    return HoldoutValidation(gaps, named, silent.get("holdout"))
+            before = simulation_residuals(as_given, given.linear, seed).rms
+            change = replace(change, before=before, worse=change.after > before)
+        errors[name] = change
+        for j in range(len(effects)):
+            of_effects[j][name] = compare_errors(dataset, models[j], models[j + 1], seed, own=own)
+    effects = [replace(e, errors=own) for e, own in zip(effects, of_effects, strict=True)]
+    return ValidationErrors(errors, effects, without_engine.get("holdout"))

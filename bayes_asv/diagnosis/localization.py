@@ -1,7 +1,8 @@
-"""Where simulation and measurement disagree: channel, time, frequency, axle, state.
+"""Localization: channel, time, frequency, axle and state at which the model disagrees.
 
-All maps stand on innovations, which are white with variance one where the model is right, so that
-the energy of a window or band is χ² and a mean is normal; Bonferroni over the cells of each map.
+Under the model the innovations are white with unit variance, so that the energy of a time window or
+a frequency band is χ² and a mean is normal.  Each map has a family-wise level of 1 % (Bonferroni
+over its cells).
 """
 
 from __future__ import annotations
@@ -13,94 +14,95 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from bayes_asv.filters.kalman import VALUE
+from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 
-__all__ = ["Cell", "Disagreement", "disagreement"]
+__all__ = ["Cell", "Localization", "localize"]
 
 Array = NDArray[np.float64]
+Passes = list[tuple[Array, Array, Array]]
+"""Of each run innovations and their log variances (E, 2), and states (E, 4)."""
 
 _WINDOW = 0.1  # s
 _LEVEL = 0.01  # family-wise, over the cells of one map
-_CELLS = (5, 5)  # deflection, its rate
-_FEWEST = 8  # readings in a cell
+_GRID = (5, 5)  # cells along deflection and velocity
+_MIN_READINGS = 8  # in a cell
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A region of an axle's deflection–velocity plane.
+    """A cell of an axle's deflection–velocity plane.
 
     Parameters
     ----------
-    delta, rate : (low, high)
+    deflection, velocity : (low, high)
         Its edges, m and m/s, extension positive.
     force : float
         Mean force that the model lacks there, N, upward on the chassis.
     t : float
-        That mean over its deviation.
+        Mean over its standard error.
     """
 
-    delta: tuple[float, float]
-    rate: tuple[float, float]
+    deflection: tuple[float, float]
+    velocity: tuple[float, float]
     force: float
     t: float
 
 
 @dataclass(frozen=True)
-class Disagreement:
-    """Where innovations are not what they should be.
+class Localization:
+    """Where innovations have too much energy, or the model lacks a force.
 
     Parameters
     ----------
     channel : str
         Chassis channel with the most excess energy.
     axle : str
-        Axle whose missing force is most regular over its plane.
-    time : tuple of (run, begin, end)
-        Windows with too much energy, s from each recording's own clock.
-    frequency : tuple of (low, high)
+        Axle whose missing force depends most clearly on deflection and velocity.
+    windows : tuple of (run, begin, end)
+        Windows with too much energy, s on each recording's own clock.
+    bands : tuple of (low, high)
         Third octaves with too much energy, Hz.
-    planes : dict of str to tuple of Cell
-        The map of each axle.
-    state : Cell or None
-        The cell of that axle with the largest t, when it is more than chance.
+    force_maps : dict of str to tuple of Cell
+        Mean missing force over the deflection–velocity plane of each axle.
+    strongest : Cell or None
+        The cell of that axle with the largest |t|, where it is significant.
     """
 
     channel: str
     axle: str
-    time: tuple[tuple[int, float, float], ...]
-    frequency: tuple[tuple[float, float], ...]
-    planes: dict[str, tuple[Cell, ...]]
-    state: Cell | None
+    windows: tuple[tuple[int, float, float], ...]
+    bands: tuple[tuple[float, float], ...]
+    force_maps: dict[str, tuple[Cell, ...]]
+    strongest: Cell | None
 
 
-def disagreement(where: Dataset, stage: FittedModel) -> Disagreement:
-    """Look where a stage's innovations are too large or too regular."""
-    passes = [stage.target.scored(stage.mode.z, run) for run in range(len(where.lines))]
+def localize(dataset: Dataset, model: FittedModel) -> Localization:
+    """Find where the innovations of a model have too much energy or a systematic mean."""
+    passes = [model.target.scored(model.mode.z, run) for run in range(len(dataset.lines))]
     energy, count = np.zeros(2), np.zeros(2)
     windows: list[tuple[int, float, float]] = []
-    for run, (line, (nu, logs, _)) in enumerate(zip(where.lines, passes, strict=True)):
-        there = logs != 0.0
-        energy += np.where(there, nu**2, 0.0).sum(axis=0)
-        count += there.sum(axis=0)
-        windows += [(run, a, b) for a, b in _windows(line.instants, nu, there)]
+    for run, (recording, (nu, logs, _)) in enumerate(zip(dataset.lines, passes, strict=True)):
+        valid = logs != 0.0
+        energy += np.where(valid, nu**2, 0.0).sum(axis=0)
+        count += valid.sum(axis=0)
+        windows += [(run, a, b) for a, b in _windows(recording.instants, nu, valid)]
     channel = ("front_chassis", "rear_chassis")[int(np.argmax(energy / np.maximum(count, 1)))]
-    planes = _planes(where, stage, passes)
-    strongest = {
-        axle: max((abs(c.t) for c in cells), default=0.0) for axle, cells in planes.items()
-    }
-    axle = max(strongest, key=lambda name: strongest[name])
-    least = norm.isf(_LEVEL / 2.0 / (2 * _CELLS[0] * _CELLS[1]))
-    best = max(planes[axle], key=lambda c: abs(c.t), default=None)
-    state = best if best is not None and abs(best.t) > least else None
-    return Disagreement(channel, axle, tuple(windows), _bands(where, passes), planes, state)
+    maps = _force_maps(dataset, model, passes)
+    largest_t = {axle: max((abs(c.t) for c in cells), default=0.0) for axle, cells in maps.items()}
+    axle = max(largest_t, key=lambda name: largest_t[name])
+    critical_t = norm.isf(_LEVEL / 2.0 / (2 * _GRID[0] * _GRID[1]))
+    best = max(maps[axle], key=lambda c: abs(c.t), default=None)
+    strongest = best if best is not None and abs(best.t) > critical_t else None
+    return Localization(channel, axle, tuple(windows), _bands(dataset, passes), maps, strongest)
 
 
-def _windows(instants: Array, nu: Array, there: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Windows of one run whose energy is beyond chance, neighbours joined."""
+def _windows(instants: Array, nu: Array, valid: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Windows of one run with significantly too much energy, adjacent ones joined."""
     edges = np.arange(instants[0], instants[-1] + _WINDOW, _WINDOW)
-    place = np.clip(np.searchsorted(edges, instants, "right") - 1, 0, len(edges) - 2)
-    energy = np.bincount(place, np.where(there, nu**2, 0.0).sum(axis=1), len(edges) - 1)
-    number = np.bincount(place, there.sum(axis=1), len(edges) - 1)
+    window = np.clip(np.searchsorted(edges, instants, "right") - 1, 0, len(edges) - 2)
+    energy = np.bincount(window, np.where(valid, nu**2, 0.0).sum(axis=1), len(edges) - 1)
+    number = np.bincount(window, valid.sum(axis=1), len(edges) - 1)
     level = _LEVEL / (len(edges) - 1)
     out: list[tuple[float, float]] = []
     for k in np.flatnonzero(chi2.sf(energy, np.maximum(number, 1)) < level):
@@ -112,70 +114,74 @@ def _windows(instants: Array, nu: Array, there: NDArray[np.bool_]) -> list[tuple
     return out
 
 
-def _bands(
-    where: Dataset, passes: list[tuple[Array, Array, Array]]
-) -> tuple[tuple[float, float], ...]:
-    """Third octaves in which innovations have too much energy, all runs and channels together."""
-    rate = 1.0 / where.lines[0].reading_step
+def _bands(dataset: Dataset, passes: Passes) -> tuple[tuple[float, float], ...]:
+    """Third octaves with significantly too much energy, over all runs and channels."""
+    rate = 1.0 / dataset.lines[0].reading_step
     centres = 2.0 ** (np.arange(-3, 40) / 3.0)
     centres = centres[(centres < 0.42 * rate) & (centres > 1.0)]
     energy, number = np.zeros(len(centres)), np.zeros(len(centres))
-    for line, (nu, _, _) in zip(where.lines, passes, strict=True):
-        paired = np.nan_to_num(line.paired(nu))
+    for recording, (nu, _, _) in zip(dataset.lines, passes, strict=True):
+        paired = np.nan_to_num(recording.paired(nu))
         n = len(paired)
         power = np.abs(np.fft.rfft(paired, axis=0)) ** 2 / n
-        f = np.fft.rfftfreq(n, line.reading_step)
+        f = np.fft.rfftfreq(n, recording.reading_step)
         for k, centre in enumerate(centres):
             band = (f >= centre * 2.0 ** (-1 / 6)) & (f < centre * 2.0 ** (1 / 6))
             energy[k] += 2.0 * power[band].sum()
             number[k] += 4.0 * np.count_nonzero(band)
-    beyond = (number > 0) & (chi2.sf(energy, np.maximum(number, 1)) < _LEVEL / len(centres))
-    return tuple((float(c * 2.0 ** (-1 / 6)), float(c * 2.0 ** (1 / 6))) for c in centres[beyond])
+    significant = (number > 0) & (chi2.sf(energy, np.maximum(number, 1)) < _LEVEL / len(centres))
+    return tuple(
+        (float(c * 2.0 ** (-1 / 6)), float(c * 2.0 ** (1 / 6))) for c in centres[significant]
+    )
 
 
-def _planes(
-    where: Dataset, stage: FittedModel, passes: list[tuple[Array, Array, Array]]
+def _force_maps(
+    dataset: Dataset, model: FittedModel, passes: Passes
 ) -> dict[str, tuple[Cell, ...]]:
     """Mean force that the model lacks, over the deflection–velocity plane of each axle."""
-    _, _, i, m, l, wdf, *_ = stage.space.cars(stage.mode.z[None])[0]
+    _, _, i, m, l, wdf, *_ = model.space.cars(model.mode.z[None])[0]
     l_f, l_r = l * (1.0 - wdf), l * wdf
-    give = np.array([[1.0 / m + l_f**2 / i, 1.0 / m - l_f * l_r / i], [0.0, 1.0 / m + l_r**2 / i]])
-    give[1, 0] = give[0, 1]
+    # accelerations over the axles by unit forces there
+    mobility = np.array(
+        [[1.0 / m + l_f**2 / i, 1.0 / m - l_f * l_r / i], [0.0, 1.0 / m + l_r**2 / i]]
+    )
+    mobility[1, 0] = mobility[0, 1]
     forces, states = [], []
-    for line, (nu, logs, state) in zip(where.lines, passes, strict=True):
-        both = np.all(line.kind == VALUE, axis=1)
-        forces.append(np.linalg.solve(give, (nu * np.exp(0.5 * logs))[both].T).T)
+    for recording, (nu, logs, state) in zip(dataset.lines, passes, strict=True):
+        both = np.all(recording.kind == VALUE, axis=1)
+        forces.append(np.linalg.solve(mobility, (nu * np.exp(0.5 * logs))[both].T).T)
         states.append(state[both])
     if not any(len(f) for f in forces):
-        return {"front": (), "rear": ()}
+        return dict.fromkeys(AXLES, ())
     force, state = np.concatenate(forces), np.concatenate(states)
     return {
-        axle: _plane(state[:, 2 * k], state[:, 2 * k + 1], force[:, k])
-        for k, axle in enumerate(("front", "rear"))
+        axle: _force_map(state[:, 2 * k], state[:, 2 * k + 1], force[:, k])
+        for k, axle in enumerate(AXLES)
     }
 
 
-def _plane(delta: Array, rate: Array, force: Array) -> tuple[Cell, ...]:
-    """Cells of one axle; edges at shares of the range that was visited."""
+def _force_map(deflection: Array, velocity: Array, force: Array) -> tuple[Cell, ...]:
+    """Cells of one axle, over all but the outermost 0.2 % of the range at either end."""
     d, v = (
         np.linspace(float(np.quantile(x, 0.002)), float(np.quantile(x, 0.998)), cells + 1)
-        for x, cells in ((delta, _CELLS[0]), (rate, _CELLS[1]))
+        for x, cells in ((deflection, _GRID[0]), (velocity, _GRID[1]))
     )
     out = []
-    for a in range(_CELLS[0]):
-        for b in range(_CELLS[1]):
-            inside = (delta >= d[a]) & (delta < d[a + 1]) & (rate >= v[b]) & (rate < v[b + 1])
+    for a in range(_GRID[0]):
+        for b in range(_GRID[1]):
+            inside = (deflection >= d[a]) & (deflection < d[a + 1])
+            inside &= (velocity >= v[b]) & (velocity < v[b + 1])
             n = int(np.count_nonzero(inside))
-            if n < _FEWEST:
+            if n < _MIN_READINGS:
                 continue
             mean = float(force[inside].mean())
-            sd = float(force[inside].std(ddof=1)) / np.sqrt(n)
+            se = float(force[inside].std(ddof=1)) / np.sqrt(n)
             out.append(
                 Cell(
                     (float(d[a]), float(d[a + 1])),
                     (float(v[b]), float(v[b + 1])),
                     mean,
-                    mean / sd if sd > 0.0 else 0.0,
+                    mean / se if se > 0.0 else 0.0,
                 )
             )
     return tuple(out)

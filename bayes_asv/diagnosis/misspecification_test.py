@@ -1,136 +1,255 @@
-"""Whether something is left that no effect in the list explains.
+"""Misspecification tests: whether something is left that no effect of the list explains.
 
-A force of free course in time has no name.  When it beats the named model clearly, or a decoy does,
-or the innovations remember their past, or noise had to swell, what was named is not all there is.
+The finished model, on all recordings together, is tested against a free force and unlisted faults
+next to the named effects, against autocorrelated innovations, against a variance that grows with
+the slope of a signal, and against excess noise.
+
+Named effects that only together imitate a third thing leave nothing to be found next to them.  So
+an unlisted fault is also compared with them as the only explanation in their place.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from bayes_asv.diagnosis.denoised_model import clear
-from bayes_asv.diagnosis.max_score_test import largest
-from bayes_asv.diagnosis.nuisance_projection import imitation
-from bayes_asv.diagnosis.pulse_scan import free_course
-from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, NOTICED
-from bayes_asv.diagnosis.timing_jitter_test import jitter
-from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
-from bayes_asv.diagnosis.unlisted_faults_test import unlisted
-from bayes_asv.diagnosis.whiteness_test import memory
+from bayes_asv.diagnosis.denoised_model import denoised_model
+from bayes_asv.diagnosis.max_score_test import max_score_p_value
+from bayes_asv.diagnosis.residual_tests import timing_jitter_test, whiteness_test
+from bayes_asv.diagnosis.score_test import nuisance_projection
+from bayes_asv.diagnosis.thresholds import (
+    ALTERNATIVE_MARGIN,
+    DECISIVE_EVIDENCE,
+    EXCESS_NOISE,
+    FIRST_ORDER_ERROR,
+    MISSPECIFICATION_LEVEL,
+    UNKNOWN_SIZE_COST,
+)
+from bayes_asv.diagnosis.tolerance_prior import (
+    ModelEvidence,
+    projection_with_tolerances,
+    with_offset,
+)
+from bayes_asv.diagnosis.unlisted_faults_test import free_force_evidence, unlisted_fault_scores
 from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel
+from bayes_asv.posterior.fisher_scoring import LaplaceFit, slopes
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
+from bayes_asv.posterior.likelihood import Posterior, shared_work
 
-__all__ = ["Unexplained", "unexplained"]
+__all__ = ["Unexplained", "best_alternative", "misspecification_tests"]
 
 Array = NDArray[np.float64]
 
-_SWOLLEN = 1.38  # times the given level
+_ROUNDS = 2  # of choosing an alternative
 
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What is left after naming.
+    """Tests for something that no listed effect explains.
 
     Parameters
     ----------
     score : float
-        Nats by which the best slack model wins; negative when it does not.
+        Log Bayes factor (nats) of a free force next to the model; negative when it loses.
     axle : str
-        Where the slack force acts that wins most.
-    p_memory : float
-        p-value of innovations without memory.
-    swollen : tuple of str
-        Channels whose noise had to swell.
-    p_decoy : float
-        Family-wise p-value of the decoys.
-    like : str
-        What the leading decoy is.
+        Axle at which the free force gains most.
+    p_whiteness : float
+        p-value of white innovations.
+    excess_noise : tuple of str
+        Channels whose noise is far above the given level.
+    p_unlisted : float
+        Family-wise p-value of the unlisted faults.
+    closest_fault : str
+        The unlisted fault of the largest score.
     failed : tuple of str
-        Effects that were fitted and made things worse on what was held out.
-    rival : float
-        Nats by which a decoy alone explains the recordings better than what was named; negative
-        when it does worse.
+        Effects that were fitted and increased the error on held-out recordings.
+    alternative : float
+        Log evidence (nats) by which an unlisted fault alone explains the recordings better than the
+        named effects.
     p_jitter : float
-        p-value of innovations that are no louder where signals are steep.
-    jitters : str
-        The channel whose slope makes them louder.
-    ended : str
-        What explained more than any name of the list, so that nothing more was named.
+        p-value of a variance that does not grow with the slope of a signal.
+    jitter_channel : str
+        The channel with whose slope it grows most.
+    stopped_by : str
+        The unlisted explanation that ended the selection of effects; empty without one.
     """
 
     score: float
     axle: str
-    p_memory: float
-    swollen: tuple[str, ...]
-    p_decoy: float = 1.0
-    like: str = ""
+    p_whiteness: float
+    excess_noise: tuple[str, ...]
+    p_unlisted: float = 1.0
+    closest_fault: str = ""
     failed: tuple[str, ...] = ()
-    rival: float = -math.inf
+    alternative: float = -math.inf
     p_jitter: float = 1.0
-    jitters: str = ""
-    ended: str = ""
+    jitter_channel: str = ""
+    stopped_by: str = ""
 
     @property
-    def found(self) -> bool:
-        """Whether something is left beside what was named."""
-        tests = np.array([self.p_memory, self.p_decoy, self.p_jitter])
-        # Three faint signs of the same thing are one clear sign (Fisher's combination).
-        faint = chi2.sf(-2.0 * np.sum(np.log(np.maximum(tests, 1e-300))), 2 * len(tests))
-        noticed = min(float(tests.min()), float(faint)) < NOTICED
-        told = self.swollen or self.failed or self.ended
-        return self.score > ENOUGH or noticed or bool(told)
+    def detected(self) -> bool:
+        """Whether something was detected next to the named effects."""
+        p = np.array([self.p_whiteness, self.p_unlisted, self.p_jitter])
+        # Fisher's combination: three weak signs of the same thing are a significant one
+        combined = chi2.sf(-2.0 * np.sum(np.log(np.maximum(p, 1e-300))), 2 * len(p))
+        significant = min(float(p.min()), float(combined)) < MISSPECIFICATION_LEVEL
+        other = self.excess_noise or self.failed or self.stopped_by
+        return self.score > DECISIVE_EVIDENCE or significant or bool(other)
 
     @property
     def present(self) -> bool:
-        """Whether something has no name: beside what was named, or as likely in its place."""
-        return self.found or self.rival > AS_WELL
+        """Whether something is unexplained: next to the named effects, or in their place."""
+        return self.detected or self.alternative > ALTERNATIVE_MARGIN
 
 
-def unexplained(where: Dataset, allowed: ModelEvidence, seed: int) -> Unexplained:
-    """Ask the slack models and the decoys.
+def misspecification_tests(dataset: Dataset, evidence: ModelEvidence, seed: int) -> Unexplained:
+    """Test a model for anything that no listed effect explains.
 
     Parameters
     ----------
-    where : Dataset
-        The final model's, with quiet wheels.
-    allowed : ModelEvidence
-        The final model with a little of everything else.
+    dataset : Dataset
+        The model's recordings with denoised inputs.
+    evidence : ModelEvidence
+        The model under the tolerance prior of all other effects.
     seed : int
-        Of the decoys' test.
+        Seed of the max-score test.
     """
-    stage = allowed.stage
-    quiet = clear(where, stage)
-    known = imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at)
-    score, axle = free_course(quiet, known)
-    decoys = unlisted(quiet, known)
-    two_sided = np.zeros(len(decoys.words), bool)
-    p, k = largest(decoys.pull, decoys.gram, decoys.raw, two_sided, seed)
-    p_jitter, jitters = jitter(where, stage)
+    model = evidence.model
+    denoised = denoised_model(dataset, model)
+    projection = projection_with_tolerances(denoised.derivatives, evidence)
+    force, axle = free_force_evidence(denoised, projection)
+    faults = unlisted_fault_scores(denoised, projection)
+    two_sided = np.zeros(len(faults.descriptions), bool)
+    p_unlisted, k = max_score_p_value(
+        faults.gradient, faults.information, faults.raw_information, two_sided, seed
+    )
+    p_jitter, jitter_channel = timing_jitter_test(dataset, model)
     return Unexplained(
-        score=score,
+        score=force,
         axle=axle,
-        p_memory=memory(stage)[1],
-        swollen=_swollen(where, stage),
-        p_decoy=p,
-        like=decoys.words[k],
+        p_whiteness=whiteness_test(model)[1],
+        excess_noise=_excess_noise(dataset, model),
+        p_unlisted=p_unlisted,
+        closest_fault=faults.descriptions[k],
         p_jitter=p_jitter,
-        jitters=jitters,
+        jitter_channel=jitter_channel,
     )
 
 
-def _swollen(where: Dataset, stage: FittedModel) -> tuple[str, ...]:
-    """Channels whose noise is far above what was given."""
-    level = stage.space.nuisance(stage.mode.z[None])
+def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
+    """Channels whose fitted noise level is far above the given one."""
+    levels = model.space.nuisance(model.mode.z[None])
     out = []
-    for run, line in enumerate(where.lines):
+    for run, recording in enumerate(dataset.lines):
         for c, channel in enumerate(CHANNELS):
-            given = line.noise[c]
-            fitted = level.get(f"noise {channel} {run}")
-            if given and fitted is not None and float(fitted[0]) > _SWOLLEN * given:
+            given = recording.noise[c]
+            level = levels.get(f"noise {channel} {run}")
+            if given and level is not None and float(level[0]) > EXCESS_NOISE * given:
                 out.append(channel)
     return tuple(dict.fromkeys(out))
+
+
+class _Alternative(NamedTuple):
+    """An unlisted fault in the place of all named effects.
+
+    Parameters
+    ----------
+    loss : float
+        Minus the log-posterior of the car with it, up to a constant, nats.
+    gain : float
+        Log-likelihood that it gains over the car alone, to first order, nats.
+    description : str
+        What it is.
+    z : (D,) array
+        Mode of car and noise with it.
+    settled : (N,) bool array
+        Innovations that count.
+    out_of : int
+        How many faults it was chosen from.
+    """
+
+    loss: float
+    gain: float
+    description: str
+    z: Array
+    settled: NDArray[np.bool_]
+    out_of: int
+
+
+def best_alternative(
+    dataset: Dataset, model: FittedModel, named: int, site_count: int
+) -> tuple[float, str]:
+    """Log evidence (nats) of an unlisted fault alone against all named effects, and which it is.
+
+    It is chosen to first order, with the car and noise of the full model but without its effects;
+    its evidence comes from a fit with it, noise levels free: where a named effect stands in for it,
+    noise is in excess to cover the rest, and would hide it.  Where first order may be wrong by as
+    much as it takes, it is chosen again from that fit.
+
+    Parameters
+    ----------
+    dataset, model : Dataset, FittedModel
+        Recordings with denoised inputs, and the model with all named effects at its mode.
+    named, site_count : int
+        Number of named effects, and of those that they were selected from.
+    """
+    posterior = dataset.target(())
+    z = model.carried_to(posterior.space)
+    best, description = -math.inf, ""
+    for _ in range(_ROUNDS):
+        alternative = _fit_alternative(dataset, posterior, z)
+        if alternative is None:
+            break
+        loss = _loss(model.target, model.mode, alternative.settled)
+        cost = named * (UNKNOWN_SIZE_COST + math.log(site_count))
+        cost = cost - UNKNOWN_SIZE_COST - math.log(alternative.out_of)
+        if loss - alternative.loss + cost > best:
+            best, description = loss - alternative.loss + cost, alternative.description
+        margin = ALTERNATIVE_MARGIN - FIRST_ORDER_ERROR * alternative.gain
+        if not margin < best < ALTERNATIVE_MARGIN:
+            break
+        z = alternative.z
+    return best, description
+
+
+def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alternative | None:
+    """Fit the unlisted fault of the largest gain over a car without effects; None if none gains."""
+    with shared_work(posterior) as shared:
+        at_z = slopes(shared, z)
+    plain = FittedModel((), posterior, LaplaceFit(z, at_z, True))
+    denoised = denoised_model(dataset, plain)
+    # least squares of the innovations on the car's coordinates, then on each fault as well
+    car = slice(posterior.space.lasting_dimension)
+    of_car = denoised.derivatives.only(car)
+    of_car = replace(of_car, scales=0.0 * of_car.scales, given_back=0.0 * z[car])
+    projection = nuisance_projection(of_car, z[car], of_car.means[:0])
+    faults = unlisted_fault_scores(denoised, projection)
+    k = int(np.argmax(faults.gains))
+    gain = float(faults.gains[k])
+    if not gain > 0.0:
+        return None
+    change = faults.sensitivities[k] * faults.gradient[k] / faults.information[k, k]
+    start = z.copy()
+    step = projection.gradient - projection.sensitivities @ change
+    start[car] += np.linalg.solve(projection.precision, step)
+    fit = fitted(with_offset(plain, change[None], np.ones(1)), start)
+    loss = _loss(fit.target, fit.mode, denoised.settled)
+    count = len(faults.descriptions)
+    return _Alternative(loss, gain, faults.descriptions[k], fit.mode.z, denoised.settled, count)
+
+
+def _loss(posterior: Posterior, mode: LaplaceFit, settled: NDArray[np.bool_]) -> float:
+    """Minus the log-posterior up to a constant (nats), once the filter has settled.
+
+    A clipped reading does not count: no simulation says what it would have been.
+    """
+    at_mode = mode.slopes
+    runs = range(len(posterior.space.timelines))
+    back = sum(float(posterior.given_back(mode.z[None], run)[0]) for run in runs)
+    twice = np.sum((at_mode.nu**2 + at_mode.logs)[settled]) + mode.z @ mode.z
+    return 0.5 * float(twice) - back

@@ -1,8 +1,9 @@
-"""What is missing: the leading candidates, fitted in full, with probabilities.
+"""Model comparison: the leading candidates fitted in full, their probabilities and their average.
 
-Scores choose who is asked; each is then added to the model with its own wide prior and fitted
-from several starts, everything else free.  Laplace's evidence, a little of everything else
-integrated out, compares them with one another and with nothing at all.
+The scores select candidates.  Each is added to the model with its own wide prior and fitted from
+several starts, everything else free.  Laplace's evidence, the tolerances of all other effects
+integrated out, compares them with one another and with the model as it is.  The car's quantities
+are averaged over all of these by their probabilities.
 """
 
 from __future__ import annotations
@@ -10,66 +11,73 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from bayes_asv.diagnosis.denoised_model import clear
-from bayes_asv.diagnosis.max_score_test import one_sided
-from bayes_asv.diagnosis.savage_dickey import as_slight
-from bayes_asv.diagnosis.score_test import ScoreTest, signatures
-from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, allowed, with_tolerances
+from bayes_asv.diagnosis.denoised_model import denoised_model
+from bayes_asv.diagnosis.max_score_test import one_sided_squares
+from bayes_asv.diagnosis.savage_dickey import evidence_as_tolerance
+from bayes_asv.diagnosis.score_test import ScoreTest, score_test, standardized
+from bayes_asv.diagnosis.thresholds import PRIOR_NONE, SPLIT_EVIDENCE
+from bayes_asv.diagnosis.tolerance_prior import (
+    ModelEvidence,
+    marginal_scores,
+    tolerance_evidence,
+)
 from bayes_asv.models.effects import AXLES, BOTH, Site
 from bayes_asv.posterior.effect_candidates import Candidate
 from bayes_asv.posterior.effect_fit import added
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 
 __all__ = [
-    "NONE",
     "CandidateGroup",
-    "Option",
-    "as_it_is",
-    "divided",
-    "leading",
-    "probabilities",
-    "weigh",
+    "ExtendedModel",
+    "WeightedPosterior",
+    "draw_effects",
+    "draw_quantities",
+    "evidence_without",
+    "fit_candidates",
+    "leading_candidates",
+    "model_probabilities",
+    "split_axles",
+    "weighted_posterior",
 ]
 
 Array = NDArray[np.float64]
 
-NONE = 0.3
-"""Probability beforehand that nothing is missing."""
-
-_ASKED = 4  # sites that each way of ranking sends on
-_FAINT = 1.0  # squared score below which nothing is asked for
-# The same beside what is named, where more than three nats make something more likelier there than
-# not: a fit that brings them where two were promised has found another hill of what is named.  Of
-# 218 fits to pairs of faults (seed 66) 23 promised less, and none brought the five asked for then.
-_FAINTER = 4.0
-_STARTS = 4  # sets of values of a site from which no further one is taken
-_FAR = 60.0  # nats behind the best from which a fit need not be finished
-_NEAR = 5.0  # nats behind the best from which a rough weight is enough
-_CHOSEN = 15.0  # squared score that the best of all pushes has where there is none
+_SITES_PER_RANKING = 4
+_MIN_SQUARE = 1.0  # squared score below which a candidate is not fitted
+# The same for a further effect, which has to gain more than three nats: a fit that gains them where
+# two were expected has left the mode of what is named already.
+_MIN_SQUARE_FURTHER = 4.0
+_MAX_STARTS = 4  # of one site
+_HOPELESS = 60.0  # nats behind the best at which a fit is not finished
+_CLOSE = 5.0  # nats behind the best within which the tolerances are integrated out closely
+_PULSE_SQUARE = 15.0  # squared score that the best of all force pulses has where there is none
+_DRAWS = 4000
+_MIN_WEIGHT = 0.005  # weight below which an explanation is left out of the average
 
 
 @dataclass(frozen=True)
-class Option:
+class ExtendedModel:
     """A model with one more effect.
 
     Parameters
     ----------
     site : Site
-        What is added.
-    stage : FittedModel
-        The model at its mode.
-    allowed : ModelEvidence
-        Its evidence and intervals with a little of everything else.
+        The effect that is added.
+    model : FittedModel
+        The model with it, at its mode.
+    evidence : ModelEvidence
+        Its evidence and posterior under the tolerance prior of all other effects.
     """
 
     site: Site
-    stage: FittedModel
-    allowed: ModelEvidence
+    model: FittedModel
+    evidence: ModelEvidence
 
 
 @dataclass(frozen=True)
@@ -79,185 +87,253 @@ class CandidateGroup:
     Parameters
     ----------
     candidates : list of Candidate
-        Sets of values to begin from.
-    promised : float
-        Nats that the best of them would gain to first order.
+        Sets of values to start from.
+    expected_gain : float
+        Nats that the best of them gains to first order.
     """
 
     candidates: list[Candidate]
-    promised: float
+    expected_gain: float
 
 
-def leading(
-    found: ScoreTest, failed: Collection[str] = (), *, beside: bool = False
+def leading_candidates(
+    test: ScoreTest, excluded: Collection[str] = (), *, further: bool = False
 ) -> list[CandidateGroup]:
-    """Candidates worth a fit, by site, the most promising site first.
+    """Return the candidates worth a fit, by site, the most promising site first.
 
-    One ranking takes the model as clean, the other grants every other effect its tolerance.  Sites
-    that have failed already are left out, and so is what hardly promises anything; ``beside`` is
-    for a model that has something already.
+    One ranking takes the rest of the car to be nominal, the other gives every other effect its
+    tolerance.
+
+    Parameters
+    ----------
+    test : ScoreTest
+        Of all candidates.
+    excluded : collection of str
+        Sites that are left out.
+    further : bool
+        The model has an effect or another cause already, so that a candidate has to gain more.
     """
-    least = _FAINTER if beside else _FAINT
-    pull, own = with_tolerances(found)
-    granted = np.where(own > 1e-8, pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
-    chosen: dict[tuple[str, int | None], CandidateGroup] = {}
-    gain = 0.5 * one_sided(found.score, found)
-    pushed = np.array([c.site.effect.in_one_run for c in found.candidates])
-    for score in (found.score, granted):
-        value = one_sided(score, found) - _CHOSEN * pushed
+    least = _MIN_SQUARE_FURTHER if further else _MIN_SQUARE
+    scores = test.standardized_scores
+    marginal = standardized(*marginal_scores(test))
+    groups: dict[tuple[str, int | None], CandidateGroup] = {}
+    gain = 0.5 * one_sided_squares(scores, test)
+    pulses = np.array([c.site.effect.in_one_run for c in test.candidates])
+    for ranked in (scores, marginal):
+        squares = one_sided_squares(ranked, test) - _PULSE_SQUARE * pulses
         taken: list[tuple[str, int | None]] = []
-        for k in np.argsort(-value):
-            candidate = found.candidates[k]
+        for k in np.argsort(-squares):
+            candidate = test.candidates[k]
             key = candidate.site.key
-            if value[k] < least or (key not in taken and len(taken) == _ASKED):
+            if squares[k] < least or (key not in taken and len(taken) == _SITES_PER_RANKING):
                 continue
-            if str(candidate.site) in failed:
+            if str(candidate.site) in excluded:
                 continue
             if key not in taken:
                 taken.append(key)
-            lead = chosen.get(key, CandidateGroup([], 0.0))
-            starts = lead.candidates
-            if len(starts) < _STARTS and candidate not in starts:
-                starts = [*starts, candidate, *_as_large_as_asked(candidate, found, k)]
-            chosen[key] = CandidateGroup(starts, max(lead.promised, float(gain[k])))
-    return list(chosen.values())
+            group = groups.get(key, CandidateGroup([], 0.0))
+            starts = group.candidates
+            if len(starts) < _MAX_STARTS and candidate not in starts:
+                starts = [*starts, candidate, *_at_first_order_size(candidate, test, k)]
+            groups[key] = CandidateGroup(starts, max(group.expected_gain, float(gain[k])))
+    return list(groups.values())
 
 
-def _as_large_as_asked(candidate: Candidate, found: ScoreTest, k: int) -> list[Candidate]:
-    """Return it as large as the data ask for to first order, where size is a factor."""
+def _at_first_order_size(candidate: Candidate, test: ScoreTest, k: int) -> list[Candidate]:
+    """Return a candidate at its most probable size to first order, where size is a factor."""
     first = candidate.site.effect.parameters[0]
-    own = float(found.gram[k, k])
-    amount = first.form != "log" or first.per
-    if not amount or own < 1.0:
+    information = float(test.information[k, k])
+    size_is_factor = first.form != "log" or first.per
+    if not size_is_factor or information < 1.0:
         return []
-    size = float(candidate.values[first.name]) * float(found.pull[k]) / own
+    size = float(candidate.values[first.name]) * float(test.gradient[k]) / information
     if first.form in ("positive", "log") and size <= 0.0:
         return []
     return [replace(candidate, values={**candidate.values, first.name: size}, begin=True)]
 
 
-def weigh(
-    where: Dataset,
-    stage: FittedModel,
-    found: ScoreTest,
-    tell: Callable[[str], None] = lambda words: None,
-    failed: Collection[str] = (),
+def fit_candidates(
+    dataset: Dataset,
+    model: FittedModel,
+    test: ScoreTest,
+    on_site: Callable[[str], None] = lambda site: None,
+    excluded: Collection[str] = (),
     *,
-    beside: bool = False,
-) -> list[Option]:
-    """Fit every leading candidate in full and weigh it, the most probable first.
+    further: bool = False,
+) -> list[ExtendedModel]:
+    """Fit every leading candidate in full; the most probable first.
 
     Parameters
     ----------
-    where : Dataset
-        Recordings with quiet wheels.
-    stage : FittedModel
+    dataset : Dataset
+        Recordings with denoised inputs.
+    model : FittedModel
         The model so far.
-    found : ScoreTest
+    test : ScoreTest
         Of all candidates there.
-    tell : callable
-        Told which effect is being tried.
-    failed : collection of str
-        Sites that are not tried.
-    beside : bool
-        It would be a further effect: what hardly promises anything is not tried.
+    on_site : callable
+        Called with each site before it is fitted.
+    excluded : collection of str
+        Sites that are not fitted.
+    further : bool
+        As :func:`leading_candidates` takes it.
     """
-    options, little = [], []
+    extended, tests = [], []
     floor = -math.inf
-    for lead in leading(found, failed, beside=beside):
-        site = lead.candidates[0].site
-        tell(str(site))
-        stage_with = added(where, stage, lead.candidates, lead.promised, floor)
-        floor = max(floor, stage_with.mode.log_posterior - _FAR)
-        others = signatures(clear(where, stage_with), _others(site, found))
-        granted = allowed(stage_with, others, rough=True)
-        if math.isfinite(granted.log_evidence):  # a fit that ran away is no explanation
-            options.append(Option(site, stage_with, granted))
-            little.append(others)
-    return _closely(options, little)
+    for group in leading_candidates(test, excluded, further=further):
+        site = group.candidates[0].site
+        on_site(str(site))
+        larger = added(dataset, model, group.candidates, group.expected_gain, floor)
+        floor = max(floor, larger.mode.log_posterior - _HOPELESS)
+        others = score_test(denoised_model(dataset, larger), _other_tolerances(site, test))
+        evidence = tolerance_evidence(larger, others, rough=True)
+        if math.isfinite(evidence.log_evidence):  # a fit that diverged is no explanation
+            extended.append(ExtendedModel(site, larger, evidence))
+            tests.append(others)
+    return _with_close_evidence(extended, tests)
 
 
-def as_it_is(
-    model: tuple[FittedModel, ModelEvidence], options: list[Option], found: ScoreTest
-) -> tuple[float, FittedModel, ModelEvidence]:
-    """Log evidence of a model without any of its options, and the fit that tells it.
-
-    Every way to tell it leaves something out, first of all what tolerances do beyond first order,
-    so that the highest is the nearest.
-
-    Parameters
-    ----------
-    model : FittedModel, ModelEvidence
-        With a little of everything to first order.
-    options : list of Option
-        From :func:`weigh`.
-    found : ScoreTest
-        Of all candidates there.
-    """
-    old, best = model[0].sites, options[0].allowed.log_evidence
-    told = [(model[1].log_evidence, *model)]
-    for one in options:
-        if one.allowed.log_evidence > best - _NEAR:  # others were weighed roughly
-            new = [s for s in one.stage.sites if s not in old]
-            slight = as_slight(new, one.stage, one.allowed, found.candidates)
-            told.append((slight, one.stage, one.allowed))
-    return max(told, key=lambda t: t[0])
-
-
-def _closely(options: list[Option], little: list[ScoreTest]) -> list[Option]:
-    """Weigh all options closely that may be the best or near it; sorted, the best first."""
-    rough = set(range(len(options)))
+def _with_close_evidence(
+    models: list[ExtendedModel], tests: list[ScoreTest]
+) -> list[ExtendedModel]:
+    """Integrate the tolerances closely for the best models; sorted, the best first."""
+    models, rough = list(models), set(range(len(models)))
     while rough:
-        best = max(option.allowed.log_evidence for option in options)
-        k = max(rough, key=lambda k: options[k].allowed.log_evidence)
-        if options[k].allowed.log_evidence < best - _NEAR:
+        best = max(one.evidence.log_evidence for one in models)
+        k = max(rough, key=lambda k: models[k].evidence.log_evidence)
+        if models[k].evidence.log_evidence < best - _CLOSE:
             break
         rough.remove(k)
-        closely = allowed(options[k].stage, little[k])
-        if math.isfinite(closely.log_evidence):
-            options[k] = replace(options[k], allowed=closely)
-    return sorted(options, key=lambda o: -o.allowed.log_evidence)
+        close = tolerance_evidence(models[k].model, tests[k])
+        if math.isfinite(close.log_evidence):
+            models[k] = replace(models[k], evidence=close)
+    return sorted(models, key=lambda one: -one.evidence.log_evidence)
 
 
-def divided(where: Dataset, option: Option, found: ScoreTest, gain: float) -> Option:
-    """Give each axle its own values where that brings a gain (nats) over the same on both."""
-    if option.site.where != BOTH:
-        return option
-    old = option.stage
-    own = tuple(replace(option.site, where=axle) for axle in AXLES)
-    sites = (*(s for s in old.sites if s != option.site), *own)
-    target = where.target(sites)
-    start = old.carried_to(target.space)
-    for site in own:
-        for p in site.effect.parameters:
-            z = old.mode.z[old.space.names.index(option.site.coordinate_name(p))]
-            start[target.space.names.index(site.coordinate_name(p))] = z
-    stage = fitted(target, start)
-    granted = allowed(stage, signatures(clear(where, stage), _others(option.site, found)))
-    if granted.log_evidence < option.allowed.log_evidence + gain:
-        return option
-    return Option(option.site, stage, granted)
+def evidence_without(
+    model: FittedModel, evidence: ModelEvidence, extended: list[ExtendedModel], test: ScoreTest
+) -> tuple[float, FittedModel, ModelEvidence]:
+    """Log evidence of the model without any further effect, and the fit that it comes from.
 
-
-def _others(site: Site, found: ScoreTest) -> list[Candidate]:
-    """List tolerances of everything but one effect."""
-    return [c for c in found.candidates if c.tolerance and not site.meets(c.site)]
-
-
-def probabilities(none: float, options: list[Option], sites: int) -> tuple[float, Array]:
-    """Probability that nothing is missing, and of each option (K,).
+    Each approximation leaves something out, first of all the tolerances beyond first order, so that
+    the largest is the best one.
 
     Parameters
     ----------
-    none : float
-        Log evidence of the model as it is.
-    options : list of Option
-        From :func:`weigh`; what was not fitted is taken to be impossible.
-    sites : int
-        Number of sites that share what is left of the prior.
+    model : FittedModel
+        The model so far.
+    evidence : ModelEvidence
+        The same, tolerances to first order.
+    extended : list of ExtendedModel
+        From :func:`fit_candidates`.
+    test : ScoreTest
+        Of all candidates there.
     """
-    logs = np.array([np.log(NONE) + none])
-    each = np.log((1.0 - NONE) / sites)
-    logs = np.concatenate([logs, [each + o.allowed.log_evidence for o in options]])
-    share = np.exp(logs - logsumexp(logs))
-    return float(share[0]), share[1:]
+    best = extended[0].evidence.log_evidence
+    approximations = [(evidence.log_evidence, model, evidence)]
+    for one in extended:
+        if one.evidence.log_evidence > best - _CLOSE:  # the others' evidence is rough
+            new = [s for s in one.model.sites if s not in model.sites]
+            value = evidence_as_tolerance(new, one.model, one.evidence, test.candidates)
+            approximations.append((value, one.model, one.evidence))
+    return max(approximations, key=lambda approximation: approximation[0])
+
+
+def split_axles(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> ExtendedModel:
+    """Give each axle values of its own where the evidence gains enough over common ones."""
+    if extended.site.where != BOTH:
+        return extended
+    model = extended.model
+    split = tuple(replace(extended.site, where=axle) for axle in AXLES)
+    sites = (*(s for s in model.sites if s != extended.site), *split)
+    posterior = dataset.target(sites)
+    start = model.carried_to(posterior.space)
+    for site in split:
+        for p in site.effect.parameters:
+            z = model.mode.z[model.space.names.index(extended.site.coordinate_name(p))]
+            start[posterior.space.names.index(site.coordinate_name(p))] = z
+    fit = fitted(posterior, start)
+    others = score_test(denoised_model(dataset, fit), _other_tolerances(extended.site, test))
+    evidence = tolerance_evidence(fit, others)
+    if evidence.log_evidence < extended.evidence.log_evidence + SPLIT_EVIDENCE:
+        return extended
+    return ExtendedModel(extended.site, fit, evidence)
+
+
+def _other_tolerances(site: Site, test: ScoreTest) -> list[Candidate]:
+    """List the tolerances of all effects but one."""
+    return [c for c in test.candidates if c.tolerance and not site.meets(c.site)]
+
+
+def model_probabilities(
+    without: float, extended: list[ExtendedModel], site_count: int
+) -> tuple[float, Array]:
+    """Posterior probability that nothing is missing, and of each extended model (K,).
+
+    Parameters
+    ----------
+    without : float
+        Log evidence of the model as it is.
+    extended : list of ExtendedModel
+        From :func:`fit_candidates`; sites that were not fitted are taken to be impossible.
+    site_count : int
+        Number of sites that share the prior probability of a missing effect.
+    """
+    joint = np.array([np.log(PRIOR_NONE) + without])
+    prior = np.log((1.0 - PRIOR_NONE) / site_count)
+    joint = np.concatenate([joint, [prior + one.evidence.log_evidence for one in extended]])
+    probabilities = np.exp(joint - logsumexp(joint))
+    return float(probabilities[0]), probabilities[1:]
+
+
+class WeightedPosterior(NamedTuple):
+    """One explanation in a model average: a Gaussian with its weight.
+
+    Parameters
+    ----------
+    weight : float
+        Probability of the explanation.
+    model : FittedModel
+        Whose coordinates the Gaussian has.
+    mean, covariance : (D,) and (D, D) arrays
+        Of the Gaussian.
+    """
+
+    weight: float
+    model: FittedModel
+    mean: Array
+    covariance: Array
+
+
+def weighted_posterior(
+    model: FittedModel, evidence: ModelEvidence, weight: float = 1.0
+) -> list[WeightedPosterior]:
+    """Return the posterior of one explanation; none where its weight is negligible."""
+    if weight < _MIN_WEIGHT:
+        return []
+    mean = model.mode.z + evidence.mode_shift
+    return [WeightedPosterior(weight, model, mean, evidence.covariance)]
+
+
+def draw_quantities(posteriors: list[WeightedPosterior], seed: int) -> dict[str, Array]:
+    """Draw the car's quantities from a model average, 4000 draws each, SI units."""
+    rng = np.random.default_rng([seed, 51])
+    weights = np.array([one.weight for one in posteriors])
+    counts = rng.multinomial(_DRAWS, weights / weights.sum())
+    parts = [
+        model.space.quantities(rng.multivariate_normal(mean, covariance, n, method="eigh"), seed)
+        for n, (_, model, mean, covariance) in zip(counts, posteriors, strict=True)
+        if n > 1
+    ]
+    names = set.intersection(*(set(p) for p in parts))
+    return {n: np.concatenate([p[n] for p in parts]) for n in sorted(names)}
+
+
+def draw_effects(
+    model: FittedModel, evidence: ModelEvidence, seed: int
+) -> dict[str, dict[str, Array]]:
+    """Draw the parameters of a model's effects under the tolerance prior, by site."""
+    rng = np.random.default_rng([seed, 52])
+    mean = model.mode.z + evidence.mode_shift
+    z = rng.multivariate_normal(mean, evidence.covariance, _DRAWS, method="eigh")
+    return {str(site): values for site, values in model.space.effect_draws(z).items()}

@@ -1,4 +1,4 @@
-"""What a diagnosis holds."""
+"""Result of a diagnosis."""
 
 from __future__ import annotations
 
@@ -7,113 +7,121 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.engine_force import Engine
-from bayes_asv.diagnosis.localization import Disagreement
+from bayes_asv.diagnosis.engine import Engine
+from bayes_asv.diagnosis.localization import Localization
 from bayes_asv.diagnosis.misspecification_test import Unexplained
-from bayes_asv.diagnosis.model_comparison import Option
-from bayes_asv.diagnosis.simulation_error import Gap
+from bayes_asv.diagnosis.model_comparison import ExtendedModel
+from bayes_asv.diagnosis.simulation_error import ErrorChange
+from bayes_asv.diagnosis.thresholds import RELIABILITY_BESIDE_FAULT, RELIABILITY_WITH_ALTERNATIVE
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["Diagnosis", "Named"]
+__all__ = ["Diagnosis", "NamedEffect"]
 
 Array = NDArray[np.float64]
 
-# On 1292 cars of the battery (seeds 62, 64) 13 of 46 names were true with something found beside
-# them, and on 453 (seeds 5, 11, 31, 32) 44 of 55 with nothing but a rival that has no name.
-_STAND_IN, _RIVALLED = 0.28, 0.9
-
 
 @dataclass(frozen=True)
-class Named:
-    """An effect that was named.
+class NamedEffect:
+    """An effect that was found to be missing from the linear half car.
 
     Parameters
     ----------
     site : Site
-        What and where.
+        Effect and place.
     probability : float
-        That it, or another of its class, is there and not merely a little of it.
-    others : tuple of Option
-        What these data cannot tell from it.
-    gaps : dict of str to Gap
-        ``fit`` and ``holdout``, before and after this effect was added.
+        Probability that this effect, or an indistinguishable one, is present beyond its tolerance,
+        given that the cause is in the list.
+    indistinguishable : tuple of ExtendedModel
+        Models with other effects that these data cannot tell from it.
+    errors : dict of str to ErrorChange
+        Simulation error on ``fit`` and ``holdout`` before and after this effect was added.
     """
 
     site: Site
     probability: float
-    others: tuple[Option, ...]
-    gaps: dict[str, Gap]
+    indistinguishable: tuple[ExtendedModel, ...]
+    errors: dict[str, ErrorChange]
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the workflow found.
+    """Result of :func:`bayes_asv.diagnosis.workflow.diagnose`.
 
     Parameters
     ----------
     verdict : {'agreement', 'named', 'unexplained', 'refused'}
-        See ``docs/interfaces.md``.
-    reasons, warnings, preflight : tuples
-        Why it was refused; what to know; what was found before any fit.
-    p : float
+        Whether the linear half car agrees with the recordings, lacks named effects, disagrees for
+        an unknown reason, or cannot be judged by them.
+    reasons, warnings : tuple of str
+        Why the recordings were refused, and what limits the answer.
+    recording_faults : tuple of dict
+        Faults of the recordings that show before any fit, see
+        :func:`bayes_asv.diagnosis.recording_faults.find_recording_faults`.
+    vehicle : Vehicle
+        As given.
+    seed : int
+        Seed of all draws.
+    p_value : float
         Family-wise p-value of the linear half car.
-    named : tuple of Named
+    named : tuple of NamedEffect
         In the order in which they were added.
     engine : Engine or None
-        Tones that were cut out.
-    none : float
+        Engine tones that were removed.
+    p_none : float
         Probability that nothing beyond tolerances is missing.
-    left : Unexplained or None
-        What has no name.
-    seen : Disagreement or None
-        Where the linear half car disagrees, an engine's tones cut out.
-    gaps : dict of str to Gap
-        ``fit`` and, where there is one, ``holdout``.
+    unexplained : Unexplained or None
+        Tests for something that no listed effect explains.
+    localization : Localization or None
+        Where the linear half car disagrees, engine tones removed.
+    errors : dict of str to ErrorChange
+        Simulation error on ``fit`` and, where there is one, ``holdout``.
     fit, holdout : tuples of PreparedRecording
-        What was fitted, as it was given, and what was held out, an engine's tones cut out of it.
-    base, final : FittedModel or None
-        The linear half car and the model with everything named, an engine's tones cut out.
-    before, after : dict of str to (N,) array
-        Draws of the car's quantities, SI units: under the linear half car, nothing cut out, and
-        under all explanations by their shares.
-    effects : dict of str to dict of str to (N,) array
-        Draws of what was named, by site and parameter.
+        Recordings that were fitted, as given, and held out, engine tones removed.
+    base_model, final_model : FittedModel or None
+        The linear half car, and the model with all named effects, engine tones removed.
+    quantities_before, quantities_after : dict of str to (N,) array
+        Draws of the car's quantities, SI units: under the linear half car on the recordings as
+        given, and averaged over all explanations.
+    effect_draws : dict of str to dict of str to (N,) array
+        Draws of the parameters of each named effect, by site, SI units.
     seconds : float
-        How long it took.
+        Computing time.
     """
 
     verdict: str
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
-    preflight: tuple[dict[str, object], ...]
+    recording_faults: tuple[dict[str, object], ...]
     vehicle: Vehicle
     seed: int
-    p: float = 1.0
-    named: tuple[Named, ...] = ()
+    p_value: float = 1.0
+    named: tuple[NamedEffect, ...] = ()
     engine: Engine | None = None
-    none: float = 1.0
-    left: Unexplained | None = None
-    seen: Disagreement | None = None
-    gaps: dict[str, Gap] | None = None
+    p_none: float = 1.0
+    unexplained: Unexplained | None = None
+    localization: Localization | None = None
+    errors: dict[str, ErrorChange] | None = None
     fit: tuple[PreparedRecording, ...] = ()
     holdout: tuple[PreparedRecording, ...] = ()
-    base: FittedModel | None = None
-    final: FittedModel | None = None
-    before: dict[str, Array] | None = None
-    after: dict[str, Array] | None = None
-    effects: dict[str, dict[str, Array]] | None = None
+    base_model: FittedModel | None = None
+    final_model: FittedModel | None = None
+    quantities_before: dict[str, Array] | None = None
+    quantities_after: dict[str, Array] | None = None
+    effect_draws: dict[str, dict[str, Array]] | None = None
     seconds: float = 0.0
 
     @property
-    def trust(self) -> float:
-        """What names count where something is left that has none, which they may stand in for."""
-        if self.left is None or not self.left.present:
+    def reliability(self) -> float:
+        """Factor on probabilities where something unexplained may be the true cause."""
+        if self.unexplained is None or not self.unexplained.present:
             return 1.0
-        return _STAND_IN if self.left.found else _RIVALLED
+        if self.unexplained.detected:
+            return RELIABILITY_BESIDE_FAULT
+        return RELIABILITY_WITH_ALTERNATIVE
 
-    def believed(self, cause: Named | Engine) -> float:
-        """Probability that a cause is there, also in view of what is left without a name."""
-        return cause.probability * self.trust
+    def probability_of(self, cause: NamedEffect | Engine) -> float:
+        """Probability that a cause is present, given also what remains unexplained."""
+        return cause.probability * self.reliability

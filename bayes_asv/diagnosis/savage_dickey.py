@@ -1,10 +1,11 @@
-"""What is fitted in full and turns out slight: a tolerance after all.
+"""Evidence for an effect that turns out no larger than a tolerance, by the Savage–Dickey ratio.
 
-To first order the tolerances explain a car with a little of everything, up to some tens of nats:
-dry friction of one newton changes where dry friction acts.  Whichever effect is fitted in full wins
-those, and would be named.  But where it turns out no larger than a tolerance the same fit says how
-well a little of everything explains the data with that one effect in full: its tolerance is only
-another belief about how much of it there is, how sharply it bends believed as before.
+To first order the tolerances explain a car with small amounts of every effect up to some tens of
+nats.  Whichever effect is fitted in full gains those and would be named.  Where it turns out no
+larger than a tolerance, the same fit gives the better evidence of the tolerances alone: one effect
+in full, with its tolerance for a prior in place of the wide one.  The ratio of the two evidences is
+the posterior mean of the ratio of the priors (Savage–Dickey for a width in place of a point;
+Verdinelli & Wasserman 1995, J. Am. Stat. Assoc. 90, 614).
 """
 
 from __future__ import annotations
@@ -17,137 +18,152 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from bayes_asv.diagnosis.tolerance_prior import AMOUNTS, MOST, ModelEvidence, unfolded
+from bayes_asv.diagnosis.tolerance_prior import (
+    MAX_TOLERANCES,
+    TOLERANCE_SCALES,
+    ModelEvidence,
+    half_normal_correction,
+)
 from bayes_asv.models.effects import BOTH, Site
 from bayes_asv.posterior.effect_candidates import Candidate
 from bayes_asv.posterior.fitted_model import FittedModel
 
-__all__ = ["as_slight"]
+__all__ = ["evidence_as_tolerance"]
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # deviations
+_STEP = 1e-4  # finite-difference step, in prior standard deviations
 
 
-class _Belief(NamedTuple):
-    """A tolerance as a belief about one coordinate: normal, and cut off.
+class _TolerancePrior(NamedTuple):
+    """A tolerance as a truncated normal prior of one coordinate.
 
     Parameters
     ----------
-    middle, width : float
+    mean, sd : float
         Of the normal.
-    low, high : float
-        Where it is cut off.
-    log_density : float
-        Logarithm of what cutting off adds to its density, and of what both axles cost.
+    lower, upper : float
+        Where it is truncated.
+    log_factor : float
+        Logarithm of what multiplies the normal density: the truncation, and on both axles how far
+        these differ.
     """
 
-    middle: float
-    width: float
-    low: float
-    high: float
-    log_density: float
+    mean: float
+    sd: float
+    lower: float
+    upper: float
+    log_factor: float
 
 
-def as_slight(
-    sites: Sequence[Site], stage: FittedModel, allowed: ModelEvidence, known: Sequence[Candidate]
+def evidence_as_tolerance(
+    sites: Sequence[Site],
+    model: FittedModel,
+    evidence: ModelEvidence,
+    candidates: Sequence[Candidate],
 ) -> float:
-    """Log evidence of a stage in which named effects are tolerances like all others.
+    """Log evidence of a model in which some of its effects have tolerances for priors.
 
-    The posterior of their first parameters is taken for normal, and weighed with the ratio of the
-    two beliefs (Savage & Dickey's, for a width in place of a point; Verdinelli & Wasserman 1995).
-    On both axles alike an effect is the tolerance of one and of the other: how far these differ is
-    integrated out, as if each axle knew its own equally well.
+    The posterior of their first parameters is taken to be normal.  An effect with common values on
+    both axles is the tolerance of one and of the other: how far these differ is integrated out, as
+    if each axle knew its own equally well.
 
     Parameters
     ----------
     sites : sequence of Site
         The effects.
-    stage : FittedModel
+    model : FittedModel
         A model with them, at its mode.
-    allowed : ModelEvidence
-        The same with a little of everything else.
-    known : sequence of Candidate
-        Among them what is a little of each effect, at each place.
+    evidence : ModelEvidence
+        The same under the tolerance prior of all other effects.
+    candidates : sequence of Candidate
+        Among them the tolerance of each effect, at each place.
 
     Returns
     -------
     float
-        Minus infinity for what nobody has a little of, and for a car that shows none of
-        everything else.
+        Minus infinity for an effect that has no tolerance, and for a car that shows none of the
+        others.
     """
-    if allowed.amount == 0.0 or not math.isfinite(allowed.log_evidence):
+    if evidence.scale == 0.0 or not math.isfinite(evidence.log_evidence):
         return -math.inf
-    z = stage.mode.z + allowed.shift
-    at = [stage.space.names.index(s.coordinate_name(s.effect.parameters[0])) for s in sites]
-    covariance = allowed.covariance[np.ix_(at, at)]
-    beliefs = []
-    for site, k in zip(sites, at, strict=True):
-        own = [c for c in known if c.tolerance and site.meets(c.site)]
-        if not own:
+    z = model.mode.z + evidence.mode_shift
+    own = [model.space.names.index(s.coordinate_name(s.effect.parameters[0])) for s in sites]
+    covariance = evidence.covariance[np.ix_(own, own)]
+    priors = []
+    for site, k in zip(sites, own, strict=True):
+        tolerances = [c for c in candidates if c.tolerance and site.meets(c.site)]
+        if not tolerances:
             return -math.inf
-        beliefs.append(
-            _belief(own, site, stage, z, k, math.sqrt(allowed.covariance[k, k]), allowed.amount)
-        )
-    value = float(allowed.by_amount[int(np.argmax(allowed.amount == AMOUNTS))])
-    value -= unfolded(stage, z, allowed.covariance)
-    return value + _ratio(z[at], covariance, beliefs)
+        sd = math.sqrt(evidence.covariance[k, k])
+        priors.append(_tolerance_prior(tolerances, site, model, z, k, sd, evidence.scale))
+    value = float(evidence.by_scale[int(np.argmax(evidence.scale == TOLERANCE_SCALES))])
+    value -= half_normal_correction(model, z, evidence.covariance)
+    return value + _log_ratio(z[own], covariance, priors)
 
 
-def _ratio(mean: Array, covariance: Array, beliefs: list[_Belief]) -> float:
-    """Logarithm of the mean of belief over standard normal, under a normal posterior."""
-    middle = np.array([b.middle for b in beliefs])
-    tight = np.array([b.width for b in beliefs]) ** -2
+def _log_ratio(mean: Array, covariance: Array, priors: list[_TolerancePrior]) -> float:
+    """Logarithm of the mean of tolerance prior over standard normal, under a normal posterior."""
+    centre = np.array([p.mean for p in priors])
+    tightness = np.array([p.sd for p in priors]) ** -2
     inverse = np.linalg.inv(covariance)
-    precision = inverse + np.diag(tight) - np.eye(len(mean))
-    pull = inverse @ mean + tight * middle
-    there = np.linalg.solve(precision, pull)
+    precision = inverse + np.diag(tightness) - np.eye(len(mean))
+    weighted = inverse @ mean + tightness * centre
+    mode = np.linalg.solve(precision, weighted)
     sds = np.sqrt(np.diag(np.linalg.inv(precision)))
-    misfit = float(mean @ inverse @ mean + tight @ middle**2 - pull @ there)
+    misfit = float(mean @ inverse @ mean + tightness @ centre**2 - weighted @ mode)
     volume = float(np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(precision)[1])
-    out = -0.5 * (misfit + volume) + 0.5 * float(np.log(tight).sum())
-    for b, m, sd in zip(beliefs, there, sds, strict=True):
-        inside = float(ndtr((b.high - m) / sd) - ndtr((b.low - m) / sd))
-        out += b.log_density + (math.log(inside) if inside > 0.0 else -math.inf)
+    out = -0.5 * (misfit + volume) + 0.5 * float(np.log(tightness).sum())
+    for p, m, sd in zip(priors, mode, sds, strict=True):
+        inside = float(ndtr((p.upper - m) / sd) - ndtr((p.lower - m) / sd))
+        out += p.log_factor + (math.log(inside) if inside > 0.0 else -math.inf)
     return out
 
 
-def _belief(
-    own: list[Candidate], site: Site, stage: FittedModel, z: Array, k: int, sd: float, amount: float
-) -> _Belief:
-    """Return the tolerances of an effect's axles as one belief about its coordinate ``k``.
+def _tolerance_prior(
+    tolerances: list[Candidate],
+    site: Site,
+    model: FittedModel,
+    z: Array,
+    k: int,
+    sd: float,
+    scale: float,
+) -> _TolerancePrior:
+    """Return the tolerances of an effect's axles as one prior of its coordinate ``k``.
 
-    Next to where the data have it, tolerances go with the coordinate along a line.
+    How many tolerances the effect is, is linearised in the coordinate about the posterior mode.
     """
     moved = z.copy()
     moved[k] += _STEP
-    here, next_to = stage.space.effects(z)[site], stage.space.effects(moved)[site]
-    parts = []
-    for one in own:
-        times = site.effect.tolerances(here, one.values)
-        slope = (site.effect.tolerances(next_to, one.values) - times) / _STEP
-        least = 0.0 if one.signed else -MOST
-        ends = z[k] + (amount * np.array([0.0, least, MOST]) - times) / slope
-        share = float(ndtr(MOST) - ndtr(least))
-        width = amount / abs(slope)
-        low, high = sorted(ends[1:].tolist())
-        parts.append(_Belief(float(ends[0]), width, low, high, -math.log(share)))
+    at_mode, next_to = model.space.effects(z)[site], model.space.effects(moved)[site]
+    by_axle = []
+    for one in tolerances:
+        count = site.effect.tolerances(at_mode, one.values)
+        slope = (site.effect.tolerances(next_to, one.values) - count) / _STEP
+        least = 0.0 if one.signed else -MAX_TOLERANCES
+        points = z[k] + (scale * np.array([0.0, least, MAX_TOLERANCES]) - count) / slope
+        probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))
+        width = scale / abs(slope)
+        lower, upper = sorted(points[1:].tolist())
+        by_axle.append(
+            _TolerancePrior(float(points[0]), width, lower, upper, -math.log(probability))
+        )
     if site.where != BOTH:
-        return parts[0]
-    front, rear = parts
-    tight = front.width**-2, rear.width**-2
-    apart = front.width**2 + rear.width**2
-    # the data's own knowledge of what the axles have in common, and of how they differ
-    alone = 1.0 / max(sd**-2 - 1.0, 1e-12)
-    spread = 4.0 * alone
-    beside = front.middle - rear.middle
-    return _Belief(
-        (tight[0] * front.middle + tight[1] * rear.middle) / sum(tight),
-        sum(tight) ** -0.5,
-        max(front.low, rear.low),
-        min(front.high, rear.high),
-        front.log_density
-        + rear.log_density
-        + 0.5 * math.log(spread / (spread + apart))
-        - 0.5 * beside**2 / (spread + apart),
+        return by_axle[0]
+    front, rear = by_axle
+    tightness = front.sd**-2, rear.sd**-2
+    variance = front.sd**2 + rear.sd**2
+    # what the data alone know of the common value, and of the difference of the axles
+    common = 1.0 / max(sd**-2 - 1.0, 1e-12)
+    spread = 4.0 * common
+    difference = front.mean - rear.mean
+    return _TolerancePrior(
+        (tightness[0] * front.mean + tightness[1] * rear.mean) / sum(tightness),
+        sum(tightness) ** -0.5,
+        max(front.lower, rear.lower),
+        min(front.upper, rear.upper),
+        front.log_factor
+        + rear.log_factor
+        + 0.5 * math.log(spread / (spread + variance))
+        - 0.5 * difference**2 / (spread + variance),
     )

@@ -1,11 +1,16 @@
-"""What every candidate would do to the innovations, and how strongly the data ask for it.
+"""Score test: how strongly the innovations ask for each candidate effect.
 
-The signature of a candidate is how its values change the predictions, in deviations, as seen
-through the filter as it stands (:mod:`.steady`).  The part that the model can imitate by what it
-estimates anyway is taken out in the posterior metric, so that a given value that is tightly known
-imitates little.
-Innovations are martingale differences and signatures depend on their past alone: under the model a
-normalised score is standard normal to first order.
+The sensitivity g_j (N,) of a candidate is the change of the predictions, in standard deviations of
+the innovations ν, that its values make through the filter at fixed gain (:mod:`.denoised_model`).
+What the model can imitate by its own coordinates is projected out in the metric of its posterior.
+With M the sensitivities along these coordinates, P their posterior precision and ∇ the remaining
+gradient of the log-posterior,
+
+    U_j = g_jᵀν − g_jᵀMᵀP⁻¹∇,    I_jk = g_jᵀg_k − g_jᵀMᵀP⁻¹M g_k,    s_j = U_j / √I_jj.
+
+A given value that is tightly known therefore imitates little.  Innovations are martingale
+differences, and sensitivities depend on their past alone: under the model s_j is standard normal to
+first order.
 """
 
 from __future__ import annotations
@@ -16,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
-from bayes_asv.diagnosis.nuisance_projection import imitation
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.effect_candidates import Candidate
@@ -25,105 +29,183 @@ from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.preprocessing.quantization import wandering
 
-__all__ = ["SILENT", "ScoreTest", "signatures"]
+__all__ = ["NuisanceProjection", "ScoreTest", "nuisance_projection", "score_test", "standardized"]
 
 Array = NDArray[np.float64]
 
-SILENT = 1e-6
-"""Share of a signature that the model cannot imitate, below which it is silent."""
+_NO_INFORMATION = 1e-8  # information below which a score is zero
+
+
+@dataclass(frozen=True)
+class NuisanceProjection:
+    """Directions that a model can imitate, at its mode.
+
+    Parameters
+    ----------
+    sensitivities : (G, N) array
+        Changes of the predictions along its own coordinates and along tolerances, in standard
+        deviations.
+    precision : (G, G) array
+        Posterior precision of these.
+    gradient : (G,) array
+        Gradient of the log-posterior along them.
+    innovations : (N,) array
+        Normalised innovations.
+    """
+
+    sensitivities: Array
+    precision: Array
+    gradient: Array
+    innovations: Array
+
+    def project_out(self, sensitivities: Array) -> tuple[Array, Array]:
+        """Return gradient (K,) and information (K, K) along sensitivities (K, N).
+
+        The gradient that remains at the mode counts: the mode is found to a few thousandths of a
+        nat, which is not negligible for a sensitivity that the model can all but imitate.
+        """
+        cross = self.sensitivities @ sensitivities.T
+        solved = np.linalg.solve(self.precision, np.column_stack([self.gradient, cross]))
+        gradient = sensitivities @ self.innovations - cross.T @ solved[:, 0]
+        return gradient, sensitivities @ sensitivities.T - cross.T @ solved[:, 1:]
+
+
+def nuisance_projection(
+    derivatives: ScoreAndInformation, z: Array, tolerances: Array, offsets: Array | None = None
+) -> NuisanceProjection:
+    """Return what a model can imitate by its coordinates and by tolerances.
+
+    Parameters
+    ----------
+    derivatives : ScoreAndInformation
+        The model's innovations and their changes along its coordinates, on denoised inputs.
+    z : (D,) array
+        Its mode.
+    tolerances : (G, N) array
+        Sensitivities along standard normal coordinates that the model does not have.
+    offsets : (G,) array, optional
+        Values of these that the model's innovations contain; zero by default.
+    """
+    sensitivities = np.concatenate([derivatives.means, tolerances])
+    precision = sensitivities @ sensitivities.T + np.eye(len(sensitivities))
+    own = len(derivatives.means)
+    precision[:own, :own] = derivatives.precision()
+    centre = np.zeros(len(tolerances)) if offsets is None else offsets
+    along_tolerances = tolerances @ derivatives.nu - centre
+    gradient = np.concatenate([derivatives.gradient(z), along_tolerances])
+    return NuisanceProjection(sensitivities, precision, gradient, derivatives.nu)
 
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """Signatures of K candidates in the N innovations of a stage.
+    """Gradient and information along K candidates, from the N innovations of a model.
 
     Parameters
     ----------
     candidates : tuple of Candidate
-        Whose they are.
-    rows : (K, N) array
-        Changes of the predictions, in deviations.
-    pull : (K,) array
-        Signature times innovations: the slope of the log-likelihood.
-    gram : (K, K) array
-        Signatures times signatures, what the model can imitate left out.
-    slopes : ScoreAndInformation
-        The innovations, and their changes along the model's own coordinates on the same quiet
+        The candidates.
+    sensitivities : (K, N) array
+        Changes of the predictions by each, in standard deviations.
+    gradient : (K,) array
+        Gradient U of the log-likelihood, nuisance directions projected out.
+    information : (K, K) array
+        Information I, nuisance directions projected out.
+    derivatives : ScoreAndInformation
+        The innovations and their changes along the model's coordinates, on the same denoised
         inputs.
-    feigned : (G, N) array
-        Signatures of what coarse converters may feign, standard normal, which is left out too.
+    quantization_drifts : (G, N) array
+        Sensitivities along drifts that coarse converters may feign, standard normal; nuisance
+        directions as well.
     """
 
     candidates: tuple[Candidate, ...]
-    rows: Array
-    pull: Array
-    gram: Array
-    slopes: ScoreAndInformation
-    feigned: Array
+    sensitivities: Array
+    gradient: Array
+    information: Array
+    derivatives: ScoreAndInformation
+    quantization_drifts: Array
 
     @property
-    def sites(self) -> int:
-        """How many places of effects there are, the same one in several runs counted once."""
+    def site_count(self) -> int:
+        """Number of effects and places; one that may act in several runs counts once."""
         return len({str(c.site) for c in self.candidates})
 
     @property
-    def score(self) -> Array:
-        """Scores (K,), each standard normal when nothing is missing; 0 where data are silent."""
-        own = np.diag(self.gram)
-        return np.where(own > 1e-8, self.pull / np.sqrt(np.maximum(own, 1e-8)), 0.0)
+    def standardized_scores(self) -> Array:
+        """Scores s (K,), each standard normal when nothing is missing; 0 without information."""
+        return standardized(self.gradient, np.diag(self.information))
 
 
-def signatures(quiet: DenoisedModel, wanted: list[Candidate]) -> ScoreTest:
-    """Work out the signatures of candidates at a stage's mode."""
-    stage, where = quiet.stage, quiet.where
-    z = stage.mode.z
+def standardized(gradient: Array, information: Array) -> Array:
+    """Standardise gradients (K,) by their own information (K,); 0 without information."""
+    sd = np.sqrt(np.maximum(information, _NO_INFORMATION))
+    return np.where(information > _NO_INFORMATION, gradient / sd, 0.0)
 
-    def one(candidate: Candidate) -> Array:
-        target = where.target((*stage.sites, candidate.site))
-        there = carried(stage.space, z, target.space, candidate.site, candidate.values)
-        changed = {}
-        for run, here in enumerate(quiet.stands):
+
+def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTest:
+    """Compute gradient and information along candidates at a model's mode."""
+    model, dataset = denoised.model, denoised.dataset
+    z = model.mode.z
+
+    def sensitivity(candidate: Candidate) -> Array:
+        posterior = dataset.target((*model.sites, candidate.site))
+        extended = carried(model.space, z, posterior.space, candidate.site, candidate.values)
+        by_run = {}
+        for run, at in enumerate(denoised.filters):
             if candidate.site.run not in (None, run):
                 continue
-            if candidate.edge:  # a force that is added leaves the filter as it is: one pass
-                changed[run] = (here.nu - target.scored(there, run)[0])[here.there]
+            if candidate.edge:  # an added force leaves the gain as it is: one pass is enough
+                predicted = at.innovations - posterior.scored(extended, run)[0]
+                by_run[run] = predicted[at.has_reading]
             else:
-                changed[run] = here.row(target, there)
-        row = quiet.joined(changed)
-        # a law whose simulation runs away has nothing to say
-        return row if np.all(np.isfinite(row)) else np.zeros_like(row)
+                by_run[run] = at.sensitivity(posterior, extended)
+        joined = denoised.concatenate(by_run)
+        # a law whose simulation diverges has no score
+        return joined if np.all(np.isfinite(joined)) else np.zeros_like(joined)
 
-    with shared_work(stage.target) as shared:
+    with shared_work(model.target) as shared:
         assert shared.pool is not None
-        rows = np.array(list(shared.pool.map(one, wanted))).reshape(len(wanted), -1)
-    feigned = _feigned(where, stage, wanted, rows)
-    pull, gram = imitation(quiet.slopes, z, feigned).beyond(rows)
-    return ScoreTest(tuple(wanted), rows, pull, gram, quiet.slopes, feigned)
+        sensitivities = np.array(list(shared.pool.map(sensitivity, candidates)))
+    sensitivities = sensitivities.reshape(len(candidates), -1)
+    drifts = _quantization_drifts(dataset, model, candidates, sensitivities)
+    projection = nuisance_projection(denoised.derivatives, z, drifts)
+    gradient, information = projection.project_out(sensitivities)
+    return ScoreTest(
+        tuple(candidates), sensitivities, gradient, information, denoised.derivatives, drifts
+    )
 
 
-def _feigned(where: Dataset, stage: FittedModel, wanted: list[Candidate], rows: Array) -> Array:
-    """Rows (G, N) of zeros that wander because converters are coarse, run by run.
+def _quantization_drifts(
+    dataset: Dataset, model: FittedModel, candidates: list[Candidate], sensitivities: Array
+) -> Array:
+    """Sensitivities (G, N) along offset drifts that coarse converters may feign, run by run.
 
-    Of an axle the chassis channel stands for both: a wheel's drift is its chassis' drift.
+    The chassis channel of an axle stands for both: a drift of the wheel channel is one of the
+    chassis channel.
     """
     out = []
     for wheel, chassis in ((0, 1), (2, 3)):
         channel = CHANNELS[chassis]
-        at = [k for k, c in enumerate(wanted) if str(c.site) == f"sensor_drift@{channel}"]
-        if not at:
+        own = [
+            k
+            for k, c in enumerate(candidates)
+            if c.site.effect.fault == "drift" and c.site.where == channel
+        ]
+        if not own:
             continue
         begin = 0
-        for run, line in enumerate(where.lines):
-            slope = float(np.hypot(wandering(line, chassis), wandering(line, wheel)))
-            end = begin + _count(stage, run)
+        for run, recording in enumerate(dataset.lines):
+            slope = float(np.hypot(wandering(recording, chassis), wandering(recording, wheel)))
+            end = begin + _reading_count(model, run)
             if slope > 0.0:
-                row = np.zeros(rows.shape[1])
-                row[begin:end] = rows[at[0], begin:end] * slope / wanted[at[0]].values["slope"]
-                out.append(row)
+                drift = np.zeros(sensitivities.shape[1])
+                one = candidates[own[0]].values["slope"]
+                drift[begin:end] = sensitivities[own[0], begin:end] * slope / one
+                out.append(drift)
             begin = end
-    return np.array(out).reshape(len(out), rows.shape[1])
+    return np.array(out).reshape(len(out), sensitivities.shape[1])
 
 
-def _count(stage: FittedModel, run: int) -> int:
-    line = stage.space.timelines[run]
-    return int(np.count_nonzero(line.kind == VALUE))
+def _reading_count(model: FittedModel, run: int) -> int:
+    recording = model.space.timelines[run]
+    return int(np.count_nonzero(recording.kind == VALUE))

@@ -1,6 +1,7 @@
-"""The gap between measured and simulated chassis accelerations, and what noise alone would leave.
+"""Simulation error: measured minus simulated chassis accelerations, and the floor by sensor noise.
 
-A model is carried to a recording with everything frozen but its biases and its initial state.
+The model runs freely from the wheel accelerations.  On a recording it was not fitted to, everything
+but the recording's biases, initial state and noise levels is frozen.
 """
 
 from __future__ import annotations
@@ -20,56 +21,62 @@ from bayes_asv.posterior.fitted_model import Dataset, FittedModel, foretold_at
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["Gap", "Left", "before_and_after", "closed", "grew", "left_over"]
+__all__ = [
+    "ErrorChange",
+    "SimulationResiduals",
+    "compare_errors",
+    "error_increased",
+    "simulation_residuals",
+]
 
 Array = NDArray[np.float64]
 
-_RECORDS = 24  # of noise
-_NOISE_ROUNDS = 4
-_BLOCK = 0.25  # s, of the bootstrap: longer than the body's motion remembers
-_BOOTSTRAP = 4999
+_NOISE_RUNS = 24  # simulations of sensor noise for the floor
+_NOISE_ROUNDS = 4  # of Fisher scoring for the noise levels
+_BLOCK = 0.25  # s, bootstrap block: longer than the correlation time of the body's motion
+_BOOTSTRAP_DRAWS = 4999
 
 
 @dataclass(frozen=True)
-class Left:
-    """Measured less simulated, run by run.
+class SimulationResiduals:
+    """Measured minus simulated, for each run.
 
     Parameters
     ----------
-    residual : tuple of (R, 2) arrays
-        m/s², nan where there is no value.
+    residuals : tuple of (R, 2) arrays
+        m/s², nan where there is no reading.
     times : tuple of (R,) arrays
-        When, s.
-    floor : tuple of float
+        Times, s.
+    floors : tuple of float
         Root-mean-square that sensor noise alone would leave in each run, m/s².
     """
 
-    residual: tuple[Array, ...]
+    residuals: tuple[Array, ...]
     times: tuple[Array, ...]
-    floor: tuple[float, ...]
+    floors: tuple[float, ...]
 
     @property
     def rms(self) -> float:
         """Root-mean-square over all runs and both channels."""
-        return float(np.sqrt(np.nanmean(np.concatenate([r.ravel() for r in self.residual]) ** 2)))
+        return float(np.sqrt(np.nanmean(np.concatenate([r.ravel() for r in self.residuals]) ** 2)))
 
     @property
-    def noise(self) -> float:
+    def floor(self) -> float:
         """Root-mean-square that noise alone would leave over all runs."""
-        weight = np.array([np.count_nonzero(np.isfinite(r)) for r in self.residual])
-        return float(np.sqrt(weight @ np.array(self.floor) ** 2 / weight.sum()))
+        weight = np.array([np.count_nonzero(np.isfinite(r)) for r in self.residuals])
+        return float(np.sqrt(weight @ np.array(self.floors) ** 2 / weight.sum()))
 
 
 @dataclass(frozen=True)
-class Gap:
-    """A gap before and after effects were added.
+class ErrorChange:
+    """Simulation error before and after effects were added.
 
     Parameters
     ----------
     before, after, floor : float
         Root-mean-squares, m/s².
     worse : bool
-        After is larger than before by more than its bootstrap interval allows.
+        The error increased by more than its bootstrap interval allows.
     """
 
     before: float
@@ -79,111 +86,105 @@ class Gap:
 
     @property
     def closed(self) -> float | None:
-        """Share of the gap above the floor that was closed; None when there was none."""
-        return closed(self.before, self.after, self.floor)
+        """Share of the squared error above the floor that was removed; None where none is above."""
+        above = self.before**2 - self.floor**2
+        return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else None
 
 
-def closed(before: float, after: float, floor: float) -> float | None:
-    """Share of a gap above the floor that was closed."""
-    there = before**2 - floor**2
-    return 1.0 - (after**2 - floor**2) / there if there > 0.0 else None
+def _frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
+    """Carry a model's car and effects to recordings; effects of a single run only to their own."""
+    sites: tuple[Site, ...] = tuple(s for s in model.sites if own or s.run is None)
+    posterior = dataset.target(sites)
+    z = model.carried_to(posterior.space)
+    if any(s.effect.acts == "reading" for s in sites):  # a sensor's fault follows from its signal
+        posterior = foretold_at(dataset, posterior, z).target(sites)
+    return posterior, _fit_noise(posterior, z)
 
 
-def _frozen(where: Dataset, stage: FittedModel, own: bool) -> tuple[Posterior, Array]:
-    """Carry a stage's car and effects to recordings; what acted in one run only stays there."""
-    sites: tuple[Site, ...] = tuple(s for s in stage.sites if own or s.run is None)
-    target = where.target(sites)
-    z = stage.carried_to(target.space)
-    if any(s.effect.acts == "reading" for s in sites):  # what a sensor does follows from its signal
-        target = foretold_at(where, target, z).target(sites)
-    return target, _own_noise(target, z)
-
-
-def _own_noise(target: Posterior, z: Array) -> Array:
-    """Estimate noise levels again, everything else as it is."""
-    lasting = target.space.lasting_dimension
+def _fit_noise(posterior: Posterior, z: Array) -> Array:
+    """Estimate the noise levels again, everything else held."""
+    first = posterior.space.lasting_dimension
     z = z.copy()
-    z[lasting:] = 0.0
+    z[first:] = 0.0
     for _ in range(_NOISE_ROUNDS):
-        here = slopes(target, z, first=lasting)
-        step = np.linalg.solve(here.precision()[lasting:, lasting:], here.gradient(z)[lasting:])
-        z[lasting:] += np.clip(step, -1.0, 1.0)
+        at = slopes(posterior, z, first=first)
+        step = np.linalg.solve(at.precision()[first:, first:], at.gradient(z)[first:])
+        z[first:] += np.clip(step, -1.0, 1.0)
     return z
 
 
-def left_over(where: Dataset, stage: FittedModel, seed: int, *, own: bool = False) -> Left:
-    """Simulate recordings and take the difference, car and effects frozen.
+def simulation_residuals(
+    dataset: Dataset, model: FittedModel, seed: int, *, own: bool = False
+) -> SimulationResiduals:
+    """Simulate recordings by a frozen model and subtract the simulation from the measurement.
 
     Parameters
     ----------
-    where : Dataset
-        Recordings; the model need not have seen them.
-    stage : FittedModel
+    dataset : Dataset
+        Recordings; the model need not have been fitted to them.
+    model : FittedModel
         The model.
     seed : int
-        Of the noise that the floor is measured with.
+        Seed of the noise that the floor is simulated with.
     own : bool
-        The recordings are those that the model was fitted to: a push that acts in one acts there.
+        The model was fitted to these recordings: effects of a single run act in it.
     """
-    target, z = _frozen(where, stage, own)
-    residual, times, floor = [], [], []
-    for run, line in enumerate(where.lines):
-        output, _, _ = free_run(target, z, run)
-        there = line.kind == VALUE
-        left = np.where(there, line.reading - output, np.nan)
-        residual.append(line.paired(left))
-        times.append(line.instants[line.pairs.max(axis=1)])
+    posterior, z = _frozen(dataset, model, own)
+    residuals, times, floors = [], [], []
+    for run, recording in enumerate(dataset.lines):
+        output = free_run(posterior, z, run).output
+        valid = recording.kind == VALUE
+        residuals.append(recording.paired(np.where(valid, recording.reading - output, np.nan)))
+        times.append(recording.instants[recording.pairs.max(axis=1)])
         rng = np.random.default_rng([seed, run, 31])
-        needed = normals_needed(len(line.wheels), line.kind.shape[1])
+        needed = normals_needed(len(recording.wheels), recording.kind.shape[1])
         out = simulate_noise(
-            target.space.state_space(z[None], run),
-            target.space.noises(z[None], run),
-            line.measurements._replace(spread=line.noise_spread),
-            rng.standard_normal((len(line.step), _RECORDS, needed)),
+            posterior.space.state_space(z[None], run),
+            posterior.space.noises(z[None], run),
+            recording.measurements._replace(spread=recording.noise_spread),
+            rng.standard_normal((len(recording.step), _NOISE_RUNS, needed)),
         )
-        floor.append(float(np.sqrt(np.mean(out.transpose(0, 2, 1)[there] ** 2))))
-    return Left(tuple(residual), tuple(times), tuple(floor))
+        floors.append(float(np.sqrt(np.mean(out.transpose(0, 2, 1)[valid] ** 2))))
+    return SimulationResiduals(tuple(residuals), tuple(times), tuple(floors))
 
 
-def grew(before: Left, after: Left, seed: int) -> bool:
-    """Whether the gap grew beyond a block bootstrap's 95 % interval (Künsch 1989).
+def error_increased(before: SimulationResiduals, after: SimulationResiduals, seed: int) -> bool:
+    """Whether the error increased beyond the 95 % interval of a block bootstrap (Künsch 1989).
 
-    Of so few blocks percentiles alone are too narrow; they are taken further out, as Student's t
-    is wider than a normal (the expanded percentile interval: Hesterberg 2015, Am. Stat. 69:371).
+    The percentile interval of few blocks is too narrow; it is expanded, as Student's t is wider
+    than a normal (Hesterberg 2015, Am. Stat. 69:371).
     """
-    blocks = []
-    for one, two, time in zip(before.residual, after.residual, before.times, strict=True):
+    by_block = []
+    for one, two, time in zip(before.residuals, after.residuals, before.times, strict=True):
         if np.any(np.isfinite(one) & ~np.isfinite(two)):
-            return True  # a simulation that ran away
-        at = ((time - time[0]) / _BLOCK).astype(int)
-        growth = np.nansum(two**2 - one**2, axis=1)
-        blocks += [float(growth[at == k].sum()) for k in range(int(at.max()) + 1)]
-    each = np.array(blocks)
-    n = len(each)
+            return True  # a simulation that diverged
+        block = ((time - time[0]) / _BLOCK).astype(int)
+        increase = np.nansum(two**2 - one**2, axis=1)
+        by_block += [float(increase[block == k].sum()) for k in range(int(block.max()) + 1)]
+    increases = np.array(by_block)
+    n = len(increases)
     if n < 3:
-        return bool(each.sum() > 0.0)
+        return bool(increases.sum() > 0.0)
     level = norm.cdf(-math.sqrt(n / (n - 1)) * t.isf(0.025, n - 1))
     rng = np.random.default_rng([seed, 41])
-    drawn = rng.choice(each, (_BOOTSTRAP, n)).sum(axis=1)
+    drawn = rng.choice(increases, (_BOOTSTRAP_DRAWS, n)).sum(axis=1)
     return bool(np.quantile(drawn, level) > 0.0)
 
 
-def before_and_after(
-    where: Dataset, base: FittedModel, final: FittedModel, seed: int, *, own: bool = False
-) -> Gap:
-    """Gap of recordings before and after, cars and effects frozen.
+def compare_errors(
+    dataset: Dataset, before: FittedModel, after: FittedModel, seed: int, *, own: bool = False
+) -> ErrorChange:
+    """Compare the simulation errors of two frozen models.
 
-    Noise has to cover for what a model gets wrong, so that the floor is that of the model under
-    which it is least: a bandwidth that was none left 1.23 before and 1.35 after on a run that was
-    held out, 1.32 of it believed to be noise.
+    The floor is the smaller of the two: the noise of a model that is wrong has to cover for it.
 
     Parameters
     ----------
-    base, final : FittedModel
+    before, after : FittedModel
         Without and with what was added.
-    where, seed, own
-        As :func:`left_over` takes them; the seed is that of the bootstrap as well.
+    dataset, seed, own
+        As :func:`simulation_residuals` takes them; the seed is that of the bootstrap as well.
     """
-    one = left_over(where, base, seed, own=own)
-    two = left_over(where, final, seed, own=own)
-    return Gap(one.rms, two.rms, min(one.noise, two.noise), grew(one, two, seed))
+    one = simulation_residuals(dataset, before, seed, own=own)
+    two = simulation_residuals(dataset, after, seed, own=own)
+    return ErrorChange(one.rms, two.rms, min(one.floor, two.floor), error_increased(one, two, seed))

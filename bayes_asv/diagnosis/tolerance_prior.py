@@ -1,13 +1,13 @@
-"""A little of everything: what tolerances of all other effects do to evidence and intervals.
+"""Tolerance prior: the effect of small amounts of every other effect on evidence and intervals.
 
-Every effect that a model does not name may be there to the size of its tolerance, to first
-order: its signature times a normal number, which is integrated out.  How much of everything
-there is differs from car to car, from nothing in a clean one to what data sheets allow, so
-evidence is averaged over that: a car with a single fault is not told to have all of them, and a
-car with all of them is not told to have a single one.
+Every effect that a model does not contain may be present within its tolerance: the innovations are
+ν = ν₀ − a Σ_j t_j g_j with sensitivities g_j and t_j ~ N(0, 1), truncated at three, which is
+integrated out.  The scale a differs from car to car, from 0 for a clean one to 1 for one that has
+all that data sheets allow, and the evidence is averaged over it: a car with a single fault is not
+said to have small amounts of all, nor a car with small amounts of all to have a single fault.
 
-Where there is much of everything, a model without it takes it for noise.  At the most probable
-amount the mode is therefore found again, with the tolerances where the data want them.
+Where tolerances are large, a model without them mistakes them for noise.  At the most probable
+scale the mode is therefore found again, with the tolerances at their own mode.
 """
 
 from __future__ import annotations
@@ -19,281 +19,321 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr
 
-from bayes_asv.diagnosis.nuisance_projection import imitation
-from bayes_asv.diagnosis.score_test import ScoreTest
-from bayes_asv.diagnosis.truncated_gaussian import TruncatedGaussian, bounded
+from bayes_asv.diagnosis.score_test import NuisanceProjection, ScoreTest, nuisance_projection
+from bayes_asv.diagnosis.truncated_gaussian import TruncatedGaussian, integrate_truncated
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
 from bayes_asv.posterior.likelihood import Perturbation, Posterior
 
 __all__ = [
-    "AMOUNTS",
-    "MOST",
+    "MAX_TOLERANCES",
+    "TOLERANCE_SCALES",
     "ModelEvidence",
     "OffsetPosterior",
-    "allowed",
-    "granted",
-    "unfolded",
-    "with_tolerances",
+    "half_normal_correction",
+    "marginal_scores",
+    "projection_with_tolerances",
+    "tolerance_evidence",
+    "with_offset",
 ]
 
 Array = NDArray[np.float64]
 
-AMOUNTS = np.array([0.0, 0.5, 1.0])
-"""How much of everything there may be, in tolerances.
+TOLERANCE_SCALES = np.array([0.0, 0.5, 1.0])
+"""Scales of the tolerance prior: none, as on a rig or a new car, or about what data sheets allow.
 
-Nothing, as on a rig or a new car, or about what data sheets allow.  A tenth of that would let a
-single fault that is small itself pass for a little of everything, and twice as much one that is
-plain: a zero that drifts by 6.6 tolerances, a score of 13, was none.
+With a scale of 0.1 small amounts of all would explain a single small fault, with 2 a large one.
 """
 
-MOST = 3.0
-"""Tolerances beyond which nothing is a little: what stands further out has a name."""
+MAX_TOLERANCES = 3.0
+"""Bound of the tolerance prior: what is larger is no tolerance, and has to be named."""
 
-_BELIEVED = np.log([0.7, 0.15, 0.15])
+_LOG_PRIOR_OF_SCALE = np.log([0.7, 0.15, 0.15])
 _ROUNDS = 2
-_WORTH = 3.0  # nats that a little of everything has to bring for the mode to be found again
+_REFIT_GAIN = 3.0  # nats that tolerances have to gain for the mode to be found again
 
 
 @dataclass(frozen=True)
 class ModelEvidence:
-    """A stage with a little of everything else.
+    """Evidence and posterior of a model under the tolerance prior of all other effects.
 
     Parameters
     ----------
-    by_amount : (3,) array
-        Log evidence of the model with each amount, what is believed of the amount in it.
-    amount : float
-        The most probable one.
-    shift : (D,) array
-        How that much of everything moves the stage's mode.
+    by_scale : (3,) array
+        Log evidence at each of :data:`TOLERANCE_SCALES`, with the log prior of the scale.
+    scale : float
+        The most probable scale.
+    mode_shift : (D,) array
+        Shift of the model's mode by the tolerances at that scale.
     covariance : (D, D) array
-        Of the stage's coordinates.
-    stage : FittedModel
-        The model with its tolerances where the data want them.
-    rows : (K, N) array
-        Signatures of that much of everything there.  What would have to be less than nothing, a
-        knee that stiffens a damper, imitates nothing and is left out.
-    at : (K,) array
-        Where those are in that stage's innovations.
+        Covariance of the model's coordinates, tolerances integrated out.
+    model : FittedModel
+        The model with the tolerances at their mode.
+    sensitivities : (K, N) array
+        Sensitivities along the tolerances there.  Effects that would have to be negative, such as a
+        knee that stiffens a damper, imitate nothing and are left out.
+    offsets : (K,) array
+        Values of these that the model's innovations contain.
     """
 
-    by_amount: Array
-    amount: float
-    shift: Array
+    by_scale: Array
+    scale: float
+    mode_shift: Array
     covariance: Array
-    stage: FittedModel
-    rows: Array
-    at: Array
+    model: FittedModel
+    sensitivities: Array
+    offsets: Array
 
     @property
     def log_evidence(self) -> float:
-        """Of the model, averaged over the amounts."""
-        return float(logsumexp(self.by_amount))
+        """Log evidence of the model, averaged over the scales."""
+        return float(logsumexp(self.by_scale))
 
 
 @dataclass(frozen=True)
 class OffsetPosterior(Posterior):
-    """A target whose predictions are moved by a fixed change.
+    """A posterior whose predictions are moved by a fixed offset.
 
     Parameters
     ----------
-    moved : tuple of (E, 2) arrays
-        In deviations, as the innovations are.
-    logs : tuple of (E, 2) arrays
-        Log variances that those deviations belong to.
+    offset : tuple of (E, 2) arrays
+        In standard deviations, as the innovations are.
+    log_variances : tuple of (E, 2) arrays
+        Log variances that these standard deviations belong to.
     cost : float
-        What the change costs beforehand, nats.
+        Minus the log prior of the offset, nats.
     """
 
-    moved: tuple[Array, ...] = ()
-    logs: tuple[Array, ...] = ()
+    offset: tuple[Array, ...] = ()
+    log_variances: tuple[Array, ...] = ()
     cost: float = 0.0
 
     def scored(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
-        """Score as the plain target does, the change taken off the innovations."""
+        """Return what the plain posterior does, the offset subtracted from the innovations."""
         nu, logs, states = super().scored(z, run, nudge)
-        change = np.exp(-0.5 * (logs - self.logs[run])) * self.moved[run]
+        change = np.exp(-0.5 * (logs - self.log_variances[run])) * self.offset[run]
         return np.where(logs != 0.0, nu - change, 0.0), logs, states
 
     def log_posterior(self, z: Array) -> Array:
-        """Log-posterior (W,) at coordinates (W, D), with what the change costs."""
+        """Log-posterior (W,) at coordinates (W, D), with the log prior of the offset."""
         value = self.space.log_prior(z) - self.cost
 
-        def one(at: tuple[int, int]) -> float:
+        def log_likelihood(at: tuple[int, int]) -> float:
             w, run = at
             nu, logs, _ = self.scored(z[w], run)
-            there = logs != 0.0
-            part = nu[there] ** 2 + logs[there] + math.log(2.0 * math.pi)
+            valid = logs != 0.0
+            part = nu[valid] ** 2 + logs[valid] + math.log(2.0 * math.pi)
             return float(self.given_back(z[w : w + 1], run)[0] - 0.5 * part.sum())
 
         runs = range(len(self.space.timelines))
         work = self.pool.map if self.pool else map
         for w in np.flatnonzero(np.isfinite(value)).tolist():
-            value[w] += sum(work(one, [(w, run) for run in runs]))
+            value[w] += sum(work(log_likelihood, [(w, run) for run in runs]))
         return np.where(np.isfinite(value), value, -np.inf)
 
 
-def allowed(stage: FittedModel, found: ScoreTest, *, rough: bool = False) -> ModelEvidence:
-    """Integrate out what is there to a tolerance.
-
-    Parameters
-    ----------
-    stage : FittedModel
-        A model at its mode.
-    found : ScoreTest
-        Of candidates at that mode; those that are not tolerances are left out.
-    rough : bool
-        Only as far as a look from the stage's own mode goes, which promises more than there is.
-    """
-    alone = stage.mode.log_evidence
-    if not (math.isfinite(alone) and np.all(np.isfinite(found.gram))):  # a fit that ran away
-        nothing = np.zeros((0, len(stage.mode.slopes.nu)))
-        none = np.zeros(len(stage.mode.z))
-        never = np.full(len(AMOUNTS), -math.inf)
-        return ModelEvidence(never, 0.0, none, np.eye(len(none)), stage, nothing, nothing[:, 0])
-    keep = np.array([c.tolerance for c in found.candidates], bool)
-    rows = found.rows[keep]
-    high = np.full(len(rows), MOST)
-    low = np.where([c.signed for c in found.candidates if c.tolerance], 0.0, -MOST)
-    pull, gram = found.pull[keep], found.gram[np.ix_(keep, keep)]
-    there = [bounded(a * pull, a * a * gram, low, high) for a in AMOUNTS]
-    gains = np.array([one.gain for one in there])
-    best = int(np.argmax(gains + _BELIEVED))
-    amount, rows = float(AMOUNTS[best]), float(AMOUNTS[best]) * rows
-    place = _Place(stage, found.slopes, rows, np.zeros(len(rows)), there[best])
-    if not rough and amount > 0.0 and gains[best] > gains[0] + _WORTH:
-        closer = place
-        for _ in range(_ROUNDS):
-            closer = _closer(stage, found, rows, low, high, closer)
-        if math.isfinite(closer.log_evidence):
-            place = closer
-            # Expanded about a mode without tolerances, gains are guesses: far from it they promise
-            # more than there is.  All amounts are wrong by about the same share.
-            share = (place.log_evidence - alone) / gains[best]
-            gains = np.where(gains > 0.0, share * gains, gains)
-    gap = place.of_mode()
-    shift = place.stage.mode.z - stage.mode.z + gap @ (place.found.at - place.at)
-    covariance = place.stage.mode.covariance + gap @ place.found.covariance @ gap.T
-    least = place.found.held & (place.found.at == 0.0) & (place.at == 0.0)
-    return ModelEvidence(
-        alone + unfolded(stage, stage.mode.z + shift, covariance) + gains + _BELIEVED,
-        amount,
-        shift,
-        covariance,
-        place.stage,
-        place.rows[~least],
-        place.at[~least],
+def with_offset(
+    model: FittedModel, sensitivities: Array, offsets: Array, cost: float = 0.0
+) -> OffsetPosterior:
+    """Return a model's posterior, predictions moved by offsets (K,) along sensitivities (K, N)."""
+    by_run, log_variances, begin = [], [], 0
+    change = offsets @ sensitivities
+    for run in range(len(model.space.timelines)):
+        logs = model.target.scored(model.mode.z, run)[1]
+        valid = logs != 0.0
+        offset = np.zeros_like(logs)
+        end = begin + int(np.count_nonzero(valid))
+        offset[valid] = change[begin:end]
+        begin = end
+        by_run.append(offset)
+        log_variances.append(logs)
+    plain = {f: getattr(model.target, f) for f in ("space", "colours", "patterns")}
+    return OffsetPosterior(
+        **plain, offset=tuple(by_run), log_variances=tuple(log_variances), cost=cost
     )
 
 
-def unfolded(stage: FittedModel, z: Array, covariance: Array) -> float:
-    """Nats that evidence about one mode misses where a coordinate counts by its size alone.
-
-    A half-normal belief is twice a normal one, on one side of zero: log 2 far from it, and
-    nothing at zero, where a mode reaches over to the other side.
+def tolerance_evidence(
+    model: FittedModel, test: ScoreTest, *, rough: bool = False
+) -> ModelEvidence:
+    """Integrate the tolerances of all other effects out of a model.
 
     Parameters
     ----------
-    stage : FittedModel
+    model : FittedModel
+        A model at its mode.
+    test : ScoreTest
+        Scores of candidates there; those that are no tolerances are left out.
+    rough : bool
+        Expand about the model's own mode only, which promises more than there is.
+    """
+    alone = model.mode.log_evidence
+    if not (math.isfinite(alone) and np.all(np.isfinite(test.information))):  # a fit that diverged
+        nothing = np.zeros((0, len(model.mode.slopes.nu)))
+        origin = np.zeros(len(model.mode.z))
+        impossible = np.full(len(TOLERANCE_SCALES), -math.inf)
+        unit = np.eye(len(origin))
+        return ModelEvidence(impossible, 0.0, origin, unit, model, nothing, nothing[:, 0])
+    keep = np.array([c.tolerance for c in test.candidates], bool)
+    sensitivities = test.sensitivities[keep]
+    upper = np.full(len(sensitivities), MAX_TOLERANCES)
+    one_sided = [c.signed for c in test.candidates if c.tolerance]
+    lower = np.where(one_sided, 0.0, -MAX_TOLERANCES)
+    gradient, information = test.gradient[keep], test.information[np.ix_(keep, keep)]
+    integrals = [
+        integrate_truncated(a * gradient, a * a * information, lower, upper)
+        for a in TOLERANCE_SCALES
+    ]
+    gains = np.array([one.log_integral for one in integrals])
+    best = int(np.argmax(gains + _LOG_PRIOR_OF_SCALE))
+    scale = float(TOLERANCE_SCALES[best])
+    sensitivities = scale * sensitivities
+    at = _Expansion(
+        model, test.derivatives, sensitivities, np.zeros(len(sensitivities)), integrals[best]
+    )
+    if not rough and scale > 0.0 and gains[best] > gains[0] + _REFIT_GAIN:
+        refit = at
+        for _ in range(_ROUNDS):
+            refit = _refit(model, test, sensitivities, lower, upper, refit)
+        if math.isfinite(refit.log_evidence):
+            at = refit
+            # Expanded about a mode without tolerances the gains are too large, at all scales by
+            # about the same factor.
+            factor = (at.log_evidence - alone) / gains[best]
+            gains = np.where(gains > 0.0, factor * gains, gains)
+    slope = at.mode_slope()
+    shift = at.model.mode.z - model.mode.z + slope @ (at.tolerances.mode - at.offsets)
+    covariance = at.model.mode.covariance + slope @ at.tolerances.covariance @ slope.T
+    at_zero = at.tolerances.at_bound & (at.tolerances.mode == 0.0) & (at.offsets == 0.0)
+    correction = half_normal_correction(model, model.mode.z + shift, covariance)
+    return ModelEvidence(
+        alone + correction + gains + _LOG_PRIOR_OF_SCALE,
+        scale,
+        shift,
+        covariance,
+        at.model,
+        at.sensitivities[~at_zero],
+        at.offsets[~at_zero],
+    )
+
+
+def half_normal_correction(model: FittedModel, z: Array, covariance: Array) -> float:
+    """Log evidence (nats) that Laplace's approximation misses for half-normal priors.
+
+    A prior on the size of a coordinate is twice a normal one on one side of zero: log 2 far from
+    zero, and nothing at zero, where the posterior reaches over to the other side.
+
+    Parameters
+    ----------
+    model : FittedModel
         A model.
     z, covariance : (D,) and (D, D) arrays
         Its posterior.
     """
     out = 0.0
-    for site in stage.sites:
+    for site in model.sites:
         for p in site.effect.parameters:
             if p.form == "positive":
-                k = stage.space.names.index(site.coordinate_name(p))
+                k = model.space.names.index(site.coordinate_name(p))
                 out += float(np.log(2.0 * ndtr(abs(z[k]) / np.sqrt(covariance[k, k]))))
     return out
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A stage with tolerances at some place, and what the data make of them from there.
+class _Expansion:
+    """A model with tolerances at some offsets, and their posterior expanded from there.
 
     Parameters
     ----------
-    stage : FittedModel
-        At its mode with tolerances there.
-    slopes : ScoreAndInformation
-        Its innovations, and its changes on quiet wheels.
-    rows : (K, N) array
-        Signatures of the tolerances.
-    at : (K,) array
-        Where they are in the innovations.
-    found : TruncatedGaussian
-        Where they belong.
+    model : FittedModel
+        At its mode with the offsets.
+    derivatives : ScoreAndInformation
+        Its innovations and their changes on denoised inputs.
+    sensitivities : (K, N) array
+        Sensitivities along the tolerances.
+    offsets : (K,) array
+        Values that the innovations contain.
+    tolerances : TruncatedGaussian
+        Posterior of the tolerances.
     """
 
-    stage: FittedModel
-    slopes: ScoreAndInformation
-    rows: Array
-    at: Array
-    found: TruncatedGaussian
+    model: FittedModel
+    derivatives: ScoreAndInformation
+    sensitivities: Array
+    offsets: Array
+    tolerances: TruncatedGaussian
 
     @property
     def log_evidence(self) -> float:
-        """Laplace's, tolerances integrated out."""
-        # the target counts what the tolerances cost where they are, and so does the integral
-        return self.stage.mode.log_evidence + 0.5 * float(self.at @ self.at) + self.found.gain
+        """Laplace's log evidence, tolerances integrated out."""
+        # the prior of the offsets is in the posterior and in the integral: once too often
+        prior = 0.5 * float(self.offsets @ self.offsets)
+        return self.model.mode.log_evidence + prior + self.tolerances.log_integral
 
-    def of_mode(self) -> Array:
-        """How tolerances move the mode (D, K)."""
-        cross = self.slopes.means @ self.rows.T
-        return np.asarray(-np.linalg.solve(self.slopes.precision(), cross), np.float64)
-
-
-def _closer(
-    stage: FittedModel, found: ScoreTest, rows: Array, low: Array, high: Array, place: _Place
-) -> _Place:
-    """Find the mode again with tolerances where the data want them, and ask the data again."""
-    at = place.found.at
-    start = place.stage.mode.z + place.of_mode() @ (at - place.at)
-    there = fitted(granted(stage, rows, at, 0.5 * float(at @ at)), start)
-    # Along a coordinate predictions change as they did without tolerances; deviations are others.
-    here = there.mode.slopes
-    louder = np.exp(-0.5 * (here.logs - stage.mode.slopes.logs))
-    slopes = replace(here, means=found.slopes.means * louder, scales=found.slopes.scales)
-    scaled = rows * louder
-    known = imitation(slopes, there.mode.z, found.feigned * louder)
-    pull, gram = known.beyond(scaled)
-    # the slope at t = 0 of a likelihood that is known about ``at``
-    again = bounded(pull + gram @ at, gram, low, high)
-    from_there = float((pull + 0.5 * gram @ at) @ at)
-    return _Place(there, slopes, scaled, at, again._replace(gain=again.gain - from_there))
+    def mode_slope(self) -> Array:
+        """Return the derivative (D, K) of the mode with respect to the tolerances."""
+        cross = self.derivatives.means @ self.sensitivities.T
+        return np.asarray(-np.linalg.solve(self.derivatives.precision(), cross), np.float64)
 
 
-def granted(stage: FittedModel, rows: Array, at: Array, cost: float = 0.0) -> OffsetPosterior:
-    """Return a stage's target with a change ``at`` (K,) times ``rows`` (K, N), and its cost."""
-    moved, logs, begin = [], [], 0
-    change = at @ rows
-    for run in range(len(stage.space.timelines)):
-        before = stage.target.scored(stage.mode.z, run)[1]
-        read = before != 0.0
-        laid = np.zeros_like(before)
-        end = begin + int(np.count_nonzero(read))
-        laid[read] = change[begin:end]
-        begin = end
-        moved.append(laid)
-        logs.append(before)
-    plain = {f: getattr(stage.target, f) for f in ("space", "colours", "patterns")}
-    return OffsetPosterior(**plain, moved=tuple(moved), logs=tuple(logs), cost=cost)
+def _refit(
+    model: FittedModel,
+    test: ScoreTest,
+    sensitivities: Array,
+    lower: Array,
+    upper: Array,
+    at: _Expansion,
+) -> _Expansion:
+    """Find the model's mode with tolerances at their own mode, and expand from there."""
+    offsets = at.tolerances.mode
+    start = at.model.mode.z + at.mode_slope() @ (offsets - at.offsets)
+    cost = 0.5 * float(offsets @ offsets)
+    moved = fitted(with_offset(model, sensitivities, offsets, cost), start)
+    # Along a coordinate the predictions change as they did; standard deviations are others.
+    here = moved.mode.slopes
+    ratio = np.exp(-0.5 * (here.logs - model.mode.slopes.logs))
+    derivatives = replace(
+        here, means=test.derivatives.means * ratio, scales=test.derivatives.scales
+    )
+    scaled = sensitivities * ratio
+    drifts = test.quantization_drifts * ratio
+    projection = nuisance_projection(derivatives, moved.mode.z, drifts)
+    gradient, information = projection.project_out(scaled)
+    # integrate_truncated takes the gradient at t = 0, of a likelihood that is known at the offsets
+    posterior = integrate_truncated(gradient + information @ offsets, information, lower, upper)
+    to_offsets = float((gradient + 0.5 * information @ offsets) @ offsets)
+    posterior = posterior._replace(log_integral=posterior.log_integral - to_offsets)
+    return _Expansion(moved, derivatives, scaled, offsets, posterior)
 
 
-def with_tolerances(found: ScoreTest) -> tuple[Array, Array]:
-    """Pull and information of each candidate next to a full tolerance of all others, (K,) each."""
-    tolerant = np.flatnonzero([c.tolerance for c in found.candidates])
-    pull, own = found.pull.copy(), np.diag(found.gram).copy()
-    for k in range(len(pull)):
-        site = found.candidates[k].site
-        others = np.array([j for j in tolerant if not site.meets(found.candidates[j].site)], int)
-        inner = found.gram[np.ix_(others, others)] + np.eye(len(others))
-        cross = found.gram[k, others]
-        solved = np.linalg.solve(inner, np.column_stack([cross, found.pull[others]]))
-        own[k] -= cross @ solved[:, 0]
-        pull[k] -= cross @ solved[:, 1]
-    return pull, np.maximum(own, 0.0)
+def projection_with_tolerances(
+    derivatives: ScoreAndInformation, evidence: ModelEvidence
+) -> NuisanceProjection:
+    """Return what a model imitates by its coordinates and by the tolerances of all other effects.
+
+    Parameters
+    ----------
+    derivatives : ScoreAndInformation
+        Of ``evidence.model``, on denoised inputs.
+    evidence : ModelEvidence
+        The model under its tolerance prior.
+    """
+    z = evidence.model.mode.z
+    return nuisance_projection(derivatives, z, evidence.sensitivities, evidence.offsets)
+
+
+def marginal_scores(test: ScoreTest) -> tuple[Array, Array]:
+    """Gradient and information (K,) of each candidate, tolerances of all others projected out."""
+    tolerances = np.flatnonzero([c.tolerance for c in test.candidates])
+    gradient, information = test.gradient.copy(), np.diag(test.information).copy()
+    for k in range(len(gradient)):
+        site = test.candidates[k].site
+        others = np.array([j for j in tolerances if not site.meets(test.candidates[j].site)], int)
+        precision = test.information[np.ix_(others, others)] + np.eye(len(others))
+        cross = test.information[k, others]
+        solved = np.linalg.solve(precision, np.column_stack([cross, test.gradient[others]]))
+        information[k] -= cross @ solved[:, 0]
+        gradient[k] -= cross @ solved[:, 1]
+    return gradient, np.maximum(information, 0.0)

@@ -1,12 +1,13 @@
-"""Tones that wander, in the innovations of several runs together.
+"""Detection of tones that wander, in the innovations of several runs together.
 
-An engine's speed drifts by some per cent within a run, so that its tone is one line for a moment
-only, and a hump of several over the whole; it is heard in every run.  A weak one stands out of the
-mean spectrum of segments as long as its line lasts, where no line of a single run does.
+An engine's speed drifts by some per cent within a run: its tone is a single line only within a
+short segment, a hump of several over the whole run, and it is present in every run.  A weak one
+stands out of the mean spectrum of segments as short as its line lasts, where no line of a single
+run does.
 
-A jolt that rings has a hump as well; an engine hums in most moments.  And its speed does
-not wander by half as much again: a body that shakes by itself from 8 to 36 Hz is no engine, and to
-cut that out would cut out the gap.
+Two things have a hump as well and are no engine: a shock that excites a resonance, whereas an
+engine's tone is present at most times; and a body whose vibration covers a wide band, whereas an
+engine's speed does not vary by half as much again.
 """
 
 from __future__ import annotations
@@ -23,107 +24,103 @@ from scipy.stats import chi2, f, gamma
 
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter, notch_of, passing
 
-__all__ = ["DetectedTones", "humming"]
+__all__ = ["DetectedTones", "detect_tones"]
 
 Array = NDArray[np.float64]
 
-_MOST = 16  # bands that are cut out; each of the tones of an engine that wanders takes several
-_SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s: a tone that wanders is one line for as long
-_BETWEEN = 4  # frequencies a line: between two lines a tone shows 0.4 of its energy in either
-_SEEN_AS = np.array([[1.0, 0.0], [0.0, 1.0], [0.5**0.5, 0.5**0.5], [0.5**0.5, -(0.5**0.5)]])
-"""Rows: the front alone, the rear alone, both alike, both opposite."""
-_LOOKS = 6.0  # worth one each, a line: white runs hum as often as asked for (docs/method.md)
-_FLOOR = 60.0  # Hz around a line whose median is its floor
-_FEWEST = 17  # lines of a floor, where there are so many
-_OF_ALL = 0.5  # lines that a floor may take
-_LEAST = 1.5  # times its floor, below which a line may be a slope or the edge of a notch
-_GAIN = 0.5  # of a notch, below which nothing is heard in it
-_WIDEST = 1.5  # highest of the bands side by side over the lowest, where an engine wanders
-_NEXT_TO = 2.6  # half-widths of a band, as far as the next one may be
+_MAX_BANDS = 16  # each tone of an engine that wanders takes several
+_SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s, how long a wandering tone may be a single line
+_OVERSAMPLING = 4  # frequencies a line: half way between two lines each has 0.4 of a tone's energy
+_DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [0.5**0.5, 0.5**0.5], [0.5**0.5, -(0.5**0.5)]])
+"""Rows: the front channel, the rear one, both in phase, both in antiphase."""
+_TESTS_PER_LINE = 6.0  # effective number: gives the false-alarm rate asked for (docs/method.md)
+_FLOOR_WIDTH = 60.0  # Hz around a line, whose median power is its floor
+_MIN_FLOOR_LINES = 17  # where there are so many
+_MAX_FLOOR_SHARE = 0.5  # of all lines
+_MIN_RATIO = 1.5  # of a line to its floor; below it may be a slope or the edge of a notch
+_MIN_GAIN = 0.5  # of a notch, below which no tone is looked for in it
+_MAX_WANDER = 1.5  # highest over lowest frequency of adjacent bands of one tone
+_ADJACENT = 2.6  # half-widths of a band, as far as the next one may be
 _MOMENT = 0.25  # s
-_AROUND = 1.5  # half-widths of a notch, in which a tone is asked whether it lasts
-_STEADY = 0.55  # of the mean energy of all moments that the median one has of a tone that lasts
-_SETTLED = 3.0  # time constants of the narrowest notch, in which the onset of a tone still rings
-_SURE = -600.0  # logarithm of a probability, below which it is no number any more
+_AROUND = 1.5  # half-widths of a notch in which the persistence of a tone is judged
+_PERSISTENT = 0.55  # least median over mean energy of all moments, beyond noise
+_SETTLING = 3.0  # time constants of the narrowest notch, during which an onset still rings
+_LOG_P_UNDERFLOW = -600.0  # below which a log-probability is replaced by a bound
 
 
 class DetectedTones(NamedTuple):
-    """Tones that were heard.
+    """Tones that were detected.
 
     Parameters
     ----------
     tones : tuple of Notch
         The strongest first.
     log_p : float
-        Logarithm of how many tones as strong as that one white runs have; zero if there is none.
+        Logarithm of the p-value of the strongest: of how many tones as strong as that white runs
+        have on average; zero if there is none.
     """
 
     tones: tuple[Notch, ...] = ()
     log_p: float = 0.0
 
 
-def humming(
+def detect_tones(
     runs: Sequence[Array], rate: float, slowest: float, alarm: float, *, engine: bool = True
 ) -> DetectedTones:
     """Find tones in the innovations of all runs.
 
-    The line that stands out most is cut out as wide as it may wander, and what is left is searched
-    again.
+    The most significant line is removed, as wide as it may wander, and the rest is searched again.
 
     Parameters
     ----------
     runs : sequence of (R, 2) arrays
-        Normalised innovations in time order; nan where a reading was missing.
+        Normalised innovations in time order; nan where a reading is missing.
     rate : float
         Pairs of readings a second, Hz.
     slowest : float
-        Tones below are left out, Hz.
+        Lowest frequency of a tone, Hz.
     alarm : float
-        False tones that white runs may show.
+        Accepted number of false tones in white runs.
     engine : bool
-        Take for tones only what an engine may have: the strongest is there in most moments,
-        and wanders through a narrow band.
-
-    Returns
-    -------
-    DetectedTones
+        Accept only what an engine may have: the strongest tone is present at most times and
+        wanders through a narrow band.
     """
     signals = [np.nan_to_num(nu) for nu in runs if len(nu)]
-    found: list[Notch] = []
+    tones: list[Notch] = []
     first = 0.0
-    while signals and len(found) < _MOST:
-        left = _without(found, signals, rate)
-        frequency, log_p = _loudest(left, rate, slowest, found) if left else (0.0, 0.0)
+    while signals and len(tones) < _MAX_BANDS:
+        rest = _without(tones, signals, rate)
+        frequency, log_p = _most_significant(rest, rate, slowest, tones) if rest else (0.0, 0.0)
         if not log_p < math.log(alarm):
             break
-        first = first if found else log_p
-        found.append(notch_of(frequency))
-    if engine and found and (_wide(found) or not _lasts(signals, found[0], rate)):
+        first = first if tones else log_p
+        tones.append(notch_of(frequency))
+    if engine and tones and (_wide(tones) or not _persistent(signals, tones[0], rate)):
         return DetectedTones()
-    return DetectedTones(tuple(found), first)
+    return DetectedTones(tuple(tones), first)
 
 
-def _without(found: Sequence[Notch], signals: Sequence[Array], rate: float) -> list[Array]:
-    """Return what is left without tones, once the filters have settled."""
-    if not found:
+def _without(tones: Sequence[Notch], signals: Sequence[Array], rate: float) -> list[Array]:
+    """Remove tones from signals, and the time in which the filters settle."""
+    if not tones:
         return list(signals)
-    sections = notch_filter(found, rate)
-    settled = round(_SETTLED / (2.0 * math.pi * min(n.half_width for n in found)) * rate)
+    sections = notch_filter(tones, rate)
+    settled = round(_SETTLING / (2.0 * math.pi * min(n.half_width for n in tones)) * rate)
     return [sosfilt(sections, x, axis=0)[settled:] for x in signals if len(x) > settled]
 
 
-def _wide(found: Sequence[Notch]) -> bool:
-    """Whether the bands side by side with the strongest are more than one tone that wanders."""
-    low = high = found[0].frequency
-    for _ in found:
-        reached = _NEXT_TO * notch_of(high).half_width
-        near = [n.frequency for n in found if low - reached <= n.frequency <= high + reached]
-        low, high = min(near), max(near)
-    return high > _WIDEST * low
+def _wide(tones: Sequence[Notch]) -> bool:
+    """Whether the bands adjacent to the strongest are more than one tone that wanders."""
+    low = high = tones[0].frequency
+    for _ in tones:
+        reach = _ADJACENT * notch_of(high).half_width
+        adjacent = [n.frequency for n in tones if low - reach <= n.frequency <= high + reach]
+        low, high = min(adjacent), max(adjacent)
+    return high > _MAX_WANDER * low
 
 
-def _lasts(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
-    """Whether a tone is there in most moments, and not in a few loud ones."""
+def _persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
+    """Whether a tone is present at most times, and not in a few strong moments."""
     band = passing(Notch(tone.frequency, _AROUND * tone.half_width), rate)
     passed = float(np.mean(np.abs(sosfreqz(band, 2048)[1]) ** 4))  # forwards and backwards
     length = max(1, round(_MOMENT * rate))
@@ -134,40 +131,43 @@ def _lasts(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
         power = np.sum(sosfiltfilt(band, run, axis=0) ** 2, axis=1)
         whole = power[: len(power) // length * length].reshape(-1, length)
         moments.append(whole.mean(axis=1) / (2.0 * passed * max(float(np.mean(run**2)), 1e-12)))
-    each = np.concatenate(moments)
-    if not len(each):
+    energy = np.concatenate(moments)
+    if not len(energy):
         return False
     freedom = 8.0 * _AROUND * tone.half_width * _MOMENT  # of noise in a moment, of both channels
-    usual = float(np.median(each)) - float(chi2(freedom).median()) / freedom
-    return usual > _STEADY * (float(np.mean(each)) - 1.0)
+    median = float(np.median(energy)) - float(chi2(freedom).median()) / freedom
+    return median > _PERSISTENT * (float(np.mean(energy)) - 1.0)
 
 
-def _loudest(
-    runs: Sequence[Array], rate: float, slowest: float, found: Sequence[Notch] = ()
+def _most_significant(
+    runs: Sequence[Array], rate: float, slowest: float, tones: Sequence[Notch] = ()
 ) -> tuple[float, float]:
-    """Frequency (Hz) of the line that stands out most, and the logarithm of its p-value.
+    """Frequency (Hz) of the most significant line, and the logarithm of its p-value.
 
-    Looked for in segments of several lengths, in either channel and in both alike or opposite, as
-    one force moves them.  Beforehand a tone is as likely in any octave.  What notches took from
-    white innovations is given back, or their skirts would lower the floor of all others.
+    Searched for in segments of several lengths and in four directions, since one force moves both
+    channels.  The prior density of a tone is uniform over the logarithm of its frequency.  What
+    notches took from white innovations is compensated, or their skirts would lower the floor of all
+    other lines.
     """
-    best, at = 0.0, 0.0
+    smallest, at = 0.0, 0.0
     lengths = _lengths(runs, rate)
     for n in lengths:
-        frequency, power, segments = _spectra([x @ _SEEN_AS.T for x in runs], n, rate)
-        gain = _gain(found, frequency, rate)
-        # A line below what is asked for is as wide as this at its foot.
-        usable = (frequency > slowest + rate / n) & (frequency < 0.5 * rate - 1.0) & (gain > _GAIN)
+        frequency, power, segments = _spectra([x @ _DIRECTIONS.T for x in runs], n, rate)
+        gain = _gain(tones, frequency, rate)
+        # a line below the lowest frequency asked for is as wide as this at its foot
+        low, high = slowest + rate / n, 0.5 * rate - 1.0
+        usable = (frequency > low) & (frequency < high) & (gain > _MIN_GAIN)
         if not np.any(usable):
             continue
-        log_p = _standing_out(power / np.maximum(gain, _GAIN / 5.0)[:, None], n, rate, segments)
+        flat = power / np.maximum(gain, _MIN_GAIN / 5.0)[:, None]
+        log_p = _log_p_values(flat, n, rate, segments)
         octaves = frequency[usable] * np.mean(1.0 / frequency[usable])
-        looks = _LOOKS * len(lengths) * np.count_nonzero(usable) / _BETWEEN
-        likeliest = np.log(looks * octaves) + log_p[usable].min(axis=1)
-        k = int(np.argmin(likeliest))
-        if likeliest[k] < best:
-            best, at = float(likeliest[k]), float(frequency[usable][k])
-    return at, best
+        tests = _TESTS_PER_LINE * len(lengths) * np.count_nonzero(usable) / _OVERSAMPLING
+        corrected = np.log(tests * octaves) + log_p[usable].min(axis=1)
+        k = int(np.argmin(corrected))
+        if corrected[k] < smallest:
+            smallest, at = float(corrected[k]), float(frequency[usable][k])
+    return at, smallest
 
 
 def _lengths(runs: Sequence[Array], rate: float) -> list[int]:
@@ -177,53 +177,56 @@ def _lengths(runs: Sequence[Array], rate: float) -> list[int]:
     return sorted({min(round(seconds * rate), shortest) for seconds in _SEGMENTS}, reverse=True)
 
 
-def _gain(found: Sequence[Notch], frequency: Array, rate: float) -> Array:
-    """Share (F,) of white power that notches leave."""
+def _gain(tones: Sequence[Notch], frequency: Array, rate: float) -> Array:
+    """Share (F,) of white power that notches pass."""
     gain = np.ones(len(frequency))
-    for sections in notch_filter(found, rate):
+    for sections in notch_filter(tones, rate):
         gain *= np.abs(sosfreqz(sections[None], frequency, fs=rate)[1]) ** 2
     return gain
 
 
-def _standing_out(power: Array, n: int, rate: float, segments: int) -> Array:
-    """Logarithm (F, C) of the probability of a line as far above its floor in white noise.
+def _log_p_values(power: Array, n: int, rate: float, segments: int) -> Array:
+    """Log-probability (F, C) of a line as far above its floor in white noise.
 
-    Infinite where a line is so little above it that it may be a slope.
+    Infinite where a line is so little above it that it may be a slope of the spectrum.
     """
-    lines = min(max(_FEWEST, round(_FLOOR * n / rate)), round(_OF_ALL * n / 2.0)) // 2 * 2 + 1
-    ratio = np.array([seen / _floor(seen, lines, segments) for seen in power.T]).T
+    lines = min(
+        max(_MIN_FLOOR_LINES, round(_FLOOR_WIDTH * n / rate)), round(_MAX_FLOOR_SHARE * n / 2.0)
+    )
+    lines = lines // 2 * 2 + 1
+    ratio = np.array([one / _floor(one, lines, segments) for one in power.T]).T
     freedom = 2.0 * segments
-    # The floor is uncertain as well: a median is worth 0.64 of as many lines.
-    log_p = _log_tail(ratio, freedom, 0.64 * lines * freedom)
-    return np.where(ratio < _LEAST, np.inf, log_p)
+    # The floor is uncertain as well: a median has the efficiency 0.64 of a mean of as many lines.
+    log_p = _log_f_tail(ratio, freedom, 0.64 * lines * freedom)
+    return np.where(ratio < _MIN_RATIO, np.inf, log_p)
 
 
 def _spectra(runs: Sequence[Array], n: int, rate: float) -> tuple[Array, Array, int]:
     """Frequencies (F,), Hz, mean power (F, C) there of segments of n readings, and their number."""
-    # White innovations do not leak into one another; a window would only cost energy.
-    cut = [x[: len(x) // n * n].reshape(-1, n, x.shape[1]) for x in runs]
-    segments = np.concatenate(cut)
-    power = np.abs(np.fft.rfft(segments, _BETWEEN * n, axis=1)) ** 2 / n
-    frequency = np.asarray(np.fft.rfftfreq(_BETWEEN * n, 1.0 / rate))
+    # White innovations do not leak from line to line; a window would only cost energy.
+    parts = [x[: len(x) // n * n].reshape(-1, n, x.shape[1]) for x in runs]
+    segments = np.concatenate(parts)
+    power = np.abs(np.fft.rfft(segments, _OVERSAMPLING * n, axis=1)) ** 2 / n
+    frequency = np.asarray(np.fft.rfftfreq(_OVERSAMPLING * n, 1.0 / rate))
     return frequency, np.asarray(power.mean(axis=0)), len(segments)
 
 
 def _floor(power: Array, lines: int, segments: int) -> Array:
-    """Mean power (F,) that white noise around would have, from medians over lines."""
-    middle = median_filter(power[::_BETWEEN], size=lines)
+    """Mean power (F,) of white noise, from running medians over lines."""
+    median = median_filter(power[::_OVERSAMPLING], size=lines)
     half = lines // 2  # near its ends a spectrum has neighbours on one side only
-    middle[:half], middle[len(middle) - half :] = middle[half], middle[-half - 1]
-    floor = middle * segments / float(gamma(segments).median())
-    return np.maximum(np.repeat(floor, _BETWEEN)[: len(power)], 1e-12)
+    median[:half], median[len(median) - half :] = median[half], median[-half - 1]
+    floor = median * segments / float(gamma(segments).median())
+    return np.maximum(np.repeat(floor, _OVERSAMPLING)[: len(power)], 1e-12)
 
 
-def _log_tail(ratio: Array, a: float, b: float) -> Array:
-    """Logarithm of the probability that F of a and b degrees of freedom is above a ratio.
+def _log_f_tail(ratio: Array, a: float, b: float) -> Array:
+    """Log-probability that F of a and b degrees of freedom exceeds a ratio.
 
-    Where that is no number any more, Chernoff's bound on it stands for it.
+    Where it underflows, Chernoff's bound replaces it.
     """
     with np.errstate(divide="ignore"):
         out = np.asarray(f(a, b).logsf(ratio))
         x = b / (b + a * ratio)
         bound = 0.5 * b * np.log(x * (a + b) / b) + 0.5 * a * np.log((1.0 - x) * (a + b) / a)
-    return np.where(out > _SURE, out, np.minimum(bound, _SURE))
+    return np.where(out > _LOG_P_UNDERFLOW, out, np.minimum(bound, _LOG_P_UNDERFLOW))

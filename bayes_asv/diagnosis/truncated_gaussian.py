@@ -1,10 +1,10 @@
-"""What normal coordinates are worth that cannot lie beyond some bounds.
+"""Integral of a Gaussian likelihood times a truncated standard normal prior.
 
-With pull p and information G (what other coordinates imitate left out) a likelihood gains
-pᵀt − ½ tᵀGt at t, and t has a standard normal prior cut off at its bounds.  The integral of the
-product is taken about its highest place inside the bounds.  A coordinate that is held by a bound is
-integrated along its marginal's tail, one that is free over what the bounds leave of its
-marginal: exact for one coordinate and for independent ones.
+Along coordinates t a quadratic log-likelihood gains gᵀt − ½ tᵀIt, with gradient g and information I
+(nuisance parameters projected out), and each t has a standard normal prior truncated to its bounds.
+The integral of the product is expanded about the constrained mode.  A coordinate that a bound holds
+is integrated along the tail of its marginal, any other over what the bounds leave of its marginal:
+exact for one coordinate and for independent ones.
 """
 
 from __future__ import annotations
@@ -16,69 +16,72 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, ndtr
 
-__all__ = ["TruncatedGaussian", "bounded"]
+__all__ = ["TruncatedGaussian", "integrate_truncated"]
 
 Array = NDArray[np.float64]
 
 
 class TruncatedGaussian(NamedTuple):
-    """Bounded coordinates after the data.
+    """Posterior of truncated coordinates.
 
     Parameters
     ----------
-    gain : float
-        Logarithm of the integral of likelihood times prior, against the likelihood at t = 0.
-    at : (K,) array
-        The highest place inside the bounds.
+    log_integral : float
+        Logarithm of the integral of likelihood times prior, relative to the likelihood at t = 0.
+    mode : (K,) array
+        Mode inside the bounds.
     covariance : (K, K) array
-        About it, bounds left out.
-    held : (K,) bool array
-        Which of them would lie beyond a bound.
+        About the mode, bounds ignored.
+    at_bound : (K,) bool array
+        Coordinates whose unconstrained mode lies beyond a bound.
     """
 
-    gain: float
-    at: Array
+    log_integral: float
+    mode: Array
     covariance: Array
-    held: NDArray[np.bool_]
+    at_bound: NDArray[np.bool_]
 
 
-def bounded(pull: Array, gram: Array, low: Array, high: Array) -> TruncatedGaussian:
-    """Integrate bounded coordinates out.
+def integrate_truncated(
+    gradient: Array, information: Array, lower: Array, upper: Array
+) -> TruncatedGaussian:
+    """Integrate truncated standard normal coordinates out of a quadratic log-likelihood.
 
     Parameters
     ----------
-    pull : (K,) array
-        Slope of the log-likelihood at t = 0.
-    gram : (K, K) array
-        Its curvature, the sign turned.
-    low, high : (K,) arrays
+    gradient : (K,) array
+        Gradient of the log-likelihood at t = 0.
+    information : (K, K) array
+        Its negative curvature.
+    lower, upper : (K,) arrays
         Bounds.
     """
-    precision = gram + np.eye(len(pull))
+    precision = information + np.eye(len(gradient))
     root = np.linalg.cholesky(precision)
     covariance = np.asarray(np.linalg.inv(precision), np.float64)
-    free = covariance @ pull
-    at = free
-    if np.any((free < low) | (free > high)):
-        found = lsq_linear(root.T, np.linalg.solve(root, pull), bounds=(low, high), method="bvls")
-        at = np.clip(found.x, low, high)
+    mode = covariance @ gradient
+    if np.any((mode < lower) | (mode > upper)):
+        fit = lsq_linear(
+            root.T, np.linalg.solve(root, gradient), bounds=(lower, upper), method="bvls"
+        )
+        mode = np.clip(fit.x, lower, upper)
     sd = np.sqrt(np.diag(covariance))
-    left = pull - precision @ at
-    # along a marginal whose mode lies beyond a bound, in its deviations
-    beyond = np.abs(left) * sd
-    above, below = (at >= high - 1e-9) & (left > 0.0), (at <= low + 1e-9) & (left < 0.0)
-    at = np.where(above, high, np.where(below, low, at))  # least squares stop a digit short of it
-    held = above | below
-    b, w = beyond[held], ((high - low) / sd)[held]
-    far = np.exp(-b * w - 0.5 * w**2) * erfcx((b + w) / np.sqrt(2.0))
-    tails = np.log(0.5 * (erfcx(b / np.sqrt(2.0)) - far))
-    open_ = ~held
-    room = _between((low - at)[open_] / sd[open_], (high - at)[open_] / sd[open_])
-    gain = float(pull @ at - 0.5 * at @ precision @ at - np.log(np.diag(root)).sum())
-    gain += float(tails.sum() + room.sum() - _between(low, high).sum())
-    return TruncatedGaussian(gain, at, covariance, held)
+    slope = gradient - precision @ mode
+    # in standard deviations of the marginal, whose mode lies beyond the bound
+    excess = np.abs(slope) * sd
+    above, below = (mode >= upper - 1e-9) & (slope > 0.0), (mode <= lower + 1e-9) & (slope < 0.0)
+    mode = np.where(above, upper, np.where(below, lower, mode))  # bvls stops a digit short of it
+    at_bound = above | below
+    b, width = excess[at_bound], ((upper - lower) / sd)[at_bound]
+    beyond_width = np.exp(-b * width - 0.5 * width**2) * erfcx((b + width) / np.sqrt(2.0))
+    tails = np.log(0.5 * (erfcx(b / np.sqrt(2.0)) - beyond_width))
+    free = ~at_bound
+    inside = _log_probability((lower - mode)[free] / sd[free], (upper - mode)[free] / sd[free])
+    value = float(gradient @ mode - 0.5 * mode @ precision @ mode - np.log(np.diag(root)).sum())
+    value += float(tails.sum() + inside.sum() - _log_probability(lower, upper).sum())
+    return TruncatedGaussian(value, mode, covariance, at_bound)
 
 
-def _between(low: Array, high: Array) -> Array:
-    """Logarithm of a standard normal's share between bounds that hold zero."""
-    return np.asarray(log_ndtr(high) + np.log1p(-ndtr(low) / ndtr(high)))
+def _log_probability(lower: Array, upper: Array) -> Array:
+    """Log-probability of a standard normal between bounds that enclose zero."""
+    return np.asarray(log_ndtr(upper) + np.log1p(-ndtr(lower) / ndtr(upper)))

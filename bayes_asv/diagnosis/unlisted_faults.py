@@ -1,10 +1,10 @@
-"""Things that go wrong and are not in the list: they have a signature, and get no name.
+"""Sensitivities along faults that are not in the list of effects.
 
-A slack model that allows anything finds only what is large.  What is known to go wrong with cars
-and their sensors has a direction, and a test along a direction finds a hundred times less: a damper
-in a rubber mount, play, hysteresis, a damper that depends on travel or grows with the square of its
-speed, a mass on a spring, a bracket that rings, a sensor that sits elsewhere or whose clock runs.
-Each is worked out along the motion that the model found.
+A model that allows any force finds only what is large.  A test along the direction of a known fault
+finds a hundredth of it: a damper in a rubber mount or with play, hysteresis, a damper that depends
+on travel or on the square of its speed, a mass on a spring, a resonant sensor mount, a sensor at
+another position or with a drifting clock.  Each is computed along the motion that the model
+predicts.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from scipy.signal import cont2discrete, lfilter
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.filters.kalman import MISSING, ORDER
+from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
@@ -29,259 +30,263 @@ from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 from bayes_asv.preprocessing.wiener_filter import clear_wheel, denoised, sample_noise
 
-__all__ = ["decoy_rows"]
+__all__ = ["unlisted_fault_sensitivities"]
 
 Array = NDArray[np.float64]
-Force = Callable[[Array, Array, Array], Array]
-"""From time (s), deflection (m) and its rate (m/s) to a force on the chassis (N), all (E,)."""
+ForceLaw = Callable[[Array, Array, Array], Array]
+"""From time (s), deflection (m) and velocity (m/s) to a force on the chassis (N), all (E,)."""
+Distortion = Callable[[Array, Array], Array]
+"""From the times (s) and samples (m/s²) of a channel to a change of the samples, all (n,)."""
 
-_LAGS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
-_PLAY = (0.05, 0.2, 0.5)  # shares of the rms deflection
-_YIELD = (0.05, 0.2, 0.6)  # the same, over which hysteresis turns
-_SEATS = (2.5, 3.0, 3.5, 4.2, 5.0, 6.0)  # Hz, as far apart as a seat's resonance is wide
-_SEATED = {"the front": (1.0, 0.0), "the middle": (0.5, 0.5), "the rear": (0.0, 1.0)}  # share
-# Hz.  A bracket stiff enough to ring above what the car excites still reads high by f²/f₀²; rings
-# that end at 70 Hz left one at 187 Hz to be called a lag and a bandwidth.
-_RINGS = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
-_FINER = 4  # steps of a system to one of its signal
-_SMALL = 0.01  # of the damper's rms force, and of a channel's rms
+_MOUNT_TIME_CONSTANTS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
+_PLAY = (0.05, 0.2, 0.5)  # in rms deflections
+_YIELD_TRAVEL = (0.05, 0.2, 0.6)  # in rms deflections, over which friction builds up
+_SEAT_FREQUENCIES = (2.5, 3.0, 3.5, 4.2, 5.0, 6.0)  # Hz, a seat's resonance width apart
+_SEAT_DAMPING = 0.2  # damping ratio
+_SEAT_PLACES = {"the front": (1.0, 0.0), "the middle": (0.5, 0.5), "the rear": (0.0, 1.0)}
+# Hz.  A mount whose resonance f₀ is above what the car excites still reads high by f²/f₀².
+_MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
+_MOUNT_DAMPING = 0.03  # damping ratio
+_SUBSTEPS = 4  # steps of a linear system to one of its signal
+_SMALL = 0.01  # size of a perturbation, of the damper's rms force or of a channel's rms
 
 
-class _Change(NamedTuple):
-    """What a decoy changes in one run, of any size.
+class _Fault(NamedTuple):
+    """Perturbation of one run by an unlisted fault of arbitrary size.
 
     Parameters
     ----------
-    words : str
-        What it is.
-    nudge : Perturbation
-        The change.
+    description : str
+        What the fault is.
+    perturbation : Perturbation
+        The change of the run.
     power, reference : float
-        Its mean square, and that of what it is to be a small share of.
+        Mean square of the change, and of what it is to be a small share of.
     """
 
-    words: str
-    nudge: Perturbation
+    description: str
+    perturbation: Perturbation
     power: float
     reference: float
 
 
 class _Motion(NamedTuple):
-    """How a car moves in one run.
+    """Predicted motion of a car in one run.
 
     Parameters
     ----------
-    calm : (E, 2) array
+    readings : (E, 2) array
         What the chassis sensors would read without noise, m/s².
-    delta, rate : (E, 2) arrays
-        Deflections (m) and their rates (m/s) as the car has them, ahead of the sensors' filter.
+    deflection, velocity : (E, 2) arrays
+        Deflections (m) and their rates (m/s) before the sensors' filter.
     """
 
-    calm: Array
-    delta: Array
-    rate: Array
+    readings: Array
+    deflection: Array
+    velocity: Array
 
 
-def decoy_rows(quiet: DenoisedModel) -> tuple[Array, tuple[str, ...]]:
-    """Signatures (K, N) of what has no name, with a few words on each.
+def unlisted_fault_sensitivities(model: DenoisedModel) -> tuple[Array, tuple[str, ...]]:
+    """Sensitivities (K, N) along unlisted faults, and a description of each.
 
     Parameters
     ----------
-    quiet : DenoisedModel
+    model : DenoisedModel
         A model at its mode.
     """
-    where, target, z = quiet.where, quiet.stands[0].target, quiet.stage.mode.z
-    runs = range(len(where.lines))
-    motions = [_motion(where, target, z, run) for run in runs]
-    travel = np.sqrt(np.mean([m.delta.var(axis=0) for m in motions], axis=0))
-    speed = np.sqrt(np.mean([m.rate.var(axis=0) for m in motions], axis=0))
-    car = target.space.cars(z[None])[0]
+    dataset, posterior, z = model.dataset, model.filters[0].posterior, model.model.mode.z
+    runs = range(len(dataset.lines))
+    motions = [_motion(dataset, posterior, z, run) for run in runs]
+    travel = np.sqrt(np.mean([m.deflection.var(axis=0) for m in motions], axis=0))
+    car = posterior.space.cars(z[None])[0]
 
-    def of_run(run: int) -> list[_Change]:
-        return list(_changes(where, run, motions[run], car, travel, speed))
+    def of_run(run: int) -> list[_Fault]:
+        return list(_faults(dataset, run, motions[run], car, travel))
 
-    def one(k: int) -> Array:
-        # The same thing is in all runs, as strong in each as the motion there makes it.
-        power = sum(there[k].power for there in changes)
-        size = _SMALL * math.sqrt(sum(there[k].reference for there in changes))
+    def sensitivity(k: int) -> Array:
+        # One coefficient for all runs: in each the change is as large as the motion makes it.
+        power = sum(by_run[k].power for by_run in faults)
+        size = _SMALL * math.sqrt(sum(by_run[k].reference for by_run in faults))
         factor = size / math.sqrt(max(power, 1e-24))
-        nudges = [Perturbation(*(factor * part for part in there[k].nudge)) for there in changes]
-        return quiet.joined({run: quiet.stands[run].nudged(nudges[run]) for run in runs})
+        changes = [
+            Perturbation(*(factor * part for part in by_run[k].perturbation)) for by_run in faults
+        ]
+        return model.concatenate({run: model.filters[run].response(changes[run]) for run in runs})
 
-    with shared_work(target) as shared:
+    with shared_work(posterior) as shared:
         assert shared.pool is not None
-        changes = list(shared.pool.map(of_run, runs))
-        words = tuple(change.words for change in changes[0])
-        rows = np.array(list(shared.pool.map(one, range(len(words)))))
-    return rows, words
+        faults = list(shared.pool.map(of_run, runs))
+        descriptions = tuple(fault.description for fault in faults[0])
+        out = np.array(list(shared.pool.map(sensitivity, range(len(descriptions)))))
+    return out, descriptions
 
 
-def _motion(where: Dataset, target: Posterior, z: Array, run: int) -> _Motion:
-    # From the readings themselves, or from states that follow them, a change would share their
-    # noise: it follows from a simulation.
-    line = where.lines[run]
-    calm, states, _ = free_run(target, z, run)
-    time = line.instants - line.instants[0]
-    pole = target.patterns[run].pole
-    delta, rate = states[:, [0, 2]], states[:, [1, 3]]
-    faster = np.empty_like(rate)
+def _motion(dataset: Dataset, posterior: Posterior, z: Array, run: int) -> _Motion:
+    # The filtered states follow the readings and would share their noise: a free simulation.
+    recording = dataset.lines[run]
+    readings, states, _ = free_run(posterior, z, run)
+    time = recording.instants - recording.instants[0]
+    pole = posterior.patterns[run].pole
+    deflection, velocity = states[:, [0, 2]], states[:, [1, 3]]
+    acceleration = np.empty_like(velocity)
     for axle in range(2):
-        noise = sample_noise(line, 2 * axle)
-        faster[:, axle] = denoised(time, CubicSpline(time, rate[:, axle])(time, 1), noise, None)
-    return _Motion(calm, delta + rate / pole, rate + faster / pole)
+        noise = sample_noise(recording, 2 * axle)
+        derivative = CubicSpline(time, velocity[:, axle])(time, 1)
+        acceleration[:, axle] = denoised(time, derivative, noise, None)
+    return _Motion(readings, deflection + velocity / pole, velocity + acceleration / pole)
 
 
-def _changes(
-    where: Dataset, run: int, motion: _Motion, car: Array, travel: Array, speed: Array
-) -> Iterator[_Change]:
-    """Every decoy of one run; ``travel`` and ``speed`` (2,) are rms values over all runs."""
-    line = where.lines[run]
+def _faults(
+    dataset: Dataset, run: int, motion: _Motion, car: Array, travel: Array
+) -> Iterator[_Fault]:
+    """Yield every unlisted fault of one run; ``travel`` (2,) are rms deflections over all runs."""
+    recording = dataset.lines[run]
     nothing = Perturbation(
-        np.zeros_like(line.moments), np.zeros_like(line.reading), np.zeros_like(line.reading)
+        np.zeros_like(recording.moments),
+        np.zeros_like(recording.reading),
+        np.zeros_like(recording.reading),
     )
-    time = line.instants - line.instants[0]
-    for axle, name in enumerate(("front", "rear")):
-        delta, rate = motion.delta[:, axle], motion.rate[:, axle]
-        of_damper = float(car[axle] ** 2 * rate.var())
-        for words, law in _laws(float(travel[axle]), float(speed[axle])):
-            force = np.zeros_like(line.reading)
-            force[:, axle] = law(time, delta, rate)
-            power = float(force[:, axle].var())
-            yield _Change(f"{words} at the {name}", nothing._replace(force=force), power, of_damper)
-    for frequency in _SEATS:
-        for place, share in _SEATED.items():
-            moved = _oscillator(time, motion.calm @ np.array(share), frequency, 0.2)
-            force = np.outer(moved, share)
-            of_damper = float(car[0] ** 2 * motion.rate[:, 0].var())
-            yield _Change(
-                f"a mass on a spring near {place}",
+    time = recording.instants - recording.instants[0]
+    for axle, name in enumerate(AXLES):
+        deflection, velocity = motion.deflection[:, axle], motion.velocity[:, axle]
+        damper_power = float(car[axle] ** 2 * velocity.var())
+        for description, law in _force_laws(float(travel[axle])):
+            force = np.zeros_like(recording.reading)
+            force[:, axle] = law(time, deflection, velocity)
+            yield _Fault(
+                f"{description} at the {name}",
                 nothing._replace(force=force),
-                float(moved.var()),
-                of_damper,
+                float(force[:, axle].var()),
+                damper_power,
+            )
+    for frequency in _SEAT_FREQUENCIES:
+        for place, shares in _SEAT_PLACES.items():
+            base = motion.readings @ np.array(shares)
+            reaction = _oscillator(time, base, frequency, _SEAT_DAMPING)
+            yield _Fault(
+                f"a mass on a spring near {place}",
+                nothing._replace(force=np.outer(reaction, shares)),
+                float(reaction.var()),
+                float(car[0] ** 2 * motion.velocity[:, 0].var()),
             )
     for c, channel in enumerate(CHANNELS):
-        for words, change in _sensor(line, motion.calm, c):
-            corner = where.vehicle.sensor(channel).bandwidth
-            nudge, power, reference = _put(nothing, line, motion.calm, c, change, corner)
-            yield _Change(f"{words} ({channel.replace('_', ' ')})", nudge, power, reference)
+        for description, distortion in _distortions(recording, motion.readings, c):
+            bandwidth = dataset.vehicle.sensor(channel).bandwidth
+            perturbation, power, reference = _distorted(
+                nothing, recording, motion.readings, c, distortion, bandwidth
+            )
+            of_channel = f"{description} ({channel.replace('_', ' ')})"
+            yield _Fault(of_channel, perturbation, power, reference)
 
 
-def _laws(travel: float, speed: float) -> Iterator[tuple[str, Force]]:
-    """Force laws that have no name, for an axle's rms deflection and rms rate."""
-    for lag in _LAGS:
-        yield "a damper in a soft mount", partial(_in_a_mount, lag)
+def _force_laws(travel: float) -> Iterator[tuple[str, ForceLaw]]:
+    """Yield unlisted force laws of an axle, for its rms deflection."""
+    for time_constant in _MOUNT_TIME_CONSTANTS:
+        yield "a damper in a soft mount", partial(_soft_mount, time_constant)
     for share in _PLAY:
-        yield "play", partial(_with_play, share * travel)
-    for share in _YIELD:
+        yield "a damper with play", partial(_play, share * travel)
+    for share in _YIELD_TRAVEL:
         yield "hysteresis", partial(_hysteresis, share * travel)
     yield "a damper that depends on travel", lambda t, d, v: -v * d**2
     yield "a damper that depends on travel", lambda t, d, v: -v * d
-    yield "a damper that stiffens with speed", lambda t, d, v: -v * np.abs(v)
-    yield "a damper that stiffens with speed", lambda t, d, v: -(v**3)
-    yield "a spring that is not symmetric", lambda t, d, v: -(d**2)
-    yield "a spring that is not symmetric", lambda t, d, v: -d * np.abs(d)
+    yield "a progressive damper", lambda t, d, v: -v * np.abs(v)
+    yield "a progressive damper", lambda t, d, v: -(v**3)
+    yield "an asymmetric spring", lambda t, d, v: -(d**2)
+    yield "an asymmetric spring", lambda t, d, v: -d * np.abs(d)
 
 
-def _through(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
-    """Signal behind a linear system that was at rest, between its samples a spline.
+def _filtered(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
+    """Pass a signal through a linear system that was in equilibrium.
 
-    A straight line between samples would be half a step late to what follows its slope.
+    Between samples the signal is a spline: a straight line would be half a step late to what
+    follows its slope.
     """
-    even = np.linspace(time[0], time[-1], _FINER * len(time))
-    top, bottom = (np.array(part, np.float64) for part in system)
-    numerator, denominator, _ = cont2discrete((top, bottom), even[1] - even[0], "foh")
+    even = np.linspace(time[0], time[-1], _SUBSTEPS * len(time))
+    numerator, denominator = (np.array(part, np.float64) for part in system)
+    b, a, _ = cont2discrete((numerator, denominator), even[1] - even[0], "foh")
     first = float(signal[0])
-    steady = first * system[0][-1] / system[1][-1]
-    moved = CubicSpline(time, signal - first)(even)
-    out = steady + lfilter(np.ravel(numerator), denominator, moved)
+    equilibrium = first * system[0][-1] / system[1][-1]
+    out = equilibrium + lfilter(np.ravel(b), a, CubicSpline(time, signal - first)(even))
     return np.interp(time, even, out)
 
 
-def _slow(time: Array, signal: Array, lag: float) -> Array:
-    """Signal behind a first-order lag."""
-    return _through(time, signal, ([1.0], [lag, 1.0]))
+def _soft_mount(time_constant: float, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Force that a damper in series with a spring lacks, per damping rate."""
+    return velocity - _filtered(time, velocity, ([1.0], [time_constant, 1.0]))
 
 
-def _in_a_mount(lag: float, time: Array, delta: Array, rate: Array) -> Array:
-    """Return what a damper in series with a spring does less than without."""
-    return rate - _slow(time, rate, lag)
+def _play(gap: float, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Force that a damper with play lacks, per damping rate: its end waits until it is taken up."""
+    end = float(deflection[0])
+    transmitted = np.zeros_like(velocity)
+    for k in range(len(deflection)):
+        if deflection[k] > end + gap:
+            end, transmitted[k] = float(deflection[k]) - gap, velocity[k]
+        elif deflection[k] < end - gap:
+            end, transmitted[k] = float(deflection[k]) + gap, velocity[k]
+    return np.asarray(velocity - transmitted)
 
 
-def _with_play(gap: float, time: Array, delta: Array, rate: Array) -> Array:
-    """Return what a damper with play does less: its end waits until the play is used up."""
-    end = float(delta[0])
-    out = np.zeros_like(rate)
-    for k in range(len(delta)):
-        if delta[k] > end + gap:
-            end, out[k] = float(delta[k]) - gap, rate[k]
-        elif delta[k] < end - gap:
-            end, out[k] = float(delta[k]) + gap, rate[k]
-    return np.asarray(rate - out)
+def _hysteresis(yield_travel: float, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Friction that builds up over a travel: an elastic-plastic element of unit force."""
+    force = np.zeros_like(deflection)
+    for k in range(1, len(deflection)):
+        force[k] = np.clip(
+            force[k - 1] - (deflection[k] - deflection[k - 1]) / yield_travel, -1.0, 1.0
+        )
+    return force
 
 
-def _hysteresis(travel: float, time: Array, delta: Array, rate: Array) -> Array:
-    """Friction that yields over a travel: an elastic-plastic element of unit force."""
-    out = np.zeros_like(delta)
-    for k in range(1, len(delta)):
-        out[k] = np.clip(out[k - 1] - (delta[k] - delta[k - 1]) / travel, -1.0, 1.0)
-    return out
-
-
-def _oscillator(time: Array, base: Array, frequency: float, damping: float) -> Array:
-    """Force of a unit mass on a spring and damper that stands on a moving base."""
+def _oscillator(time: Array, base: Array, frequency: float, damping_ratio: float) -> Array:
+    """Force of a unit mass on a spring and damper, by the acceleration of its base."""
     w = 2.0 * np.pi * frequency
-    # mass that moves with the base: −a; relative motion adds what the spring passes late
-    return _through(time, base, ([1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w**2]))
+    # beyond a mass fixed to the base, −a, which belongs to the car's own mass
+    return _filtered(time, base, ([1.0, 0.0, 0.0], [1.0, 2.0 * damping_ratio * w, w**2]))
 
 
-def _sensor(
-    line: PreparedRecording, calm: Array, c: int
-) -> Iterator[tuple[str, Callable[[Array, Array], Array]]]:
-    """Yield changes of one channel as functions of its times and samples."""
-    for frequency in _RINGS:
-        w = 2.0 * np.pi * frequency
-
-        def ringing(time: Array, signal: Array, w: float = w) -> Array:
-            return _through(time, signal, ([1.0, 0.0, 0.0], [1.0, 0.06 * w, w**2]))
-
-        yield f"a mounting that rings near {frequency:.0f} Hz", ringing
-
-    def running(time: Array, signal: Array) -> Array:
-        return np.asarray((time - time[0]) * CubicSpline(time, signal)(time, 1))
-
-    yield "a clock that runs", running
-    yield "a scale that bends", lambda time, signal: signal**2
-    yield "a scale that bends", lambda time, signal: signal**3
+def _distortions(
+    recording: PreparedRecording, readings: Array, c: int
+) -> Iterator[tuple[str, Distortion]]:
+    """Yield distortions of one channel as functions of its times and samples."""
+    for frequency in _MOUNT_FREQUENCIES:
+        resonance = partial(_oscillator, frequency=frequency, damping_ratio=_MOUNT_DAMPING)
+        yield f"a sensor mount that resonates near {frequency:.0f} Hz", resonance
+    yield "a sampling clock that drifts", _drifting_clock
+    yield "a nonlinear sensor scale", lambda time, signal: signal**2
+    yield "a nonlinear sensor scale", lambda time, signal: signal**3
     if c % 2 == 1:
-        axle = 1 if c == 1 else 0  # the other chassis channel
+        other = 1 if c == 1 else 0  # axle of the other chassis channel
 
-        def placed(time: Array, signal: Array) -> Array:
-            other = np.interp(time, line.instants, calm[:, axle])
-            return np.asarray(signal - other)
+        def displaced(time: Array, signal: Array) -> Array:
+            return np.asarray(signal - np.interp(time, recording.instants, readings[:, other]))
 
-        yield "a sensor that sits elsewhere", placed
+        yield "a sensor at another position", displaced
 
 
-def _put(
+def _drifting_clock(time: Array, signal: Array) -> Array:
+    return np.asarray((time - time[0]) * CubicSpline(time, signal)(time, 1))
+
+
+def _distorted(
     nothing: Perturbation,
-    line: PreparedRecording,
-    calm: Array,
+    recording: PreparedRecording,
+    readings: Array,
     c: int,
-    change: Callable[[Array, Array], Array],
-    corner: float | None,
+    distortion: Distortion,
+    bandwidth: float | None,
 ) -> tuple[Perturbation, float, float]:
-    """Change a channel by something that follows from its own samples: the change, and powers."""
+    """Perturbation of a run by the distortion of one channel; mean squares of change and signal."""
     axle = c // 2
     if c % 2 == 0:
-        knots, own = clear_wheel(line, axle, corner)
-        value = change(knots, own)
-        signal = WheelSignal(CubicSpline(knots, value), knots, line.wheels[axle].deviation)
-        driven = np.zeros_like(line.moments)
-        driven[:, axle] = moments(signal, line.instants, ORDER)
-        return nothing._replace(moments=driven), float(value.var()), float(own.var())
-    there = line.kind[:, axle] != MISSING
-    signal = calm[there, axle]
-    value = change(line.instants[there], signal)
-    reading = np.zeros_like(line.reading)
-    reading[there, axle] = value
-    return nothing._replace(reading=reading), float(value.var()), float(signal.var())
+        knots, samples = clear_wheel(recording, axle, bandwidth)
+        change = distortion(knots, samples)
+        signal = WheelSignal(CubicSpline(knots, change), knots, recording.wheels[axle].deviation)
+        driven = np.zeros_like(recording.moments)
+        driven[:, axle] = moments(signal, recording.instants, ORDER)
+        return nothing._replace(moments=driven), float(change.var()), float(samples.var())
+    valid = recording.kind[:, axle] != MISSING
+    samples = readings[valid, axle]
+    change = distortion(recording.instants[valid], samples)
+    reading = np.zeros_like(recording.reading)
+    reading[valid, axle] = change
+    return nothing._replace(reading=reading), float(change.var()), float(samples.var())

@@ -1,4 +1,9 @@
-"""How well what has no name would explain what a model leaves."""
+"""How well faults that are not in the list would explain what a model leaves.
+
+Three kinds are asked: faults of known direction (:mod:`.unlisted_faults`); a free force at an axle,
+as short pulses that follow each other through every run, whose amplitude is integrated out over a
+few sizes, so that the number of pulses costs what it should; and time stamps that jitter.
+"""
 
 from __future__ import annotations
 
@@ -7,126 +12,197 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
-from bayes_asv.diagnosis.denoised_model import DenoisedModel, clear
-from bayes_asv.diagnosis.nuisance_projection import NuisanceProjection, imitation
-from bayes_asv.diagnosis.pulse_scan import free_course
-from bayes_asv.diagnosis.score_test import SILENT
-from bayes_asv.diagnosis.thresholds import PRICE
-from bayes_asv.diagnosis.timing_jitter_test import louder_where_steep
-from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
-from bayes_asv.diagnosis.unlisted_faults import decoy_rows
+from bayes_asv.diagnosis.denoised_model import DenoisedModel, denoised_model
+from bayes_asv.diagnosis.residual_tests import jitter_log_likelihood_ratio
+from bayes_asv.diagnosis.score_test import NuisanceProjection
+from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE, UNKNOWN_SIZE_COST
+from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, projection_with_tolerances
+from bayes_asv.diagnosis.unlisted_faults import unlisted_fault_sensitivities
 from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.filters.force_laws import OUTSIDE, excess_many
 from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.fitted_model import Dataset
+from bayes_asv.posterior.likelihood import Perturbation, shared_work
+from bayes_asv.posterior.parameters import car_scale
 
-__all__ = ["Nameless", "UnlistedFaultScores", "unlisted", "without_a_name"]
+__all__ = [
+    "UnlistedExplanation",
+    "UnlistedFaultScores",
+    "best_unlisted_explanation",
+    "free_force_evidence",
+    "pulse_sensitivities",
+    "unlisted_fault_scores",
+]
 
 Array = NDArray[np.float64]
 
-_OF_ALL = 0.5
-"""Share of what louder noise explains that counts against one name.
-
-It takes in what several names would have to share: of four faults of one size in the same quarter
-of a run nearly twice what the best of them does.
-"""
+# Share of the jitter's gain that counts against one named effect: a variance that varies covers
+# what several effects would have to share.
+_JITTER_SHARE = 0.5
+_PULSE_SPACING = 0.04  # s
+_PULSE_FORCE = 0.01  # of the axle's load
+_AMPLITUDES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # prior standard deviations, in pulse forces
 
 
 class UnlistedFaultScores(NamedTuple):
-    """Decoys next to a model, to first order.
+    """Scores of K unlisted faults next to a model.
 
     Parameters
     ----------
-    pull : (K,) array
-        Slopes of the log-likelihood along their signatures.
-    gram : (K, K) array
-        Curvature, what the model can imitate left out.
-    rows : (K, N) array
-        The signatures.
-    words : tuple of str
-        What each of them is.
+    gradient : (K,) array
+        Gradient of the log-likelihood along each, nuisance directions projected out.
+    information : (K, K) array
+        Its covariance under the model.
+    sensitivities : (K, N) array
+        Changes of the predictions, in standard deviations.
+    descriptions : tuple of str
+        What each fault is.
     """
 
-    pull: Array
-    gram: Array
-    rows: Array
-    words: tuple[str, ...]
+    gradient: Array
+    information: Array
+    sensitivities: Array
+    descriptions: tuple[str, ...]
 
     @property
-    def raw(self) -> Array:
-        """Squared lengths (K,) of the signatures before anything is left out."""
-        return np.asarray(np.sum(self.rows**2, axis=1))
+    def raw_information(self) -> Array:
+        """Information (K,) before nuisance directions were projected out."""
+        return np.asarray(np.sum(self.sensitivities**2, axis=1))
 
     @property
     def gains(self) -> Array:
-        """Nats (K,) by which each explains better at its best size; none for what is silent."""
-        own = np.diag(self.gram)
-        return np.where(own > SILENT * self.raw, 0.5 * self.pull**2 / np.maximum(own, 1e-30), 0.0)
-
-    @property
-    def best(self) -> tuple[float, str]:
-        """Nats of the one that explains most, and what it is."""
-        gains = self.gains
-        k = int(np.argmax(gains))
-        return float(gains[k]), self.words[k]
+        """Log-likelihood (K,) that each gains at its most probable size, nats."""
+        own = np.diag(self.information)
+        informative = own > MIN_INFORMATION_SHARE * self.raw_information
+        return np.where(informative, 0.5 * self.gradient**2 / np.maximum(own, 1e-30), 0.0)
 
 
-class Nameless(NamedTuple):
-    """What explains most without a name.
+class UnlistedExplanation(NamedTuple):
+    """The best explanation by something that is not in the list.
 
     Parameters
     ----------
     log_evidence : float
-        Of the model with it.
-    words : str
+        Log evidence of the model with it.
+    description : str
         What it is.
     """
 
     log_evidence: float
-    words: str
+    description: str
 
 
-def unlisted(quiet: DenoisedModel, known: NuisanceProjection) -> UnlistedFaultScores:
-    """Hold the decoys against what a model leaves.
+def unlisted_fault_scores(
+    model: DenoisedModel, projection: NuisanceProjection
+) -> UnlistedFaultScores:
+    """Score the unlisted faults of known direction.
 
     Parameters
     ----------
-    quiet : DenoisedModel
+    model : DenoisedModel
         The model at its mode.
-    known : NuisanceProjection
+    projection : NuisanceProjection
         What it can imitate.
     """
-    rows, words = decoy_rows(quiet)
-    pull, gram = known.beyond(rows)
-    return UnlistedFaultScores(pull, gram, rows, words)
+    sensitivities, descriptions = unlisted_fault_sensitivities(model)
+    gradient, information = projection.project_out(sensitivities)
+    return UnlistedFaultScores(gradient, information, sensitivities, descriptions)
 
 
-def without_a_name(where: Dataset, allowed: ModelEvidence) -> Nameless:
-    """Find what explains most without a name, a little of everything beside it.
-
-    It is the decoy that fits best, to first order, a force of free course at an axle, or time
-    stamps that jitter.
+def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) -> tuple[float, str]:
+    """Log Bayes factor (nats) of a free force against none, and the axle at which it is largest.
 
     Parameters
     ----------
-    where : Dataset
-        Recordings with quiet wheels.
-    allowed : ModelEvidence
-        The model with a little of everything.
+    model, projection
+        As :func:`unlisted_fault_scores` takes them.
     """
-    stage = allowed.stage
-    quiet = clear(where, stage)
-    known = imitation(quiet.slopes, stage.mode.z, allowed.rows, allowed.at)
-    found = unlisted(quiet, known)
-    gain, words = found.best
-    nats, channel = louder_where_steep(where, stage, quiet.settled)
-    wins, axle = free_course(quiet, known)
-    so_far = allowed.log_evidence
+    by_axle = {
+        axle: _log_bayes_factor(*projection.project_out(pulse_sensitivities(model, k)))
+        for k, axle in enumerate(AXLES)
+    }
+    axle = max(by_axle, key=lambda name: by_axle[name])
+    return by_axle[axle], axle
+
+
+def pulse_sensitivities(model: DenoisedModel, axle: int) -> Array:
+    """Sensitivities (K, N) along short force pulses at one axle, in succession through every run.
+
+    A pulse rises for as long as the next one takes to begin, so that equal pulses add up to a
+    constant force.  They are added to the model, a named pulse in the same run included.
+    """
+    size = _PULSE_FORCE * car_scale(model.dataset.vehicle).load
+    runs = [(run, recording.elapsed) for run, recording in enumerate(model.dataset.lines)]
+    starts = [
+        (run, start) for run, time in runs for start in np.arange(time[0], time[-1], _PULSE_SPACING)
+    ]
+
+    def sensitivity(at: tuple[int, float]) -> Array:
+        run, start = at
+        recording = model.dataset.lines[run]
+        nothing = np.zeros_like(recording.reading)
+        force = nothing.copy()
+        pulse = np.array([[axle, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
+        rest = np.zeros(len(nothing))
+        time = recording.elapsed
+        force[:, axle] = excess_many(pulse, axle, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
+        perturbation = Perturbation(np.zeros_like(recording.moments), nothing, force)
+        return model.concatenate({run: model.filters[run].response(perturbation)})
+
+    with shared_work(model.model.target) as shared:
+        assert shared.pool is not None
+        return np.array(list(shared.pool.map(sensitivity, starts)))
+
+
+def _log_bayes_factor(gradient: Array, information: Array) -> float:
+    """Log Bayes factor of normal amplitudes against none, averaged over their prior sizes.
+
+    At a prior standard deviation s it is ½ Σ (s² u² / (1 + s² λ) − log(1 + s² λ)), with eigenvalues
+    λ of the information and u the gradient along its eigenvectors.
+    """
+    if not np.all(np.isfinite(information)):  # a pulse that makes the model diverge
+        return -math.inf
+    eigenvalues, vectors = np.linalg.eigh(information)
+    eigenvalues = np.maximum(eigenvalues, 0.0)
+    squares = (vectors.T @ gradient) ** 2
+    gains = [
+        0.5
+        * float(np.sum(squares * s**2 / (1.0 + s**2 * eigenvalues) - np.log1p(s**2 * eigenvalues)))
+        for s in _AMPLITUDES
+    ]
+    return float(logsumexp(gains) - math.log(len(gains)))
+
+
+def best_unlisted_explanation(dataset: Dataset, evidence: ModelEvidence) -> UnlistedExplanation:
+    """Find the unlisted explanation of most evidence next to a model, to first order.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Recordings with denoised inputs.
+    evidence : ModelEvidence
+        The model under the tolerance prior of all other effects.
+    """
+    denoised = denoised_model(dataset, evidence.model)
+    projection = projection_with_tolerances(denoised.derivatives, evidence)
+    scores = unlisted_fault_scores(denoised, projection)
+    best = int(np.argmax(scores.gains))
+    gain = float(scores.gains[best])
+    jitter, channel = jitter_log_likelihood_ratio(dataset, evidence.model, denoised.settled)
+    force, axle = free_force_evidence(denoised, projection)
+    base = evidence.log_evidence
     return max(
-        Nameless(so_far + gain - PRICE - math.log(len(found.words)), words),
-        Nameless(so_far + wins - math.log(len(AXLES)), f"a force of free course at the {axle}"),
-        Nameless(
-            so_far + _OF_ALL * nats - PRICE - math.log(len(CHANNELS)),
-            f"time stamps that jitter ({channel.replace('_', ' ')})",
+        UnlistedExplanation(
+            base + gain - UNKNOWN_SIZE_COST - math.log(len(scores.descriptions)),
+            scores.descriptions[best],
+        ),
+        UnlistedExplanation(
+            base + force - math.log(len(AXLES)), f"an unknown force at the {axle} axle"
+        ),
+        UnlistedExplanation(
+            base + _JITTER_SHARE * jitter - UNKNOWN_SIZE_COST - math.log(len(CHANNELS)),
+            f"jittering time stamps ({channel.replace('_', ' ')})",
         ),
     )

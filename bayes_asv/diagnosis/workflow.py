@@ -1,57 +1,71 @@
-"""Find, name, add, prove: the workflow from recordings to what was missing.
+"""The discrepancy workflow: from recordings to the effects that the linear half car lacks.
 
-1. Pre-flight, and a fit of the linear half car with noise levels near what is given.
-2. An engine's tones are recognised by their lines and cut out; where they may be another fault's,
-   only once that has a name.
-3. Is there a disagreement?  One test over all candidates.
-4. Names with probabilities; the best is added, everything is fitted again, and so on until nothing
-   is gained; what turned out needless is taken out again.
-5. The gap on recordings that the fit has not seen, with everything frozen; a name that makes it
-   worse goes, and another is sought in its place.
-6. Slack models ask, of all recordings together, whether something without a name is left.
+1. Preflight, and a fit of the linear half car with noise levels near the given ones.
+2. An engine is recognised by its tones, which are removed; where they may belong to another fault,
+   only once that is named.
+3. One test over all candidate effects: is any missing?
+4. Forward selection: the most probable effect is added and everything is fitted again, until no
+   effect is missing; effects that turned out unnecessary are removed.
+5. Validation on held-out recordings with everything frozen: an effect that makes the simulation
+   worse there is removed, and another is selected once.
+6. Misspecification tests on all recordings together: is anything left that is not in the list?
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.alternative_comparison import rival
-from bayes_asv.diagnosis.engine_force import without_engine
-from bayes_asv.diagnosis.equivalent_models import with_twins
-from bayes_asv.diagnosis.forward_selection import begun, grow
-from bayes_asv.diagnosis.holdout_validation import Recorded
-from bayes_asv.diagnosis.localization import disagreement
-from bayes_asv.diagnosis.max_score_test import one_sided
-from bayes_asv.diagnosis.misspecification_test import unexplained
-from bayes_asv.diagnosis.model_averaging import draws, effect_draws
-from bayes_asv.diagnosis.model_search import Model, again, asked, elsewhere, together
-from bayes_asv.diagnosis.recording_faults import found_before
-from bayes_asv.diagnosis.results import Diagnosis, Named
-from bayes_asv.diagnosis.thresholds import AS_WELL, LEVEL
-from bayes_asv.diagnosis.validated_selection import proved
+from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
+from bayes_asv.diagnosis.forward_selection import (
+    Progress,
+    Selection,
+    select_effects,
+    start_selection,
+)
+from bayes_asv.diagnosis.holdout_validation import Split, validate
+from bayes_asv.diagnosis.indistinguishable import with_indistinguishable
+from bayes_asv.diagnosis.localization import localize
+from bayes_asv.diagnosis.max_score_test import one_sided_squares
+from bayes_asv.diagnosis.misspecification_test import best_alternative, misspecification_tests
+from bayes_asv.diagnosis.model_assessment import (
+    AssessedModel,
+    assess,
+    fit_pooled,
+    refit,
+    refit_shared,
+)
+from bayes_asv.diagnosis.model_comparison import (
+    WeightedPosterior,
+    draw_effects,
+    draw_quantities,
+)
+from bayes_asv.diagnosis.recording_faults import find_recording_faults
+from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
+from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["Diagnosis", "Named", "diagnose", "named_in"]
+__all__ = ["Diagnosis", "NamedEffect", "diagnose", "missing_effects"]
 
-Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
-
-# A car that is missing something has lines in its innovations as well, near its own frequencies or
-# those of a washboard.  An engine alone gives candidates little (8 of noncentrality 400 and 4000: a
-# squared score of 23 at most): where tones hold less than ten times the best one's, that is first.
-_CLEARLY = 10.0
-_RESIDUE = 0.03  # of the best before names, that tones hold after them: forms are only near
-_EXCITED = 0.3  # of a recording's wheel power that its held-out half must have
+# A car that lacks an effect has lines in its innovations as well, near its own frequencies or those
+# of a washboard, while an engine alone gives candidates little (docs/method.md): where the tones
+# hold less than ten times the energy that the best candidate explains, effects are named first.
+_ENGINE_FIRST = 10.0
+_INEXACT_LAW = 0.03  # of that energy, which a named effect of nearly the right form leaves in lines
+_MIN_EXCITATION = (
+    0.3  # of the wheel power of a recording's first half, for its second to be held out
+)
+_MIN_ROWS = 200  # of a half that is held out
 
 
 def diagnose(
@@ -61,136 +75,188 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find where simulation and measurement disagree, and what is missing.
+    """Find where simulation and measurement disagree, and which effects are missing.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Runs to fit.
     holdout : sequence of Recording
-        Runs to prove it on; without any a part of the others is held out.
+        Runs for the validation; without any, part of the others is held out.
     vehicle : Vehicle
         As given.
     seed : int
-        Of everything that is drawn.
+        Seed of all draws.
     progress : callable, optional
-        Told the share that is done, and what is going on.
+        Called with the share of the work that is done, and what follows.
 
     Returns
     -------
     Diagnosis
     """
     clock = time.perf_counter()
-    tell = progress or (lambda share, words: None)
-    tell(0.0, "laying the recordings out")
-    fit_runs, held_runs, notes = _held_out(recordings, holdout, vehicle)
-    lines, reasons, warnings = lay_out(fit_runs, vehicle)
+    progress = progress or (lambda share, text: None)
+    progress(0.0, "preparing the recordings")
+    fit_runs, holdout_runs, notes = _split(recordings, holdout, vehicle)
+    fit, reasons, warnings = lay_out(fit_runs, vehicle)
     if reasons:
         return Diagnosis("refused", reasons, warnings, (), vehicle, seed)
-    held, why_not, _ = lay_out(held_runs, vehicle) if held_runs else ((), (), ())
-    if why_not:
-        notes.append("the held-out recordings cannot be used: " + "; ".join(why_not))
+    held, unusable, _ = lay_out(holdout_runs, vehicle) if holdout_runs else ((), (), ())
+    if unusable:
+        notes.append("the held-out recordings cannot be used: " + "; ".join(unusable))
         held = ()
-    tell(0.05, "fitting the linear half car")
-    where = setting(vehicle, lines)
-    plain = linear = base(where)
-    first_where, first_held = where, setting(vehicle, held) if held else None
-    first = asked(where, plain, seed)
-    known = _explained(first)
-    where, linear, engine, held = without_engine(where, plain, held, base, base, _CLEARLY * known)
-    if engine is not None:
-        first = asked(where, linear, seed)
-    grown = grow(begun(first, beside=engine is not None), seed, tell)
-    if engine is None:
-        # What is missing may have hidden an engine.
-        model = grown.model
-        known = max(_explained(model), _RESIDUE * known)
-        fits = partial(again, model.stage), partial(elsewhere, model.stage)
-        silent, stage, engine, held = without_engine(model.where, model.as_read, held, *fits, known)
-        if engine is not None:
-            where = silent
-            linear = base(where)
-            model = asked(where, stage, seed)
-            grown = grow(replace(grown, model=model, beside=True), seed, tell)
-    seen = disagreement(where, linear)
-    held_where = first_held if engine is None or not held else setting(vehicle, held)
-    given = Recorded(first_where, first_held, plain)
-    proven = proved(grown, given, Recorded(where, held_where, linear), engine, seed, tell)
-    grown, model, named = proven.grown, proven.grown.model, proven.grown.named
-    tell(0.9, "asking what has no name")
-    quiet, stage, granted = together(model, held_where)
-    left = unexplained(quiet, granted, seed)
-    left = replace(left, failed=proven.failed, ended=grown.nameless)
-    if named and not left.present:
-        better, words = rival(quiet, stage, len(named), first.found.sites)
-        left = replace(left, rival=better, like=words if better > AS_WELL else left.like)
-    tell(0.95, "asking what else it may have been")
-    named = with_twins(model, named)
-    disagrees = first.p < LEVEL or left.present or engine is not None
+    progress(0.05, "fitting the linear half car")
+    dataset = setting(vehicle, fit)
+    given = Split(dataset, setting(vehicle, held) if held else None, base(dataset))
+    found = _search(given, held, seed, progress)
+    localization = localize(found.without_tones.fit, found.without_tones.linear)
+    validated = validate(found.selection, given, found.without_tones, found.engine, seed, progress)
+    selection = validated.selection
+    assessed, named = selection.assessed, selection.effects
+    progress(0.9, "testing for faults that are not in the list")
+    pooled, model, evidence = fit_pooled(assessed, found.without_tones.holdout)
+    unexplained = replace(
+        misspecification_tests(pooled, evidence, seed),
+        failed=validated.failed,
+        stopped_by=selection.stopped_by,
+    )
+    if named and not unexplained.present:
+        alternative, fault = best_alternative(pooled, model, len(named), found.site_count)
+        unexplained = replace(unexplained, alternative=alternative)
+        if alternative > ALTERNATIVE_MARGIN:
+            unexplained = replace(unexplained, closest_fault=fault)
+    progress(0.95, "looking for indistinguishable explanations")
+    named = with_indistinguishable(assessed, named)
     verdict = "agreement"
-    if disagrees:
+    engine = found.engine
+    if found.p_value < SIGNIFICANCE_LEVEL or unexplained.present or engine is not None:
         verdict = "named" if named or engine is not None else "unexplained"
+    linear = given.linear
+    before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
     return Diagnosis(
         verdict=verdict,
         reasons=(),
         warnings=(*warnings, *notes),
-        preflight=found_before(lines),
+        recording_faults=find_recording_faults(fit),
         vehicle=vehicle,
         seed=seed,
-        p=first.p,
+        p_value=found.p_value,
         named=named,
         engine=engine,
-        none=grown.none,
-        left=left,
-        seen=seen,
-        gaps=proven.gaps,
-        fit=lines,
-        holdout=held,
-        base=linear,
-        final=model.as_read,
-        before=draws([(1.0, plain, plain.mode.z, plain.mode.covariance)], seed),
-        after=draws(grown.told, seed),
-        effects=effect_draws(model.stage, model.allowed, seed),
+        p_none=selection.p_none,
+        unexplained=unexplained,
+        localization=localization,
+        errors=validated.errors,
+        fit=fit,
+        holdout=found.held,
+        base_model=found.without_tones.linear,
+        final_model=assessed.on_inputs_as_read,
+        quantities_before=draw_quantities([before], seed),
+        quantities_after=draw_quantities(selection.posteriors, seed),
+        effect_draws=draw_effects(assessed.model, assessed.evidence, seed),
         seconds=time.perf_counter() - clock,
     )
 
 
-def _explained(model: Model) -> float:
-    """Energy of innovations that the best candidate explains, or a little of everything."""
-    little = model.allowed.by_amount
-    best = float(one_sided(model.found.score, model.found).max())
-    return max(best, 2.0 * float(little.max() - little[0]))
+class _Search(NamedTuple):
+    """Engine and effects that were found.
+
+    Parameters
+    ----------
+    selection : Selection
+        Selected effects, before the validation.
+    engine : Engine or None
+        Whose tones were removed.
+    without_tones : Split
+        Recordings without engine tones, and the linear half car there.
+    held : tuple of PreparedRecording
+        The held-out recordings without engine tones.
+    p_value : float
+        Family-wise p-value of the linear half car.
+    site_count : int
+        Number of sites that effects were selected from.
+    """
+
+    selection: Selection
+    engine: Engine | None
+    without_tones: Split
+    held: tuple[PreparedRecording, ...]
+    p_value: float
+    site_count: int
 
 
-def named_in(
+def _search(
+    given: Split, held: tuple[PreparedRecording, ...], seed: int, progress: Progress
+) -> _Search:
+    """Search for an engine and for missing effects."""
+    first = assess(given.fit, given.linear, seed)
+    explained = _explained_energy(first)
+    dataset, linear, engine, held = remove_engine_tones(
+        given.fit, given.linear, held, base, base, _ENGINE_FIRST * explained
+    )
+    if engine is not None:
+        first = assess(dataset, linear, seed)
+    start = start_selection(first, other_cause=engine is not None)
+    selection = select_effects(start, seed, progress)
+    if engine is None:
+        # the missing effects may have hidden an engine
+        assessed = selection.assessed
+        explained = max(_explained_energy(assessed), _INEXACT_LAW * explained)
+        fits = partial(refit, assessed.model), partial(refit_shared, assessed.model)
+        removed, model, engine, held = remove_engine_tones(
+            assessed.dataset, assessed.on_inputs_as_read, held, *fits, explained
+        )
+        if engine is not None:
+            dataset, linear = removed, base(removed)
+            again = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
+            selection = select_effects(again, seed, progress)
+    holdout = given.holdout if engine is None or not held else setting(given.fit.vehicle, held)
+    split = Split(dataset, holdout, linear)
+    return _Search(selection, engine, split, held, first.p_value, first.test.site_count)
+
+
+def _explained_energy(assessed: AssessedModel) -> float:
+    """Energy of innovations that the best candidate, or all tolerances, explain."""
+    test, by_scale = assessed.test, assessed.evidence.by_scale
+    best = float(one_sided_squares(test.standardized_scores, test).max())
+    return max(best, 2.0 * float(by_scale.max() - by_scale[0]))
+
+
+def missing_effects(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Site, ...]:
-    """Effects that are more likely than not to be in these recordings."""
-    found = diagnose(recordings, (), vehicle, seed, progress)
-    return tuple(n.site for n in found.named if found.believed(n) > 0.5)
+    """Effects that are more probable than not, for an estimate with them in the model."""
+    diagnosis = diagnose(recordings, (), vehicle, seed, progress)
+    return tuple(e.site for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
 
 
-def _held_out(
+def _split(
     recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle
 ) -> tuple[list[Recording], list[Recording], list[str]]:
-    """Choose what is fitted and what is held out."""
+    """Choose the recordings that are fitted and held out, with notes on the choice."""
     if holdout:
         return list(recordings), list(holdout), []
     if len(recordings) > 1:
         last = recordings[-1]
-        return list(recordings[:-1]), [last], [f"{last.source} was held out to prove it on"]
+        return list(recordings[:-1]), [last], [f"{last.source} is held out for the validation"]
     whole = recordings[0]
     name = whole.source or "the recording"
-    half = len(whole.time) // 2
-    begin, end = (
-        replace(whole, time=whole.time[part], values=whole.values[:, part])
-        for part in (slice(0, half), slice(half, None))
+    middle = len(whole.time) // 2
+    first, second = (
+        replace(whole, time=whole.time[half], values=whole.values[:, half])
+        for half in (slice(0, middle), slice(middle, None))
     )
-    power = [float(np.nanvar(part.values[[0, 2]], axis=1).sum()) for part in (begin, end)]
-    usable = half >= 200 and not any(lay_out([part], vehicle)[1] for part in (begin, end))
-    if power[1] > _EXCITED * power[0] and usable:
-        return [begin], [end], [f"the second half of {name} was held out to prove it on"]
-    return [whole], [], [f"nothing of {name} could be held out: give a second drive"]
+    power = [float(np.nanvar(half.values[[0, 2]], axis=1).sum()) for half in (first, second)]
+    usable = middle >= _MIN_ROWS and not any(
+        lay_out([half], vehicle)[1] for half in (first, second)
+    )
+    if power[1] > _MIN_EXCITATION * power[0] and usable:
+        return [first], [second], [f"the second half of {name} is held out for the validation"]
+    return (
+        [whole],
+        [],
+        [f"no part of {name} can be held out for the validation: give a second drive"],
+    )

@@ -34,7 +34,6 @@ __all__ = [
     "declared_rate",
     "nominal_rate",
     "require_half_car",
-    "require_roll_car",
     "sample_times",
     "timing",
 ]
@@ -150,35 +149,32 @@ class Timing:
 
 
 def require_half_car(recording: Recording) -> None:
-    """Check that a recording has the channels of the half car.
+    """Check that a recording has the four accelerations of the half car and no other channel.
 
     Raises
     ------
     InputError
         If its channels are not `CHANNELS`.
     """
-    if recording.channels != CHANNELS:
+    if recording.channels == CHANNELS:
+        return
+    source = recording.source or "recording"
+    if recording.channels == ROLL_CHANNELS:
         raise InputError(
-            recording.source or "recording",
-            f"has the {len(recording.channels)} channels of the roll car, but four are needed",
+            source, "has the seven channels of the roll car, but four are needed",
             "use bayes-asv estimate --car roll",
-        )
-
-
-def require_roll_car(recording: Recording) -> None:
-    """Check that a recording has the channels of the roll car.
-
-    Raises
-    ------
-    InputError
-        If its channels are not `ROLL_CHANNELS`.
-    """
-    if recording.channels != ROLL_CHANNELS:
+        )  # fmt: skip
+    missing = [name for name in CHANNELS if name not in recording.channels]
+    others = [name for name in recording.channels if name not in CHANNELS]
+    if missing:
         raise InputError(
-            recording.source or "recording",
-            "has the four channels of the half car, but the roll car needs seven",
-            f"give {', '.join(ROLL_CHANNELS)}, or leave out --car roll",
-        )
+            source, f"lacks the channel {missing[0]}, which is needed here",
+            "record it, or use bayes-asv estimate",
+        )  # fmt: skip
+    raise InputError(
+        source, f"has the channel {others[0]}, which is not used here",
+        f"keep {', '.join(CHANNELS)} only, or use bayes-asv estimate",
+    )  # fmt: skip
 
 
 def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]:

@@ -59,6 +59,7 @@ _IN = Fraction(254, 10_000)
 _LBM = Fraction(45_359_237, 100_000_000)
 _G0 = Fraction(980_665, 100_000)
 _LBF = _LBM * _G0
+_PI = Fraction("3.1415926535897932384626433832795028841971693993751")
 _MASS, _LENGTH, _TIME, _FORCE = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, -2)
 _ACCELERATION, _NONE = (0, 1, -2), (0, 0, 0)
 
@@ -82,6 +83,8 @@ _UNITS: Final[Mapping[str, _Factor]] = MappingProxyType(
         "N": _Factor(Fraction(1), _FORCE),
         "lbf": _Factor(_LBF, _FORCE),
         "g0": _Factor(_G0, _ACCELERATION),
+        "rad": _Factor(Fraction(1), _NONE, angular=True),
+        "deg": _Factor(_PI / 180, _NONE, angular=True),
         "counts": _Factor(Fraction(1), _NONE),
         "%": _Factor(Fraction(1, 100), _NONE),
         "ppm": _Factor(Fraction(1, 1_000_000), _NONE),

@@ -158,7 +158,7 @@ class Roll:
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """A half car with its sensors.
+    """A car with its sensors.
 
     Two vehicles are equal when their values are equal, whatever files they were read from.
 

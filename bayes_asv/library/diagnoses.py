@@ -133,7 +133,7 @@ def diagnosis_of(found: EngineDiagnosis, recordings: tuple[Recording, ...]) -> D
 
     return Diagnosis(
         document,
-        parameters(found.before, document.parameters_before),
-        parameters(found.after, document.parameters_after),
+        parameters(found.quantities_before, document.parameters_before),
+        parameters(found.quantities_after, document.parameters_after),
         vehicle,
     )

@@ -279,9 +279,9 @@ def _sites(
     sites = tuple(dict.fromkeys(read_site(name) for name in names if name != _AUTO))
     if _AUTO not in names:
         return sites, report
-    from bayes_asv.diagnosis.workflow import named_in
+    from bayes_asv.diagnosis.workflow import missing_effects
 
-    found = named_in(runs, vehicle, seed, part_of(report, 0.0, _SHARE_OF_DIAGNOSIS))
+    found = missing_effects(runs, vehicle, seed, part_of(report, 0.0, _SHARE_OF_DIAGNOSIS))
     sites += tuple(site for site in found if site not in sites)
     return sites, part_of(report, _SHARE_OF_DIAGNOSIS, 1.0)
 

@@ -59,24 +59,16 @@ _SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸
 
 
 class Panel(NamedTuple):
-    """One picture.
-
-    Attributes
-    ----------
-    key : str
-        Unique in the report; ids inside begin with it.
-    alt : str
-        Description for screen readers.
-    svg : str
-        The ``<svg>`` element.
-    wide : bool
-        Whether it takes the whole width of a page.
-    """
+    """One picture."""
 
     key: str
+    """Unique in the report; ids inside begin with it."""
     alt: str
+    """Description for screen readers."""
     svg: str
+    """The ``<svg>`` element."""
     wide: bool = False
+    """Whether it takes the whole width of a page."""
 
 
 @contextmanager
@@ -135,23 +127,10 @@ def canvas(width: float = WIDTH, height: float = HEIGHT) -> Canvas:
 
 
 def panel(figure: Canvas, key: str, alt: str, *, wide: bool = False) -> Panel:
-    """Turn a matplotlib figure into a picture of the report.
+    """Turn a figure that was drawn inside :func:`style` into a picture of the report.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Drawn inside :func:`style`.
-    key : str
-        Unique in the report, letters, digits and hyphens.
-    alt : str
-        What it shows.
-    wide : bool
-        Whether it takes the whole width of a page.
-
-    Returns
-    -------
-    Panel
-        With ids that begin with `key`, no metadata, no document type, coordinates of 1/100 point.
+    `key` is of letters, digits and hyphens.  The picture has ids that begin with it, no metadata,
+    no document type, and coordinates of 1/100 point.
     """
     buffer = io.StringIO()
     none = dict.fromkeys(("Creator", "Date", "Format", "Type"))
@@ -298,23 +277,10 @@ def draw_autocorrelation(
 
 
 def gauge(key: str, share: float, low: float, high: float, reach: float, colour: str) -> Panel:
-    """Draw a parameter relative to nominal, as a dot with its 95 % interval.
+    """Draw a parameter relative to nominal, as a dot with its 95 % interval, 300 × 40 units.
 
-    Parameters
-    ----------
-    key : str
-        Unique in the report.
-    share, low, high : float
-        Mean and interval over nominal, less one.
-    reach : float
-        End of the scale on either side, as a share of nominal.
-    colour : str
-        One of :data:`COLOURS`.
-
-    Returns
-    -------
-    Panel
-        300 × 40 units.
+    `share`, `low` and `high` are mean and interval over nominal, less one; the scale ends at
+    ±`reach`; `colour` is one of :data:`COLOURS`.
     """
 
     def x(value: float) -> float:

@@ -52,6 +52,7 @@ _MAX_LENGTH: Final = 500
 # the text around them: none of them belongs in the name of a car or a file.
 _UNWANTED: Final = frozenset({"Cc", "Cs", "Cn", "Cf", "Co", "Zl", "Zp"})
 
+_COMPARATIVES: Final = {"below": ("smaller", "softer"), "above": ("larger", "stiffer")}
 # Mastrandrea et al., Guidance Note for Lead Authors of the IPCC Fifth Assessment Report on
 # Consistent Treatment of Uncertainties (2010), table 1, with the additional terms below it.
 _LIKELIHOOD: Final = (
@@ -77,20 +78,7 @@ def readable_unit(unit: str) -> str:
 
 
 def decimals_for(sd: float, digits: int = 2) -> int:
-    """Decimals that keep `digits` significant digits of a standard deviation.
-
-    Parameters
-    ----------
-    sd : float
-        Standard deviation, positive and finite.
-    digits : int
-        Significant digits of it to keep.
-
-    Returns
-    -------
-    int
-        May be negative: -2 rounds to hundreds.
-    """
+    """Decimals that keep `digits` significant digits of a positive `sd`; -2 rounds to hundreds."""
     # Rounding first makes 0.0996 a 0.10, so that it keeps two digits and not three.
     return digits - 1 - int(f"{sd:.{digits - 1}e}".partition("e")[2])
 
@@ -101,11 +89,10 @@ def number(value: float | None, sd: float | None = None, digits: int = 2) -> str
     Parameters
     ----------
     value : float or None
-        The number; None and non-finite numbers become a dash.
+        None and non-finite numbers become a dash.
     sd : float, optional
-        Its standard deviation. Without one, or with 0, four significant digits are written.
-    digits : int
-        Significant digits of `sd` to keep.
+        Its standard deviation, of which `digits` significant digits are kept. Without one, or
+        with 0, four significant digits of the number are written.
 
     Returns
     -------
@@ -146,18 +133,7 @@ def _with_minus_sign(text: str) -> str:
 
 
 def probability(p: float | None) -> str:
-    """Write a probability that was counted from draws: never exactly 0 or 1.
-
-    Parameters
-    ----------
-    p : float or None
-        Between 0 and 1.
-
-    Returns
-    -------
-    str
-        For example ``82 %``, ``99.4 %`` or ``> 99.9 %``.
-    """
+    """Write a probability that was counted from draws: ``82 %``, ``99.4 %`` or ``> 99.9 %``."""
     if p is None or not math.isfinite(p):
         return MISSING
     if p > 0.999:
@@ -175,21 +151,8 @@ def p_value(p: float) -> str:
 def likelihood_words(p: float) -> str:
     """Describe a probability on the calibrated scale of the IPCC.
 
-    Parameters
-    ----------
-    p : float
-        Between 0 and 1.
-
-    Returns
-    -------
-    str
-        From ``exceptionally unlikely`` (below 1 %) over ``about as likely as not`` (33 to 66 %) to
-        ``virtually certain`` (above 99 %).
-
-    Raises
-    ------
-    ValueError
-        If `p` is not a probability.
+    From ``exceptionally unlikely`` (below 1 %) over ``about as likely as not`` (33 to 66 %) to
+    ``virtually certain`` (above 99 %).  ValueError if `p` is not a probability.
     """
     if not 0.0 <= p <= 1.0:
         raise ValueError(f"{p} is not a probability")
@@ -246,25 +209,17 @@ def estimate_text(parameter: Summary, unit: str) -> str:
 
 
 class Comparison(NamedTuple):
-    """A parameter compared with its nominal value.
-
-    Attributes
-    ----------
-    sense : str
-        ``below`` or ``above``; ``agrees`` when nominal lies within the 95 % interval; ``unclear``
-        when it does only because the interval is wide.
-    words : str
-        The same in words: ``9 % softer than nominal``.
-    share : float
-        Posterior mean over nominal, less one.
-    p_below : float
-        Posterior probability that the parameter is below nominal.
-    """
+    """A parameter compared with its nominal value."""
 
     sense: str
+    """``below`` or ``above``; ``agrees`` when nominal lies within the 95 % interval; ``unclear``
+    when it does only because the interval is wide."""
     words: str
+    """The same in words, ``9 % softer than nominal``."""
     share: float
+    """Posterior mean over nominal, less one."""
     p_below: float
+    """Posterior probability that the parameter is below nominal."""
 
     @property
     def p_side(self) -> float:
@@ -280,19 +235,7 @@ class Comparison(NamedTuple):
 def compare(
     name: str, mean: float, sd: float, eti95: Iterable[float], nominal: float, p_below: float
 ) -> Comparison:
-    """Compare a parameter with its nominal value.
-
-    Parameters
-    ----------
-    name : str
-        ``c_f``, ``c_r``, ``i``, …
-    mean, sd, eti95 : float, float, two floats
-        Mean, standard deviation and 95 % interval of the posterior.
-    nominal : float
-        Not zero.
-    p_below : float
-        Posterior probability that the parameter is below nominal.
-    """
+    """Compare the posterior of a parameter with its nominal value, which is not zero."""
     low, high = eti95
     share = mean / nominal - 1.0
     if low <= nominal <= high:
@@ -301,10 +244,7 @@ def compare(
         return Comparison("agrees", "agrees with nominal", share, p_below)
     side = "below" if share < 0.0 else "above"
     damper = name.startswith(("c_", "zeta"))
-    word = {
-        ("below", True): "softer", ("above", True): "stiffer",
-        ("below", False): "smaller", ("above", False): "larger",
-    }[side, damper]  # fmt: skip
+    word = _COMPARATIVES[side][damper]
     if abs(share) < SMALL_DIFFERENCE:
         words = f"slightly {word} than nominal ({difference(share)})"
     else:
@@ -326,20 +266,7 @@ def difference(share: float) -> str:
 
 
 def parameter_sentence(name: str, parameter: Parameter) -> str:
-    """State a parameter: mean, interval, and how it compares with nominal.
-
-    Parameters
-    ----------
-    name : str
-        ``c_f``, ``c_r``, ``i``, …
-    parameter : Parameter
-        From the document.
-
-    Returns
-    -------
-    str
-        One sentence.
-    """
+    """State a parameter in one sentence: mean, interval, and how it compares with nominal."""
     label = LABELS.get(name, plain(parameter.label or name))
     value = estimate_text(parameter, parameter.unit)
     start = f"The {label} is {value} (95 %: {interval(parameter, 1)})"

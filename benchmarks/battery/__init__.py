@@ -1,1 +1,1 @@
-"""The battery: what the diagnosis says about cars whose faults are sealed away, and how often."""
+"""Battery: the diagnosis of simulated cars with sealed faults, and its error rates."""

@@ -23,27 +23,29 @@ RESULTS = ROOT / "benchmarks" / "results" / "battery"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what is asked for; return the exit status."""
+    """Run the command; return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.battery",
-        description="Cars whose faults are sealed away, diagnosed and judged.",
+        description="Diagnose cars with sealed faults and judge the diagnoses.",
     )
-    which = "cells, groups, or beginnings of their names; all when left out"
+    which = "cells, groups, or beginnings of their names (default: all)"
     parser.add_argument("--cells", nargs="+", metavar="NAME", help=which)
-    parser.add_argument("--runs", type=_positive, help="cases a cell, in place of its own number")
+    parser.add_argument("--runs", type=_positive, help="cases per cell, in place of its own number")
     parser.add_argument("--processes", type=_positive, default=2)
     parser.add_argument("--seed", type=int, default=1)
-    whose = "whose cars: those to develop on, or those of the test (default)"
+    whose = "vehicle families: those of development, or those of the test (default)"
     parser.add_argument("--set", choices=("dev", "test"), default="test", dest="fleet", help=whose)
     parser.add_argument("--out", type=Path, help="folder of the results")
-    judged = "what is judged (default: the diagnosis, called in process)"
+    judged = "diagnoser to judge (default: the diagnosis, called in process)"
     parser.add_argument("--diagnoser", default=DEFAULT, metavar="MODULE:FUNCTION", help=judged)
     left_out = f"leave a part of the diagnosis out: {', '.join(ABLATIONS)}"
     parser.add_argument("--ablation", metavar="NAME", help=left_out)
-    parser.add_argument("--fresh", action="store_true", help="do cases again that are there")
-    parser.add_argument("--reseal", action="store_true", help="make the answers again as well")
-    parser.add_argument("--seal-only", action="store_true", help="seal answers, diagnose nothing")
-    parser.add_argument("--list", action="store_true", help="name the cells and their cases")
+    parser.add_argument("--fresh", action="store_true", help="repeat cases that have a result")
+    parser.add_argument("--reseal", action="store_true", help="repeat the answers as well")
+    parser.add_argument("--seal-only", action="store_true", help="seal answers without diagnosing")
+    parser.add_argument(
+        "--list", action="store_true", help="list the cells and their numbers of cases"
+    )
     parser.add_argument("--report", action="store_true", help="write the page from the results")
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
     given = parser.parse_args(arguments)
@@ -75,18 +77,18 @@ def main(arguments: list[str] | None = None) -> int:
         print(exc, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("stopped; the same command goes on where it was", file=sys.stderr)
+        print("stopped; the same command resumes", file=sys.stderr)
         return 130
     return 0
 
 
 def chosen(names: list[str] | None) -> tuple[Cell, ...]:
-    """Cells that have one of the given words for a name or a group, or else begin with it.
+    """Return the cells of the given names or groups, or whose names begin so.
 
     Raises
     ------
     InputError
-        When a word is neither.
+        If there is no such cell.
     """
     if names is None:
         return CELLS
@@ -108,5 +110,5 @@ def _positive(text: str) -> int:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a stop is a stop
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # stop as on an interrupt
     sys.exit(main())

@@ -1,7 +1,7 @@
-"""Parts that the diagnosis can be asked to do without, to see what each of them is good for.
+"""Ablations: parts of the diagnosis that are left out, to measure what each contributes.
 
-Each stands in place of one function or number of :mod:`bayes_asv.diagnosis` while a case is
-diagnosed; the package itself knows nothing of it.
+Each replaces functions or constants of :mod:`bayes_asv.diagnosis` while a case is diagnosed; the
+package itself has no switch for it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 
 from bayes_asv.diagnosis.misspecification_test import Unexplained
-from bayes_asv.diagnosis.unlisted_faults_test import Nameless
+from bayes_asv.diagnosis.unlisted_faults_test import UnlistedExplanation
 from bayes_asv.domain.errors import InputError
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 
@@ -24,14 +24,14 @@ __all__ = ["ABLATIONS", "Ablation", "known", "without"]
 
 @dataclass(frozen=True)
 class Ablation:
-    """What is done without.
+    """A part of the diagnosis that is left out.
 
     Parameters
     ----------
     title : str
-        In the page.
+        On the page.
     replaced : mapping of str to object
-        What stands there instead, by ``module.name`` below :mod:`bayes_asv.diagnosis`.
+        Replacements by ``module.name`` within :mod:`bayes_asv.diagnosis`.
     """
 
     title: str
@@ -39,12 +39,12 @@ class Ablation:
 
 
 def known(name: str) -> Ablation:
-    """Find a part that can be left out.
+    """Return an ablation by its name.
 
     Raises
     ------
     InputError
-        When there is no such part.
+        If there is none of that name.
     """
     if name not in ABLATIONS:
         names = ", ".join(ABLATIONS)
@@ -54,42 +54,44 @@ def known(name: str) -> Ablation:
 
 @contextmanager
 def without(name: str | None) -> Iterator[None]:
-    """Diagnose without a part as long as this lasts; with all of them for None."""
+    """Leave a part of the diagnosis out within the context; none for None."""
     replaced = known(name).replaced if name else {}
     with ExitStack() as stack:
-        for place, instead in replaced.items():
-            stack.enter_context(patch(f"bayes_asv.diagnosis.{place}", instead))
+        for place, replacement in replaced.items():
+            stack.enter_context(patch(f"bayes_asv.diagnosis.{place}", replacement))
         yield
 
 
-def _on_wheels_as_read(where: Dataset, stage: FittedModel) -> tuple[Dataset, FittedModel]:
-    return where, fitted(where.target(stage.sites), stage.mode.z)
+def _on_inputs_as_read(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
+    return dataset, fitted(dataset.target(model.sites), model.mode.z)
 
 
 def _all_explained(*_: Any) -> Unexplained:
-    return Unexplained(score=0.0, axle="front", p_memory=1.0, swollen=())
+    return Unexplained(score=0.0, axle="front", p_whiteness=1.0, excess_noise=())
 
 
 ABLATIONS: Final[Mapping[str, Ablation]] = {
-    "quiet_wheels": Ablation(
-        "wheels as they are read",
-        {"model.on_quiet_wheels": _on_wheels_as_read},
+    "denoising": Ablation(
+        "without denoised wheel inputs",
+        {"model_assessment.fit_denoised": _on_inputs_as_read},
     ),
     "tolerances": Ablation(
-        "nothing of everything else allowed for",
-        {"tolerance.AMOUNTS": np.zeros(3)},
+        "without the tolerance prior",
+        {"tolerance_prior.TOLERANCE_SCALES": np.zeros(3)},
     ),
-    "slack": Ablation(
-        "not asked whether something has no name",
+    "unlisted_faults": Ablation(
+        "without tests for unlisted faults",
         {
-            "workflow.unexplained": _all_explained,
-            "proved.unexplained": _all_explained,
-            "workflow.rival": lambda *_: (-np.inf, ""),
-            "growing.without_a_name": lambda *_: Nameless(-np.inf, ""),
+            "workflow.misspecification_tests": _all_explained,
+            "holdout_validation.misspecification_tests": _all_explained,
+            "workflow.best_alternative": lambda *_: (-np.inf, ""),
+            "forward_selection.best_unlisted_explanation": (
+                lambda *_: UnlistedExplanation(-np.inf, "")
+            ),
         },
     ),
-    "held_out": Ablation(
-        "names kept that make held-out runs worse",
-        {"proved.failed": lambda *_: []},
+    "holdout": Ablation(
+        "without removing effects that fail on held-out runs",
+        {"holdout_validation.failed_effects": lambda *_: []},
     ),
 }

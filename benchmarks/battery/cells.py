@@ -8,7 +8,7 @@ from typing import Final
 
 from tests.battery.effects import EFFECTS
 from tests.battery.names import STRENGTHS
-from tests.battery.outside import OUTSIDE
+from tests.battery.unlisted_faults import UNLISTED_FAULTS
 
 __all__ = ["CELLS", "GROUPS", "Cell", "Group", "in_turn"]
 
@@ -92,7 +92,7 @@ def _cells() -> tuple[Cell, ...]:
     out += [
         Cell(OUTSIDE_LIST, f"{name}-{strength:g}", 5)
         for strength in (400.0, 4000.0)
-        for name in OUTSIDE
+        for name in UNLISTED_FAULTS
     ]
     return tuple(out)
 

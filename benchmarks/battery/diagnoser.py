@@ -1,4 +1,4 @@
-"""The one door to the diagnosis: recordings and vehicle in, its document out."""
+"""Diagnosers: from recordings and vehicle to the document of a diagnosis."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DEFAULT = "benchmarks.battery.diagnoser:in_process"
 
 
 class Diagnoser(Protocol):
-    """What is judged."""
+    """A diagnosis to judge."""
 
     def __call__(
         self,
@@ -60,7 +60,9 @@ def resolve(text: str, ablation: str | None = None) -> Diagnoser:
         raise InputError("--diagnoser", f"'{text}' cannot be found", f"write {DEFAULT}") from exc
     if ablation is not None and "ablation" not in inspect.signature(found).parameters:
         raise InputError(
-            "--ablation", f"'{text}' leaves nothing out", "name a diagnoser that takes 'ablation'"
+            "--ablation",
+            f"'{text}' does not support ablations",
+            "name a diagnoser that takes 'ablation'",
         )
     if ablation is not None and found is in_process:
         known(ablation)
@@ -75,14 +77,14 @@ def in_process(
     seed: int,
     ablation: str | None = None,
 ) -> dict[str, Any]:
-    """Diagnose as the command does, without files and without starting a process.
+    """Diagnose as the command does, within this process and without files.
 
     Parameters
     ----------
     recordings, holdout, vehicle, seed
         As the diagnosis takes them.
     ablation : str, optional
-        What it is to do without, of :data:`benchmarks.battery.ablations.ABLATIONS`.
+        Part to leave out, of :data:`benchmarks.battery.ablations.ABLATIONS`.
     """
     from bayes_asv.diagnosis.workflow import diagnose
     from bayes_asv.report.documents.diagnose import diagnose_document
@@ -97,12 +99,12 @@ def by_command(
     vehicle: Vehicle,
     seed: int,
 ) -> dict[str, Any]:
-    """Diagnose as a user does: files in a folder, one command, JSON on standard output.
+    """Diagnose by the command line: files in a folder, JSON on standard output.
 
     Raises
     ------
     RuntimeError
-        When the command ends with another status than 0, 3 or 4, with what it said.
+        If the command ends with another status than 0, 3 or 4, with its error message.
     """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

@@ -1,4 +1,4 @@
-"""What a count, a median or a mean of a few cases leaves open."""
+"""Confidence intervals of shares, medians and means of a few cases."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Share", "bootstrap", "counted"]
+__all__ = ["Share", "bootstrap", "count_true"]
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ _SEED = 71
 
 @dataclass(frozen=True)
 class Share:
-    """So many of so many.
+    """A share of cases.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class Share:
 
     @property
     def share(self) -> float:
-        """Share of hits; nan of nothing."""
+        """Share of hits; nan without cases."""
         return self.hits / self.of if self.of else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's (1927) 95 % interval; all of it when there is nothing to count."""
+        """Wilson's (1927) 95 % interval; from 0 to 1 without cases."""
         if self.of == 0:
             return 0.0, 1.0
         n, p = self.of, self.share
@@ -49,12 +49,12 @@ class Share:
         return low, high
 
     def __add__(self, other: Share) -> Share:
-        """Count both together."""
+        """Pool both."""
         return Share(self.hits + other.hits, self.of + other.of)
 
 
-def counted(truths: Sequence[bool]) -> Share:
-    """Count what is true."""
+def count_true(truths: Sequence[bool]) -> Share:
+    """Count the true values."""
     return Share(sum(truths), len(truths))
 
 
@@ -64,9 +64,9 @@ def bootstrap(values: Array, statistic: Callable[[Array], Array]) -> tuple[float
     Parameters
     ----------
     values : (n,) array
-        One number a case.
+        One value per case.
     statistic : callable
-        Takes arrays (..., n) to statistics (...).
+        From arrays (..., n) to statistics (...).
     """
     rng = np.random.default_rng(_SEED)
     draws = statistic(values[rng.integers(len(values), size=(_DRAWS, len(values)))])

@@ -1,4 +1,4 @@
-"""One document held against one truth."""
+"""A document of a diagnosis judged against the truth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["CONFIDENT", "PARAMETERS", "Gap", "Judged", "judge"]
 CONFIDENT = 0.9
 PARAMETERS = ("c_f", "c_r", "i")
 _DIMENSION = {"c_f": "damping", "c_r": "damping", "i": "pitch_inertia"}
-# Where a document does not judge it by a bootstrap interval, a hundredth is a change.
+# Relative increase of the gap that counts, where a document has no bootstrap interval.
 _CHANGED = 0.01
 
 Claim = tuple[str, str]
@@ -26,14 +26,14 @@ Claim = tuple[str, str]
 
 @dataclass(frozen=True)
 class Gap:
-    """The held-out gap.
+    """The held-out simulation error.
 
     Parameters
     ----------
     before, after, floor : float
-        Root-mean-square, in the document's unit.
+        Root-mean-squares, in the document's unit.
     worse : bool
-        The gap grew, by the document's own bootstrap interval where it says so.
+        The error increased, by the document's own bootstrap interval if it has one.
     """
 
     before: float
@@ -43,48 +43,48 @@ class Gap:
 
     @property
     def closed(self) -> float:
-        """Share of the gap above the floor that was closed; nan when there is none above it."""
+        """Share of the squared error above the floor that was removed; nan if none is above."""
         above = self.before**2 - self.floor**2
         return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else math.nan
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A case with what was said about it.
+    """A case with the judgement of its diagnosis.
 
     Parameters
     ----------
     truth : Truth
-        The answer.
+        Truth of the case.
     verdict : str
         ``agreement``, ``named``, ``unexplained``, ``refused`` or ``error``.
     named : tuple of str
         Names of the effects, in the order in which they were added.
     flagged : bool
-        It says that something is left unexplained.
+        It reports something unexplained.
     name_right : bool
-        The first effect has the name of a true one, wherever it is said to be.
+        The first effect has the name of a true one, at any place.
     first_right : bool
-        The first effect is a true one, name and place.
+        The first effect is a true one, by name and place.
     class_right : bool
-        It is, or lists a true one among what the data cannot tell from it.
+        It, or one that is indistinguishable from it, is a true one.
     found : tuple of bool
-        Of every true effect: it is among those named, or among what they cannot be told from.
+        For each true effect: it, or an indistinguishable one, is named.
     extra : int
-        Effects named that are neither true nor cannot be told from a true one.
+        Named effects that are neither true nor indistinguishable from a true one.
     confidently_wrong : bool
-        Some effect that is not true (nor its class) has a probability of 0.9 or more, and
-        nothing is said to be unexplained.
+        An effect that is not true (nor its class) has a probability of 0.9 or more, and nothing is
+        reported as unexplained.
     probabilities : tuple of (float, bool)
-        Of every effect named: its probability, and whether it or its class is true.
+        For each named effect: its probability, and whether it or its class is true.
     gap : Gap or None
-        The held-out gap, where the document tells it.
+        The held-out simulation error, if the document has it.
     covered_before, covered_after : dict of str to bool
-        Of c_f, c_r, i: the 95 % interval holds what the parameter means.
+        For c_f, c_r, i: the 95 % interval overlaps the true span.
     width_after : dict of str to float
-        Its width over 2 x 1.96 and the true value.
+        Its width over 2 x 1.96 times the true value.
     seconds : float
-        How long it took.
+        Computing time.
     """
 
     truth: Truth
@@ -111,12 +111,12 @@ class Judged:
 
 
 def judge(result: Result, truth: Truth) -> Judged:
-    """Hold a result against the truth.
+    """Judge a result against the truth.
 
     Raises
     ------
     InputError
-        When the document is not what ``bayes_asv/diagnose/1`` promises.
+        If the document does not follow ``bayes_asv/diagnose/1``.
     """
     try:
         return _judge(result.document, truth, result.seconds)
@@ -124,7 +124,7 @@ def judge(result: Result, truth: Truth) -> Judged:
         raise InputError(
             f"{result.name} {result.number}",
             f"has a document that cannot be read ({type(exc).__name__}: {exc})",
-            "hold it against bayes_asv/diagnose/1",
+            "compare it with bayes_asv/diagnose/1",
         ) from exc
 
 
@@ -168,9 +168,9 @@ def _claim(effect: Mapping[str, Any]) -> Claim:
 
 
 def _covers(claims: Iterable[Claim], one: TrueEffect) -> bool:
-    """Whether claims name an effect: at its place, or one an axle for both.
+    """Whether claims name an effect: at its place, or one at each axle for both.
 
-    An engine is heard everywhere: its tone without a place will do.
+    An engine acts on the whole car: its tone needs no place.
     """
     there = set(claims)
     if (one.name, one.where) in there:
@@ -181,7 +181,7 @@ def _covers(claims: Iterable[Claim], one: TrueEffect) -> bool:
 
 
 def _says(mine: Sequence[Claim], one: TrueEffect, every: Sequence[Sequence[Claim]]) -> bool:
-    """Whether one entry says an effect, alone or as one of two axles that are both entries."""
+    """Whether one entry names an effect, alone or as one of two entries for the axles."""
     if _covers(mine, one):
         return True
     if one.where != "both" or not any(name == one.name for name, _ in mine):
@@ -202,7 +202,7 @@ def _gap(document: Mapping[str, Any]) -> Gap | None:
 
 
 def _interval(parameters: Mapping[str, Any], name: str) -> tuple[float, float] | None:
-    """95 % interval of a parameter, SI; None when the document does not tell it."""
+    """95 % interval of a parameter, SI; None if the document has none."""
     one = parameters.get(name)
     if not one or one.get("eti95") is None:
         return None

@@ -74,7 +74,7 @@ def write_page(folder: Path, docs: Path, sealed: Mapping[Key, Answer]) -> None:
     """
     results = load(folder)
     if not results:
-        raise InputError(str(folder), "holds no runs", "run python -m benchmarks.battery first")
+        raise InputError(str(folder), "has no runs", "run python -m benchmarks.battery first")
     cases = judged(results, sealed)
     pack_results(folder)
     beside = docs / "battery"

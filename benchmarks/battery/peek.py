@@ -1,4 +1,4 @@
-"""A look at the last results: ``python -m benchmarks.battery.peek``, a line a group or a case."""
+"""Print the last results, one line per group or case: ``python -m benchmarks.battery.peek``."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ __all__ = ["case_line", "group_lines", "main"]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print what is asked for; return the exit status."""
+    """Run the command; return the exit status."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.battery.peek", description="A look at the last results."
+        prog="python -m benchmarks.battery.peek", description="Print the last results."
     )
     parser.add_argument("--set", choices=("dev", "test"), default="dev", dest="fleet")
     parser.add_argument("--out", type=Path, help="folder of the results")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", nargs="*", metavar="NAME",
-                        help="a line a case, of all or of those whose names begin so")  # fmt: skip
-    parser.add_argument("--wrong", action="store_true", help="only cases that went wrong")
+                        help="one line per case; only those whose names begin so")  # fmt: skip
+    parser.add_argument("--wrong", action="store_true", help="only cases with a wrong diagnosis")
     given = parser.parse_args(arguments)
     folder = given.out or RESULTS / given.fleet
     try:
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(exc, file=sys.stderr)
         return 2
     if given.cases is None and not given.wrong:
-        print("\n".join(group_lines(cases)) or f"{folder} holds no runs")
+        print("\n".join(group_lines(cases)) or f"{folder} has no runs")
         return 0
     chosen = tuple(given.cases or ("",))
     for one in cases:
@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def group_lines(cases: Sequence[Judged]) -> list[str]:
-    """One line a group and strength."""
+    """Return one line per group and strength."""
     out = []
     for group, there in by_group(cases).items():
         for strength in strengths(there) or [0.0]:
@@ -65,7 +65,7 @@ def group_lines(cases: Sequence[Judged]) -> list[str]:
                 words.append(f"flagged {percent(flagged_outside(own))}")
                 words.append(f"misnamed {percent(misnamed_outside(own))}")
             else:
-                words.append(f"surely wrong {percent(n.confidently_wrong)}")
+                words.append(f"confidently wrong {percent(n.confidently_wrong)}")
             if gap.cases:
                 words.append(f"gap {100 * gap.median:.1f} ({100 * gap.tenth:.0f})")
                 words.append(f"worse {gap.worse.hits}/{gap.worse.of}")
@@ -78,7 +78,7 @@ def group_lines(cases: Sequence[Judged]) -> list[str]:
 
 
 def case_line(one: Judged) -> str:
-    """Say what is true and what was said, in one line."""
+    """Return the truth and the diagnosis of a case in one line."""
     t = one.truth
     true = ", ".join(f"{e.name}@{e.where or '-'} {e.size:.3g}" for e in t.effects) or t.kind
     said = ", ".join(

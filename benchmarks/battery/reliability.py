@@ -1,4 +1,4 @@
-"""Do probabilities mean what they say?  Reliability curve and expected calibration error."""
+"""Calibration of probabilities: reliability curve and expected calibration error."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ __all__ = ["Bin", "bins", "calibration_error"]
 
 Array = NDArray[np.float64]
 
-_MOST = 10  # bins
-_FEWEST = 10  # probabilities a bin
+_MAX_BINS = 10
+_MIN_PER_BIN = 10  # probabilities
 _DRAWS = 2000
 _SEED = 71
 
 
 @dataclass(frozen=True)
 class Bin:
-    """Probabilities next to each other.
+    """A bin of probabilities.
 
     Parameters
     ----------
     mean : float
-        Of the probabilities.
+        Mean of the probabilities.
     right : Share
-        How often what they were about was true.
+        Share of true claims.
     """
 
     mean: float
@@ -40,11 +40,11 @@ class Bin:
 def bins(probabilities: Sequence[tuple[float, bool]]) -> list[Bin]:
     """Sort probabilities into bins of about equal numbers: at most ten, at least ten in each.
 
-    Equal probabilities stay together, or chance would part the true from the false among them.
+    Equal probabilities stay together.
     """
     table = np.array(probabilities, dtype=np.float64).reshape(-1, 2)
     table = table[np.argsort(table[:, 0], kind="stable")]
-    number = max(1, min(_MOST, len(table) // _FEWEST))
+    number = max(1, min(_MAX_BINS, len(table) // _MIN_PER_BIN))
     edges = [0]
     for part in np.array_split(np.arange(len(table)), number):
         if len(part) and part[-1] >= edges[-1]:
@@ -57,13 +57,13 @@ def bins(probabilities: Sequence[tuple[float, bool]]) -> list[Bin]:
 
 
 def calibration_error(probabilities: Sequence[tuple[float, bool]]) -> tuple[float, float]:
-    """Return the expected calibration error, and what honest probabilities stay below.
+    """Return the expected calibration error, and its 95 % quantile for calibrated probabilities.
 
-    The error is the mean over the bins, weighted by their numbers, of how far the share that was
-    true is from the mean probability (Naeini, Cooper & Hauskrecht 2015, there with bins of equal
-    width).  Honest probabilities have more than zero: the second figure is the 95 % quantile
-    over 2000 draws of what is true from the probabilities themselves, seed 71 (consistency
-    resampling, Bröcker & Smith 2007).
+    The error is the mean over the bins, weighted by their numbers, of the distance of the true
+    share from the mean probability (Naeini, Cooper & Hauskrecht 2015, there with bins of equal
+    width). Calibrated probabilities have an error as well: its quantile is that of 2000 draws of
+    truths from the probabilities themselves, seed 71 (consistency resampling, Bröcker & Smith
+    2007).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Sealed cases are diagnosed, one by one; whatever is finished is on disk."""
+"""Diagnose sealed cases; each result is written to disk when it is done."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 from bayes_asv.domain.errors import InputError
 from benchmarks.battery.cells import Cell, in_turn
 from benchmarks.battery.diagnoser import Diagnoser, resolve
-from benchmarks.battery.lines import append, pack, read, write
+from benchmarks.battery.json_lines import append, pack, read, write
+from benchmarks.battery.parallel import run_parallel
 from benchmarks.battery.seal import Answer, Key, digest, now
-from benchmarks.battery.share import shared
 from benchmarks.calibration.store import About
 from tests.battery.cases import make_case
 
@@ -25,7 +25,7 @@ __all__ = ["LOOSE", "PACKED", "Job", "Result", "diagnose_all", "drop", "load", "
 Progress = Callable[[float, str], None]
 
 LOOSE, PACKED = "runs.jsonl", "runs.jsonl.gz"
-# What of a document is kept: the rest is curves and lists by run.
+# Keys of a document that are kept: the others are curves and lists by run.
 _KEPT = (
     "schema", "verdict", "reasons", "effects", "unexplained", "disagreement", "gap",
     "parameters_before", "parameters_after", "preflight", "p_value", "p_none",
@@ -34,22 +34,22 @@ _KEPT = (
 
 @dataclass(frozen=True)
 class Result:
-    """What the diagnosis said about one case.
+    """Result of the diagnosis of one case.
 
     Parameters
     ----------
     name : str
-        Of the case.
+        Name of the case.
     number : int
-        Which one of that name.
+        Number of the case of that name.
     seal : str
-        Hash of the file with the answer.
+        Hash of the file of the answer.
     begun : str
         When the diagnosis began, UTC.
     seconds : float
-        How long it took.
+        Computing time.
     document : dict
-        What it said; with the verdict ``error`` and the reason when it broke down.
+        Its document; with the verdict ``error`` and the reason if it raised an exception.
     about : About
         Seed of the battery, commit and versions.
     """
@@ -65,7 +65,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Job:
-    """One case to diagnose: its key, what was sealed, and who diagnoses."""
+    """One case to diagnose: its key, its sealed answer, and the diagnoser."""
 
     key: Key
     answer: Answer
@@ -85,26 +85,26 @@ def diagnose_all(
     processes: int = 1,
     progress: Progress | None = None,
 ) -> int:
-    """Diagnose every sealed case of some cells that has no result yet.
+    """Diagnose every sealed case of some cells without a result.
 
     Parameters
     ----------
     folder : Path
-        Where results are kept.
+        Of the results.
     cells : sequence of Cell
-        What is asked for.
+        Cells to diagnose.
     sealed : mapping
         Answers by name and number.
     about : About
-        What is written beside the results.
+        Provenance of the results.
     diagnoser, ablation : str
         As :func:`benchmarks.battery.diagnoser.resolve` takes them.
     runs : int, optional
-        Cases a cell, in place of each cell's own number.
+        Cases per cell, in place of each cell's own number.
     processes : int
-        How many share the work.
+        Number of processes.
     progress : callable, optional
-        Told the share done and a few words.
+        Called with the share that is done and a description.
 
     Returns
     -------
@@ -114,38 +114,37 @@ def diagnose_all(
     Raises
     ------
     InputError
-        When there are results of another commit or seed, or the rig no longer gives what was
-        sealed.
+        If there are results of another commit or seed, or the rig no longer makes the sealed cases.
     """
-    resolve(diagnoser, ablation)  # a wrong name is told before the work begins
+    resolve(diagnoser, ablation)  # reports a wrong name before the work begins
     wanted = in_turn(cells, runs)
-    there = load(folder)
+    done_before = load(folder)
     for key in wanted:
-        if key in there and there[key].about != about:
-            other = there[key].about
+        if key in done_before and done_before[key].about != about:
+            other = done_before[key].about
             raise InputError(
                 str(folder),
                 f"the results of {key[0]} are of commit {other.commit}, seed {other.seed}",
                 "add --fresh to do them again, or name another --out",
             )
-    jobs = [Job(key, sealed[key], diagnoser, ablation) for key in wanted if key not in there]
+    jobs = [Job(key, sealed[key], diagnoser, ablation) for key in wanted if key not in done_before]
 
     def keep(result: Result, done: int) -> None:
         append(folder / LOOSE, [asdict(result)])
         if progress is not None:
             progress(done / len(jobs), f"{result.name}: {done} of {len(jobs)} cases")
 
-    shared(partial(_diagnosed, about), jobs, processes, keep)
+    run_parallel(partial(_diagnosed, about), jobs, processes, keep)
     return len(jobs)
 
 
 def load(folder: Path) -> dict[Key, Result]:
-    """Every result of a folder, by name and number, the last of each.
+    """Return the last result of each case in a folder, by name and number.
 
     Raises
     ------
     InputError
-        When a file holds what is no result.
+        If a line is not a result.
     """
     found: dict[Key, Result] = {}
     for name in (PACKED, LOOSE):
@@ -154,19 +153,19 @@ def load(folder: Path) -> dict[Key, Result]:
                 result = Result(**{**line, "about": About(**line["about"])})
             except (KeyError, TypeError) as exc:
                 raise InputError(
-                    str(folder / name), "holds a line that is no result", "delete that line"
+                    str(folder / name), "has a line that is not a result", "delete that line"
                 ) from exc
             found[result.name, result.number] = result
     return found
 
 
 def pack_results(folder: Path) -> None:
-    """Put all results into the packed file."""
+    """Move all results into the packed file."""
     pack(folder / LOOSE, folder / PACKED)
 
 
 def drop(folder: Path, names: Sequence[str]) -> None:
-    """Forget all results of some cells."""
+    """Delete all results of some cells."""
     kept = [asdict(result) for key, result in load(folder).items() if key[0] not in names]
     (folder / LOOSE).unlink(missing_ok=True)
     if kept or (folder / PACKED).exists():
@@ -176,28 +175,28 @@ def drop(folder: Path, names: Sequence[str]) -> None:
 def _diagnosed(about: About, job: Job) -> Result:
     name, number = job.key
     truth = job.answer.truth
-    made = make_case(name, truth.seed, number, truth.fleet, truth.effects)
-    if digest(made) != job.answer.digest:
+    one = make_case(name, truth.seed, number, truth.fleet, truth.effects)
+    if digest(one) != job.answer.digest:
         raise InputError(
             f"{name} {number}",
-            "is no longer what was sealed: the rig or the cases have changed",
+            "is no longer the sealed case: the rig or the cases have changed",
             "add --reseal to make the answers again",
         )
     begun = now()
     start = time.perf_counter()
-    # The seed says nothing about the case, and the diagnosis is given nothing else.
+    # The seed does not reveal the case.
     seed = zlib.crc32(job.answer.digest.encode("ascii"))
-    document = _asked(resolve(job.diagnoser, job.ablation), made.recordings, made.holdout,
-                      made.vehicle, seed)  # fmt: skip
+    document = _document(resolve(job.diagnoser, job.ablation), one.recordings, one.holdout,
+                      one.vehicle, seed)  # fmt: skip
     seconds = time.perf_counter() - start
     return Result(name, number, job.answer.seal, begun, round(seconds, 2), document, about)
 
 
-def _asked(diagnoser: Diagnoser, *given: Any) -> dict[str, Any]:
-    """Ask, and keep what is judged; a diagnosis that breaks down is a result as well."""
+def _document(diagnoser: Diagnoser, *given: Any) -> dict[str, Any]:
+    """Run a diagnoser and keep what is judged; an exception is a result as well."""
     try:
         document = diagnoser(*given)
         json.dumps(document, allow_nan=False)
-    except Exception as exc:  # whatever it is, the battery has to count it
+    except Exception as exc:  # any exception counts as a result
         return {"verdict": "error", "reasons": [f"{type(exc).__name__}: {exc}"[:300]]}
     return {key: document[key] for key in _KEPT if key in document}

@@ -1,9 +1,9 @@
-"""Answers are made and sealed before anything is diagnosed.
+"""Sealed answers: truths that are written before their cases are diagnosed.
 
-``answers.jsonl`` grows while cases are made.  When all that were asked for are there it is packed
-into ``answers-<hash>.jsonl.gz`` with the time in its first line; the hash is that of its content,
-so the file cannot change without its name being wrong.  Only what is sealed is diagnosed, and
-every result carries the hash of its answer's file and the time of the diagnosis.
+``answers.jsonl`` grows while cases are made.  When all are made it is packed into
+``answers-<hash>.jsonl.gz`` with the time in its first line.  The hash is that of its content: a
+changed file no longer has the right name.  Only sealed cases are diagnosed, and every result has
+the hash of its answer's file and the time of the diagnosis.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from typing import Any
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import to_toml
 from benchmarks.battery.cells import Cell, in_turn
-from benchmarks.battery.lines import append, read, write
-from benchmarks.battery.share import shared
+from benchmarks.battery.json_lines import append, read, write
+from benchmarks.battery.parallel import run_parallel
 from tests.battery.cases import Case, make_case
-from tests.battery.truth import Truth, as_plain, from_plain
+from tests.battery.truth import Truth, from_dict, to_dict
 from tests.battery.vehicles import Fleet
 
 __all__ = ["Answer", "Key", "answers", "digest", "now", "seal"]
@@ -42,13 +42,13 @@ class Answer:
     Parameters
     ----------
     truth : Truth
-        The answer.
+        Truth of the case.
     digest : str
-        Of everything that the diagnosis gets to see.
+        Hash of everything that the diagnosis is given.
     seal : str
-        Hash of the file that the answer is in.
+        Hash of the file of the answer.
     sealed : str
-        When, UTC.
+        Time of sealing, UTC.
     """
 
     truth: Truth
@@ -63,23 +63,23 @@ def now() -> str:
 
 
 def digest(made: Case) -> str:
-    """Hash of recordings and vehicle; readings enter to a millionth of a m/s^2."""
+    """Hash recordings and vehicle; readings are rounded to a millionth of a m/s^2."""
     found = hashlib.sha256(to_toml(made.vehicle).encode("utf-8"))
     for recording in (*made.recordings, *made.holdout):
         found.update(recording.source.encode("utf-8"))
         for values in (recording.time, recording.values):
-            # adding zero makes one zero of two
+            # adding zero turns -0.0 into 0.0
             found.update((values.round(6) + 0.0).tobytes())
     return found.hexdigest()
 
 
 def answers(folder: Path, fleet: Fleet, seed: int) -> dict[Key, Answer]:
-    """Every sealed answer of a fleet and seed, by name and number.
+    """Return the sealed answers of a fleet and seed, by name and number.
 
     Raises
     ------
     InputError
-        When a file is not what its name says.
+        If the content of a file does not match its name.
     """
     found: dict[Key, Answer] = {}
     for path in sorted(folder.glob(_SEALED)):
@@ -102,24 +102,24 @@ def seal(
     processes: int = 1,
     progress: Progress | None = None,
 ) -> dict[Key, Answer]:
-    """Make and seal the answers of some cells that are not sealed yet; return all that are.
+    """Make and seal the missing answers of some cells; return all sealed answers.
 
     Parameters
     ----------
     folder : Path
-        Where answers are kept.
+        Of the answers.
     cells : sequence of Cell
-        What is asked for.
+        Cells to seal.
     fleet : {'dev', 'test'}
-        Whose cars.
+        Set of vehicle families.
     seed : int
-        Of the battery.
+        Seed of the battery.
     runs : int, optional
-        Cases a cell, in place of each cell's own number.
+        Cases per cell, in place of each cell's own number.
     processes : int
-        How many share the work.
+        Number of processes.
     progress : callable, optional
-        Told the share done and a few words.
+        Called with the share that is done and a description.
     """
     there = answers(folder, fleet, seed)
     loose = folder / _LOOSE
@@ -136,7 +136,7 @@ def seal(
         if progress is not None:
             progress(done / len(left), f"answers: {done} of {len(left)}")
 
-    shared(partial(_made, seed, fleet), left, processes, keep)
+    run_parallel(partial(_made, seed, fleet), left, processes, keep)
     if wanted:
         lines = read(loose)
         own = [x for x in lines if (x["truth"]["fleet"], x["truth"]["seed"]) == (fleet, seed)]
@@ -149,7 +149,7 @@ def seal(
 
 
 def forget(folder: Path, names: Sequence[str]) -> None:
-    """Break the seals: drop answers of some cells, sealed or not."""
+    """Delete the answers of some cells, sealed or not."""
     for path in [*folder.glob(_SEALED), folder / _LOOSE]:
         lines = read(path)
         kept = [x for x in lines if "truth" not in x or x["truth"]["name"] not in names]
@@ -164,13 +164,13 @@ def forget(folder: Path, names: Sequence[str]) -> None:
 
 def _made(seed: int, fleet: Fleet, key: Key) -> dict[str, Any]:
     made = make_case(key[0], seed, key[1], fleet)
-    return {"truth": as_plain(made.truth), "digest": digest(made)}
+    return {"truth": to_dict(made.truth), "digest": digest(made)}
 
 
 def _close(
     folder: Path, lines: list[dict[str, Any]], fleet: Fleet, seed: int, when: str | None = None
 ) -> None:
-    """Pack lines into a file that is named by its content."""
+    """Pack lines into a file named by the hash of its content."""
     head = {"fleet": fleet, "seed": seed, "sealed": when or now(), "cases": len(lines)}
     passing = folder / "answers-.jsonl.gz"
     data = write(passing, [head, *lines])
@@ -186,12 +186,12 @@ def _checked(path: Path) -> list[dict[str, Any]]:
 
     lines = read(path)
     if not lines or path.name != f"answers-{_hash(gzip.decompress(path.read_bytes()))}.jsonl.gz":
-        raise InputError(str(path), "is not what was sealed", "delete it and its results")
+        raise InputError(str(path), "does not match its seal", "delete it and its results")
     return lines
 
 
 def _parsed(path: Path, line: dict[str, Any]) -> tuple[Truth, str]:
     try:
-        return from_plain(line["truth"]), str(line["digest"])
+        return from_dict(line["truth"]), str(line["digest"])
     except (KeyError, TypeError, ValueError) as exc:
-        raise InputError(str(path), "holds a line that is no answer", "delete it") from exc
+        raise InputError(str(path), "has a line that is not an answer", "delete it") from exc

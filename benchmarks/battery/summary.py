@@ -1,4 +1,4 @@
-"""From judged cases to what is claimed."""
+"""Statistics of judged cases."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.battery.cells import CELLS, Group
-from benchmarks.battery.intervals import Share, bootstrap, counted
+from benchmarks.battery.intervals import Share, bootstrap, count_true
 from benchmarks.battery.judge import PARAMETERS, Judged
 from tests.battery.effects import EFFECTS
 from tests.battery.names import STRENGTHS
@@ -31,28 +31,28 @@ __all__ = [
 Array = NDArray[np.float64]
 
 ABOVE_THE_FLOOR = 40.0
-"""Noncentrality from which an effect is well above the floor, as ``docs/interfaces.md`` says."""
+"""Noncentrality from which an effect is well above the floor, as in ``docs/interfaces.md``."""
 
-_NEAR = 0.5  # least share of the strength asked for that has to be reached
+_MIN_REACHED = 0.5  # share of the intended strength that has to be reached
 _GROUP_OF = {cell.name: cell.group for cell in CELLS}
 
 
 @dataclass(frozen=True)
 class Naming:
-    """How cases with an effect of the list were named.
+    """Naming of cases with listed effects.
 
     Parameters
     ----------
     detected : Share
         Verdict other than agreement.
     name, first, of_class : Share
-        First effect has the right name; name and place; it or its class is true.
+        The first effect has the right name; name and place; it or its class is true.
     every : Share
-        All true effects are named, themselves or by their class.
+        All true effects, or their classes, are named.
     exact : Share
-        So they are, and nothing else is.
+        The same, and no other effect is named.
     confidently_wrong : Share
-        A wrong effect with a probability of 0.9 or more, nothing said to be unexplained.
+        A wrong effect has a probability of 0.9 or more, and nothing is reported as unexplained.
     """
 
     detected: Share
@@ -66,18 +66,18 @@ class Naming:
 
 @dataclass(frozen=True)
 class Closed:
-    """What became of the held-out gap.
+    """Held-out simulation error after naming.
 
     Parameters
     ----------
     cases : int
-        Cases with a gap above the floor.
+        Cases with an error above the floor.
     median, tenth : float
-        Median and 10th percentile of the share closed; nan of no case.
+        Median and 10th percentile of the share removed; nan without a case.
     median_interval, tenth_interval : pair of float
         95 % bootstrap intervals.
     worse : Share
-        Cases whose gap grew.
+        Cases whose error increased.
     """
 
     cases: int
@@ -89,7 +89,7 @@ class Closed:
 
 
 def by_group(cases: Sequence[Judged]) -> dict[Group, list[Judged]]:
-    """Sort cases by the groups of :mod:`benchmarks.battery.cells`; others are left out."""
+    """Group cases as :mod:`benchmarks.battery.cells` does; others are left out."""
     out: dict[Group, list[Judged]] = {}
     for cell in CELLS:
         out.setdefault(cell.group, [])
@@ -101,50 +101,50 @@ def by_group(cases: Sequence[Judged]) -> dict[Group, list[Judged]]:
 
 
 def answered(cases: Sequence[Judged]) -> list[Judged]:
-    """Cases that were not refused; a diagnosis that broke down has answered, and wrongly."""
+    """Cases that were not refused; an exception counts as a wrong answer."""
     return [one for one in cases if one.verdict != "refused"]
 
 
 def false_alarm(cases: Sequence[Judged]) -> Share:
-    """Verdict other than agreement where nothing is wrong, refused cases left out."""
-    return counted([one.verdict != "agreement" for one in answered(cases)])
+    """Share of verdicts other than agreement, refused cases left out."""
+    return count_true([one.verdict != "agreement" for one in answered(cases)])
 
 
 def reached(one: Judged) -> bool:
-    """Whether every effect of a case came near the strength that was asked for."""
-    return all(e.noncentrality >= _NEAR * one.truth.strength for e in one.truth.effects)
+    """Whether every effect of a case nearly reaches the intended strength."""
+    return all(e.noncentrality >= _MIN_REACHED * one.truth.strength for e in one.truth.effects)
 
 
 def single(cases: Sequence[Judged], strength: float) -> list[Judged]:
-    """Cases of a strength, without those whose effect cannot be made so strong."""
+    """Cases of a strength, without those whose effect cannot reach it."""
     return [one for one in cases if one.truth.strength == strength and reached(one)]
 
 
 def naming(cases: Sequence[Judged]) -> Naming:
-    """Count how cases with effects of the list were named, refused ones left out."""
+    """Count the naming of cases with listed effects, refused ones left out."""
     asked = answered(cases)
     return Naming(
-        detected=counted([one.verdict != "agreement" for one in asked]),
-        name=counted([one.name_right for one in asked]),
-        first=counted([one.first_right for one in asked]),
-        of_class=counted([one.class_right for one in asked]),
-        every=counted([all(one.found) and bool(one.found) for one in asked]),
-        exact=counted([all(one.found) and bool(one.found) and not one.extra for one in asked]),
-        confidently_wrong=counted([one.confidently_wrong for one in asked]),
+        detected=count_true([one.verdict != "agreement" for one in asked]),
+        name=count_true([one.name_right for one in asked]),
+        first=count_true([one.first_right for one in asked]),
+        of_class=count_true([one.class_right for one in asked]),
+        every=count_true([all(one.found) and bool(one.found) for one in asked]),
+        exact=count_true([all(one.found) and bool(one.found) and not one.extra for one in asked]),
+        confidently_wrong=count_true([one.confidently_wrong for one in asked]),
     )
 
 
 def confusion(
     cases: Mapping[Group, Sequence[Judged]], strength: float
 ) -> tuple[list[str], list[str], Array]:
-    """Shares of what was said first (columns) by what is true (rows).
+    """Shares of the first name (columns) by the true effect (rows).
 
     Parameters
     ----------
     cases : mapping
-        As :func:`by_group` gives it.
+        From :func:`by_group`.
     strength : float
-        Of the effects; nulls and clutter stand in every matrix.
+        Of the effects; cases without a fault and within tolerance are in every matrix.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def confusion(
 
 
 def closed(cases: Sequence[Judged]) -> Closed:
-    """Judge the held-out gap of cases whose effects are well above the floor, held out as well."""
+    """Held-out error of cases whose effects are well above the floor in the held-out run too."""
     use = [
         one
         for one in answered(cases)
@@ -188,7 +188,7 @@ def closed(cases: Sequence[Judged]) -> Closed:
         and np.isfinite(one.gap.closed)
     ]
     shares = np.array([one.gap.closed for one in use if one.gap is not None])
-    worse = counted([one.gap.worse for one in use if one.gap is not None])
+    worse = count_true([one.gap.worse for one in use if one.gap is not None])
     if not len(shares):
         nothing = (float("nan"), float("nan"))
         return Closed(0, float("nan"), float("nan"), nothing, nothing, worse)
@@ -210,8 +210,8 @@ def coverage(cases: Sequence[Judged]) -> dict[str, tuple[Share, Share, float]]:
     """Coverage of 95 % intervals before and after naming, and the median width after, by name."""
     out = {}
     for name in PARAMETERS:
-        before = counted([c.covered_before[name] for c in cases if name in c.covered_before])
-        after = counted([c.covered_after[name] for c in cases if name in c.covered_after])
+        before = count_true([c.covered_before[name] for c in cases if name in c.covered_before])
+        after = count_true([c.covered_after[name] for c in cases if name in c.covered_after])
         widths = [c.width_after[name] for c in cases if name in c.width_after]
         if after.of:
             out[name] = (before, after, float(np.median(widths)))
@@ -219,19 +219,18 @@ def coverage(cases: Sequence[Judged]) -> dict[str, tuple[Share, Share, float]]:
 
 
 def probabilities(cases: Sequence[Judged], flagged: bool) -> list[tuple[float, bool]]:
-    """Probabilities of all effects named, with whether they are true.
+    """Probabilities of all named effects, with whether they are true.
 
     Parameters
     ----------
     cases : sequence of Judged
-        Of any kind.
+        Cases of any kind.
     flagged : bool
-        Take those also of documents that say that something is unexplained: those ask to be
-        read with caution.
+        Include documents that report something unexplained.
     """
     return [pair for one in cases if flagged or not one.flagged for pair in one.probabilities]
 
 
 def strengths(cases: Sequence[Judged]) -> list[float]:
-    """Strengths that there are, in order."""
+    """Strengths among the cases, in order."""
     return [s for s in STRENGTHS if any(one.truth.strength == s for one in cases)]

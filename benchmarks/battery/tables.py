@@ -9,7 +9,7 @@ import numpy as np
 
 from bayes_asv.domain.channels import CHANNELS
 from benchmarks.battery.cells import GROUPS, Group
-from benchmarks.battery.intervals import Share, counted
+from benchmarks.battery.intervals import Share, count_true
 from benchmarks.battery.judge import PARAMETERS, Judged
 from benchmarks.battery.reliability import calibration_error
 from benchmarks.battery.summary import (
@@ -26,7 +26,7 @@ from benchmarks.battery.summary import (
 )
 from benchmarks.calibration.tables import table
 from tests.battery.effects import EFFECTS
-from tests.battery.outside import OUTSIDE
+from tests.battery.unlisted_faults import UNLISTED_FAULTS
 
 __all__ = [
     "by_condition",
@@ -63,12 +63,12 @@ def _strong(cases: Sequence[Judged], least: float = ABOVE_THE_FLOOR) -> list[Jud
 
 def flagged_outside(cases: Sequence[Judged]) -> Share:
     """Count unlisted faults that are reported as unexplained."""
-    return counted([one.flagged for one in cases if one.verdict != "refused"])
+    return count_true([one.flagged for one in cases if one.verdict != "refused"])
 
 
 def misnamed_outside(cases: Sequence[Judged]) -> Share:
     """Count unlisted faults that are named with a probability of at least 0.9 and not flagged."""
-    return counted([one.confidently_wrong for one in cases if one.verdict != "refused"])
+    return count_true([one.confidently_wrong for one in cases if one.verdict != "refused"])
 
 
 def short_answer(cases: Sequence[Judged]) -> str:
@@ -91,9 +91,10 @@ def short_answer(cases: Sequence[Judged]) -> str:
     add("the same: first name's class correct", above.of_class)
     add("the same: confidently wrong", above.confidently_wrong)
     add("one effect of noncentrality 10: first name's class correct", weak.of_class)
-    cluttered = naming(_of(groups, "in-clutter"))
+    with_tolerances = naming(_of(groups, "in-clutter"))
     add(
-        "one effect and deviations within tolerance: first name's class correct", cluttered.of_class
+        "one effect and deviations within tolerance: first name's class correct",
+        with_tolerances.of_class,
     )
     two_effects = _strong(_of(groups, "pair"))
     pairs = naming(two_effects)
@@ -210,7 +211,7 @@ def outside_table(cases: Sequence[Judged]) -> str:
     """Tabulate the results for unlisted faults, one fault per row."""
     there = _strong(_of(by_group(cases), "outside"))
     rows = []
-    for name in OUTSIDE:
+    for name in UNLISTED_FAULTS:
         own = [one for one in there if one.truth.effects[0].name == name]
         if not own:
             continue

@@ -1,7 +1,7 @@
-"""Cases of the battery: ``case(name, seed, number)`` gives recordings, vehicle and the answer.
+"""Cases of the battery: ``case(name, seed, number)`` makes recordings, vehicle and truth.
 
-A case is a car that nobody knows exactly, driven three times: twice over one terrain to fit, once
-over another to hold out.  What is wrong with it, where and how strongly, stands in its truth; see
+A case is a car whose parameters are known only approximately, on three drives: two over one terrain
+to fit, one over another to hold out.  Its truth says which fault it has, where and how large; see
 :mod:`tests.battery.names` for the names.
 """
 
@@ -18,50 +18,50 @@ import numpy as np
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from tests.battery.clutter import cluttered
-from tests.battery.courses import (
+from tests.battery.drives import (
     TERRAIN_NAMES,
     Drive,
     as_recording,
-    driven,
-    fitting_drives,
-    plan,
-    seen,
+    draw_drives,
+    motion_range,
+    scale_drives,
+    simulate_drive,
 )
 from tests.battery.effects import EFFECTS, SECONDS, draw_effect, places
-from tests.battery.meaning import equivalent, paths
+from tests.battery.equivalent_damping import equivalent, paths
 from tests.battery.names import Name, parse
-from tests.battery.outside import OUTSIDE
-from tests.battery.strength import carried, left_over, scaled
+from tests.battery.strength import find_size, frozen_distance, whitened_distance
+from tests.battery.tolerances import with_tolerances
 from tests.battery.truth import TrueEffect, Truth
+from tests.battery.unlisted_faults import UNLISTED_FAULTS
 from tests.battery.vehicles import FAMILIES, Fleet, nominal_car
-from tests.battery.world import Effect, Seen, World, axles
+from tests.battery.world import Effect, MotionRange, World, axles
 from tests.rig import DECLARED_SDS, Adc, RigCar, SensorSpec, draw, draw_biases, vehicle_toml
 
 __all__ = ["Case", "TrueEffect", "Truth", "case", "declared", "make_case"]
 
 _NOISE = (0.5, 1.0, 2.0)
-_DATA_SHEET = 0.534  # times the usual noise, of the 2008 car's sensors
-_TRULY = {"noisier": 1.2, "quieter": 0.8}  # true noise over what is declared
+_DATA_SHEET = 0.534  # noise of the 2008 car's sensors over the usual one
+_TRUE_NOISE = {"noisier": 1.2, "quieter": 0.8}  # true over declared noise
 _GIVEN = {"spring_rate": ("k_f", "k_r"), "weight_distribution": ("wdf",)}
 _CAR = ("c_f", "c_r", "i", "m", "l", "wdf", "k_f", "k_r")
-_SENSOR_RANGE = 4.0  # times the usual one, where tyres are to leave the ground
-_FINER = 4.0  # steps of a 12-bit converter in one of 10 bits
-_HIGHER = 1.15  # from one look at a lifting tyre to the next
+_LIFTING_RANGE = 4.0  # sensor range over the usual one, for tyres that leave the ground
+_BITS_12_OVER_10 = 4.0  # steps of a 12-bit converter in one of a 10-bit one
+_HEIGHT_STEP = 1.15  # factor between two trials to lift a tyre
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case with its answer.
+    """A case with its truth.
 
     Parameters
     ----------
     recordings, holdout : tuple of Recording
-        Runs to fit, and runs that are held out.
+        Runs to fit, and held-out runs.
     vehicle : Vehicle
-        What the team says.
+        As the team declares it.
     truth : Truth
-        What nobody but the judge may see.
+        For the judge only.
     """
 
     recordings: tuple[Recording, ...]
@@ -72,20 +72,20 @@ class Case:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A drawn car on its drives, with nothing wrong yet."""
+    """A drawn car on its drives, without a fault."""
 
     world: World
     vehicle: Vehicle
     drives: tuple[Drive, ...]
     held_out: tuple[Drive, ...]
-    seen: Seen
+    motion_range: MotionRange
     family: str
     noise: float
 
 
 @lru_cache(maxsize=64)
 def case(name: str, seed: int = 1, number: int = 0, fleet: Fleet = "dev") -> Case:
-    """Make a case, or give the one that was made; arguments as for :func:`make_case`."""
+    """Return a case from the cache or from :func:`make_case`, with the same arguments."""
     return make_case(name, seed, number, fleet)
 
 
@@ -96,18 +96,18 @@ def make_case(
     fleet: Fleet = "dev",
     sizes: tuple[TrueEffect, ...] | None = None,
 ) -> Case:
-    """Make a case; the same arguments give the same one.
+    """Make a case; reproducible from its arguments.
 
     Parameters
     ----------
     name : str
         See :mod:`tests.battery.names`.
     seed, number : int
-        Of the battery, and which case of that name.
+        Seed of the battery, and number of the case of that name.
     fleet : {'dev', 'test'}
-        Whose vehicles.
+        Set of vehicle families.
     sizes : tuple of TrueEffect, optional
-        What an earlier call found; spares the search for the effects' sizes.
+        Effects of an earlier call, which spare the search for their sizes.
 
     Returns
     -------
@@ -116,23 +116,28 @@ def make_case(
     Raises
     ------
     ValueError
-        When the name is none.
+        If the name is invalid.
     """
-    what = parse(name)
+    parsed = parse(name)
     rng = np.random.default_rng([seed, zlib.crc32(f"{fleet} {name}".encode()), number])
-    wanted = _wanted(what, rng)
-    scene = _scene(what, number, fleet, rng, [n for n, _ in wanted])
+    wanted = _draw_places(parsed, rng)
+    scene = _scene(parsed, number, fleet, rng, [n for n, _ in wanted])
     effects = [_effect(n, where, rng, scene) for n, where in wanted]
-    found = sizes or tuple(_found(effect, what.strength, scene) for effect in effects)
+    true = sizes or tuple(_at_strength(effect, parsed.strength, scene) for effect in effects)
     world = scene.world
-    if "clutter" in (what.kind, what.modifier):
-        world = cluttered(world, rng, scene.seen.rate, scene.seen.travel, SECONDS)
-    worlds = _worlds(world, effects, [one.size for one in found], len(scene.drives))
-    meant = _meant(scene, worlds, found, what)
-    loud = [replace(w, sensors=_louder(w.sensors, _TRULY.get(what.modifier, 1.0))) for w in worlds]
+    if "clutter" in (parsed.kind, parsed.modifier):
+        world = with_tolerances(
+            world, rng, scene.motion_range.rate, scene.motion_range.travel, SECONDS
+        )
+    worlds = _worlds(world, effects, [one.size for one in true], len(scene.drives))
+    meant = _equivalent_rates(scene, worlds, true, parsed)
+    loud = [
+        replace(w, sensors=_with_noise(w.sensors, _TRUE_NOISE.get(parsed.modifier, 1.0)))
+        for w in worlds
+    ]
     runs = [
-        driven(replace(w, sensors=draw_biases(w.sensors, rng)), how)
-        for w, how in zip(loud, (*scene.drives, *scene.held_out), strict=True)
+        simulate_drive(replace(w, sensors=draw_biases(w.sensors, rng)), planned)
+        for w, planned in zip(loud, (*scene.drives, *scene.held_out), strict=True)
     ]
     fitted, held = runs[: len(scene.drives)], runs[len(scene.drives) :]
     truth = Truth(
@@ -140,10 +145,10 @@ def make_case(
         seed=seed,
         number=number,
         fleet=fleet,
-        kind=_kind(what),
-        modifier=what.modifier,
-        strength=what.strength,
-        effects=tuple(found),
+        kind=_kind(parsed),
+        modifier=parsed.modifier,
+        strength=parsed.strength,
+        effects=tuple(true),
         car={key: getattr(scene.world.car, key) for key in _CAR},
         meant=meant,
         terrain=scene.drives[0].terrain,
@@ -161,27 +166,27 @@ def make_case(
     )
 
 
-def _kind(what: Name) -> str:
-    if what.kind in EFFECTS:
+def _kind(parsed: Name) -> str:
+    if parsed.kind in EFFECTS:
         return "single"
-    return "outside" if what.kind in OUTSIDE else what.kind
+    return "outside" if parsed.kind in UNLISTED_FAULTS else parsed.kind
 
 
-def _wanted(what: Name, rng: np.random.Generator) -> list[tuple[str, str]]:
-    """Names and places of what is to be wrong."""
+def _draw_places(parsed: Name, rng: np.random.Generator) -> list[tuple[str, str]]:
+    """Names and places of the faults."""
 
     def placed(kind: str) -> tuple[str, str]:
-        return kind, what.where or str(rng.choice(places(kind)))
+        return kind, parsed.where or str(rng.choice(places(kind)))
 
-    if what.kind in EFFECTS:
-        return [placed(what.kind)]
-    if what.kind in OUTSIDE:
-        return [(what.kind, "")]
-    if what.kind == "single":
+    if parsed.kind in EFFECTS:
+        return [placed(parsed.kind)]
+    if parsed.kind in UNLISTED_FAULTS:
+        return [(parsed.kind, "")]
+    if parsed.kind == "single":
         return [placed(str(rng.choice(list(EFFECTS))))]
-    if what.kind == "outside":
-        return [(str(rng.choice(list(OUTSIDE))), "")]
-    while what.kind == "pair":
+    if parsed.kind == "outside":
+        return [(str(rng.choice(list(UNLISTED_FAULTS))), "")]
+    while parsed.kind == "pair":
         one, two = (placed(str(n)) for n in rng.choice(list(EFFECTS), 2, replace=False))
         if _apart(one, two):
             return [one, two]
@@ -195,58 +200,58 @@ _LAWS = (
 
 
 def _apart(one: tuple[str, str], two: tuple[str, str]) -> bool:
-    """Whether two effects keep the meaning of their parameters when both are there."""
+    """Whether the parameters of two effects keep their meaning when both are present."""
     same_law = any(one[0] in law and two[0] in law for law in _LAWS)
     return not same_law or (one[1] != two[1] and "both" not in (one[1], two[1]))
 
 
 def _scene(
-    what: Name, number: int, fleet: Fleet, rng: np.random.Generator, wrong: Sequence[str]
+    parsed: Name, number: int, fleet: Fleet, rng: np.random.Generator, wrong: Sequence[str]
 ) -> _Scene:
     families = FAMILIES[fleet]
-    if what.family and what.family not in families:
-        raise ValueError(f"'{what.family}' is none of {', '.join(families)}")
-    family = what.family or str(rng.choice(list(families)))
-    terrain = what.terrain or TERRAIN_NAMES[number % len(TERRAIN_NAMES)]
+    if parsed.family and parsed.family not in families:
+        raise ValueError(f"'{parsed.family}' is none of {', '.join(families)}")
+    family = parsed.family or str(rng.choice(list(families)))
+    terrain = parsed.terrain or TERRAIN_NAMES[number % len(TERRAIN_NAMES)]
     held_out = str(rng.choice([t for t in TERRAIN_NAMES if t != terrain]))
     noise = float(rng.choice(_NOISE))
     nominal = nominal_car(families[family], rng)
     car = draw(nominal, rng)
-    for name in wrong:  # a factor is meant on the given value
+    for name in wrong:  # a factor refers to the given value
         car = replace(car, **{key: getattr(nominal, key) for key in _GIVEN.get(name, ())})
-    noise = noise if what.kind != "coarse" else _DATA_SHEET
-    world = World(car, _sensors(noise, coarse=what.kind == "coarse"))
-    drives = plan(terrain, held_out, rng)
-    lowered = fitting_drives(world, drives, families[family].travel, rng)
-    if what.kind == "lifting":
+    noise = noise if parsed.kind != "coarse" else _DATA_SHEET
+    world = World(car, _sensors(noise, coarse=parsed.kind == "coarse"))
+    drives = draw_drives(terrain, held_out, rng)
+    lowered = scale_drives(world, drives, families[family].travel, rng)
+    if parsed.kind == "lifting":
         world, lowered = _lifting(world, lowered)
     return _Scene(
         world=world,
         vehicle=declared(nominal, world.sensors),
         drives=lowered[:2],
         held_out=lowered[2:],
-        seen=seen(world, lowered[:2]),
+        motion_range=motion_range(world, lowered[:2]),
         family=family,
         noise=noise,
     )
 
 
 def _lifting(world: World, drives: Sequence[Drive]) -> tuple[World, tuple[Drive, ...]]:
-    """Raise the ground until every run lifts a tyre, and give the sensors the range for it."""
+    """Raise the terrain until every run lifts a tyre, with sensors of sufficient range."""
     adc = world.sensors.adc
     assert adc is not None
-    a, b, c, d = (_SENSOR_RANGE * scale for scale in adc.scale)
+    a, b, c, d = (_LIFTING_RANGE * scale for scale in adc.scale)
     world = replace(world, sensors=replace(world.sensors, adc=replace(adc, scale=(a, b, c, d))))
     out = []
-    for how in drives:
-        while not any(driven(world, how, quiet=True).truth["tyres_lifted"]):
-            how = replace(how, height=_HIGHER * how.height)
-        out.append(how)
+    for planned in drives:
+        while not any(simulate_drive(world, planned, noise_free=True).truth["tyres_lifted"]):
+            planned = replace(planned, height=_HEIGHT_STEP * planned.height)
+        out.append(planned)
     return world, tuple(out)
 
 
 def declared(nominal: RigCar, sensors: SensorSpec) -> Vehicle:
-    """Vehicle file of what the team believes."""
+    """Vehicle as the team declares it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "car.toml"
         path.write_text(vehicle_toml(nominal, sensors, DECLARED_SDS), encoding="utf-8")
@@ -255,14 +260,14 @@ def declared(nominal: RigCar, sensors: SensorSpec) -> Vehicle:
 
 def _effect(name: str, where: str, rng: np.random.Generator, scene: _Scene) -> Effect:
     if name in EFFECTS:
-        return draw_effect(name, where, rng, scene.seen, scene.world.car)
-    return OUTSIDE[name](where, rng, scene.seen, scene.world.car)
+        return draw_effect(name, where, rng, scene.motion_range, scene.world.car)
+    return UNLISTED_FAULTS[name](where, rng, scene.motion_range, scene.world.car)
 
 
 def _worlds(
     world: World, effects: Sequence[Effect], sizes: Sequence[float], fitted: int
 ) -> list[World]:
-    """Each run's world, those to fit and one held out; a single event is in its run alone."""
+    """World of each fitted run and of the held-out one; effects of one run are in that only."""
     out = []
     for run in range(fitted + 1):
         own = world
@@ -273,32 +278,34 @@ def _worlds(
     return out
 
 
-def _found(effect: Effect, strength: float, scene: _Scene) -> TrueEffect:
-    """Bring an effect to its strength, alone on an otherwise perfect car."""
+def _at_strength(effect: Effect, strength: float, scene: _Scene) -> TrueEffect:
+    """Find the size at which an effect has its strength, alone on a car without other faults."""
     where = (*scene.drives, *scene.held_out)
     fitted = len(scene.drives)
     plain = [scene.world] * len(where)
 
-    def quiet(worlds: Sequence[World], runs: slice) -> list[Recording]:
+    def noise_free(worlds: Sequence[World], runs: slice) -> list[Recording]:
         pairs = zip(worlds[runs], where[runs], strict=True)
-        return [as_recording(driven(w, how, quiet=True), "") for w, how in pairs]
+        return [
+            as_recording(simulate_drive(w, planned, noise_free=True), "") for w, planned in pairs
+        ]
 
     to_fit, to_hold = slice(0, fitted), slice(fitted, None)
-    clean, start = left_over(quiet(plain, to_fit), scene.vehicle)
+    clean, start = whitened_distance(noise_free(plain, to_fit), scene.vehicle)
 
     def loss(size: float) -> float:
         worlds = _worlds(scene.world, [effect], [size], fitted)
-        return left_over(quiet(worlds, to_fit), scene.vehicle, start)[0] - clean
+        return whitened_distance(noise_free(worlds, to_fit), scene.vehicle, start)[0] - clean
 
-    reached = scaled(loss, strength, effect.first * (strength / 10.0) ** 0.5, effect.largest)
+    reached = find_size(loss, strength, effect.first * (strength / 10.0) ** 0.5, effect.largest)
     worlds = _worlds(scene.world, [effect], [reached.size], fitted)
-    told = left_over(quiet(worlds, to_fit), scene.vehicle, start)[1]
-    before = carried(quiet(plain, to_hold), scene.vehicle, start)
-    after = carried(quiet(worlds, to_hold), scene.vehicle, told)
+    linear = whitened_distance(noise_free(worlds, to_fit), scene.vehicle, start)[1]
+    before = frozen_distance(noise_free(plain, to_hold), scene.vehicle, start)
+    after = frozen_distance(noise_free(worlds, to_hold), scene.vehicle, linear)
     return TrueEffect(
         name=effect.name,
         where=effect.where,
-        parameters=effect.told(reached.size),
+        parameters=effect.parameters(reached.size),
         size=reached.size,
         tolerance=effect.tolerance,
         noncentrality=reached.noncentrality,
@@ -307,19 +314,25 @@ def _found(effect: Effect, strength: float, scene: _Scene) -> TrueEffect:
     )
 
 
-def _meant(
-    scene: _Scene, worlds: Sequence[World], found: Sequence[TrueEffect], what: Name
+def _equivalent_rates(
+    scene: _Scene, worlds: Sequence[World], true: Sequence[TrueEffect], parsed: Name
 ) -> dict[str, tuple[float, float]]:
-    """What c_f, c_r and i mean; see :mod:`tests.battery.meaning`."""
+    """True c_f, c_r and i as spans; see :mod:`tests.battery.equivalent_damping`."""
     car = scene.world.car
     out = {key: (getattr(car, key),) * 2 for key in ("c_f", "c_r", "i")}
-    cluttering = "clutter" in (what.kind, what.modifier)
-    if _kind(what) == "outside" or not (cluttering or found):
+    cluttering = "clutter" in (parsed.kind, parsed.modifier)
+    if _kind(parsed) == "outside" or not (cluttering or true):
         return out
     pairs = zip(worlds, scene.drives, strict=False)
-    both = paths([driven(world, how, quiet=True, keep=True) for world, how in pairs], SECONDS)
+    both = paths(
+        [
+            simulate_drive(world, planned, noise_free=True, keep_motion=True)
+            for world, planned in pairs
+        ],
+        SECONDS,
+    )
     for key, path, axle in zip(("c_f", "c_r"), both, axles("both"), strict=True):
-        on_axle = [one for one in found if axle in one.where or one.where == "both"]
+        on_axle = [one for one in true if axle in one.where or one.where == "both"]
         k = car.k_f if axle == "front" else car.k_r
         for one in on_axle:
             if one.name == "spring_rate":
@@ -331,20 +344,22 @@ def _meant(
 
 
 def _sensors(noise: float, *, coarse: bool = False) -> SensorSpec:
-    """Sensors as declared.  Less noise comes with a converter of 12 bits, unless it is coarse.
+    """Sensors as declared; with less than the usual noise a 12-bit converter, unless coarse.
 
-    Steps of 10 bits drown half the usual noise, and a parked car may read the same count for
-    ever: an error that is no noise at all.
+    The steps of 10 bits exceed half of the usual noise, and a parked car may read a constant count:
+    an error that is not noise.
     """
-    spec = _louder(SensorSpec(), noise)
+    spec = _with_noise(SensorSpec(), noise)
     if coarse or noise >= 1.0 or spec.adc is None:
         return spec
     ten = spec.adc
-    a, b, c, d = (_FINER * zero for zero in ten.zero)
-    e, f, g, h = (scale / _FINER for scale in ten.scale)
-    return replace(spec, adc=Adc((a, b, c, d), (e, f, g, h), int(_FINER) * (ten.top + 1) - 1))
+    a, b, c, d = (_BITS_12_OVER_10 * zero for zero in ten.zero)
+    e, f, g, h = (scale / _BITS_12_OVER_10 for scale in ten.scale)
+    return replace(
+        spec, adc=Adc((a, b, c, d), (e, f, g, h), int(_BITS_12_OVER_10) * (ten.top + 1) - 1)
+    )
 
 
-def _louder(spec: SensorSpec, factor: float) -> SensorSpec:
+def _with_noise(spec: SensorSpec, factor: float) -> SensorSpec:
     a, b, c, d = (factor * level for level in spec.noise)
     return replace(spec, noise=(a, b, c, d))

@@ -1,4 +1,4 @@
-"""Effects that a diagnosis can name, in the rig's own functional forms."""
+"""Listed effects, in the functional forms of the rig."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from tests.battery.world import Axle, Effect, Seen, World, axles, less, with_extra
+from tests.battery.world import Axle, Effect, MotionRange, World, axles, minus_damper, with_terms_at
 from tests.rig import (
     CHANNELS,
     AsymmetricDamper,
@@ -36,19 +36,21 @@ SECONDS: Final = 2.5
 _SUSPENSION: Final = ("front", "rear", "both")
 _ONE_AXLE: Final = ("front", "rear")
 _STOP_RATE: Final = 4.0  # rate of a stop over that of the spring
-_STOP_WIDTH: Final = 0.03  # travel over which a stop comes in, over the travel seen
-_STOP_CLEAR: Final = 8.0  # widths by which a stop of size zero stays out of reach
+_STOP_WIDTH: Final = 0.03  # travel over which a stop comes in, over the travel in use
+_STOP_CLEAR: Final = 8.0  # widths beyond the travel in use at which a stop of size zero is
 
-Maker = Callable[[str, np.random.Generator, Seen, RigCar], Effect]
+EffectFactory = Callable[[str, np.random.Generator, MotionRange, RigCar], Effect]
 
 
 def places(name: str) -> tuple[str, ...]:
-    """Places at which an effect may sit."""
+    """Return the possible places of an effect."""
     return _PLACES[name]
 
 
-def draw_effect(name: str, where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
-    """Draw an effect of a name at a place; its size stays free.
+def draw_effect(
+    name: str, where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar
+) -> Effect:
+    """Draw an effect of variable size at a place.
 
     Parameters
     ----------
@@ -56,12 +58,12 @@ def draw_effect(name: str, where: str, rng: np.random.Generator, seen: Seen, car
         A key of :data:`EFFECTS` and one of its :func:`places`.
     rng : numpy.random.Generator
         Draws its sign, time and frequency.
-    seen : Seen
-        What the drives reach without it.
+    motion : MotionRange
+        Of the drives without it.
     car : RigCar
         The car without it.
     """
-    return EFFECTS[name](where, rng, seen, car)
+    return EFFECTS[name](where, rng, motion, car)
 
 
 def _at(where: str, pair: tuple[float, float]) -> float:
@@ -81,43 +83,45 @@ def _sign(rng: np.random.Generator, positive: float = 0.5) -> float:
     return 1.0 if rng.random() < positive else -1.0
 
 
-def _bound_rebound(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _bound_rebound(
+    where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar
+) -> Effect:
     sign = _sign(rng, 0.75)  # most dampers resist rebound more
 
     def change(world: World, size: float) -> World:
         ratio = math.exp(sign * size)
 
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
-            return AsymmetricDamper(_c(car, axle), ratio), less(_c(car, axle))
+            return AsymmetricDamper(_c(car, axle), ratio), minus_damper(_c(car, axle))
 
-        return with_extra(world, where, terms)
+        return with_terms_at(world, where, terms)
 
-    def told(size: float) -> dict[str, float]:
+    def parameters(size: float) -> dict[str, float]:
         return {"ratio": math.exp(sign * size)}
 
-    return Effect("bound_rebound", where, change, told, 0.006, math.log(5.0), 0.03)
+    return Effect("bound_rebound", where, change, parameters, 0.006, math.log(5.0), 0.03)
 
 
-def _digressive(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
-    rate = _at(where, seen.rate)
+def _digressive(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
+    rate = _at(where, motion.rate)
 
     def knee(size: float) -> float:
         return rate / math.sqrt(size)
 
     def change(world: World, size: float) -> World:
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
-            return DigressiveDamper(_c(car, axle), knee(size)), less(_c(car, axle))
+            return DigressiveDamper(_c(car, axle), knee(size)), minus_damper(_c(car, axle))
 
-        return with_extra(world, where, terms)
+        return with_terms_at(world, where, terms)
 
     return Effect("digressive_damper", where, change, lambda s: {"knee": knee(s)}, 0.03, 100.0, 0.1)
 
 
-def _coulomb(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _coulomb(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     def change(world: World, size: float) -> World:
-        return with_extra(world, where, lambda _car, _axle: (Coulomb(size),))
+        return with_terms_at(world, where, lambda _car, _axle: (Coulomb(size),))
 
-    # a ball joint and a seal hold a few thousandths of the load they carry
+    # friction of ball joint and seal: a few thousandths of the load
     weight = 0.5 * car.m * STANDARD_GRAVITY
     return Effect(
         "coulomb_friction", where, change, lambda s: {"force": s}, 6e-4 * weight, 0.2 * weight,
@@ -125,24 +129,24 @@ def _coulomb(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> E
     )  # fmt: skip
 
 
-def _progressive(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
-    travel = _at(where, seen.travel)
+def _progressive(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
+    travel = _at(where, motion.travel)
 
     def change(world: World, size: float) -> World:
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
             k = _k(car, axle)
             return SinhSpring(k, size / travel**2), LinearSpring(-k)
 
-        return with_extra(world, where, terms)
+        return with_terms_at(world, where, terms)
 
     return Effect(
         "progressive_spring", where, change, lambda s: {"kappa": s / travel**2}, 0.01, 2.0, 0.02
     )
 
 
-def _stop(droop: bool) -> Maker:
-    def make(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
-        peak = seen.droop if droop else seen.bump
+def _stop(droop: bool) -> EffectFactory:
+    def make(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
+        peak = motion.droop if droop else motion.bump
         which = axles(where)
         reach = {axle: peak[axle == "rear"] for axle in which}
 
@@ -155,19 +159,19 @@ def _stop(droop: bool) -> Maker:
                 width = _STOP_WIDTH * reach[axle]
                 return (SmoothStop(gap(axle, size), rate, droop, width),)
 
-            return with_extra(world, where, terms)
+            return with_terms_at(world, where, terms)
 
-        def told(size: float) -> dict[str, float]:
+        def parameters(size: float) -> dict[str, float]:
             first = which[0]
             return {"gap": gap(first, size), "rate": _STOP_RATE * _k(car, first)}
 
         name = "droop_stop" if droop else "bump_stop"
-        return Effect(name, where, change, told, 0.15, 1.1, 0.0)
+        return Effect(name, where, change, parameters, 0.15, 1.1, 0.0)
 
     return make
 
 
-def _spring_rate(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _spring_rate(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     sign = _sign(rng)
 
     def change(world: World, size: float) -> World:
@@ -176,25 +180,25 @@ def _spring_rate(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) 
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
             return (LinearSpring((factor - 1.0) * _k(car, axle)),)
 
-        return with_extra(world, where, terms)
+        return with_terms_at(world, where, terms)
 
-    def told(size: float) -> dict[str, float]:
+    def parameters(size: float) -> dict[str, float]:
         return {"factor": math.exp(sign * size)}
 
-    return Effect("spring_rate", where, change, told, 0.16, math.log(2.5), 0.05)
+    return Effect("spring_rate", where, change, parameters, 0.16, math.log(2.5), 0.05)
 
 
-def _fade(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _fade(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     def change(world: World, size: float) -> World:
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
-            return FadingDamper(_c(car, axle), size, SECONDS), less(_c(car, axle))
+            return FadingDamper(_c(car, axle), size, SECONDS), minus_damper(_c(car, axle))
 
-        return with_extra(world, where, terms)
+        return with_terms_at(world, where, terms)
 
     return Effect("damper_fade", where, change, lambda s: {"loss": s}, 0.008, 0.9, 0.015)
 
 
-def _weight(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _weight(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     sign = _sign(rng)
 
     def change(world: World, size: float) -> World:
@@ -205,8 +209,8 @@ def _weight(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Ef
     )
 
 
-def _push(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
-    """A gust, a kick, a passenger: once, in one of the two fitted runs."""
+def _push(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
+    """A force pulse in one of the two fitted runs, such as a gust or a moving passenger."""
     sign, start, duration = _sign(rng), float(rng.uniform(0.4, 1.5)), float(rng.uniform(0.2, 0.7))
     run = int(rng.integers(2))
     place: Literal["front", "rear", "both"] = where  # type: ignore[assignment]
@@ -215,14 +219,16 @@ def _push(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effe
         push = Push(sign * size, start, duration, place)
         return replace(world, forces=(*world.forces, push))
 
-    def told(size: float) -> dict[str, float]:
+    def parameters(size: float) -> dict[str, float]:
         return {"force": sign * size, "start": start, "duration": duration}
 
     weight = car.m * STANDARD_GRAVITY
-    return Effect("external_force", where, change, told, 2e-3 * weight, 0.3 * weight, 0.0, run)
+    return Effect(
+        "external_force", where, change, parameters, 2e-3 * weight, 0.3 * weight, 0.0, run
+    )
 
 
-def _engine(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _engine(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     frequency, seed = float(rng.uniform(22.0, 45.0)), int(rng.integers(2**31))
     if where in CHANNELS:
         channel = CHANNELS.index(where)
@@ -241,19 +247,19 @@ def _engine(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Ef
         engine = Engine(frequency, size, front_share=share, seed=seed)
         return replace(world, forces=(*world.forces, engine))
 
-    def told(size: float) -> dict[str, float]:
+    def parameters(size: float) -> dict[str, float]:
         return {"frequency": frequency, "amplitude": size}
 
     weight = car.m * STANDARD_GRAVITY
-    return Effect("engine_vibration", where, change, told, 2e-3 * weight, 0.3 * weight, 0.0)
+    return Effect("engine_vibration", where, change, parameters, 2e-3 * weight, 0.3 * weight, 0.0)
 
 
 def _sensor(
     name: str, key: str, field: str, unit: str, first: float, largest: float, tolerance: float
-) -> Maker:
-    """Return the maker of a sensor's fault: ``field`` of the sensors moves on one channel."""
+) -> EffectFactory:
+    """Return the factory of a sensor fault: a change of one field of one channel."""
 
-    def make(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+    def make(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
         sign, channel = _sign(rng), CHANNELS.index(where)
 
         def moved(value: float, size: float) -> float:
@@ -262,11 +268,11 @@ def _sensor(
         def change(world: World, size: float) -> World:
             return replace(world, sensors=_set(world.sensors, field, channel, moved, size))
 
-        def told(size: float) -> dict[str, float]:
+        def parameters(size: float) -> dict[str, float]:
             begin = {"gain": 1.0, "bandwidth": 50.0}.get(field, 0.0)
             return {key: moved(begin, size)}
 
-        return Effect(name, where, change, told, first, largest, tolerance)
+        return Effect(name, where, change, parameters, first, largest, tolerance)
 
     return make
 
@@ -275,14 +281,14 @@ def _set(
     sensors: SensorSpec, field: str, channel: int, moved: Callable[[float, float], float],
     size: float,
 ) -> SensorSpec:  # fmt: skip
-    """Return the sensors with one channel's value of a field moved."""
+    """Return the sensors with one field of one channel changed."""
     values = list(getattr(sensors, field))
     values[channel] = moved(values[channel], size)
     changes: dict[str, Any] = {field: tuple(values)}
     return replace(sensors, **changes)
 
 
-EFFECTS: Final[Mapping[str, Maker]] = {
+EFFECTS: Final[Mapping[str, EffectFactory]] = {
     "bound_rebound": _bound_rebound,
     "digressive_damper": _digressive,
     "coulomb_friction": _coulomb,
@@ -301,7 +307,7 @@ EFFECTS: Final[Mapping[str, Maker]] = {
     "sensor_drift": _sensor("sensor_drift", "slope", "drift", "m/s^3", 0.02, 10.0, 0.01),
     "engine_vibration": _engine,
 }
-"""Makers of effects by the names of ``docs/interfaces.md``."""
+"""Factories by the names of ``docs/interfaces.md``."""
 
 _PLACES: Final[Mapping[str, tuple[str, ...]]] = {
     **dict.fromkeys(EFFECTS, _SUSPENSION),

@@ -1,4 +1,4 @@
-"""Names of cases: what is wrong, how strongly, over which ground.
+"""Names of cases: fault, strength and terrain.
 
 ``[modifier+]kind[@where][-strength][/terrain][~family]``, such as ``null``, ``clutter``,
 ``bound_rebound-400``, ``coulomb_friction@rear-40/bump~baja``, ``outside``, ``damper_lash-4000``,
@@ -11,9 +11,9 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from tests.battery.courses import TERRAIN_NAMES
+from tests.battery.drives import TERRAIN_NAMES
 from tests.battery.effects import EFFECTS, places
-from tests.battery.outside import OUTSIDE
+from tests.battery.unlisted_faults import UNLISTED_FAULTS
 
 __all__ = ["MODIFIERS", "STRENGTHS", "Name", "parse"]
 
@@ -29,22 +29,23 @@ _FORM = re.compile(
 
 @dataclass(frozen=True)
 class Name:
-    """A name taken apart.
+    """A parsed name.
 
     Parameters
     ----------
     kind : str
-        ``null``, ``lifting`` (a null whose tyres leave the ground), ``coarse`` (a null with ten
-        bits and the little noise of the 2008 car's data sheets), ``clutter``, ``single`` (any
-        effect), ``outside`` (anything without a name), ``pair``, an effect or an outside thing.
+        ``null``, ``lifting`` (no fault, tyres that leave the ground), ``coarse`` (no fault, ten
+        bits and the low noise of the 2008 car's data sheets), ``clutter`` (deviations within
+        tolerance), ``single`` (any listed effect), ``outside`` (any unlisted fault), ``pair``, or
+        the name of an effect or unlisted fault.
     where : str
-        Place; empty to draw one.
+        Place; drawn if empty.
     strength : float
-        Noncentrality asked for; 0 for nulls.
+        Intended noncentrality; 0 without a fault.
     modifier : str
         One of :data:`MODIFIERS`, or empty.
     terrain, family : str
-        Empty to take turns.
+        Taken in turn or drawn if empty.
     """
 
     kind: str
@@ -56,24 +57,24 @@ class Name:
 
 
 def parse(name: str) -> Name:
-    """Take a name apart.
+    """Parse a name.
 
     Raises
     ------
     ValueError
-        When it is none.
+        If it is invalid.
     """
     found = _FORM.fullmatch(name)
     if found is None:
-        raise ValueError(f"'{name}' is no name of a case")
+        raise ValueError(f"'{name}' is not the name of a case")
     part = {key: value or "" for key, value in found.groupdict().items()}
     kind, where = part["kind"], part["where"]
-    if kind not in (*_SINGLE, "single", "outside", "pair", *EFFECTS, *OUTSIDE):
-        raise ValueError(f"'{kind}' is nothing that can be wrong with a car here")
+    if kind not in (*_SINGLE, "single", "outside", "pair", *EFFECTS, *UNLISTED_FAULTS):
+        raise ValueError(f"'{kind}' is not a known fault")
     if part["modifier"] not in ("", *MODIFIERS):
         raise ValueError(f"'{part['modifier']}' is none of {', '.join(MODIFIERS)}")
     if where and (kind not in EFFECTS or where not in places(kind)):
-        raise ValueError(f"'{kind}' cannot sit at '{where}'")
+        raise ValueError(f"'{kind}' cannot be at '{where}'")
     if part["terrain"] not in ("", *TERRAIN_NAMES):
         raise ValueError(f"'{part['terrain']}' is none of {', '.join(TERRAIN_NAMES)}")
     strength = float(part["strength"]) if part["strength"] else _DEFAULT_STRENGTH

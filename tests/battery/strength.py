@@ -1,13 +1,13 @@
-"""How much the best linear half car loses through an effect: the noncentrality of a case.
+"""Strength of an effect: its noncentrality against the best linear half car.
 
-With no noise at all in the readings, but with the covariance that the noise would have had,
+For readings without noise, weighted with the covariance that the noise would have,
 
     Q = min over the car, start and biases of |L (y - G(car) u)|^2 + |given values in deviations|^2,
 
-where L whitens by S_y + G S_u G^T.  A likelihood-ratio test that knew the effect would be a
-noncentral chi-square with Q less what the same car leaves without the effect.  Nothing of the
-diagnosis is used: Q comes from the innovations of the plain linear car, and a test holds them
-against whole covariance matrices.
+where L whitens by S_y + G S_u G^T.  The likelihood-ratio test for the known effect is a noncentral
+chi-square, whose noncentrality is Q minus its value for the same car without the effect.  Q comes
+from the innovations of the linear car, without the diagnosis, and is tested against complete
+covariance matrices.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.preprocessing.timeline import prepare
 
-__all__ = ["Scaled", "carried", "left_over", "scaled", "without_rails"]
+__all__ = ["ScaledEffect", "find_size", "frozen_distance", "whitened_distance", "without_rails"]
 
 Array = NDArray[np.float64]
 
-_ALL_FILTERED = 3.0  # probit of the share of a sensor's noise that passed its own filter
-_TOLERANCE = 0.1  # of the noncentrality
+_ALL_FILTERED = 3.0  # probit of the share of noise that passes the sensor's own filter
+_TOLERANCE = 0.1  # relative, of the noncentrality
 _ROUNDS = 14
-_FAR = 40.0  # prior deviations; a spring given within 5 % that is twice as stiff is 14 away
+_BOUND = 40.0  # in prior deviations; a spring given within 5 % and twice as stiff is at 14
 
 
 @dataclass(frozen=True)
-class Scaled:
-    """An effect brought to a strength.
+class ScaledEffect:
+    """Size of an effect for a strength.
 
     Parameters
     ----------
     size : float
-        Of the effect, in its own measure.
+        In the effect's own measure.
     noncentrality : float
-        What was reached; below what was asked where the largest size did not suffice.
+        Reached by it; less than intended where the largest size does not suffice.
     """
 
     size: float
@@ -54,53 +54,55 @@ class Scaled:
 
 
 def without_rails(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with sensors that never clip: readings without noise may go beyond."""
+    """Return the vehicle with sensors that never clip."""
     a, b, c, d = (replace(s, low=-math.inf, high=math.inf) for s in vehicle.sensors)
     return replace(vehicle, sensors=(a, b, c, d))
 
 
-def left_over(
+def whitened_distance(
     recordings: Sequence[Recording], vehicle: Vehicle, start: Array | None = None
 ) -> tuple[float, Array]:
-    """Whitened distance that the best linear half car leaves.
+    """Whitened distance Q of recordings from the best linear half car.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Readings without noise and without steps, of runs that share the car.
+        Of one car, without noise and quantization.
     vehicle : Vehicle
-        Gives priors and noise levels.
+        With priors and noise levels.
     start : (n,) array, optional
-        Where to begin.
+        Starting coordinates.
 
     Returns
     -------
     float
-        Q as above.
+        Q.
     (n,) array
-        Coordinates of the best car, to begin from the next time.
+        Coordinates of the best car.
     """
     target = _target(recordings, vehicle)
     n = target.space.lasting_dimension
 
     def residual(car: Array) -> Array:
-        every = np.append(_innovations(target, car), car)
-        return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
+        joint = np.append(_innovations(target, car), car)
+        return np.asarray(np.nan_to_num(joint, nan=1e6, posinf=1e6, neginf=-1e6))
 
     begin = np.zeros(n) if start is None else start
-    fit = least_squares(residual, begin, bounds=(-_FAR, _FAR), xtol=1e-7, ftol=1e-9, max_nfev=60)
+    fit = least_squares(
+        residual, begin, bounds=(-_BOUND, _BOUND), xtol=1e-7, ftol=1e-9, max_nfev=60
+    )
     return 2.0 * float(fit.cost), np.asarray(fit.x)
 
 
-def carried(recordings: Sequence[Recording], vehicle: Vehicle, car: Array) -> float:
-    """Whitened distance that a car found on other runs leaves here; start and biases are free.
+def frozen_distance(recordings: Sequence[Recording], vehicle: Vehicle, car: Array) -> float:
+    """Whitened distance of recordings from a given car; only start and biases are free.
 
     Parameters
     ----------
     recordings, vehicle
         As :func:`left_over` takes them.
     car : (n,) array
-        Coordinates of the best car there, as that returns them.
+        Coordinates, as :func:`whitened_distance` returns them for other runs.
     """
     return float(np.sum(_innovations(_target(recordings, vehicle), car) ** 2))
 
@@ -108,48 +110,50 @@ def carried(recordings: Sequence[Recording], vehicle: Vehicle, car: Array) -> fl
 def _target(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
     plain = without_rails(vehicle)
     car = car_model("half", plain)
-    where = space(plain, tuple(prepare(recording, plain, car) for recording in recordings))
-    return Posterior(where, (WHITE,) * len(recordings))
+    parameters = space(plain, tuple(prepare(recording, plain, car) for recording in recordings))
+    return Posterior(parameters, (WHITE,) * len(recordings))
 
 
 def _innovations(target: Posterior, car: Array) -> Array:
-    """Innovations of a car, (N,), in deviations; noise is as given."""
+    """Normalised innovations (N,) of a car, with noise as given."""
     z = np.concatenate([car, _levels(target.space)])
     runs = range(len(target.space.timelines))
     return np.concatenate([target.innovations(z, run).ravel() for run in runs])
 
 
-def _levels(where: ParameterSpace) -> Array:
-    """Noise coordinates: levels as given, all of it behind the sensor's filter."""
-    names = where.names[where.lasting_dimension :]
+def _levels(parameters: ParameterSpace) -> Array:
+    """Noise coordinates for the given levels, all noise behind the sensor's filter."""
+    names = parameters.names[parameters.lasting_dimension :]
     return np.array([_ALL_FILTERED if name.startswith("filtered") else 0.0 for name in names])
 
 
-def scaled(loss: Callable[[float], float], target: float, first: float, largest: float) -> Scaled:
-    """Find the size of an effect that reaches a noncentrality.
+def find_size(
+    loss: Callable[[float], float], target: float, first: float, largest: float
+) -> ScaledEffect:
+    """Find the size of an effect for a noncentrality.
 
     Parameters
     ----------
     loss : callable
-        Noncentrality of a size; grows with it, about as its square while small.
+        From a size to its noncentrality, which grows about as its square while small.
     target : float
-        What to reach, within a tenth.
+        Intended noncentrality, within a tenth.
     first : float
-        Size to try first.
+        First size to try.
     largest : float
-        Size that no car has more of.
+        Largest size.
 
     Returns
     -------
     Scaled
     """
-    low, high = (0.0, 0.0), (largest, math.inf)  # size and what it reaches
+    low, high = (0.0, 0.0), (largest, math.inf)  # size and its noncentrality
     size = min(first, 0.9 * largest)
-    best: Scaled | None = None
+    best: ScaledEffect | None = None
     for _ in range(_ROUNDS):
         reached = max(loss(size), 1e-6)
         if best is None or _apart(reached, target) < _apart(best.noncentrality, target):
-            best = Scaled(size, reached)
+            best = ScaledEffect(size, reached)
         if abs(reached / target - 1.0) < _TOLERANCE or (reached < target and size >= largest):
             break
         slope = 2.0

@@ -1,4 +1,4 @@
-"""Leaving a part of the diagnosis out."""
+"""Ablations: each replaces a part of the diagnosis, and only while a case is diagnosed."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ SEED = 1
 
 
 @lru_cache
-def said(ablation: str | None) -> Mapping[str, Any]:
-    made = case(NAME, SEED, 0)
-    return resolve(DEFAULT, ablation)(made.recordings, made.holdout, made.vehicle, SEED)
+def diagnosed(ablation: str | None) -> Mapping[str, Any]:
+    one = case(NAME, SEED, 0)
+    return resolve(DEFAULT, ablation)(one.recordings, one.holdout, one.vehicle, SEED)
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
-def test_a_part_is_back_when_the_case_is_done(name: str) -> None:
+def test_an_ablation_is_undone_after_the_case(name: str) -> None:
     places = {f"bayes_asv.diagnosis.{p}": new for p, new in ABLATIONS[name].replaced.items()}
     before = {place: resolve_name(place) for place in places}
     with without(name):
@@ -34,15 +34,15 @@ def test_a_part_is_back_when_the_case_is_done(name: str) -> None:
     assert all(before[place] is not new for place, new in places.items())
 
 
-@pytest.mark.parametrize("name", ["quiet_wheels", "tolerances", "slack"])
-def test_the_diagnosis_does_without_it(name: str) -> None:
-    whole, less = said(None), said(name)
-    left, still_left = whole["unexplained"], less["unexplained"]
-    assert (less["p_none"] != whole["p_none"]) == (name != "slack")
-    assert (still_left["p_memory"] != left["p_memory"]) == (name != "tolerances")
-    assert (still_left["like"] == "") == (name == "slack")
+@pytest.mark.parametrize("name", ["denoising", "tolerances", "unlisted_faults"])
+def test_an_ablation_changes_the_diagnosis(name: str) -> None:
+    complete, ablated = diagnosed(None), diagnosed(name)
+    before, after = complete["unexplained"], ablated["unexplained"]
+    assert (ablated["p_none"] != complete["p_none"]) == (name != "unlisted_faults")
+    assert (after["p_memory"] != before["p_memory"]) == (name != "tolerances")
+    assert (after["like"] == "") == (name == "unlisted_faults")
 
 
-def test_an_unknown_part_is_told_before_the_work_begins() -> None:
-    with pytest.raises(InputError, match="no part 'whitening'; name one of quiet_wheels"):
+def test_an_unknown_ablation_is_reported_before_the_work_begins() -> None:
+    with pytest.raises(InputError, match="no part 'whitening'; name one of denoising"):
         resolve(DEFAULT, "whitening")

@@ -1,4 +1,4 @@
-"""One document against one truth: names, places, classes, gaps and intervals."""
+"""Judgement of documents against truths: names, places, classes, errors and intervals."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
 from bayes_asv.domain.errors import InputError
-from benchmarks.battery.intervals import Share, bootstrap, counted
+from benchmarks.battery.intervals import Share, bootstrap, count_true
 from benchmarks.battery.judge import Judged, judge
 from benchmarks.battery.reliability import bins, calibration_error
 from benchmarks.battery.run import Result
 from benchmarks.calibration.store import About
-from tests.battery.truth import TrueEffect, Truth, as_plain, from_plain
+from tests.battery.truth import TrueEffect, Truth, from_dict, to_dict
 
 ABOUT = About(1, "abc1234", "none")
 CAR = {"c_f": 1260.9, "c_r": 1751.3, "i": 70.7, "m": 226.6, "l": 1.73, "wdf": 0.47,
@@ -54,7 +54,7 @@ REAR = truth(effect("bound_rebound", "rear"))
 BOTH = truth(effect("bound_rebound", "both"))
 
 
-def test_a_right_name_in_the_right_place() -> None:
+def test_the_right_name_at_the_right_place() -> None:
     one = judged(REAR, entry("bound_rebound", "rear", 0.98))
     assert (one.name_right, one.first_right, one.class_right) == (True, True, True)
     assert one.found == (True,)
@@ -63,7 +63,7 @@ def test_a_right_name_in_the_right_place() -> None:
     assert one.said == "bound_rebound"
 
 
-def test_the_right_name_elsewhere_is_wrong() -> None:
+def test_the_right_name_at_another_place_is_wrong() -> None:
     one = judged(REAR, entry("bound_rebound", "front", 0.95))
     assert (one.name_right, one.first_right, one.class_right) == (True, False, False)
     assert one.confidently_wrong
@@ -71,7 +71,7 @@ def test_the_right_name_elsewhere_is_wrong() -> None:
     assert not judged(REAR, entry("bound_rebound", "both", 0.95)).class_right
 
 
-def test_a_class_that_lists_the_truth_is_right_but_not_by_name() -> None:
+def test_an_indistinguishable_truth_makes_the_class_right_but_not_the_name() -> None:
     one = judged(REAR, entry("damper_fade", "rear", 0.95, ("bound_rebound", "rear")))
     assert (one.name_right, one.first_right, one.class_right) == (False, False, True)
     assert (one.found, one.extra, one.confidently_wrong) == ((True,), 0, False)
@@ -91,7 +91,7 @@ def test_an_effect_on_both_axles_may_be_two_entries() -> None:
     assert judged(BOTH, entry("bound_rebound", "both", 0.9)).first_right
 
 
-def test_order_counts_for_the_first_and_not_for_all() -> None:
+def test_the_order_matters_for_the_first_name_only() -> None:
     pair = truth(effect("bound_rebound", "rear"), effect("sensor_gain", "front_wheel"), kind="pair")
     one = judged(pair, entry("sensor_lag", "front_wheel", 0.5),
                  entry("sensor_gain", "front_wheel", 0.9),
@@ -107,20 +107,20 @@ def test_an_effect_without_a_place_is_null_or_left_out() -> None:
     assert judged(shifted, entry("weight_distribution", None, 0.9)).first_right
     bare = {"name": "weight_distribution", "probability": 0.9}
     assert judged(shifted, bare).first_right
-    shaken = truth(effect("engine_vibration", "rear_chassis"))
-    assert judged(shaken, entry("engine_vibration", None, 0.9)).first_right
-    assert not judged(shaken, entry("engine_vibration", "front_chassis", 0.9)).first_right
+    vibrating = truth(effect("engine_vibration", "rear_chassis"))
+    assert judged(vibrating, entry("engine_vibration", None, 0.9)).first_right
+    assert not judged(vibrating, entry("engine_vibration", "front_chassis", 0.9)).first_right
     assert not judged(REAR, entry("bound_rebound", None, 0.9)).first_right
 
 
-def test_what_is_not_in_the_list_is_never_rightly_named() -> None:
+def test_an_unlisted_fault_is_never_rightly_named() -> None:
     outside = truth(effect("maxwell_mount", "rear"), kind="outside")
-    sure = judged(outside, entry("progressive_spring", "rear", 0.97))
-    assert sure.confidently_wrong
-    assert not sure.flagged
-    careful = judged(outside, entry("progressive_spring", "rear", 0.97), unexplained=True)
-    assert careful.flagged
-    assert not careful.confidently_wrong
+    confident = judged(outside, entry("progressive_spring", "rear", 0.97))
+    assert confident.confidently_wrong
+    assert not confident.flagged
+    cautious = judged(outside, entry("progressive_spring", "rear", 0.97), unexplained=True)
+    assert cautious.flagged
+    assert not cautious.confidently_wrong
     assert judged(outside, entry("maxwell_mount", "rear", 0.99)).extra == 1
     assert judged(outside, unexplained=True).said == "unexplained"
 
@@ -136,7 +136,9 @@ def test_what_is_not_in_the_list_is_never_rightly_named() -> None:
         ({"before": 2.0, "after": 2.01, "floor": 1.0, "worse": True}, None, True),
     ],
 )
-def test_share_of_the_gap(gap: dict[str, Any], share: float | None, worse: bool) -> None:
+def test_share_of_the_error_that_is_removed(
+    gap: dict[str, Any], share: float | None, worse: bool
+) -> None:
     one = judged(REAR, entry("bound_rebound", "rear", 0.9), gap={"fit": gap, "holdout": gap})
     assert one.gap is not None
     assert one.gap.worse is worse
@@ -144,7 +146,7 @@ def test_share_of_the_gap(gap: dict[str, Any], share: float | None, worse: bool)
         assert one.gap.closed == pytest.approx(share)
 
 
-def test_no_gap_above_the_floor_closes_nothing() -> None:
+def test_an_error_at_the_floor_has_no_share() -> None:
     one = judged(REAR, gap={"holdout": {"before": 1.0, "after": 0.9, "floor": 1.1}})
     assert one.gap is not None
     assert np.isnan(one.gap.closed)
@@ -152,7 +154,7 @@ def test_no_gap_above_the_floor_closes_nothing() -> None:
     assert judged(REAR).gap is None
 
 
-def test_intervals_are_read_in_any_unit_and_reach_the_span_that_is_meant() -> None:
+def test_intervals_of_any_unit_are_compared_with_the_true_span() -> None:
     pounds = {"c_f": {"unit": "lbf*s/in", "eti95": [7.1, 7.3]},  # 1243 to 1278 N s/m
               "c_r": {"unit": "N*s/m", "eti95": [1600.0, 1725.0]},
               "i": {"unit": "kg*m^2", "eti95": [71.0, 75.0]}}  # fmt: skip
@@ -174,12 +176,12 @@ def test_intervals_are_read_in_any_unit_and_reach_the_span_that_is_meant() -> No
         {"verdict": "agreement", "gap": {"holdout": {"before": "x", "floor": 1.0}}},
     ],
 )
-def test_documents_that_keep_no_promise_are_told(document: dict[str, Any]) -> None:
+def test_invalid_documents_are_reported(document: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="document that cannot be read"):
         judge(Result("null", 3, "", "", 0.0, document, ABOUT), REAR)
 
 
-def test_a_breakdown_is_judged_as_well() -> None:
+def test_an_exception_is_judged_as_well() -> None:
     broken = Result("null", 0, "", "", 1.0, {"verdict": "error", "reasons": ["x"]}, ABOUT)
     one = judge(broken, REAR)
     assert (one.verdict, one.said, one.found, one.first_right) == (
@@ -190,53 +192,53 @@ def test_a_breakdown_is_judged_as_well() -> None:
     )
 
 
-def test_truths_survive_their_plain_form() -> None:
+def test_truths_survive_serialisation() -> None:
     import json
 
     one = truth(effect("external_force", "both", run=1))
-    assert from_plain(json.loads(json.dumps(as_plain(one)))) == one
+    assert from_dict(json.loads(json.dumps(to_dict(one)))) == one
     with pytest.raises(TypeError):
-        from_plain(as_plain(one) | {"colour": "red"})
+        from_dict(to_dict(one) | {"colour": "red"})
 
 
 # --- intervals and reliability -----------------------------------------------------------------
 
 
 @given(of=st.integers(1, 200), share=st.floats(0.0, 1.0))
-def test_wilson_is_that_of_another_library(of: int, share: float) -> None:
+def test_wilson_interval_agrees_with_scipy(of: int, share: float) -> None:
     hits = round(share * of)
     other = binomtest(hits, of).proportion_ci(0.95, "wilson")
     assert Share(hits, of).interval == pytest.approx((other.low, other.high), abs=1e-6)
 
 
-def test_nothing_counted_says_nothing() -> None:
+def test_the_interval_without_cases_is_complete() -> None:
     assert Share(0, 0).interval == (0.0, 1.0)
     assert np.isnan(Share(0, 0).share)
-    assert counted([True, False, True]) + Share(1, 2) == Share(3, 5)
+    assert count_true([True, False, True]) + Share(1, 2) == Share(3, 5)
 
 
-def test_bootstrap_of_a_mean_is_about_its_standard_error() -> None:
+def test_the_bootstrap_of_a_mean_agrees_with_its_standard_error() -> None:
     x = np.random.default_rng(3).standard_normal(400)
     low, high = bootstrap(x, lambda v: np.asarray(v.mean(axis=-1)))
     assert high - low == pytest.approx(2.0 * 1.96 * x.std() / 20.0, rel=0.1)
     assert low < x.mean() < high
 
 
-def test_reliability_tells_honest_from_boastful() -> None:
-    """Seed 11; an honest set exceeds its 95 % quantile in one seed of twenty."""
+def test_the_calibration_error_detects_overconfidence() -> None:
+    """Seed 11; a calibrated set exceeds its 95 % quantile in one seed of twenty."""
     rng = np.random.default_rng(11)
     p = rng.uniform(0.2, 1.0, 2000)
-    honest = [(float(v), bool(rng.random() < v)) for v in p]
-    boastful = [(float(v), bool(rng.random() < v**3)) for v in p]
-    for b in bins(honest):
+    calibrated = [(float(v), bool(rng.random() < v)) for v in p]
+    overconfident = [(float(v), bool(rng.random() < v**3)) for v in p]
+    for b in bins(calibrated):
         low, high = binom.interval(0.999, b.right.of, b.mean)
         assert low <= b.right.hits <= high
-    error, chance = calibration_error(honest)
+    error, chance = calibration_error(calibrated)
     assert error < chance < 0.04
-    worse, same = calibration_error(boastful)
+    worse, same = calibration_error(overconfident)
     assert worse > 0.1
     assert same == pytest.approx(chance, rel=0.2)
-    assert sum(b.right.of for b in bins(boastful)) == 2000
+    assert sum(b.right.of for b in bins(overconfident)) == 2000
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans()), max_size=60))
@@ -256,7 +258,7 @@ def test_equal_probabilities_are_one_bin() -> None:
     ] == [(0, 5), (60, 90)]
 
 
-def test_refused_cases_are_no_false_alarms() -> None:
+def test_refused_cases_do_not_count_as_false_alarms() -> None:
     from benchmarks.battery.summary import false_alarm
 
     null = truth(kind="null")

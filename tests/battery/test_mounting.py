@@ -1,4 +1,4 @@
-"""What stands between a point and its sensor, and play in a damper, against exact answers."""
+"""Sensor mounts and play in a damper against exact solutions."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 T = np.arange(0.0, 3.0, 1.0 / 16_000.0)
 
 
-def shaken(mounting: rig.Mounting, hertz: float, channel: int) -> complex:
-    """Complex amplitude of a channel whose point moves as a unit sine, once it has settled."""
+def amplitude(mounting: rig.Mounting, hertz: float, channel: int) -> complex:
+    """Settled complex amplitude of a channel whose point moves as a unit sine."""
     point = np.zeros((4, len(T)))
     point[channel] = np.sin(2.0 * np.pi * hertz * T)
     out = mounting.carry(point, T)
@@ -36,13 +36,13 @@ def test_brackets_and_panels_have_the_textbook_transmissibility(hertz: float) ->
     f, zeta, share = 50.0, 0.05, 0.3
     r = hertz / f
     through = (1.0 + 2j * zeta * r) / (1.0 - r**2 + 2j * zeta * r)
-    bracket = shaken(rig.Bracket(1, f, zeta), hertz, 1)
+    bracket = amplitude(rig.Bracket(1, f, zeta), hertz, 1)
     assert bracket == pytest.approx(through, rel=2e-3)
-    panel = shaken(rig.Panel(3, f, share, zeta), hertz, 3)
+    panel = amplitude(rig.Panel(3, f, share, zeta), hertz, 3)
     assert panel == pytest.approx(1.0 + share * (through - 1.0), rel=2e-3)
 
 
-def test_the_oscillator_is_that_of_another_solver() -> None:
+def test_the_oscillator_agrees_with_scipy() -> None:
     base = np.random.default_rng(1).standard_normal(400).cumsum()
     step, omega, zeta = 1e-3, 60.0, 0.1
     w, v = oscillate(base, step, omega, zeta)
@@ -53,7 +53,7 @@ def test_the_oscillator_is_that_of_another_solver() -> None:
     np.testing.assert_allclose(v, x[:, 1], atol=1e-6 * np.abs(x[:, 1]).max())
 
 
-def test_a_kerb_lifts_one_side_and_puts_it_down_again() -> None:
+def test_a_kerb_lifts_one_side_temporarily() -> None:
     kerb = rig.OneSided(0.03, 0.5, 0.2, 0.3)
     out = kerb.carry(np.zeros((4, len(T))), T)
     lift = np.cumsum(np.cumsum(out[0])) / 16_000.0**2
@@ -73,7 +73,7 @@ def test_a_tone_has_its_amplitude_and_frequency() -> None:
     assert not out[[0, 1, 3]].any()
 
 
-def test_a_compressed_sensor_reads_small_motion_whole() -> None:
+def test_a_compressed_sensor_reads_small_motion_correctly() -> None:
     point = np.linspace(-30.0, 30.0, 601)[None].repeat(4, axis=0)
     out = rig.Compressed(3, 20.0).carry(point, np.arange(601.0))
     np.testing.assert_array_equal(out[:3], point[:3])
@@ -83,7 +83,7 @@ def test_a_compressed_sensor_reads_small_motion_whole() -> None:
     assert np.all(np.diff(out[3]) > 0.0)
 
 
-def test_mountings_come_one_after_the_other_and_leave_the_car_alone() -> None:
+def test_mounts_act_in_succession_and_not_on_the_car() -> None:
     motion = rig.simulate(rig.baja(), rig.bump(), 4.4, -0.2, 0.5)
     tone, panel = rig.SensorTone(1, 30.0, 0.5), rig.Panel(1, 20.0, 0.2)
     one = panel.carry(tone.carry(motion.acceleration, motion.time), motion.time)
@@ -98,7 +98,7 @@ def test_mountings_come_one_after_the_other_and_leave_the_car_alone() -> None:
     assert "mountings" not in plain.truth
 
 
-def test_play_falls_back_on_a_mount_and_on_nothing() -> None:
+def test_play_has_the_limits_of_a_mount_and_of_no_damper() -> None:
     car = rig.baja()
 
     def accelerations(*terms: rig.Term) -> Array:
@@ -108,7 +108,7 @@ def test_play_falls_back_on_a_mount_and_on_nothing() -> None:
     none = accelerations(rig.MaxwellMount(car.c_f, 4e6))
     small = accelerations(rig.Lash(car.c_f, 1e-8, 4e6))
     np.testing.assert_allclose(small, none, atol=1e-3 * np.abs(none).max())
-    # play that is wider than the travel: no damper at all
+    # play beyond the travel: no damper
     free = accelerations()
     wide = accelerations(rig.Lash(car.c_f, 1e3, 4e6))
     np.testing.assert_allclose(wide, free, atol=1e-3 * np.abs(free).max())
@@ -116,7 +116,7 @@ def test_play_falls_back_on_a_mount_and_on_nothing() -> None:
     assert np.abs(between - none).max() > 10.0 * np.abs(small - none).max()
 
 
-def test_rest_stays_rest_with_play() -> None:
+def test_a_car_with_play_stays_at_rest() -> None:
     car = rig.with_terms(rig.baja(), "both", rig.Lash(500.0, 1e-3, 4e6))
     run = rig.drive(replace(car), rig.flat(), 0.0, 400, 0.5, rig.SensorSpec.clean(), 0)
     assert np.abs(run.channels).max() < 1e-9

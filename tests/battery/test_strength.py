@@ -1,4 +1,4 @@
-"""Noncentrality: held against whole covariance matrices, a prior's arithmetic, and a power law."""
+"""Noncentrality against complete covariance matrices, a prior, and a power law."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from bayes_asv.domain.recording import Recording, accelerations, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from benchmarks.calibration.dense import Noise, respond
 from tests.battery.cases import declared
-from tests.battery.courses import Drive, as_recording, driven
-from tests.battery.strength import carried, left_over, scaled
+from tests.battery.drives import Drive, as_recording, simulate_drive
+from tests.battery.strength import find_size, frozen_distance, whitened_distance
 from tests.battery.world import World
 from tests.rig import Coulomb, LinearSpring, SensorSpec, baja, with_terms
 
@@ -30,13 +30,13 @@ SPEC = SensorSpec()
 BUMP = Drive("bump", 0.8, 4.6, 0, 0)
 
 
-def quiet(world: World, how: Drive, rows: slice = slice(None)) -> Recording:
-    whole = as_recording(driven(world, how, quiet=True), "")
+def noise_free(world: World, planned: Drive, rows: slice = slice(None)) -> Recording:
+    whole = as_recording(simulate_drive(world, planned, noise_free=True), "")
     return Recording(whole.time[rows], whole.values[:, rows], whole.units, (), "")
 
 
 def dense(recording: Recording, vehicle: Vehicle) -> float:
-    """Least distance by whole covariance matrices: shares no code with the product's filter."""
+    """Least distance by complete covariance matrices, which shares no code with the filter."""
     acc, times = accelerations(recording, vehicle), sample_times(recording, vehicle)
     use = times[1] <= times[0, -1]
     samples, readings = times[0], times[1, use]
@@ -79,51 +79,61 @@ def dense(recording: Recording, vehicle: Vehicle) -> float:
     return 2.0 * float(least_squares(residual, np.zeros(8), xtol=1e-4, ftol=1e-4).cost)
 
 
-def test_noncentrality_is_that_of_whole_covariance_matrices() -> None:
+def test_noncentrality_agrees_with_complete_covariance_matrices() -> None:
     vehicle = declared(baja(), SPEC)
     car = with_terms(baja(), "front", Coulomb(12.0))
-    rubbed = quiet(World(car, SPEC), BUMP, ROWS)
-    loss = dense(rubbed, vehicle)
+    with_friction = noise_free(World(car, SPEC), BUMP, ROWS)
+    loss = dense(with_friction, vehicle)
     assert loss > 100.0
-    assert left_over([rubbed], vehicle)[0] == pytest.approx(loss, rel=0.05)
+    assert whitened_distance([with_friction], vehicle)[0] == pytest.approx(loss, rel=0.05)
 
 
 @pytest.mark.parametrize("terrain", ["bump", "stops", "rough", "rollers"])
-def test_a_linear_car_leaves_nothing_but_its_given_values(terrain: str) -> None:
+def test_a_linear_car_has_no_distance_but_its_given_values(terrain: str) -> None:
     vehicle = declared(baja(), SPEC)
     drives = [Drive(terrain, 0.7, speed, 3, 0) for speed in (2.8, 3.6)]
-    q, z = left_over([quiet(World(baja(), SPEC), how) for how in drives], vehicle)
+    q, z = whitened_distance(
+        [noise_free(World(baja(), SPEC), planned) for planned in drives], vehicle
+    )
     assert q - float(z @ z) < 0.3  # what a spline through the samples cannot know
     assert float(z @ z) < 0.05
 
 
 @pytest.mark.parametrize("off", [0.2, 0.7])
-def test_a_given_value_loses_its_deviations_squared(off: float) -> None:
-    """A spring that the data tell far better than the vehicle file costs what the file says."""
+def test_a_wrong_given_value_costs_its_deviations_squared(off: float) -> None:
+    """A spring rate that the data determine far better than the vehicle file does."""
     vehicle = declared(baja(), SPEC)
     car = with_terms(baja(), "rear", LinearSpring((math.exp(off) - 1.0) * baja().k_r))
     drives = [Drive("rough", 0.8, speed, 3, 0) for speed in (4.5, 5.5)]
-    loss = left_over([quiet(World(car, SPEC), how) for how in drives], vehicle)[0]
+    loss = whitened_distance(
+        [noise_free(World(car, SPEC), planned) for planned in drives], vehicle
+    )[0]
     # mass, weight fraction and the other spring take a little of it over
     assert 0.85 < loss / (off / 0.05) ** 2 < 1.01
 
 
-def test_what_a_linear_car_takes_over_leaves_no_gap_on_other_ground() -> None:
-    """A spring that is off is bent for; a law that bends is met elsewhere with the wrong car."""
+def test_what_a_given_value_takes_up_is_no_error_over_another_terrain() -> None:
+    """A wrong spring rate is taken up; a nonlinear law is met with the wrong car there."""
     vehicle = declared(baja(), SPEC)
     stiff = with_terms(baja(), "rear", LinearSpring(0.2 * baja().k_r))
-    rubbed = with_terms(baja(), "rear", Coulomb(12.0))
-    left = {}
-    for name, car in (("stiff", stiff), ("rubbed", rubbed)):
-        fit = [quiet(World(car, SPEC), Drive("rough", 0.8, speed, 3, 0)) for speed in (4.5, 5.5)]
-        there = [quiet(World(car, SPEC), BUMP)]
-        q, z = left_over(fit, vehicle)
-        left[name] = q, carried(there, vehicle, z), left_over(there, vehicle)[0]
-    bent_for, gap, asked_alone = left["stiff"]
-    assert bent_for > 10.0
+    with_friction = with_terms(baja(), "rear", Coulomb(12.0))
+    distances = {}
+    for name, car in (("stiff", stiff), ("rubbed", with_friction)):
+        fit = [
+            noise_free(World(car, SPEC), Drive("rough", 0.8, speed, 3, 0)) for speed in (4.5, 5.5)
+        ]
+        other_terrain = [noise_free(World(car, SPEC), BUMP)]
+        q, z = whitened_distance(fit, vehicle)
+        distances[name] = (
+            q,
+            frozen_distance(other_terrain, vehicle, z),
+            whitened_distance(other_terrain, vehicle)[0],
+        )
+    taken_up, gap, alone = distances["stiff"]
+    assert taken_up > 10.0
     assert gap < 1.0
-    assert asked_alone > 10.0
-    assert left["rubbed"][1] > left["rubbed"][2] > 100.0
+    assert alone > 10.0
+    assert distances["rubbed"][1] > distances["rubbed"][2] > 100.0
 
 
 @settings(max_examples=60)
@@ -131,7 +141,7 @@ def test_what_a_linear_car_takes_over_leaves_no_gap_on_other_ground() -> None:
     power=st.floats(1.0, 20.0), factor=st.floats(1e-3, 1e3), target=st.sampled_from([10.0, 4000.0]),
     off=st.floats(0.05, 20.0),
 )  # fmt: skip
-def test_sizes_are_found_whatever_the_power(
+def test_a_size_is_found_for_any_power_law(
     power: float, factor: float, target: float, off: float
 ) -> None:
     exact = (target / factor) ** (1.0 / power)
@@ -141,11 +151,11 @@ def test_sizes_are_found_whatever_the_power(
         calls.append(size)
         return float(factor * size**power)
 
-    found = scaled(loss, target, off * exact, 50.0 * exact)
+    found = find_size(loss, target, off * exact, 50.0 * exact)
     assert found.noncentrality == pytest.approx(target, rel=0.1)
     assert len(calls) <= 14
 
 
-def test_a_size_that_no_car_has_is_not_passed() -> None:
-    found = scaled(lambda size: 3.0 * size**2, 4000.0, 0.1, 2.0)
+def test_the_largest_size_is_not_exceeded() -> None:
+    found = find_size(lambda size: 3.0 * size**2, 4000.0, 0.1, 2.0)
     assert (found.size, found.noncentrality) == (2.0, 12.0)

@@ -1,4 +1,4 @@
-"""The answer of a case, and its plain form for a sealed file."""
+"""True faults of a case, and their form in a sealed file."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from typing import Any
 
 from tests.battery.vehicles import Fleet
 
-__all__ = ["TrueEffect", "Truth", "as_plain", "from_plain"]
+__all__ = ["TrueEffect", "Truth", "from_dict", "to_dict"]
 
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """What is wrong.
+    """A fault of a case.
 
     Parameters
     ----------
     name, where : str
-        As a diagnosis should say; ``where`` empty where there is no place.
+        As a diagnosis should name it; ``where`` is empty if it has no place.
     parameters : dict of str to float
-        In the words of ``docs/interfaces.md``, SI; of the front where both axles have it.
+        Named as in ``docs/interfaces.md``, SI; those of the front if both axles have it.
     size, tolerance : float
-        In the effect's own measure, and what a data sheet leaves open at one deviation (0: none).
+        Size in the effect's own measure, and one standard deviation of what data sheets allow (0:
+        none).
     noncentrality : float
-        In the runs to be fitted, the effect alone.
+        Of the effect alone, in the fitted runs.
     held_out : float
-        Whitened distance that the linear car of those runs leaves in the held-out run because of
-        it: what a given value has to be bent for is no gap.
+        Whitened distance that it leaves in the held-out run with the linear car of the fitted runs:
+        an error that a given value can take up is none there.
     run : int or None
-        The fitted run that has it, where it comes once; all runs have it otherwise.
+        The only fitted run with the effect; None if all runs have it.
     """
 
     name: str
@@ -44,7 +45,7 @@ class TrueEffect:
 
 @dataclass(frozen=True)
 class Truth:
-    """The answer of a case.
+    """Truth of a case.
 
     Parameters
     ----------
@@ -55,22 +56,23 @@ class Truth:
     modifier : str
         ``clutter``, ``noisier``, ``quieter`` or empty.
     strength : float
-        Noncentrality asked for.
+        Intended noncentrality.
     effects : tuple of TrueEffect
-        What is wrong.
+        Its faults.
     car : dict of str to float
-        True c_f, c_r, i and given values, SI, without the effects.
+        True c_f, c_r, i and given values without the effects, SI.
     meant : dict of str to (float, float)
-        What c_f, c_r and i mean to a diagnosis, lowest and highest: two values where the rig's
-        form and that of ``docs/interfaces.md`` are not the same; see :mod:`tests.battery.meaning`.
+        Spans of the true c_f, c_r and i for a diagnosis: two values where the functional form of
+        the rig and that of ``docs/interfaces.md`` differ; see
+        :mod:`tests.battery.equivalent_damping`.
     terrain, held_out : str
-        What the fitted and the held-out run go over.
+        Terrain of the fitted and of the held-out runs.
     family : str
-        Of the car.
+        Family of the car.
     noise : float
-        Factor on the usual noise of all sensors, declared.
+        Declared noise of all sensors over the usual one.
     clipped : int
-        Readings at a rail in all runs.
+        Clipped readings in all runs.
     lifted : bool
         A tyre left the ground in some run.
     """
@@ -93,18 +95,18 @@ class Truth:
     lifted: bool
 
 
-def as_plain(truth: Truth) -> dict[str, Any]:
-    """Return a truth as JSON takes it."""
+def to_dict(truth: Truth) -> dict[str, Any]:
+    """Return a truth as a dict for JSON."""
     return asdict(truth)
 
 
-def from_plain(plain: Mapping[str, Any]) -> Truth:
-    """Read what :func:`as_plain` gave, before or after JSON.
+def from_dict(plain: Mapping[str, Any]) -> Truth:
+    """Return the truth of :func:`to_dict`, before or after JSON.
 
     Raises
     ------
     TypeError, KeyError, ValueError
-        When it is none.
+        If it is invalid.
     """
     effects = tuple(TrueEffect(**one) for one in plain["effects"])
     meant = {key: (float(low), float(high)) for key, (low, high) in plain["meant"].items()}

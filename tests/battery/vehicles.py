@@ -1,4 +1,4 @@
-"""Cars of the battery: families to develop on, and others that nobody saw before the test."""
+"""Vehicle families of the battery: those of development, and others for the test only."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Fleet = Literal["dev", "test"]
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of car.
+    """A family of cars.
 
     Parameters
     ----------
     car : callable
-        Gives its typical member.
+        Returns its typical member.
     travel : float
-        Deflection of the suspension that a drive should stay within, m.
+        Largest suspension deflection of a drive, m.
     """
 
     car: Callable[[], RigCar]
@@ -89,11 +89,11 @@ FAMILIES: Final[Mapping[Fleet, Mapping[str, Family]]] = {
         "buggy": Family(_buggy, 0.14),
     },
 }
-"""Families by fleet; no family is in both."""
+"""Families by fleet; disjoint."""
 
 
 def nominal_car(family: Family, rng: np.random.Generator) -> RigCar:
-    """Draw what a team believes of its own car: a member of the family, not its typical one.
+    """Draw the nominal car of a team: a member of the family.
 
     Mass and springs 10 %, wheel base 4 %, dampers 15 %, inertia 10 % (log-normal), weight
     fraction 0.015; unsprung masses and tyres 15 %.

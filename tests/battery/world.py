@@ -1,4 +1,4 @@
-"""What a run is driven with, and how an effect changes it."""
+"""A car with its sensors as they really are, and how an effect changes them."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import Literal
 from tests.rig import ChassisForce, Mounting, RigCar, SensorSpec, Term, with_terms
 from tests.rig.laws import LinearDamper
 
-__all__ = ["Axle", "Effect", "Seen", "World", "axles", "less", "with_extra"]
+__all__ = ["Axle", "Effect", "MotionRange", "World", "axles", "minus_damper", "with_terms_at"]
 
 Axle = Literal["front", "rear"]
 
 
 @dataclass(frozen=True)
 class World:
-    """Everything that is true about a car and its sensors.
+    """A car and its sensors as they really are.
 
     Parameters
     ----------
     car : RigCar
         With its suspension laws.
     sensors : SensorSpec
-        As they are, not as declared.
+        With their true properties, not the declared ones.
     forces : tuple of ChassisForce
-        Outside forces.
+        External forces.
     mountings : tuple of Mounting
-        What is between points and sensors.
+        Mounts between points on the car and sensors.
     """
 
     car: RigCar
@@ -37,8 +37,8 @@ class World:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What the drives to be fitted reach before anything is added; front, rear.
+class MotionRange:
+    """Range of motion of the fitted drives, without any effect; front and rear.
 
     Parameters
     ----------
@@ -54,35 +54,35 @@ class Seen:
 
     @property
     def travel(self) -> tuple[float, float]:
-        """Largest deflection either way, m."""
+        """Largest deflection in either direction, m."""
         front, rear = (max(pair) for pair in zip(self.bump, self.droop, strict=True))
         return front, rear
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect whose size is still free.
+    """An effect of variable size.
 
     Parameters
     ----------
     name, where : str
-        As in the document of a diagnosis; ``where`` empty when it has no place.
+        As in the document of a diagnosis; ``where`` is empty if it has no place.
     change : callable
-        Takes a world without the effect and a size, returns the world with it.
-    told : callable
-        Its parameters in the words of ``docs/interfaces.md``, SI, of a size.
+        From a world without the effect and a size to the world with it.
+    parameters : callable
+        From a size to the values of its parameters, named as in ``docs/interfaces.md``, SI.
     first, largest : float
-        Size to try first for a noncentrality of ten, and size that no car has more of.
+        First guess of the size for a noncentrality of ten, and the largest size to use.
     tolerance : float
-        Size that a data sheet leaves open at one deviation.
+        Size that data sheets allow, as one standard deviation.
     run : int or None
-        The fitted run that has it, where it comes once; all runs have it otherwise.
+        The only fitted run with the effect; None if all runs have it.
     """
 
     name: str
     where: str
     change: Callable[[World, float], World]
-    told: Callable[[float], dict[str, float]]
+    parameters: Callable[[float], dict[str, float]]
     first: float
     largest: float
     tolerance: float
@@ -90,17 +90,19 @@ class Effect:
 
 
 def axles(where: str) -> tuple[Axle, ...]:
-    """Axles that a place of the suspension stands for."""
+    """Return the axles of a place on the suspension."""
     if where == "both":
         return ("front", "rear")
     return ("front",) if where == "front" else ("rear",)
 
 
-def with_extra(world: World, where: str, terms: Callable[[RigCar, Axle], Sequence[Term]]) -> World:
-    """Add terms to the laws of some axles.
+def with_terms_at(
+    world: World, where: str, terms: Callable[[RigCar, Axle], Sequence[Term]]
+) -> World:
+    """Add terms to the force laws of some axles.
 
-    ``terms`` is asked an axle at a time.  What replaces a linear damper comes with a negative
-    linear one beside it, so that several effects add up.
+    ``terms`` is called for each axle.  A term that replaces the linear damper comes with a negative
+    linear damper, so that several effects add up.
     """
     car = world.car
     for axle in axles(where):
@@ -108,6 +110,6 @@ def with_extra(world: World, where: str, terms: Callable[[RigCar, Axle], Sequenc
     return replace(world, car=car)
 
 
-def less(c: float) -> Term:
-    """Return the linear damper taken out again."""
+def minus_damper(c: float) -> Term:
+    """Return a negative linear damper, which cancels the car's own."""
     return LinearDamper(-c)

@@ -65,7 +65,9 @@ def test_innovations_of_draws_are_as_large_as_the_kernel_says(
     line, where = drawn
     line = replace(line, steps=np.zeros(4))  # a converter's steps would hide the wheels' noise
     where = replace(where, timelines=(line,))
-    truth = np.random.default_rng(8).normal(size=where.dimension)
+    # Seed 8 draws 8.6 times the nominal front damping, where the power series of a step, whose
+    # length the nominal car sets, no longer holds.
+    truth = np.random.default_rng(9).normal(size=where.dimension)
     targets = _targets(line, where, truth, RUNS, 6)
     count = RUNS * line.readings
     assert chi2.cdf(_squares(targets, truth), count) == pytest.approx(0.5, abs=0.4999)

@@ -190,7 +190,7 @@ def test_one_recording_is_proved_on_its_second_half(
     assert document["gap"]["holdout"]["after"] == pytest.approx(
         document["gap"]["holdout"]["floor"], rel=0.15
     )
-    note = "the second half of bump-400hz.csv was held out to prove it on"
+    note = "the second half of bump-400hz.csv is held out for the validation"
     assert document["warnings"] == [note]
     assert said.out.splitlines()[-1] == f"Note: {note}."
     assert document["runs"] == {"fit": ["bump-400hz.csv"], "holdout": ["bump-400hz.csv"]}

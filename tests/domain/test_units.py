@@ -39,6 +39,7 @@ SI = {
     "stiffness": "N/m",
     "damping": "N*s/m",
     "pitch_inertia": "kg*m^2",
+    "angular_rate": "rad/s",
     "dimensionless": "dimensionless",
 }
 
@@ -106,6 +107,8 @@ def test_defined_factors_are_the_nearest_float(unit: str) -> None:
         ("kg m^2", "pitch_inertia"),
         ("percent", "dimensionless"),
         ("ppm", "dimensionless"),
+        ("deg/s", "angular_rate"),
+        ("rad/s", "angular_rate"),
     ],
 )
 def test_agrees_with_pint(unit: str, dimension: str) -> None:

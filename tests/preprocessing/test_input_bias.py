@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.model_search import asked
+from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.posterior.effect_fit import added, read_site, with_effects
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
@@ -93,9 +93,9 @@ def test_a_recording_begins_no_further_from_rest_than_the_car_goes() -> None:
     lines, _, _ = lay_out(one.recordings, one.vehicle)
     site = read_site(f"digressive_damper@{true.where}")
     where, stage = with_effects(setting(one.vehicle, lines), (site,))
-    found = asked(where, stage, 1).found
+    found = assess(where, stage, 1).test
     friction = [c.site.effect.name == "coulomb_friction" for c in found.candidates]
-    assert np.max(np.abs(found.score[friction])) < 3.0
+    assert np.max(np.abs(found.standardized_scores[friction])) < 3.0
     (values,) = stage.space.effects(stage.mode.z).values()
     assert values["knee"] == pytest.approx(true.parameters["knee"], rel=0.15)
 
@@ -113,12 +113,12 @@ def test_a_filter_begins_where_the_whole_recording_shows() -> None:
     where = setting(one.vehicle, lines)
     for line in where.lines:
         assert np.all(np.sqrt(np.diag(line.start)[[0, 2]]) < 0.01)
-    model = asked(where, base(where), 1)
-    stops = [c for c in model.found.candidates if str(c.site) == f"bump_stop@{true.where}"]
+    model = assess(where, base(where), 1)
+    stops = [c for c in model.test.candidates if str(c.site) == f"bump_stop@{true.where}"]
     gaps = [c.values["gap"] for c in stops]
     assert max(gaps) < 1.05 * true.parameters["gap"]
-    fits = [added(model.quiet, model.stage, [stops[k]]) for k in (2, 9)]
-    best = [fit.mode.log_posterior - model.stage.mode.log_posterior for fit in fits]
+    fits = [added(model.denoised, model.model, [stops[k]]) for k in (2, 9)]
+    best = [fit.mode.log_posterior - model.model.mode.log_posterior for fit in fits]
     assert best[0] == pytest.approx(best[1], abs=0.5)
     assert min(best) > 80.0
     (values,) = fits[0].space.effects(fits[0].mode.z).values()

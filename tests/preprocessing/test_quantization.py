@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayes_asv.diagnosis.model_search import asked
-from bayes_asv.diagnosis.whiteness_test import memory
+from bayes_asv.diagnosis.model_assessment import assess
+from bayes_asv.diagnosis.residual_tests import whiteness_test
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
@@ -53,9 +53,9 @@ def test_a_car_that_waits_on_a_coarse_converter_has_nothing_missing() -> None:
     for seed in range(1000, 1010):
         line = _line("stops" if seed % 2 == 0 else "bump", seed, _REAL)
         where = setting(vehicle(DECLARED, _REAL), (line,))
-        model = asked(where, base(where), 0)
-        ps.append(model.p)
-        memories.append(memory(model.stage)[1])
+        model = assess(where, base(where), 0)
+        ps.append(model.p_value)
+        memories.append(whiteness_test(model.model)[1])
     assert np.mean(np.array(ps) < 0.05) <= 0.2
     assert min(memories) > 1e-3
 
@@ -65,7 +65,7 @@ def test_the_longer_a_car_waits_the_less_it_says() -> None:
     for seed in (1004, 1009):  # 0.0021 and 0.0001
         line = _line("stops", seed, _REAL, seconds=6.0)
         where = setting(vehicle(DECLARED, _REAL), (line,))
-        assert asked(where, base(where), 0).p > 0.05
+        assert assess(where, base(where), 0).p_value > 0.05
 
 
 def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
@@ -120,10 +120,10 @@ def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.Monke
     assert 0.1 < np.mean(slow & ~standing(line, 1)) < 0.9
     stage = base(setting(vehicle(DECLARED, _REAL), (line,)))
     monkeypatch.setattr(
-        "bayes_asv.diagnosis.whiteness_test.crawling",
+        "bayes_asv.diagnosis.residual_tests.crawling",
         lambda line, c: np.ones(len(line.instants), bool),
     )
-    assert memory(stage) == (0.0, 1.0)
+    assert whiteness_test(stage) == (0.0, 1.0)
 
 
 def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.diagnosis.engine_force import Engine
+from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Cell
-from bayes_asv.diagnosis.simulation_error import Gap
-from bayes_asv.diagnosis.workflow import Diagnosis, Named
+from bayes_asv.diagnosis.simulation_error import ErrorChange
+from bayes_asv.diagnosis.workflow import Diagnosis, NamedEffect
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
@@ -56,20 +56,20 @@ def diagnose_document(found: Diagnosis, recordings: Sequence[Recording] = ()) ->
         verdict=found.verdict,
         reasons=list(found.reasons),
         warnings=[_without_folders(text, recordings) for text in found.warnings],
-        preflight=[schema.RecordingFault.model_validate(f) for f in found.preflight],
+        preflight=[schema.RecordingFault.model_validate(f) for f in found.recording_faults],
         effects=_effects(found),
         unexplained=_unexplained(found),
         disagreement=_disagreement(found),
-        gap=_gap(found.gaps or {}, vehicle),
-        parameters_before=_parameters(found.before, vehicle),
-        parameters_after=_parameters(found.after, vehicle),
-        p_value=found.p,
-        p_none=found.none,
+        gap=_gap(found.errors or {}, vehicle),
+        parameters_before=_parameters(found.quantities_before, vehicle),
+        parameters_after=_parameters(found.quantities_after, vehicle),
+        p_value=found.p_value,
+        p_none=found.p_none,
         map=None
-        if found.seen is None
+        if found.localization is None
         else {
             axle: [_cell(cell, vehicle) for cell in cells]
-            for axle, cells in found.seen.planes.items()
+            for axle, cells in found.localization.force_maps.items()
         },
         laws=force_curves(found),
         residuals=_residuals(found),
@@ -110,7 +110,7 @@ def _engine(engine: Engine, found: Diagnosis) -> schema.NamedEffect:
         name="engine_vibration",
         where=None,
         title="an engine that shakes the frame",
-        probability=found.believed(engine),
+        probability=found.probability_of(engine),
         indistinguishable_from=[],
         drive="the same drive with the engine off",
         parameters={
@@ -119,17 +119,17 @@ def _engine(engine: Engine, found: Diagnosis) -> schema.NamedEffect:
                 ("frequency", frequency, "Hz"), ("amplitude", amplitude, units.unit("force")),
             )
         },
-        gap=schema.Gap() if found.named else _gap(found.gaps or {}, found.vehicle),
+        gap=schema.Gap() if found.named else _gap(found.errors or {}, found.vehicle),
         tones=[float(tone) for tone in engine.tones],
     )  # fmt: skip
 
 
-def _effect(named: Named, found: Diagnosis) -> schema.NamedEffect:
+def _effect(named: NamedEffect, found: Diagnosis) -> schema.NamedEffect:
     site = named.site
-    draws = (found.effects or {}).get(str(site), {})
+    draws = (found.effect_draws or {}).get(str(site), {})
     others = [
         EffectName(name=o.site.effect.name, where=o.site.where or None, title=o.site.effect.title)
-        for o in named.others
+        for o in named.indistinguishable
     ]
     # A wrong mass scales both springs and has no signature of its own.
     springs = {n.site.where for n in found.named if n.site.effect.name == "spring_rate"}
@@ -139,7 +139,7 @@ def _effect(named: Named, found: Diagnosis) -> schema.NamedEffect:
         name=site.effect.name,
         where=site.where or None,
         title=site.effect.title,
-        probability=found.believed(named),
+        probability=found.probability_of(named),
         indistinguishable_from=others,
         drive=site.effect.drive,
         parameters={
@@ -147,12 +147,12 @@ def _effect(named: Named, found: Diagnosis) -> schema.NamedEffect:
             for p in site.effect.parameters
             if p.name in draws
         },
-        gap=_gap(named.gaps, found.vehicle),
+        gap=_gap(named.errors, found.vehicle),
         run=None if site.run is None else found.fit[site.run].source,
     )
 
 
-def _gap(gaps: Mapping[str, Gap], vehicle: Vehicle) -> schema.Gap:
+def _gap(gaps: Mapping[str, ErrorChange], vehicle: Vehicle) -> schema.Gap:
     units = Units(vehicle.units)
 
     def error(name: str) -> schema.SimulationError | None:
@@ -171,44 +171,44 @@ def _gap(gaps: Mapping[str, Gap], vehicle: Vehicle) -> schema.Gap:
 
 
 def _unexplained(found: Diagnosis) -> schema.Unexplained:
-    left = found.left
+    left = found.unexplained
     if left is None:
         return schema.Unexplained(present=False, score=None)
     return schema.Unexplained(
         present=bool(left.present),
         score=left.score,
         axle=left.axle,
-        p_memory=left.p_memory,
-        swollen=list(left.swollen),
-        p_decoy=left.p_decoy,
-        like=left.like,
+        p_memory=left.p_whiteness,
+        swollen=list(left.excess_noise),
+        p_decoy=left.p_unlisted,
+        like=left.closest_fault,
         failed=list(left.failed),
-        ended=left.ended,
+        ended=left.stopped_by,
         p_jitter=left.p_jitter,
-        jitters=left.jitters,
-        rival=left.rival,
+        jitters=left.jitter_channel,
+        rival=left.alternative,
     )
 
 
 def _disagreement(found: Diagnosis) -> schema.Disagreement | None:
-    seen = found.seen
+    seen = found.localization
     if seen is None:
         return None
     return schema.Disagreement(
         channel=seen.channel,
         axle=seen.axle,
-        time=[[float(a), float(b)] for _, a, b in seen.time],
-        time_run=[found.fit[run].source for run, _, _ in seen.time],
-        frequency=[[float(a), float(b)] for a, b in seen.frequency],
-        state=None if seen.state is None else _cell(seen.state, found.vehicle),
+        time=[[float(a), float(b)] for _, a, b in seen.windows],
+        time_run=[found.fit[run].source for run, _, _ in seen.windows],
+        frequency=[[float(a), float(b)] for a, b in seen.bands],
+        state=None if seen.strongest is None else _cell(seen.strongest, found.vehicle),
     )
 
 
 def _cell(cell: Cell, vehicle: Vehicle) -> schema.Cell:
     units = Units(vehicle.units)
     return schema.Cell(
-        deflection=[units.convert(float(v), "length") for v in cell.delta],
-        velocity=[units.convert(float(v), "velocity") for v in cell.rate],
+        deflection=[units.convert(float(v), "length") for v in cell.deflection],
+        velocity=[units.convert(float(v), "velocity") for v in cell.velocity],
         force=units.convert(float(cell.force), "force"),
         t=float(cell.t),
         units=[units.unit(dimension) for dimension in ("length", "velocity", "force")],
@@ -224,12 +224,12 @@ def _residuals(found: Diagnosis) -> list[schema.Residual]:
 
     The simulation is driven by the wheels alone.  An engine's tones are removed from both.
     """
-    if found.base is None or found.final is None:
+    if found.base_model is None or found.final_model is None:
         return []
     units, entries = Units(found.vehicle.units), []
-    for run, line in enumerate(found.base.space.timelines):
+    for run, line in enumerate(found.base_model.space.timelines):
         residuals = []
-        for stage in (found.base, found.final):
+        for stage in (found.base_model, found.final_model):
             own = stage.space.timelines[run]
             output, _, _ = free_run(stage.target, stage.mode.z, run)
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))

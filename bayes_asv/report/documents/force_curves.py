@@ -48,8 +48,8 @@ def force_curves(found: Diagnosis) -> dict[str, schema.ForceCurves]:
     Laplace's approximation at the mode (Iman & Conover 1982); parameters that only shape a curve
     are drawn from the approximation alone.
     """
-    stage = found.final
-    if stage is None or found.before is None:
+    stage = found.final_model
+    if stage is None or found.quantities_before is None:
         return {}
     units = Units(found.vehicle.units)
     z = _draws(stage, found.seed)
@@ -67,14 +67,14 @@ def force_curves(found: Diagnosis) -> dict[str, schema.ForceCurves]:
         axle_curves = schema.ForceCurves()
         if law.is_nonlinear(rest, velocity):
             nominal = getattr(found.vehicle, c_name).value
-            damper = _curve("velocity", velocity, found.before[c_name], nominal,
+            damper = _curve("velocity", velocity, found.quantities_before[c_name], nominal,
                             law.forces(rest, velocity, 0.0), units)  # fmt: skip
             if any(s.effect.name == "damper_fade" for s in laws):
                 damper.after_end = _band(law.forces(rest, velocity, 1.0), units)
             axle_curves.damper = damper
         if law.is_nonlinear(deflection, rest) or len(laws) < len(sites):
             nominal = getattr(found.vehicle, k_name).value
-            before = found.before.get(k_name, np.array([nominal]))
+            before = found.quantities_before.get(k_name, np.array([nominal]))
             axle_curves.spring = _curve("deflection", deflection, before, nominal,
                                         law.forces(deflection, rest, 0.0), units)  # fmt: skip
         for site in laws:
@@ -145,7 +145,7 @@ def _effect_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[Site, 
     drawn = [stage.space.effects(one) for one in z]
     out: dict[Site, dict[str, Array]] = {}
     for site in stage.sites:
-        marginals = (found.effects or {}).get(str(site), {})
+        marginals = (found.effect_draws or {}).get(str(site), {})
         out[site] = {}
         for parameter in site.effect.parameters:
             own = np.array([values[site][parameter.name] for values in drawn])
@@ -158,13 +158,13 @@ def _car_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[str, Arra
     drawn = stage.space.quantities(z, found.seed)
     out: dict[str, Array] = {}
     for name in ("c_f", "c_r", "k_f", "k_r"):
-        if name in drawn and found.after is not None and name in found.after:
-            out[name] = _with_ranks(drawn[name], found.after[name])
+        if name in drawn and found.quantities_after is not None and name in found.quantities_after:
+            out[name] = _with_ranks(drawn[name], found.quantities_after[name])
         else:
             out[name] = np.full(_DRAWS, getattr(found.vehicle, name).value)
     for site in stage.sites:  # the curve of a spring is that of its true rate
         if site.effect.name == "spring_rate":
-            factor = (found.effects or {})[str(site)]["factor"]
+            factor = (found.effect_draws or {})[str(site)]["factor"]
             rank = z[:, stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))]
             name = f"k_{site.where[0]}"
             out[name] = out[name] * _with_ranks(rank, factor)

@@ -6,7 +6,12 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from bayes_asv.diagnosis.thresholds import AS_WELL, ENOUGH, LEVEL, NOTICED
+from bayes_asv.diagnosis.thresholds import (
+    ALTERNATIVE_MARGIN,
+    DECISIVE_EVIDENCE,
+    MISSPECIFICATION_LEVEL,
+    SIGNIFICANCE_LEVEL,
+)
 from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema.diagnose import RecordingFault, Unexplained
 from bayes_asv.report.sections.blocks import Block, Section, Table, Text
@@ -137,7 +142,7 @@ def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
             f"Simulation and measurement disagree ({p}), but not beyond the usual tolerances of "
             "springs, dampers and sensors. No effect stands out."
         ]
-    elif document.p_value < LEVEL:
+    elif document.p_value < SIGNIFICANCE_LEVEL:
         lines = [f"Simulation and measurement disagree, and no listed effect explains it ({p})."]
     else:
         lines = [f"No listed effect is missing ({p}), but something remains unexplained."]
@@ -156,14 +161,14 @@ def _evidence(unexplained: Unexplained) -> list[str]:
     score, ended, like = unexplained.score, _fault(unexplained.ended), _fault(unexplained.like)
     axle = f"the {plain(unexplained.axle)} axle" if unexplained.axle else "the car"
     force = f"an unknown force at {axle}"
-    if score is not None and score > ENOUGH and ended != force:
+    if score is not None and score > DECISIVE_EVIDENCE and ended != force:
         evidence.append(f"{force} explains the recordings better by {score:.0f} nats")
     if ended:
         evidence.append(f"{ended} explains the data better than any listed effect")
     if like and like != ended and _noticed(unexplained.p_decoy):
         evidence.append(f"the residuals look most like {like}")
     rival = unexplained.rival
-    if rival is not None and rival > AS_WELL:
+    if rival is not None and rival > ALTERNATIVE_MARGIN:
         better = "as well" if rival < 1.0 else f"better by {rival:.0f} nats"
         evidence.append(f"{like or 'another fault'} alone explains the recordings {better}")
     if unexplained.jitters and _noticed(unexplained.p_jitter):
@@ -184,7 +189,7 @@ def _evidence(unexplained: Unexplained) -> list[str]:
 
 
 def _noticed(p: float | None) -> bool:
-    return p is not None and p < NOTICED
+    return p is not None and p < MISSPECIFICATION_LEVEL
 
 
 def _fault(text: str) -> str:

@@ -137,7 +137,7 @@ def _forest(document: EstimateDocument) -> svg.Panel:
     apart = consistency.verdict == "disagree"
     labels = [_shortened(plain(run.source)) for run in runs]
     labels += ["mean car", "prediction for a run"] if apart else ["all runs"]
-    figure = svg.canvas(6.0, 0.23 * len(labels) + 1.3)
+    figure = svg.canvas(6.0, 0.23 * len(labels) + 1.45)
     columns = figure.subplots(1, len(_COMPARED), sharey=True)
     for axes, (name, (words, colour)) in zip(columns, _COMPARED.items(), strict=True):
         answer = (consistency.mean_car if apart else consistency.joint).get(name)
@@ -164,7 +164,7 @@ def _forest(document: EstimateDocument) -> svg.Panel:
                 axes.plot(p.median, at, "D", color=svg.COLOURS["ink"], markersize=5.0)
         nominal = document.parameters[name].nominal if name in document.parameters else None
         _set_range(axes, ends, nominal)
-        axes.set_xlabel(f"{words} [{readable_unit(answer.unit)}]")
+        axes.set_xlabel(f"{words}\n[{readable_unit(answer.unit)}]")
         axes.set(yticks=range(len(labels)), yticklabels=labels, ylim=(len(labels) - 0.4, -0.6))
         axes.axhline(len(runs) - 0.5, color=svg.COLOURS["grid"], linewidth=0.8)
         axes.grid(visible=False, axis="y")

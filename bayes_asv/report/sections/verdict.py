@@ -221,7 +221,7 @@ def roll_lines(document: RollDocument) -> list[str]:
     if document.verdict == "refused":
         lines = [f"No answer: {_NO_ANSWER} these recordings."]
     elif document.verdict == "not_converged":
-        lines = ["No reliable answer: the weights of the draws are too uneven."]
+        lines = [_NOT_CONVERGED]
     else:
         dampers = [
             f"{place} {comparison.words}"
@@ -252,19 +252,9 @@ def _side_sentence(axle: str, ratio: SideRatio) -> str:
 def cards(
     parameters: Mapping[str, Parameter], *, reliable: bool = True
 ) -> tuple[list[dict[str, Any]], list[svg.Panel]]:
-    """One card a parameter: value, gauge against nominal, and the comparison in words.
+    """One card a parameter: value, gauge against nominal, and, if `reliable`, the comparison.
 
-    Parameters
-    ----------
-    parameters : mapping
-        Of a document.
-    reliable : bool
-        Without it the cards state no comparison.
-
-    Returns
-    -------
-    cards, gauges : list of dict, list of Panel
-        Plain data for the templates, and the pictures that they name.
+    Plain data for the templates, and the pictures that they name.
     """
     shown = {name: parameters[name] for name in ANSWERS if name in parameters}
     compared = {name: compare_parameter(name, p) for name, p in shown.items()}

@@ -1,4 +1,4 @@
-"""A little of everything, as in every real car: fractions of what data sheets leave open."""
+"""Deviations within tolerance, as every real car has: fractions of what data sheets allow."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.battery.world import Axle, World, less, with_extra
+from tests.battery.world import Axle, World, minus_damper, with_terms_at
 from tests.rig import (
     AsymmetricDamper,
     Coulomb,
@@ -19,32 +19,32 @@ from tests.rig import (
     Term,
 )
 
-__all__ = ["cluttered"]
+__all__ = ["with_tolerances"]
 
 
-def cluttered(
+def with_tolerances(
     world: World,
     rng: np.random.Generator,
     rate: tuple[float, float],
     travel: tuple[float, float],
     seconds: float,
 ) -> World:
-    """Return the world with a little of every effect.
+    """Return the world with a small amount of every effect.
 
-    Bound over rebound within 3 %, a digressive knee at five times the rates seen, Coulomb
-    friction of 1 to 2 N for a 230 kg car and in proportion otherwise, a spring stiffer by half
-    a per cent at full travel, 1 to 2 % of fading, gains within 0.5 %, lags within 20 us,
-    bandwidths within 3 %, drifts within 0.005 m/s^3.  Mass, weight fraction and springs are
-    drawn within what is declared in every case anyway.
+    Compression and rebound within 3 %, a digressive knee at five times the velocity in use, Coulomb
+    friction of 1 to 2 N for a 230 kg car and in proportion otherwise, a spring stiffer by up to
+    0.5 % at full travel, 1 to 2 % of fading, gains within 0.5 %, lags within 20 us, bandwidths
+    within 3 %, drifts within 0.005 m/s^3.  Mass, weight fraction and springs are drawn within their
+    declared deviations in every case.
 
     Parameters
     ----------
     world : World
-        Without clutter.
+        Without these deviations.
     rng : numpy.random.Generator
-        Draws it.
+        Draws them.
     rate, travel : pair of float
-        Largest rate (m/s) and deflection (m) of the drives, front and rear.
+        Largest velocity (m/s) and deflection (m) of the drives, front and rear.
     seconds : float
         Length of a run.
     """
@@ -58,11 +58,11 @@ def cluttered(
         c, k = (car.c_f, car.k_f) if axle == "front" else (car.c_r, car.k_r)
         return (
             AsymmetricDamper(c, float(ratio[j])),
-            less(c),
+            minus_damper(c),
             DigressiveDamper(c, 5.0 * rate[j]),
-            less(c),
+            minus_damper(c),
             FadingDamper(c, float(loss[j]), seconds),
-            less(c),
+            minus_damper(c),
             Coulomb(float(force[j])),
             SinhSpring(k, float(stiffer[j]) / travel[j] ** 2 + 1e-9),
             LinearSpring(-k),
@@ -84,4 +84,4 @@ def cluttered(
         delay=four(np.array(spec.delay) + lag),
         drift=four(np.array(spec.drift) + drift),
     )
-    return with_extra(replace(world, sensors=sensors), "both", terms)
+    return with_terms_at(replace(world, sensors=sensors), "both", terms)

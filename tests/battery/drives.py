@@ -1,4 +1,4 @@
-"""Where a case is driven: two runs to fit over one terrain, one held out over another."""
+"""Drives of a case: two over one terrain to fit, one over another to hold out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
 from tests.battery.effects import SECONDS
-from tests.battery.world import Seen, World
+from tests.battery.world import MotionRange, World
 from tests.rig import (
     DEFAULT_SPEEDS,
     RigRun,
@@ -30,10 +30,10 @@ __all__ = [
     "TERRAIN_NAMES",
     "Drive",
     "as_recording",
-    "driven",
-    "fitting_drives",
-    "plan",
-    "seen",
+    "draw_drives",
+    "motion_range",
+    "scale_drives",
+    "simulate_drive",
 ]
 
 Reals = NDArray[np.float64]
@@ -41,28 +41,28 @@ Reals = NDArray[np.float64]
 RATE: Final = 400.0
 TERRAIN_NAMES: Final = ("bump", "stops", "rough", "rollers")
 
-_ROOM: Final = 0.8  # share of a sensor's range that counts as room
-_FILL: Final = (0.65, 1.0)  # share of the room that a run uses
-_HIGHEST: Final = 2.0  # times the usual height
-_LOOKS: Final = 5
-_FARTHER: Final = 1.2  # travel of the held-out run over that of the others
-_SPEEDS: Final = ((0.8, 0.95), (0.95, 1.15))  # over the usual speed, the two fitted runs
+_USABLE_RANGE: Final = 0.8  # share of a sensor's range that a drive may use
+_FILL: Final = (0.65, 1.0)  # share of the usable range that a run is scaled to
+_MAX_HEIGHT: Final = 2.0  # over the usual height
+_ROUNDS: Final = 5
+_HOLDOUT_TRAVEL: Final = 1.2  # largest, over that of the fitted runs
+_SPEEDS: Final = ((0.8, 0.95), (0.95, 1.15))  # of the fitted runs, over the usual speed
 
 
 @dataclass(frozen=True)
 class Drive:
-    """One run before it is driven.
+    """Plan of one run.
 
     Parameters
     ----------
     terrain : str
         One of :data:`TERRAIN_NAMES`.
     height : float
-        Factor on the terrain's usual height.
+        Over the terrain's usual height.
     speed : float
         m/s.
     road_seed, run_seed : int
-        Of a random road, and of the noise.
+        Seeds of a random road and of the noise.
     """
 
     terrain: str
@@ -72,7 +72,7 @@ class Drive:
     run_seed: int
 
     def ground(self) -> Terrain:
-        """Return what is driven over."""
+        """Return the terrain."""
         f = self.height
         if self.terrain == "bump":
             return bump(f * 3.5 * INCH)
@@ -83,8 +83,10 @@ class Drive:
         return rough_road(self.road_seed, factor=f**2)
 
 
-def plan(terrain: str, held_out: str, rng: np.random.Generator) -> tuple[Drive, Drive, Drive]:
-    """Draw speeds and seeds of two runs over a terrain, and of one over another."""
+def draw_drives(
+    terrain: str, held_out: str, rng: np.random.Generator
+) -> tuple[Drive, Drive, Drive]:
+    """Draw speeds and seeds of two runs over one terrain and of one over another."""
 
     def one(name: str, low: float, high: float) -> Drive:
         speed = DEFAULT_SPEEDS[name] * float(rng.uniform(low, high))
@@ -95,65 +97,69 @@ def plan(terrain: str, held_out: str, rng: np.random.Generator) -> tuple[Drive, 
     return slow, fast, one(held_out, 0.85, 1.1)
 
 
-def driven(world: World, how: Drive, quiet: bool = False, keep: bool = False) -> RigRun:
-    """Drive one run; ``quiet`` leaves noise, converter and biases out, ``keep`` the motion in."""
+def simulate_drive(
+    world: World, planned: Drive, noise_free: bool = False, keep_motion: bool = False
+) -> RigRun:
+    """Simulate one run, optionally without noise, converter and biases, or with its motion."""
     sensors = world.sensors
-    if quiet:
+    if noise_free:
         none = (0.0, 0.0, 0.0, 0.0)
         sensors = replace(sensors, noise=none, bias=none, adc=None)
     return drive(
-        world.car, how.ground(), how.speed, RATE, SECONDS, sensors, how.run_seed,
-        forces=world.forces, mountings=world.mountings, keep_motion=keep,
+        world.car, planned.ground(), planned.speed, RATE, SECONDS, sensors, planned.run_seed,
+        forces=world.forces, mountings=world.mountings, keep_motion=keep_motion,
     )  # fmt: skip
 
 
-def fitting_drives(
+def scale_drives(
     world: World, drives: Sequence[Drive], travel: float, rng: np.random.Generator
 ) -> tuple[Drive, ...]:
-    """Raise or lower the ground until a drawn share of the room is used, run by run.
+    """Scale the height of each run until a drawn share of the usable range is used.
 
-    Room is what the suspension's travel or the sensors' range leaves, whichever is less.  The
-    last run, which is held out, goes at most a fifth farther than the others on either axle:
-    what a suspension does beyond its fitted travel cannot be known from the fitted runs.
+    The range is that of the suspension's travel or of the sensors, whichever is smaller.  The last
+    run, which is held out, travels at most a fifth farther than the others on either axle: the
+    fitted runs do not determine what a suspension does beyond their travel.
     """
     out: list[Drive] = []
     farthest = np.zeros(2)
-    for how in drives:
+    for planned in drives:
         fill = float(rng.uniform(*_FILL))
         limits = np.full(2, travel)
-        if how is drives[-1]:
-            limits = np.minimum(limits, _FARTHER * farthest / fill)
-        for look in range(_LOOKS):
-            use, far = _room_used(driven(world, how, quiet=True), world.sensors, limits)
-            # all but linear in the height; what a lifting tyre adds is found by a later look
+        if planned is drives[-1]:
+            limits = np.minimum(limits, _HOLDOUT_TRAVEL * farthest / fill)
+        for look in range(_ROUNDS):
+            use, far = _room_used(
+                simulate_drive(world, planned, noise_free=True), world.sensors, limits
+            )
+            # nearly linear in the height; a lifting tyre needs further rounds
             if look and use <= 1.0:
                 break
-            how = replace(how, height=min(how.height * fill / use, _HIGHEST))
+            planned = replace(planned, height=min(planned.height * fill / use, _MAX_HEIGHT))
         farthest = np.maximum(farthest, far)
-        out.append(how)
+        out.append(planned)
     return tuple(out)
 
 
 def _room_used(run: RigRun, sensors: SensorSpec, limits: Reals) -> tuple[float, Reals]:
-    """Share of the room that a run takes, and how far it goes on either axle, m."""
+    """Share of the usable range that a run takes, and its travel on either axle, m."""
     adc = sensors.adc
     assert adc is not None
     zero, scale = np.array(adc.zero), np.array(adc.scale)
-    above = run.clean.max(axis=1) / (_ROOM * (adc.top - zero) * scale)
-    below = -run.clean.min(axis=1) / (_ROOM * zero * scale)
+    above = run.clean.max(axis=1) / (_USABLE_RANGE * (adc.top - zero) * scale)
+    below = -run.clean.min(axis=1) / (_USABLE_RANGE * zero * scale)
     far = np.abs(run.deflection).max(axis=1)
     return float(max(above.max(), below.max(), (far / limits).max())), far
 
 
-def seen(world: World, drives: Sequence[Drive]) -> Seen:
-    """Look at what some drives reach."""
-    runs = [driven(world, how, quiet=True) for how in drives]
+def motion_range(world: World, drives: Sequence[Drive]) -> MotionRange:
+    """Return the range of motion of some drives."""
+    runs = [simulate_drive(world, planned, noise_free=True) for planned in drives]
 
     def largest(values: list[Reals]) -> tuple[float, float]:
         front, rear = np.max([v.max(axis=1) for v in values], axis=0).tolist()
         return front, rear
 
-    return Seen(
+    return MotionRange(
         bump=largest([-run.deflection for run in runs]),
         droop=largest([run.deflection for run in runs]),
         rate=largest([np.abs(run.deflection_rate) for run in runs]),
@@ -161,5 +167,5 @@ def seen(world: World, drives: Sequence[Drive]) -> Seen:
 
 
 def as_recording(run: RigRun, name: str) -> Recording:
-    """What a logger would have written; the name says nothing about what was driven."""
+    """Return a recording as a logger writes it; its name does not reveal the drive."""
     return Recording(run.time, run.channels, ("m/s^2",) * 4, (), name)

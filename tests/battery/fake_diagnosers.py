@@ -1,4 +1,4 @@
-"""Diagnosers that know nothing, for what is around the diagnosis."""
+"""Diagnosers that do not diagnose, to test the battery around them."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from tests.battery.effects import EFFECTS
 
-__all__ = ["agrees", "breaks", "dice", "is_no_number"]
+__all__ = ["agreement", "not_a_number", "raises", "random_name"]
 
 
-def agrees(
+def agreement(
     recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle, seed: int,
     ablation: str = "",
 ) -> dict[str, Any]:  # fmt: skip
-    """Say that all is well, and what was left out."""
+    """Report agreement, and the ablation."""
     return {"schema": "bayes_asv/diagnose/1", "verdict": "agreement", "effects": [],
             "unexplained": {"present": False, "score": 0.0}, "reasons": [ablation],
             "curves": list(range(9))}  # fmt: skip
 
 
-def dice(
+def random_name(
     recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle, seed: int
 ) -> dict[str, Any]:
-    """Name anything with any probability; the seed decides."""
+    """Name a random effect with a random probability."""
     rng = np.random.default_rng(seed)
     name = str(rng.choice(list(EFFECTS)))
     effect = {"name": name, "where": "front", "probability": float(rng.random()),
               "indistinguishable_from": []}  # fmt: skip
-    return agrees(recordings, holdout, vehicle, seed) | {"verdict": "named", "effects": [effect]}
+    return agreement(recordings, holdout, vehicle, seed) | {"verdict": "named", "effects": [effect]}
 
 
-def breaks(
+def raises(
     recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle, seed: int
 ) -> dict[str, Any]:
-    """Break down."""
+    """Raise an exception."""
     raise ZeroDivisionError("of a determinant")
 
 
-def is_no_number(
+def not_a_number(
     recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle, seed: int
 ) -> dict[str, Any]:
-    """Return what no JSON can hold."""
-    return agrees(recordings, holdout, vehicle, seed) | {
+    """Return a number that JSON cannot hold."""
+    return agreement(recordings, holdout, vehicle, seed) | {
         "gap": {"holdout": {"before": float("nan")}}
     }

@@ -1,4 +1,4 @@
-"""The battery in small: three cars on the real diagnosis, plain cases that it must not miss.
+"""Three cases of the battery with the real diagnosis, which it must get right.
 
 Seed 1 throughout.  A diagnosis with false alarms of 5 % fails the first of these once in twenty
 seeds by chance; the others are far from any edge (noncentrality 4000).
@@ -18,22 +18,22 @@ SEED = 1
 
 
 @lru_cache
-def asked(name: str) -> Judged:
-    made = case(name, SEED, 0)
-    document = resolve(DEFAULT)(made.recordings, made.holdout, made.vehicle, SEED)
+def judged(name: str) -> Judged:
+    case_made = case(name, SEED, 0)
+    document = resolve(DEFAULT)(case_made.recordings, case_made.holdout, case_made.vehicle, SEED)
     assert document["schema"] == "bayes_asv/diagnose/1"
-    return judge(Result(name, 0, "", "", 0.0, document, About(SEED, "", "")), made.truth)
+    return judge(Result(name, 0, "", "", 0.0, document, About(SEED, "", "")), case_made.truth)
 
 
-def test_a_car_with_nothing_wrong_agrees() -> None:
-    one = asked("null/rough~baja")
+def test_a_car_without_a_fault_agrees() -> None:
+    one = judged("null/rough~baja")
     assert one.verdict == "agreement"
     assert one.named == ()
     assert one.covered_after
 
 
-def test_a_plain_effect_is_named_and_closes_the_gap() -> None:
-    one = asked("bound_rebound@rear-4000/rough~baja")
+def test_a_large_effect_is_named_and_reduces_the_error() -> None:
+    one = judged("bound_rebound@rear-4000/rough~baja")
     assert one.verdict == "named"
     assert one.class_right
     assert one.probabilities[0][0] > 0.9
@@ -42,7 +42,7 @@ def test_a_plain_effect_is_named_and_closes_the_gap() -> None:
     assert not one.gap.worse
 
 
-def test_what_is_not_in_the_list_is_not_confidently_named() -> None:
-    one = asked("maxwell_mount-4000/rough~baja")
+def test_an_unlisted_fault_is_not_confidently_named() -> None:
+    one = judged("maxwell_mount-4000/rough~baja")
     assert one.verdict in ("named", "unexplained")
     assert not one.confidently_wrong

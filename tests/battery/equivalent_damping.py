@@ -1,9 +1,10 @@
-"""What c means where the rig's law and that of ``docs/interfaces.md`` are not the same function.
+"""Equivalent damping rate where the rig's force law and that of ``docs/interfaces.md`` differ.
 
-A diagnosis fits F = -k delta - c v (...) in the forms of ``docs/interfaces.md``; the rig moves by
-tanh, sinh, softplus and an exponential fading.  Along the fitted runs the written form is fitted
-to the rig's force, c and the effect's own parameters free, k as it is.  Where that c is not the
-rig's c, either may be called true: an interval is right that reaches the span between them.
+A diagnosis fits F = -k delta - c v (...) in the forms of ``docs/interfaces.md``; the rig uses tanh,
+sinh, softplus and exponential fading.  Along the fitted runs the form of ``docs/interfaces.md`` is
+fitted to the rig's force, with c and the effect's own parameters free and k given.  Where that c
+differs from the rig's, either may be called true: an interval is correct if it overlaps the span
+between them.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ from tests.rig import RigRun
 __all__ = ["Path", "equivalent", "paths"]
 
 Array = NDArray[np.float64]
-# what an effect adds to c v, over the rig's c: form(c over the rig's c, own parameters, path)
+# from c over the rig's c, own parameters and path to the force beyond c v, over the rig's c
 Form = Callable[[float, Array, "Path"], Array]
 
-_EVERY = 40  # internal steps: the rig's 16 kHz down to 400 Hz
+_DECIMATION = 40  # from the rig's 16 kHz to 400 Hz
 
 
 @dataclass(frozen=True)
 class Path:
-    """Deflection (m), rate (m/s), share of the run and the law's force (N) of one axle, (n,)."""
+    """Deflection (m), velocity (m/s), share of the run and force (N) of one axle, (n,)."""
 
     delta: Array
     rate: Array
@@ -38,7 +39,7 @@ class Path:
 
 
 def paths(runs: Sequence[RigRun], seconds: float) -> tuple[Path, Path]:
-    """What both axles went through in some runs, which kept their motion."""
+    """Return the paths of both axles over runs that kept their motion."""
     out = []
     for axle in range(2):
         rows: list[Array] = []
@@ -54,7 +55,7 @@ def paths(runs: Sequence[RigRun], seconds: float) -> tuple[Path, Path]:
                     m.suspension_force[axle],
                 ]
             )
-            rows.append(whole[:, inside][:, ::_EVERY])
+            rows.append(whole[:, inside][:, ::_DECIMATION])
         out.append(Path(*np.hstack(rows)))
     return out[0], out[1]
 
@@ -99,11 +100,11 @@ _FORMS: dict[str, Form] = {
 }
 
 
-_GAPS = (0.3, 0.5, 0.7, 0.9)  # of the travel seen, from which a stop is looked for
+_GAPS = (0.3, 0.5, 0.7, 0.9)  # starting values of a stop's gap, over the travel in use
 
 
 def _starts(name: str, path: Path) -> list[list[float]]:
-    """Where to begin with an effect's own parameters."""
+    """Return starting values of an effect's own parameters."""
     if name == "digressive_damper":
         return [[1.0 / float(np.abs(path.rate).max())]]
     if name in ("bump_stop", "droop_stop"):
@@ -114,38 +115,40 @@ def _starts(name: str, path: Path) -> list[list[float]]:
 
 
 def equivalent(names: Sequence[str], path: Path, c: float, k: float) -> float:
-    """Damping rate of the written form that comes nearest to the rig's force, N s/m.
+    """Least-squares damping rate of the form of ``docs/interfaces.md`` for the rig's force, N s/m.
 
     Parameters
     ----------
     names : sequence of str
-        Effects on this axle; those without a form in rate or deflection add nothing.
+        Effects on this axle; those without a form in velocity or deflection add nothing.
     path : Path
-        Where the fitted runs went.
+        Of the fitted runs.
     c : float
-        The rig's own rate, N s/m, to begin from.
+        The rig's own rate, N s/m, as the starting value.
     k : float
-        Spring rate, N/m, that the written form has as well.
+        Spring rate, N/m, of both forms.
 
     Returns
     -------
     float
-        Least squares along the path.
+        Along the path.
     """
-    # everything in units of the rig's damper, so that all parameters are of order one
-    held = -(path.force + k * path.delta) / c
-    there = [name for name in names if name in _FORMS]
-    lengths = [len(_starts(name, path)[0]) for name in there]
+    # in units of the rig's damper, so that all parameters are of order one
+    target = -(path.force + k * path.delta) / c
+    known = [name for name in names if name in _FORMS]
+    lengths = [len(_starts(name, path)[0]) for name in known]
     ends = np.cumsum([1, *lengths])
 
-    def left(p: Array) -> Array:
-        value = p[0] * path.rate - held
-        for name, begin, end in zip(there, ends, ends[1:], strict=False):
+    def residual(p: Array) -> Array:
+        value = p[0] * path.rate - target
+        for name, begin, end in zip(known, ends, ends[1:], strict=False):
             value = value + _FORMS[name](float(p[0]), p[begin:end], path)
         return np.asarray(value)
 
     fits = [
-        least_squares(left, [1.0, *(v for own in start for v in own)], x_scale="jac", max_nfev=50)
-        for start in product(*(_starts(name, path) for name in there))
+        least_squares(
+            residual, [1.0, *(v for own in start for v in own)], x_scale="jac", max_nfev=50
+        )
+        for start in product(*(_starts(name, path) for name in known))
     ]
     return float(min(fits, key=lambda fit: float(fit.cost)).x[0] * c)

@@ -1,4 +1,4 @@
-"""Things that go wrong in a car and have no name in the list: the right answer is *unexplained*."""
+"""Faults that are not in the list of effects: the correct verdict is *unexplained*."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from tests.battery.effects import Maker
-from tests.battery.world import Axle, Effect, Seen, World, less, with_extra
+from tests.battery.effects import EffectFactory
+from tests.battery.world import Axle, Effect, MotionRange, World, minus_damper, with_terms_at
 from tests.rig import (
     CHANNELS,
     BoucWen,
@@ -28,7 +28,7 @@ from tests.rig import (
 )
 from tests.rig.units import STANDARD_GRAVITY
 
-__all__ = ["OUTSIDE"]
+__all__ = ["UNLISTED_FAULTS"]
 
 _ROD_END = 1.2e4  # stiffness of a rod end over its damper's rate, 1/s: 0.08 ms
 
@@ -41,31 +41,31 @@ def _c(car: RigCar, axle: Axle) -> float:
     return car.c_f if axle == "front" else car.c_r
 
 
-def _maxwell(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _maxwell(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     axle = _axle(rng)
 
     def change(world: World, size: float) -> World:
-        # below a tenth of a millisecond the mount is stiffer than the integrator can follow
+        # a stiffer mount than 0.1 ms is beyond the integrator
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
             c = _c(car, axle)
-            return MaxwellMount(c, c / max(size, 1e-4)), less(c)
+            return MaxwellMount(c, c / max(size, 1e-4)), minus_damper(c)
 
-        return with_extra(world, axle, terms)
+        return with_terms_at(world, axle, terms)
 
     return Effect("maxwell_mount", axle, change, lambda s: {"time": s}, 3e-4, 0.03, 0.0)
 
 
-def _bouc_wen(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _bouc_wen(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     axle = _axle(rng)
-    travel = 0.15 * seen.travel[axle == "rear"]
+    travel = 0.15 * motion.travel[axle == "rear"]
 
     def change(world: World, size: float) -> World:
-        return with_extra(world, axle, lambda _car, _axle: (BoucWen(size, travel),))
+        return with_terms_at(world, axle, lambda _car, _axle: (BoucWen(size, travel),))
 
     return Effect("bouc_wen", axle, change, lambda s: {"force": s}, 1.0, 2000.0, 0.0)
 
 
-def _seat(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _seat(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     omega = 2.0 * math.pi * float(rng.uniform(3.0, 6.0))
     place = float(rng.uniform(-0.1, 0.1)) * car.l
 
@@ -77,46 +77,46 @@ def _seat(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effe
     return Effect("compliant_seat", "", change, lambda s: {"share": s}, 0.001, 0.3, 0.0)
 
 
-def _lash(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _lash(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     axle = _axle(rng)
 
     def change(world: World, size: float) -> World:
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
             c = _c(car, axle)
-            return Lash(c, size, _ROD_END * c), less(c)
+            return Lash(c, size, _ROD_END * c), minus_damper(c)
 
-        return with_extra(world, axle, terms)
+        return with_terms_at(world, axle, terms)
 
     return Effect("damper_lash", axle, change, lambda s: {"play": s}, 5e-5, 0.01, 0.0)
 
 
-def _bracket(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _bracket(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     channel = int(rng.integers(4))
 
     def change(world: World, size: float) -> World:
         bracket = Bracket(channel, 60.0 / math.sqrt(size))
         return replace(world, mountings=(*world.mountings, bracket))
 
-    def told(size: float) -> dict[str, float]:
+    def parameters(size: float) -> dict[str, float]:
         return {"frequency": 60.0 / math.sqrt(size)}
 
-    return Effect("bracket_resonance", CHANNELS[channel], change, told, 0.02, 4.0, 0.0)
+    return Effect("bracket_resonance", CHANNELS[channel], change, parameters, 0.02, 4.0, 0.0)
 
 
-def _panel(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _panel(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     channel = int(rng.choice([1, 3]))
     frequency = float(rng.uniform(14.0, 35.0))
 
     def change(world: World, size: float) -> World:
         return replace(world, mountings=(*world.mountings, Panel(channel, frequency, size)))
 
-    def told(size: float) -> dict[str, float]:
+    def parameters(size: float) -> dict[str, float]:
         return {"share": size, "frequency": frequency}
 
-    return Effect("panel_resonance", CHANNELS[channel], change, told, 0.002, 1.0, 0.0)
+    return Effect("panel_resonance", CHANNELS[channel], change, parameters, 0.002, 1.0, 0.0)
 
 
-def _one_sided(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _one_sided(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     start, behind = float(rng.uniform(0.4, 1.2)), float(rng.uniform(0.2, 0.6))
     frequency, duration = float(rng.uniform(1.4, 2.6)), float(rng.uniform(0.12, 0.3))
 
@@ -127,43 +127,43 @@ def _one_sided(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) ->
     return Effect("one_sided_kerb", "", change, lambda s: {"lift": s}, 1e-4, 0.08, 0.0)
 
 
-def _position(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _position(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     axle = _axle(rng)
-    travel = seen.travel[axle == "rear"]
+    travel = motion.travel[axle == "rear"]
 
     def change(world: World, size: float) -> World:
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
             c = _c(car, axle)
-            return PositionDamper(c, size / travel**2), less(c)
+            return PositionDamper(c, size / travel**2), minus_damper(c)
 
-        return with_extra(world, axle, terms)
+        return with_terms_at(world, axle, terms)
 
     return Effect(
         "position_damper", axle, change, lambda s: {"growth": s / travel**2}, 0.02, 20.0, 0.0
     )
 
 
-def _progressive(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _progressive(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     axle = _axle(rng)
-    rate = seen.rate[axle == "rear"]
+    rate = motion.rate[axle == "rear"]
 
     def change(world: World, size: float) -> World:
         def terms(car: RigCar, axle: Axle) -> Sequence[Term]:
             return (QuadraticDamper(size * _c(car, axle) / rate, 0.05 * rate),)
 
-        return with_extra(world, axle, terms)
+        return with_terms_at(world, axle, terms)
 
     return Effect("progressive_damper", axle, change, lambda s: {"share": s}, 0.02, 10.0, 0.0)
 
 
-def _jitter(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _jitter(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     def change(world: World, size: float) -> World:
         return replace(world, sensors=replace(world.sensors, hidden_jitter=size))
 
     return Effect("hidden_jitter", "", change, lambda s: {"rms": s}, 3e-5, 2e-3, 0.0)
 
 
-def _compressed(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _compressed(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     channel = int(rng.integers(4))
 
     def limit(size: float) -> float:
@@ -178,7 +178,7 @@ def _compressed(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -
     )  # fmt: skip
 
 
-def _place(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Effect:
+def _place(where: str, rng: np.random.Generator, motion: MotionRange, car: RigCar) -> Effect:
     front = rng.random() < 0.5
     sign = 1.0 if rng.random() < 0.5 else -1.0
 
@@ -190,7 +190,7 @@ def _place(where: str, rng: np.random.Generator, seen: Seen, car: RigCar) -> Eff
     return Effect("sensor_place", where, change, lambda s: {"offset": sign * s}, 0.005, 0.6, 0.0)
 
 
-OUTSIDE: Final[Mapping[str, Maker]] = {
+UNLISTED_FAULTS: Final[Mapping[str, EffectFactory]] = {
     "maxwell_mount": _maxwell,
     "bouc_wen": _bouc_wen,
     "compliant_seat": _seat,
@@ -204,4 +204,4 @@ OUTSIDE: Final[Mapping[str, Maker]] = {
     "sensor_compression": _compressed,
     "sensor_place": _place,
 }
-"""Makers by name; none of these names may ever be the diagnosis."""
+"""Factories by name; a diagnosis never names any of these."""

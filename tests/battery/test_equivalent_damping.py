@@ -1,4 +1,4 @@
-"""What c means under another function: exact forms give their own c, the rig's one near it."""
+"""Equivalent damping: exact for the forms of docs/interfaces.md, close for those of the rig."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import tests.rig as rig
-from tests.battery.meaning import Path, equivalent, paths
+from tests.battery.equivalent_damping import Path, equivalent, paths
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ def path(force: Array) -> Path:
 
 @settings(max_examples=8)
 @given(size=st.floats(0.05, 1.0), c=st.floats(300.0, 5000.0))
-def test_written_forms_give_their_own_rate(size: float, c: float) -> None:
+def test_the_rate_of_the_listed_forms_is_exact(size: float, c: float) -> None:
     v, ratio = RATE, 1.0 + size
     rebound = 2.0 * c * ratio / (1.0 + ratio)
     forms = {
@@ -45,12 +45,12 @@ def test_written_forms_give_their_own_rate(size: float, c: float) -> None:
     assert equivalent(names, path(both), 0.9 * c, K) == pytest.approx(c, rel=1e-4)
 
 
-def test_what_is_left_unwritten_goes_into_the_rate() -> None:
+def test_a_force_without_a_form_goes_into_the_rate() -> None:
     softer = path(C * RATE - 200.0 * RATE)
     assert equivalent(["sensor_gain"], softer, C, K) == pytest.approx(C - 200.0)
 
 
-def test_paths_are_those_of_the_runs_without_their_margins() -> None:
+def test_paths_cover_the_runs_without_their_margins() -> None:
     car = rig.baja()
     runs = [
         rig.drive(car, rig.bump(), speed, 400, 1.0, rig.SensorSpec.clean(), 0, keep_motion=True)

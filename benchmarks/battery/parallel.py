@@ -1,4 +1,4 @@
-"""Work shared among processes; every piece is handed back as soon as it is done."""
+"""Work in parallel processes, with each result as soon as it is done."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from typing import TypeVar
 
-__all__ = ["shared"]
+__all__ = ["run_parallel"]
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
-def shared(
-    work: Callable[[T], R], things: Sequence[T], processes: int, keep: Callable[[R, int], None]
+def run_parallel(
+    work: Callable[[T], R], items: Sequence[T], processes: int, keep: Callable[[R, int], None]
 ) -> None:
-    """Work on things, and keep every result with the number of those that are done.
+    """Work on items in parallel, and pass on each result with the number of those that are done.
 
     Parameters
     ----------
     work : callable
-        Importable by name, since it runs in another process.
+        Importable by name, for other processes.
     things : sequence
-        What to work on.
+        Items of work.
     processes : int
-        One works here and starts none.
+        With 1, none is started.
     keep : callable
-        Gets a result and how many there are by now.
+        Called with a result and the number of results so far.
     """
     if processes == 1:
-        for count, thing in enumerate(things, 1):
-            keep(work(thing), count)
+        for count, item in enumerate(items, 1):
+            keep(work(item), count)
         return
-    # Matrices here are small: more than one thread of a library only gets in the way.
+    # matrices are small: more threads of a library would only compete
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     context = multiprocessing.get_context("spawn")
     done = 0
     with ProcessPoolExecutor(processes, mp_context=context, initializer=_leave_to_parent) as pool:
-        queue = iter(things)
+        queue = iter(items)
         waiting: set[Future[R]] = set()
         try:
             while True:
@@ -59,7 +59,7 @@ def shared(
                     keep(future.result(), done)
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
-            for future in waiting:  # what was under way is not lost
+            for future in waiting:  # keep the results of work in progress
                 if not future.cancelled() and future.exception() is None:
                     done += 1
                     keep(future.result(), done)

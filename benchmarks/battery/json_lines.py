@@ -1,4 +1,4 @@
-"""Lines of JSON on disk: appended while something runs, packed when it is done."""
+"""Files of JSON lines: appended during a run, packed at its end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["append", "pack", "read", "write"]
 
 
 def append(path: Path, lines: Iterable[Mapping[str, Any]]) -> None:
-    """Add lines to a file, after cutting off half a line that a killed run left behind."""
+    """Append lines to a file, after removing an incomplete line of an interrupted run."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+b") as file:
         file.seek(0)
@@ -26,12 +26,12 @@ def append(path: Path, lines: Iterable[Mapping[str, Any]]) -> None:
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Whole lines of a file, packed or not; none when it is not there.
+    """Return the complete lines of a file, packed or not; none if it does not exist.
 
     Raises
     ------
     InputError
-        When it cannot be unpacked or holds what is no JSON object.
+        If it cannot be unpacked or a line is not a JSON object.
     """
     if not path.exists():
         return []
@@ -40,18 +40,18 @@ def read(path: Path) -> list[dict[str, Any]]:
         text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8")
     except (OSError, EOFError, UnicodeDecodeError) as exc:
         raise InputError(str(path), "cannot be unpacked", "delete it") from exc
-    # a run that was killed may have left half a line
+    # an interrupted run may have left an incomplete line
     try:
         found = [json.loads(line) for line in text.split("\n")[:-1] if line]
     except ValueError as exc:
-        raise InputError(str(path), "holds a line that is no JSON", "delete that line") from exc
+        raise InputError(str(path), "has a line that is not JSON", "delete that line") from exc
     if not all(isinstance(one, dict) for one in found):
-        raise InputError(str(path), "holds a line that is no object", "delete that line")
+        raise InputError(str(path), "has a line that is not an object", "delete that line")
     return found
 
 
 def write(path: Path, lines: Iterable[Mapping[str, Any]]) -> bytes:
-    """Write lines into a packed file, whole or not at all; return them unpacked."""
+    """Write lines to a packed file atomically; return them unpacked."""
     data = "".join(_line(one) for one in lines).encode("utf-8")
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(str(path), gzip.compress(data, 9, mtime=0))
@@ -59,7 +59,7 @@ def write(path: Path, lines: Iterable[Mapping[str, Any]]) -> bytes:
 
 
 def pack(loose: Path, packed: Path) -> None:
-    """Move what was appended into the packed file beside it."""
+    """Move appended lines into a packed file."""
     if loose.exists():
         write(packed, [*read(packed), *read(loose)])
         loose.unlink()

@@ -1,0 +1,206 @@
+"""A model during the search, with its denoised inputs, score test and evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from bayes_asv.diagnosis.denoised_model import denoised_model, fit_denoised
+from bayes_asv.diagnosis.max_score_test import family_p_value, with_best_pulses
+from bayes_asv.diagnosis.results import NamedEffect
+from bayes_asv.diagnosis.savage_dickey import evidence_as_tolerance
+from bayes_asv.diagnosis.score_test import ScoreTest, score_test
+from bayes_asv.diagnosis.thresholds import NEEDED_EVIDENCE
+from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, tolerance_evidence
+from bayes_asv.models.effects import Site
+from bayes_asv.posterior.effect_candidates import Candidate, candidates
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, foretold, refitted
+
+__all__ = [
+    "AssessedModel",
+    "assess",
+    "fit_pooled",
+    "model_evidence",
+    "prune",
+    "refit",
+    "refit_shared",
+    "remove_effects",
+    "submodel",
+    "supported_by_holdout",
+]
+
+
+@dataclass(frozen=True)
+class AssessedModel:
+    """A fitted model, what may be missing from it, and its evidence.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Recordings as read; sensor patterns follow from the model's predictions.
+    denoised : Dataset
+        The same with denoised inputs.
+    model : FittedModel
+        The model at its mode on the denoised inputs.
+    test : ScoreTest
+        Of all candidate effects.
+    evidence : ModelEvidence
+        The model under the tolerance prior of all other effects.
+    p_value : float
+        Family-wise p-value of the test for a missing effect.
+    """
+
+    dataset: Dataset
+    denoised: Dataset
+    model: FittedModel
+    test: ScoreTest
+    evidence: ModelEvidence
+    p_value: float
+
+    @property
+    def on_inputs_as_read(self) -> FittedModel:
+        """The model on recordings as read, at its mode on the denoised inputs."""
+        return replace(self.model, target=self.dataset.target(self.model.sites))
+
+
+def assess(dataset: Dataset, model: FittedModel, seed: int) -> AssessedModel:
+    """Fit a model on denoised inputs and test it for every candidate effect."""
+    dataset, denoised, model = _denoised(dataset, model)
+    steps = score_test(denoised_model(denoised, model), candidates(model, dataset.vehicle))
+    test = with_best_pulses(steps)
+    p = family_p_value(steps, seed)
+    return AssessedModel(dataset, denoised, model, test, tolerance_evidence(model, test), p)
+
+
+def _denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, Dataset, FittedModel]:
+    """Return recordings as read and with denoised inputs, and the model at its mode on the latter.
+
+    Sensor patterns follow from the model's predictions, which a faulty sensor changes: two rounds.
+    """
+    rounds = 2 if any(site.effect.acts == "reading" for site in model.sites) else 1
+    for _ in range(rounds):
+        model = replace(model, target=dataset.target(model.sites))
+        dataset = foretold(dataset, model)
+    return dataset, *fit_denoised(dataset, replace(model, target=dataset.target(model.sites)))
+
+
+def refit(model: FittedModel, dataset: Dataset) -> FittedModel:
+    """Fit a model again to its recordings, changed or with others appended."""
+    return _refit(model, dataset, model.sites)
+
+
+def refit_shared(model: FittedModel, dataset: Dataset) -> FittedModel:
+    """Fit a model to other recordings; effects of a single run are left out."""
+    return _refit(model, dataset, tuple(s for s in model.sites if s.run is None))
+
+
+def _refit(model: FittedModel, dataset: Dataset, sites: tuple[Site, ...]) -> FittedModel:
+    dataset = foretold(dataset, refitted(dataset, model, sites))
+    return refitted(dataset, model, sites)
+
+
+def fit_pooled(
+    assessed: AssessedModel, holdout: Dataset | None
+) -> tuple[Dataset, FittedModel, ModelEvidence]:
+    """Fit a model to its own recordings and the held-out ones together.
+
+    Parameters
+    ----------
+    assessed : AssessedModel
+        With all named effects.
+    holdout : Dataset or None
+        Held-out recordings; without any nothing changes.
+
+    Returns
+    -------
+    Dataset, FittedModel, ModelEvidence
+        All recordings with denoised inputs, the model there, and its evidence.
+    """
+    own = assessed.dataset
+    if holdout is None:
+        return assessed.denoised, assessed.model, assessed.evidence
+    recordings, patterns = (*own.lines, *holdout.lines), (*own.patterns, *holdout.patterns)
+    pooled = replace(own, lines=recordings, patterns=patterns)
+    _, denoised, model = _denoised(pooled, refit(assessed.model, pooled))
+    return denoised, model, model_evidence(denoised, model)
+
+
+def submodel(assessed: AssessedModel, sites: tuple[Site, ...]) -> FittedModel:
+    """Fit the model with some of its effects only, on its denoised inputs."""
+    return refitted(assessed.denoised, assessed.model, sites)
+
+
+def remove_effects(
+    assessed: AssessedModel, effects: list[NamedEffect], removed: list[NamedEffect], seed: int
+) -> tuple[AssessedModel, list[NamedEffect]]:
+    """Remove effects from a model; return it with those that are left."""
+    kept = [e for e in effects if e not in removed]
+    if not kept:  # from scratch: the effects may have drawn the car to another mode
+        return assess(assessed.dataset, base(assessed.dataset), seed), kept
+    return assess(assessed.dataset, submodel(assessed, tuple(e.site for e in kept)), seed), kept
+
+
+def prune(
+    assessed: AssessedModel, effects: list[NamedEffect], seed: int
+) -> tuple[AssessedModel, list[NamedEffect]]:
+    """Remove the effects that later ones made unnecessary."""
+    k = 0
+    while len(effects) > 1 and k < len(effects):
+        if _evidence_for(assessed, (effects[k].site,)) < NEEDED_EVIDENCE:
+            assessed, effects = remove_effects(assessed, effects, [effects[k]], seed)
+        else:
+            k += 1
+    return assessed, effects
+
+
+def supported_by_holdout(
+    assessed: AssessedModel, holdout: Dataset, effects: list[NamedEffect]
+) -> bool:
+    """Whether the held-out recordings take no more than two nats off the evidence for effects.
+
+    The simulation error on held-out recordings may grow by chance; their predictive evidence says
+    whether an effect is wrong there (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773).
+
+    Parameters
+    ----------
+    assessed : AssessedModel
+        With all named effects.
+    holdout : Dataset
+        Held-out recordings.
+    effects : list of NamedEffect
+        Some of the named effects, tested together.
+    """
+    pooled, model, evidence = fit_pooled(assessed, holdout)
+    own = len(assessed.dataset.lines)  # these come first
+    fit = replace(pooled, lines=pooled.lines[:own], patterns=pooled.patterns[:own])
+    own_model = refitted(fit, model, model.sites)
+    own_evidence = model_evidence(fit, own_model)
+    sites = tuple(e.site for e in effects)
+    on_fit = replace(assessed, denoised=fit, model=own_model, evidence=own_evidence)
+    on_all = replace(assessed, denoised=pooled, model=model, evidence=evidence)
+    lost = _evidence_for(on_fit, sites)
+    lost -= _evidence_for(on_all, sites)
+    return not lost > NEEDED_EVIDENCE
+
+
+def _evidence_for(assessed: AssessedModel, sites: tuple[Site, ...]) -> float:
+    """Log evidence (nats) that a model loses without some of its effects, on its recordings."""
+    rest = submodel(assessed, tuple(s for s in assessed.model.sites if s not in sites))
+    tolerances = _tolerances(assessed.denoised, rest)
+    as_tolerance = evidence_as_tolerance(sites, assessed.model, assessed.evidence, tolerances)
+    without = _model_evidence(assessed.denoised, rest, tolerances).log_evidence
+    return assessed.evidence.log_evidence - max(without, as_tolerance)
+
+
+def model_evidence(denoised: Dataset, model: FittedModel) -> ModelEvidence:
+    """Evidence of a model under the tolerance prior of all effects that it does not contain."""
+    return _model_evidence(denoised, model, _tolerances(denoised, model))
+
+
+def _model_evidence(
+    denoised: Dataset, model: FittedModel, tolerances: list[Candidate]
+) -> ModelEvidence:
+    return tolerance_evidence(model, score_test(denoised_model(denoised, model), tolerances))
+
+
+def _tolerances(denoised: Dataset, model: FittedModel) -> list[Candidate]:
+    return [c for c in candidates(model, denoised.vehicle) if c.tolerance]

@@ -1,0 +1,192 @@
+"""Tests of the innovations alone: whiteness, and variance that grows with a signal's slope."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
+from scipy.signal import sosfreqz
+from scipy.stats import chi2, pearson3
+
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.preprocessing.quantization import crawling
+from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
+
+__all__ = ["LAGS", "jitter_log_likelihood_ratio", "timing_jitter_test", "whiteness_test"]
+
+Array = NDArray[np.float64]
+
+LAGS = 12
+"""Lags of the portmanteau statistic."""
+
+_MIN_PAIRS = 10 * LAGS  # of readings, from which a run is tested
+_REMOVED = 0.9  # power that a notch passes, below which a frequency counts as removed
+_MAX_SQUARED_SLOPE = 10.0  # in mean squares: no single reading is to decide
+
+
+def whiteness_test(model: FittedModel) -> tuple[float, float]:
+    """Multivariate portmanteau test over both channels and all runs.
+
+    Q = Σ_l n² / (n − l) tr(C_lᵀ C₀⁻¹ C_l C₀⁻¹) over lags l = 1 … 12, χ² with 4 · 12 degrees of
+    freedom a run (Hosking 1980, J. Am. Stat. Assoc. 75:602); runs with too few pairs of readings do
+    not count.
+
+    Returns
+    -------
+    excess, p : float
+        Statistic minus its expectation, and its p-value.
+    """
+    statistic, freedom = 0.0, 0
+    for run, recording in enumerate(model.space.timelines):
+        nu = model.target.scored(model.mode.z, run)[0]
+        # the error of a coarse converter is autocorrelated where the signal moves slowly
+        nu[crawling(recording, 1) | crawling(recording, 3)] = np.nan
+        nu = recording.paired(nu)
+        nu = nu[np.all(np.isfinite(nu), axis=1)]
+        n = len(nu)
+        if n < _MIN_PAIRS:
+            continue
+        sections = notch_filter(
+            [Notch(*notch) for notch in recording.notches], 1.0 / recording.reading_step
+        )
+        covariances = _autocovariances(nu, sections)
+        inverse = np.linalg.inv(covariances[0])
+        for lag, c in enumerate(covariances[1:], 1):
+            statistic += n**2 / (n - lag) * float(np.trace(c.T @ inverse @ c @ inverse))
+        freedom += 4 * LAGS
+    return statistic - freedom, float(chi2.sf(statistic, freedom)) if freedom else 1.0
+
+
+def _autocovariances(nu: Array, sections: Array) -> Array:
+    """Covariances (LAGS + 1, 2, 2) of innovations with later ones.
+
+    A band that was removed says nothing: what remains in it is the edge of the notch and, where a
+    force law is nonlinear, what the law makes of a signal without its tone.  It is filled with the
+    mean power of the rest.  Estimated from part of the spectrum, the covariances then scatter less
+    than white ones: the test is conservative.
+
+    Parameters
+    ----------
+    nu : (N, 2) array
+        Without missing values.
+    sections : (T, 6) array
+        Second-order sections of the notches; T is 0 without any.
+    """
+    n = len(nu)
+    spectrum = np.fft.rfft(nu, 2 * n, axis=0)
+    power = spectrum[:, :, None].conj() * spectrum[:, None, :] / n
+    if len(sections):
+        _, response = sosfreqz(sections, np.linspace(0.0, np.pi, len(power)))
+        removed = np.abs(response) ** 2 < _REMOVED
+        power[removed] = power[~removed].mean(axis=0)
+    # rows: the later innovations, columns: the earlier ones
+    return np.asarray(np.fft.irfft(power, 2 * n, axis=0)[: LAGS + 1].transpose(0, 2, 1))
+
+
+def timing_jitter_test(dataset: Dataset, model: FittedModel) -> tuple[float, str]:
+    """p-value of a variance that grows with the squared slope of a channel, and the channel.
+
+    A reading whose time stamp is off by a random τ, or whose sensor slips, is off by τ times the
+    slope of the signal: the mean says nothing, the variance does, and no constant noise level
+    covers it.  A score test of the variance (Breusch & Pagan 1979, Econometrica 47:1287),
+    one-sided, noise levels projected out, Bonferroni over channels.  A bump is steep in a few
+    places, so that the statistic is a sum of few squares: its skewness is accounted for.
+
+    Parameters
+    ----------
+    dataset, model : Dataset, FittedModel
+        Recordings, and a model at its mode.
+    """
+    at_mode = model.mode.slopes
+    known = np.vstack([at_mode.scales, np.ones_like(at_mode.nu)])
+    known = known[np.sum(known**2, axis=1) > 1e-12]
+    p = []
+    for squared_slope in _squared_slopes(dataset, model):
+        explained = known.T @ np.linalg.lstsq(known.T, squared_slope, rcond=1e-10)[0]
+        own = squared_slope - explained
+        variance = 2.0 * float(own @ own)
+        if variance <= 0.0:
+            p.append(1.0)
+            continue
+        z = float(own @ (at_mode.nu**2 - 1.0)) / math.sqrt(variance)
+        skew = 8.0 * float(np.sum(own**3)) / variance**1.5
+        p.append(float(pearson3(skew).sf(z)))
+    best = int(np.argmin(p))
+    return min(len(p) * p[best], 1.0), CHANNELS[best]
+
+
+def jitter_log_likelihood_ratio(
+    dataset: Dataset, model: FittedModel, settled: NDArray[np.bool_]
+) -> tuple[float, str]:
+    """Nats that a variance growing with a squared slope gains, and the channel that gains most.
+
+    Level and growth are their maximum-likelihood estimates, against a level of each axle and run.
+
+    Parameters
+    ----------
+    dataset, model : Dataset, FittedModel
+        Recordings, and a model at its mode.
+    settled : (N,) bool array
+        Innovations that count.
+    """
+    squares = np.asarray(model.mode.slopes.nu**2, np.float64)
+    for group in _groups(dataset):
+        squares[group] /= np.mean(squares[group & settled])
+    slopes = _squared_slopes(dataset, model)[:, settled]
+    squares = squares[settled]
+    constant = 0.5 * len(squares)
+    gains = [constant - _min_negative_log_likelihood(squares, own) for own in slopes]
+    best = int(np.argmax(gains))
+    return gains[best], CHANNELS[best]
+
+
+def _groups(dataset: Dataset) -> Iterator[NDArray[np.bool_]]:
+    """Yield the innovations of each axle and run, as a mask of all."""
+    axle = [np.nonzero(recording.kind == VALUE)[1] for recording in dataset.lines]
+    of = np.concatenate([2 * run + own for run, own in enumerate(axle)])
+    for group in np.unique(of):
+        yield of == group
+
+
+def _min_negative_log_likelihood(squares: Array, squared_slope: Array) -> float:
+    """Minimise ½ Σ (log v + x / v) over variances v = level + growth · squared slope."""
+    level = float(np.mean(squares))
+
+    def loss(logs: Array) -> float:
+        variance = np.exp(logs[0]) + np.exp(logs[1]) * squared_slope
+        return 0.5 * float(np.sum(np.log(variance) + squares / variance))
+
+    half = math.log(0.5 * level)
+    return float(minimize(loss, [half, half], method="Nelder-Mead").fun)
+
+
+def _squared_slopes(dataset: Dataset, model: FittedModel) -> Array:
+    """Squared slopes (4, N) of the channels at the innovations of all runs."""
+    return np.hstack(
+        [_run_slopes(model, recording, run) for run, recording in enumerate(dataset.lines)]
+    )
+
+
+def _run_slopes(model: FittedModel, recording: PreparedRecording, run: int) -> Array:
+    """Squared slope (4, N) of each channel at every reading, in the order of the innovations.
+
+    A wheel drives both chassis channels, so that its slope counts at the readings of either.
+    """
+    output = free_run(model.target, model.mode.z, run).output
+    instant, axle = np.nonzero(recording.kind == VALUE)
+    out = np.zeros((4, len(instant)))
+    for k in range(2):
+        wheel = recording.wheels[k].spline(recording.instants, 1)
+        chassis = CubicSpline(recording.instants, output[:, k])(recording.instants, 1)
+        out[2 * k] = wheel[instant] ** 2
+        out[2 * k + 1] = np.where(axle == k, chassis[instant] ** 2, 0.0)
+    out /= np.maximum(out.mean(axis=1, keepdims=True), 1e-30)
+    return np.asarray(np.minimum(out, _MAX_SQUARED_SLOPE))

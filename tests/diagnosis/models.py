@@ -1,0 +1,39 @@
+"""Models of the battery's cases, for the tests of the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, foretold, setting
+from bayes_asv.posterior.map_fit import lay_out
+from tests.battery.cases import Case
+
+__all__ = ["assess_linear", "fit_linear", "ignore_progress", "prepared"]
+
+
+def prepared(recordings: Sequence[Recording], vehicle: Vehicle) -> Dataset:
+    """Recordings prepared for a fit."""
+    lines, reasons, _ = lay_out(recordings, vehicle)
+    assert not reasons
+    return setting(vehicle, lines)
+
+
+def fit_linear(dataset: Dataset) -> tuple[Dataset, FittedModel]:
+    """The linear half car, and recordings whose sensor patterns follow from its predictions."""
+    model = base(dataset)
+    dataset = foretold(dataset, model)
+    return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
+
+
+def assess_linear(one: Case, seed: int = 1) -> AssessedModel:
+    """The linear half car on the fitted recordings of a case, assessed."""
+    dataset = prepared(one.recordings, one.vehicle)
+    return assess(dataset, base(dataset), seed)
+
+
+def ignore_progress(share: float, text: str) -> None:
+    """Ignore the progress of a selection."""

@@ -1,0 +1,94 @@
+"""Misspecification: what is left unexplained, and what named effects are worth beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.workflow import Diagnosis, diagnose
+from tests.battery.cases import case
+
+NOTHING = Unexplained(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
+
+
+def _reliability(unexplained: Unexplained | None) -> float:
+    vehicle = case("null/bump~baja", 5, 0).vehicle
+    return Diagnosis("named", (), (), (), vehicle, 0, unexplained=unexplained).reliability
+
+
+def test_named_effects_count_in_full_when_nothing_is_unexplained() -> None:
+    assert not NOTHING.present
+    assert _reliability(NOTHING) == _reliability(None) == 1.0
+
+
+def test_an_alternative_lowers_reliability_less_than_a_detected_fault() -> None:
+    with_alternative = replace(NOTHING, alternative=-1.0)
+    assert with_alternative.present
+    assert not with_alternative.detected
+    assert _reliability(with_alternative) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    "unexplained",
+    [
+        replace(NOTHING, score=6.0),
+        replace(NOTHING, p_whiteness=1e-4),
+        replace(NOTHING, p_unlisted=1e-4),
+        replace(NOTHING, p_jitter=1e-4),
+        replace(NOTHING, p_whiteness=0.002, p_unlisted=0.002, p_jitter=0.3),
+        replace(NOTHING, excess_noise=("front_wheel",)),
+        replace(NOTHING, failed=("spring_rate@rear",)),
+        replace(NOTHING, p_unlisted=1e-4, alternative=-1.0),
+    ],
+)
+def test_named_effects_beside_a_detected_fault_are_unreliable(unexplained: Unexplained) -> None:
+    assert unexplained.detected
+    assert unexplained.present
+    alternative = _reliability(replace(NOTHING, alternative=-1.0))
+    assert 0.0 < _reliability(unexplained) < 0.5 < alternative
+
+
+@pytest.mark.parametrize(
+    "unexplained", [replace(NOTHING, p_whiteness=0.002), replace(NOTHING, p_unlisted=0.002)]
+)
+def test_a_single_weak_sign_is_not_significant(unexplained: Unexplained) -> None:
+    assert not unexplained.present
+
+
+def test_the_tests_together_keep_their_false_alarm_rate() -> None:
+    """4000 draws of three p-values, seed 1: each is tested at 0.001, and their combination."""
+    p = np.random.default_rng(1).random((4000, 3))
+    detected = sum(
+        replace(NOTHING, p_whiteness=a, p_unlisted=b, p_jitter=c).detected for a, b, c in p
+    )
+    assert detected <= 30
+
+
+def _diagnosis(name: str, seed: int, number: int) -> Diagnosis:
+    one = case(name, seed, number, "test")
+    return diagnose(one.recordings, one.holdout, one.vehicle, 0)
+
+
+@pytest.mark.parametrize(("seed", "axle"), [(69, "front"), (64, "rear")])
+def test_a_displaced_sensor_that_is_named_a_gain_has_an_alternative(seed: int, axle: str) -> None:
+    """Excess noise covers what the gain leaves; with noise held, it would hide the alternative."""
+    diagnosis = _diagnosis("sensor_place-400", seed, 1)
+    assert [str(e.site) for e in diagnosis.named] == [f"sensor_gain@{axle}_chassis"]
+    unexplained = diagnosis.unexplained
+    assert unexplained is not None
+    assert unexplained.closest_fault == f"a sensor at another position ({axle} chassis)"
+    assert unexplained.alternative > -3.0
+    assert unexplained.present
+    assert not unexplained.detected
+
+
+def test_a_true_gain_has_no_alternative() -> None:
+    diagnosis = _diagnosis("sensor_gain-400", 69, 2)
+    assert len(diagnosis.named) == 1
+    unexplained = diagnosis.unexplained
+    assert unexplained is not None
+    assert -100.0 < unexplained.alternative < -10.0
+    assert not unexplained.present
