@@ -197,8 +197,8 @@ class DenoisedModel:
 def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
     """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
     recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.lines)))
-    quiet = replace(dataset, lines=recordings, quiet=True)
-    return foretold(quiet, replace(model, target=quiet.target(model.sites)))
+    denoised = replace(dataset, lines=recordings, quiet=True)
+    return foretold(denoised, replace(model, target=denoised.target(model.sites)))
 
 
 def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:

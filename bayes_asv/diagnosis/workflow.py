@@ -108,28 +108,30 @@ def diagnose(
     progress(0.05, "fitting the linear half car")
     dataset = setting(vehicle, fit)
     given = Split(dataset, setting(vehicle, held) if held else None, base(dataset))
-    found = _search(given, held, seed, progress)
-    localization = localize(found.without_tones.fit, found.without_tones.linear)
-    validated = validate(found.selection, given, found.without_tones, found.engine, seed, progress)
+    search = _search(given, held, seed, progress)
+    localization = localize(search.without_tones.fit, search.without_tones.linear)
+    validated = validate(
+        search.selection, given, search.without_tones, search.engine, seed, progress
+    )
     selection = validated.selection
     assessed, named = selection.assessed, selection.effects
     progress(0.9, "testing for faults that are not in the list")
-    pooled, model, evidence = fit_pooled(assessed, found.without_tones.holdout)
+    pooled, model, evidence = fit_pooled(assessed, search.without_tones.holdout)
     unexplained = replace(
         misspecification_tests(pooled, evidence, seed),
         failed=validated.failed,
         stopped_by=selection.stopped_by,
     )
     if named and not unexplained.present:
-        alternative, fault = best_alternative(pooled, model, len(named), found.site_count)
+        alternative, fault = best_alternative(pooled, model, len(named), search.site_count)
         unexplained = replace(unexplained, alternative=alternative)
         if alternative > ALTERNATIVE_MARGIN:
             unexplained = replace(unexplained, closest_fault=fault)
     progress(0.95, "looking for indistinguishable explanations")
     named = with_indistinguishable(assessed, named)
     verdict = "agreement"
-    engine = found.engine
-    if found.p_value < SIGNIFICANCE_LEVEL or unexplained.present or engine is not None:
+    engine = search.engine
+    if search.p_value < SIGNIFICANCE_LEVEL or unexplained.present or engine is not None:
         verdict = "named" if named or engine is not None else "unexplained"
     linear = given.linear
     before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
@@ -140,7 +142,7 @@ def diagnose(
         recording_faults=find_recording_faults(fit),
         vehicle=vehicle,
         seed=seed,
-        p_value=found.p_value,
+        p_value=search.p_value,
         named=named,
         engine=engine,
         p_none=selection.p_none,
@@ -148,8 +150,8 @@ def diagnose(
         localization=localization,
         errors=validated.errors,
         fit=fit,
-        holdout=found.held,
-        base_model=found.without_tones.linear,
+        holdout=search.held,
+        base_model=search.without_tones.linear,
         final_model=assessed.on_inputs_as_read,
         quantities_before=draw_quantities([before], seed),
         quantities_after=draw_quantities(selection.posteriors, seed),
@@ -159,7 +161,7 @@ def diagnose(
 
 
 class _Search(NamedTuple):
-    """Engine and effects that were found.
+    """Engine and effects that were search.
 
     Parameters
     ----------

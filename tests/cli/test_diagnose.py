@@ -52,7 +52,7 @@ def test_it_names_the_hidden_effect_and_nothing_on_standard_error(diagnosed: Dia
 
 def test_the_readme_shows_what_it_says(diagnosed: Diagnosed) -> None:
     """Word for word; digits may differ in the last place from machine to machine."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8").split("## What is missing?")[1]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").split("## Finding what is missing")[1]
     shown = readme.split("```text\n")[1].split("```")[0]
     numbers = re.compile(r"\d+(\.\d+)?")
     assert numbers.sub("#", shown) == numbers.sub("#", diagnosed.said.out)
