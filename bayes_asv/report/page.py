@@ -17,6 +17,7 @@ from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, TRACK
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Text
 from bayes_asv.report.sections.diagnosis import (
     diagnosis_headline,
+    diagnosis_lines,
     diagnosis_steps,
     diagnosis_subtitle,
 )
@@ -127,8 +128,10 @@ def _estimate(document: EstimateDocument) -> Composed:
         yield from _content(ESTIMATE, document)
         diagnosis, track = document.diagnosis, document.online
         if diagnosis is not None:
-            steps = [f"Next: {step}" for step in diagnosis_steps(diagnosis)]
-            yield Text("What is missing?", [diagnosis_headline(diagnosis), *steps])
+            refused = diagnosis.verdict == "refused"
+            lines = diagnosis_lines(diagnosis) if refused else [diagnosis_headline(diagnosis)]
+            lines += [f"Next: {step}" for step in diagnosis_steps(diagnosis)]
+            yield Text("What is missing?", lines)
             yield from _content(DIAGNOSIS, diagnosis)
         if track is not None and track.verdict != "refused":
             yield Text("Online filter", [f"{track_subtitle(track)}.", track_headline(track)])

@@ -332,6 +332,9 @@ def test_an_estimate_contains_its_diagnosis(named: DiagnoseDocument) -> None:
     assert titles.index("What is missing?") < titles.index("Provenance")
     assert "What is missing?" not in [s.get("title") for s in plain["sections"]]
     assert any(f"but the recordings show {NAME}." in x for x in limits(document))
+    refused = alone.model_copy(update={"diagnosis": told("refused")})
+    (text,) = [s for s in report_page(refused)[0]["sections"] if s["title"] == "What is missing?"]
+    assert "Why: run.csv is too short; record two seconds." in text["lines"]
     agreement = load("us").model_copy(update={"diagnosis": told("agreement")})
     assert not any("the recordings show" in x for x in limits(agreement))
     with_effect = document.model_copy(update={"effects": named.effects})
