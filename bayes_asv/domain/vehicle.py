@@ -250,17 +250,24 @@ class Vehicle:
         Raises
         ------
         InputError
-            If there is no channel of that name.
+            If there is no channel of that name, or its place on the body is not given.
         """
         for one in self.channels:
             if one.name == name:
                 return one
         try:
-            return known_channel(name)
+            found = known_channel(name)
         except KeyError:
             near = closest(name, CHANNELS)
             fix = f"did you mean {near}?" if near else f"channels are {', '.join(CHANNELS)}"
             raise InputError(f"channel '{name}'", "there is no such channel", fix) from None
+        if found.part == "body" and found.quantity == "acceleration" and found.axle is None:
+            raise InputError(
+                f"{self.source or 'vehicle'}: [channels.{name}]",
+                "is missing, so that the place of the sensor is not known",
+                "add it with position, the distance ahead of the rear axle",
+            )
+        return found
 
     @property
     def l_f(self) -> float:

@@ -389,3 +389,13 @@ def test_roll_tables_round_trip(tmp_path: Path) -> None:
     assert alike.resolution == pytest.approx(5.945 * 0.0254)
     path.write_text(to_toml(car), encoding="utf-8")
     assert read_vehicle(path) == car
+
+
+def test_a_sensor_on_the_body_needs_its_place(tmp_path: Path) -> None:
+    text = (VEHICLES / "baja2008.toml").read_text()
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(InputError, match=r"a.toml: \[channels.body_vertical\]: is missing"):
+        read_vehicle(tmp_path / "a.toml").channel("body_vertical")
+    place = '\n[channels.body_vertical]\nposition = { value = 900, unit = "mm" }\n'
+    (tmp_path / "b.toml").write_text(text + place)
+    assert read_vehicle(tmp_path / "b.toml").channel("body_vertical").position == 0.9
