@@ -41,14 +41,15 @@ def test_recordings_shown_can_be_read(tmp_path: Path) -> None:
 
 
 def test_the_vehicle_shown_can_be_read(tmp_path: Path) -> None:
-    whole, sensor = _blocks(ROOT / "docs" / "vehicle.md", "toml")
+    blocks = _blocks(ROOT / "docs" / "vehicle.md", "toml")
     file = tmp_path / "car.toml"
-    file.write_text(whole + "\n" + sensor, encoding="utf-8")
+    file.write_text("\n".join(blocks), encoding="utf-8")
     car = read_vehicle(file)
     baja = read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
     for name in ("m", "l", "wdf", "k_f", "k_r", "c_f", "c_r", "i"):
         assert getattr(car, name).value == pytest.approx(getattr(baja, name).value, rel=0.01)
     assert car.sensor("front_wheel").zero_counts == 569.5
+    assert car.channel("body_vertical").position == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

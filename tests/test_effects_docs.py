@@ -16,6 +16,7 @@ from bayes_asv.models.effects import EFFECTS, Effect, Scale
 from tests.effects_page import LAWS, MEANINGS, PAGE, page
 
 ROOT = Path(__file__).parents[1]
+VEHICLE = ROOT / "data" / "vehicles" / "baja2008.toml"
 SCALE = Scale(load=1100.0, spring=17000.0)
 
 
@@ -109,11 +110,14 @@ def test_the_steps_make_an_effect_that_is_asked_for(extended: Path) -> None:
         "import bayes_asv\n"
         f"assert bayes_asv.__file__.startswith({str(extended)!r})\n"
         "from bayes_asv.posterior.effect_fit import read_site\n"
-        "from bayes_asv.posterior.effects import rows\n"
+        "from bayes_asv.posterior.effects import law_table\n"
         "from bayes_asv.filters.force_laws import excess_many\n"
+        "from bayes_asv.domain.vehicle import read_vehicle\n"
+        "from bayes_asv.models.cars import car_model\n"
         "import numpy as np\n"
         "site = read_site('quadratic_damper@rear')\n"
-        "table = rows({site: {'quadratic': 300.0}}, 0)\n"
+        f"car = car_model('half', read_vehicle({str(VEHICLE)!r}))\n"
+        "table = law_table(car, {site: {'quadratic': 300.0}}, 0)\n"
         "rate = np.array([-0.5, 0.0, 2.0])\n"
         "found = excess_many(table, 1, 1000.0, 2e4, 0 * rate, rate, 0 * rate, 1.0)\n"
         "print(found[:, 0].tolist(), found[:, 2].tolist())\n"
