@@ -31,7 +31,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _NO_PREFERENCE = 3.0  # nats: the data do not prefer one to the other by 20 : 1
-_TOLD_APART = 25.0  # nats: a worse explanation of the data themselves is told apart by them
+_CLEARLY_WORSE = 25.0  # nats, at which the evidence alone distinguishes an explanation
 _MAX_COMPARED = 4  # explanations, after the best
 _MAX_REFITTED = 2  # sites, in the place of each named effect
 
@@ -62,7 +62,7 @@ def indistinguishable_from_best(
     out = [best]
     for other in extended[1 : 1 + _MAX_COMPARED]:
         behind = best.evidence.log_evidence - other.evidence.log_evidence
-        if not behind < _TOLD_APART:
+        if not behind < _CLEARLY_WORSE:
             continue
         if behind < _NO_PREFERENCE or (
             squared_distance(dataset, best.model, other.model) < DISTINGUISHABLE_DISTANCE
@@ -76,8 +76,8 @@ def with_indistinguishable(
 ) -> tuple[NamedEffect, ...]:
     """Add to each named effect what the data cannot tell from it next to all others.
 
-    Explanations that the finished model cannot tell apart may have been told apart by what was
-    still missing when the effect was named.
+    When the effect was named, other effects were still missing, which may have distinguished
+    explanations that are indistinguishable in the finished model.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ _AXLE_SHARES = {"front": (1.0, 0.0), "rear": (0.0, 1.0), "both": (0.5, 0.5)}
 
 
 def one_sided_squares(scores: Array, test: ScoreTest) -> Array:
-    """Squared scores (…, K); zero where a negative amount of a one-sided effect is asked for."""
+    """Squared scores (…, K); zero where a one-sided effect would have to be negative."""
     one_sided = np.array([c.signed for c in test.candidates])
     return np.where(one_sided & (scores < 0.0), 0.0, scores**2)
 

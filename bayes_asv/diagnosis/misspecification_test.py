@@ -4,7 +4,7 @@ The finished model, on all recordings together, is tested against a free force a
 next to the named effects, against autocorrelated innovations, against a variance that grows with
 the slope of a signal, and against excess noise.
 
-Named effects that only together imitate a third thing leave nothing to be found next to them.  So
+Named effects that only together reproduce another fault leave nothing next to them.  Therefore
 an unlisted fault is also compared with them as the only explanation in their place.
 """
 
@@ -246,7 +246,7 @@ def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alter
 def _loss(posterior: Posterior, mode: LaplaceFit, settled: NDArray[np.bool_]) -> float:
     """Minus the log-posterior up to a constant (nats), once the filter has settled.
 
-    A clipped reading does not count: no simulation says what it would have been.
+    A clipped reading does not count: its true value is unknown.
     """
     at_mode = mode.slopes
     runs = range(len(posterior.space.timelines))

@@ -68,7 +68,7 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
 def _autocovariances(nu: Array, sections: Array) -> Array:
     """Covariances (LAGS + 1, 2, 2) of innovations with later ones.
 
-    A band that was removed says nothing: what remains in it is the edge of the notch and, where a
+    A removed band carries no information: what remains in it is the edge of the notch and, where a
     force law is nonlinear, what the law makes of a signal without its tone.  It is filled with the
     mean power of the rest.  Estimated from part of the spectrum, the covariances then scatter less
     than white ones: the test is conservative.
@@ -95,7 +95,7 @@ def timing_jitter_test(dataset: Dataset, model: FittedModel) -> tuple[float, str
     """p-value of a variance that grows with the squared slope of a channel, and the channel.
 
     A reading whose time stamp is off by a random τ, or whose sensor slips, is off by τ times the
-    slope of the signal: the mean says nothing, the variance does, and no constant noise level
+    slope of the signal: the mean is unchanged, the variance is not, and no constant noise level
     covers it.  A score test of the variance (Breusch & Pagan 1979, Econometrica 47:1287),
     one-sided, noise levels projected out, Bonferroni over channels.  A bump is steep in a few
     places, so that the statistic is a sum of few squares: its skewness is accounted for.

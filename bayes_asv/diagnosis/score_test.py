@@ -1,14 +1,14 @@
-"""Score test: how strongly the innovations ask for each candidate effect.
+"""Score test: how strongly the innovations support each candidate effect.
 
 The sensitivity g_j (N,) of a candidate is the change of the predictions, in standard deviations of
 the innovations ν, that its values make through the filter at fixed gain (:mod:`.denoised_model`).
-What the model can imitate by its own coordinates is projected out in the metric of its posterior.
+What the model can reproduce by its own coordinates is projected out in the metric of its posterior.
 With M the sensitivities along these coordinates, P their posterior precision and ∇ the remaining
 gradient of the log-posterior,
 
     U_j = g_jᵀν − g_jᵀMᵀP⁻¹∇,    I_jk = g_jᵀg_k − g_jᵀMᵀP⁻¹M g_k,    s_j = U_j / √I_jj.
 
-A given value that is tightly known therefore imitates little.  Innovations are martingale
+A given value that is tightly known therefore reproduces little.  Innovations are martingale
 differences, and sensitivities depend on their past alone: under the model s_j is standard normal to
 first order.
 """
@@ -38,7 +38,7 @@ _NO_INFORMATION = 1e-8  # information below which a score is zero
 
 @dataclass(frozen=True)
 class NuisanceProjection:
-    """Directions that a model can imitate, at its mode.
+    """Directions that a model can reproduce, at its mode.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class NuisanceProjection:
         """Return gradient (K,) and information (K, K) along sensitivities (K, N).
 
         The gradient that remains at the mode counts: the mode is found to a few thousandths of a
-        nat, which is not negligible for a sensitivity that the model can all but imitate.
+        nat, which is not negligible for a sensitivity that the model can almost reproduce.
         """
         cross = self.sensitivities @ sensitivities.T
         solved = np.linalg.solve(self.precision, np.column_stack([self.gradient, cross]))
@@ -73,7 +73,7 @@ class NuisanceProjection:
 def nuisance_projection(
     derivatives: ScoreAndInformation, z: Array, tolerances: Array, offsets: Array | None = None
 ) -> NuisanceProjection:
-    """Return what a model can imitate by its coordinates and by tolerances.
+    """Return what a model can reproduce by its coordinates and by tolerances.
 
     Parameters
     ----------

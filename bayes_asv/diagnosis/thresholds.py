@@ -88,7 +88,7 @@ It is 3.2 standard deviations of the noise along one direction.
 """
 
 MIN_INFORMATION_SHARE: Final = 1e-6
-"""Share of a sensitivity that nuisance parameters do not imitate, below which data say nothing."""
+"""Share of information beside nuisance parameters below which it is taken to be zero."""
 
 EXCESS_NOISE: Final = 1.38
 """Fitted over given noise level from which noise is said to be in excess.

@@ -71,7 +71,7 @@ class ModelEvidence:
         The model with the tolerances at their mode.
     sensitivities : (K, N) array
         Sensitivities along the tolerances there.  Effects that would have to be negative, such as a
-        knee that stiffens a damper, imitate nothing and are left out.
+        knee that stiffens a damper, reproduce nothing and are left out.
     offsets : (K,) array
         Values of these that the model's innovations contain.
     """
@@ -311,7 +311,7 @@ def _refit(
 def projection_with_tolerances(
     derivatives: ScoreAndInformation, evidence: ModelEvidence
 ) -> NuisanceProjection:
-    """Return what a model imitates by its coordinates and by the tolerances of all other effects.
+    """Return what a model reproduces by its coordinates and the tolerances of all other effects.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ _SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s, how long a wandering tone may be a sin
 _OVERSAMPLING = 4  # frequencies a line: half way between two lines each has 0.4 of a tone's energy
 _DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [0.5**0.5, 0.5**0.5], [0.5**0.5, -(0.5**0.5)]])
 """Rows: the front channel, the rear one, both in phase, both in antiphase."""
-_TESTS_PER_LINE = 6.0  # effective number: gives the false-alarm rate asked for (docs/method.md)
+_TESTS_PER_LINE = 6.0  # effective number: gives the intended false-alarm rate (docs/method.md)
 _FLOOR_WIDTH = 60.0  # Hz around a line, whose median power is its floor
 _MIN_FLOOR_LINES = 17  # where there are so many
 _MAX_FLOOR_SHARE = 0.5  # of all lines
@@ -154,7 +154,7 @@ def _most_significant(
     for n in lengths:
         frequency, power, segments = _spectra([x @ _DIRECTIONS.T for x in runs], n, rate)
         gain = _gain(tones, frequency, rate)
-        # a line below the lowest frequency asked for is as wide as this at its foot
+        # a line below the lowest frequency is as wide as this at its foot
         low, high = slowest + rate / n, 0.5 * rate - 1.0
         usable = (frequency > low) & (frequency < high) & (gain > _MIN_GAIN)
         if not np.any(usable):

@@ -1,6 +1,6 @@
-"""How well faults that are not in the list would explain what a model leaves.
+"""How well faults that are not in the list explain the residuals of a model.
 
-Three kinds are asked: faults of known direction (:mod:`.unlisted_faults`); a free force at an axle,
+There are three kinds: faults of known direction (:mod:`.unlisted_faults`); a free force at an axle,
 as short pulses that follow each other through every run, whose amplitude is integrated out over a
 few sizes, so that the number of pulses costs what it should; and time stamps that jitter.
 """
@@ -104,7 +104,7 @@ def unlisted_fault_scores(
     model : DenoisedModel
         The model at its mode.
     projection : NuisanceProjection
-        What it can imitate.
+        What it can reproduce.
     """
     sensitivities, descriptions = unlisted_fault_sensitivities(model)
     gradient, information = projection.project_out(sensitivities)

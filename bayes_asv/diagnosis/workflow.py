@@ -62,9 +62,8 @@ __all__ = ["Diagnosis", "NamedEffect", "diagnose", "missing_effects"]
 # hold less than ten times the energy that the best candidate explains, effects are named first.
 _ENGINE_FIRST = 10.0
 _INEXACT_LAW = 0.03  # of that energy, which a named effect of nearly the right form leaves in lines
-_MIN_EXCITATION = (
-    0.3  # of the wheel power of a recording's first half, for its second to be held out
-)
+# Wheel power of a recording's second half over that of its first, for the second to be held out.
+_MIN_EXCITATION = 0.3
 _MIN_ROWS = 200  # of a half that is held out
 
 
@@ -161,7 +160,7 @@ def diagnose(
 
 
 class _Search(NamedTuple):
-    """Engine and effects that were search.
+    """Engine and effects that were found.
 
     Parameters
     ----------

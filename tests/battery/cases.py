@@ -131,13 +131,13 @@ def make_case(
         )
     worlds = _worlds(world, effects, [one.size for one in true], len(scene.drives))
     meant = _equivalent_rates(scene, worlds, true, parsed)
-    loud = [
+    with_noise = [
         replace(w, sensors=_with_noise(w.sensors, _TRUE_NOISE.get(parsed.modifier, 1.0)))
         for w in worlds
     ]
     runs = [
         simulate_drive(replace(w, sensors=draw_biases(w.sensors, rng)), planned)
-        for w, planned in zip(loud, (*scene.drives, *scene.held_out), strict=True)
+        for w, planned in zip(with_noise, (*scene.drives, *scene.held_out), strict=True)
     ]
     fitted, held = runs[: len(scene.drives)], runs[len(scene.drives) :]
     truth = Truth(
