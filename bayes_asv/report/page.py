@@ -171,7 +171,7 @@ def _track(document: TrackDocument) -> Composed:
     ok = document.verdict == "ok"
     unreliable = ok and is_inconsistent(document)
     made, gauges = cards(document.parameters, reliable=not unreliable)
-    found = document.consistency.verdict != "consistent"
+    at_fault = document.consistency.verdict != "consistent"
     page = {
         "subtitle": track_subtitle(document),
         "badge": "Verdict, not to be relied on" if unreliable else _BADGES[document.verdict],
@@ -180,7 +180,7 @@ def _track(document: TrackDocument) -> Composed:
         "cards": made,
         "steps": track_steps(document),
         "limits": [
-            *(consistency_lines(document)[1:] if ok and found else []),
+            *(consistency_lines(document)[1:] if ok and at_fault else []),
             *(_sentence(warning) for warning in document.warnings),
         ],
     }

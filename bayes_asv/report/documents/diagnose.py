@@ -40,7 +40,9 @@ _MAX_POINTS: Final = 1200  # of a curve
 _CHASSIS: Final = ("front_chassis", "rear_chassis")
 
 
-def diagnose_document(found: Diagnosis, recordings: Sequence[Recording] = ()) -> DiagnoseDocument:
+def diagnose_document(
+    diagnosis: Diagnosis, recordings: Sequence[Recording] = ()
+) -> DiagnoseDocument:
     """Document of a diagnosis.
 
     Parameters
@@ -50,32 +52,32 @@ def diagnose_document(found: Diagnosis, recordings: Sequence[Recording] = ()) ->
     recordings : sequence of Recording
         The fitted and the held-out recordings, for the provenance.
     """
-    vehicle = found.vehicle
+    vehicle = diagnosis.vehicle
     return DiagnoseDocument(
         schema="bayes_asv/diagnose/1",
-        verdict=found.verdict,
-        reasons=list(found.reasons),
-        warnings=[_without_folders(text, recordings) for text in found.warnings],
-        preflight=[schema.RecordingFault.model_validate(f) for f in found.recording_faults],
-        effects=_effects(found),
-        unexplained=_unexplained(found),
-        disagreement=_disagreement(found),
-        gap=_gap(found.errors or {}, vehicle),
-        parameters_before=_parameters(found.quantities_before, vehicle),
-        parameters_after=_parameters(found.quantities_after, vehicle),
-        p_value=found.p_value,
-        p_none=found.p_none,
+        verdict=diagnosis.verdict,
+        reasons=list(diagnosis.reasons),
+        warnings=[_without_folders(text, recordings) for text in diagnosis.warnings],
+        preflight=[schema.RecordingFault.model_validate(f) for f in diagnosis.recording_faults],
+        effects=_effects(diagnosis),
+        unexplained=_unexplained(diagnosis),
+        disagreement=_disagreement(diagnosis),
+        gap=_gap(diagnosis.errors or {}, vehicle),
+        parameters_before=_parameters(diagnosis.quantities_before, vehicle),
+        parameters_after=_parameters(diagnosis.quantities_after, vehicle),
+        p_value=diagnosis.p_value,
+        p_none=diagnosis.p_none,
         map=None
-        if found.localization is None
+        if diagnosis.localization is None
         else {
             axle: [_cell(cell, vehicle) for cell in cells]
-            for axle, cells in found.localization.force_maps.items()
+            for axle, cells in diagnosis.localization.force_maps.items()
         },
-        laws=force_curves(found),
-        residuals=_residuals(found),
+        laws=force_curves(diagnosis),
+        residuals=_residuals(diagnosis),
         runs=schema.FittedRuns(
-            fit=[line.source for line in found.fit],
-            holdout=[line.source for line in found.holdout],
+            fit=[prepared.source for prepared in diagnosis.fit],
+            holdout=[prepared.source for prepared in diagnosis.holdout],
         ),
         vehicle=VehicleInfo(name=vehicle.name, units=vehicle.units),
         provenance=Provenance(
@@ -84,9 +86,9 @@ def diagnose_document(found: Diagnosis, recordings: Sequence[Recording] = ()) ->
             ],
             vehicle=SourceFile(file=Path(vehicle.source).name, sha256=vehicle.sha256),
         ),
-        seconds=found.seconds,
+        seconds=diagnosis.seconds,
         version=__version__,
-        seed=found.seed,
+        seed=diagnosis.seed,
     )  # fmt: skip
 
 
@@ -97,20 +99,20 @@ def _without_folders(text: str, recordings: Sequence[Recording]) -> str:
     return text
 
 
-def _effects(found: Diagnosis) -> list[schema.NamedEffect]:
-    engine = [] if found.engine is None else [_engine(found.engine, found)]
-    return engine + [_effect(named, found) for named in found.named]
+def _effects(diagnosis: Diagnosis) -> list[schema.NamedEffect]:
+    engine = [] if diagnosis.engine is None else [_engine(diagnosis.engine, diagnosis)]
+    return engine + [_effect(named, diagnosis) for named in diagnosis.named]
 
 
-def _engine(engine: Engine, found: Diagnosis) -> schema.NamedEffect:
-    units = Units(found.vehicle.units)
+def _engine(engine: Engine, diagnosis: Diagnosis) -> schema.NamedEffect:
+    units = Units(diagnosis.vehicle.units)
     frequency = [float(v) for v in engine.frequency]
     amplitude = [units.convert(float(v), "force") for v in engine.amplitude]
     return schema.NamedEffect(
         name="engine_vibration",
         where=None,
         title="an engine that shakes the frame",
-        probability=found.probability_of(engine),
+        probability=diagnosis.probability_of(engine),
         indistinguishable_from=[],
         drive="the same drive with the engine off",
         parameters={
@@ -119,36 +121,36 @@ def _engine(engine: Engine, found: Diagnosis) -> schema.NamedEffect:
                 ("frequency", frequency, "Hz"), ("amplitude", amplitude, units.unit("force")),
             )
         },
-        gap=schema.Gap() if found.named else _gap(found.errors or {}, found.vehicle),
+        gap=schema.Gap() if diagnosis.named else _gap(diagnosis.errors or {}, diagnosis.vehicle),
         tones=[float(tone) for tone in engine.tones],
     )  # fmt: skip
 
 
-def _effect(named: NamedEffect, found: Diagnosis) -> schema.NamedEffect:
+def _effect(named: NamedEffect, diagnosis: Diagnosis) -> schema.NamedEffect:
     site = named.site
-    draws = (found.effect_draws or {}).get(str(site), {})
+    draws = (diagnosis.effect_draws or {}).get(str(site), {})
     others = [
         EffectName(name=o.site.effect.name, where=o.site.where or None, title=o.site.effect.title)
         for o in named.indistinguishable
     ]
     # A wrong mass scales both springs and has no signature of its own.
-    springs = {n.site.where for n in found.named if n.site.effect.name == "spring_rate"}
+    springs = {n.site.where for n in diagnosis.named if n.site.effect.name == "spring_rate"}
     if site.effect.name == "spring_rate" and springs == {"front", "rear"}:
         others.append(EffectName(name="mass_scale", where=None, title="a wrong mass"))
     return schema.NamedEffect(
         name=site.effect.name,
         where=site.where or None,
         title=site.effect.title,
-        probability=found.probability_of(named),
+        probability=diagnosis.probability_of(named),
         indistinguishable_from=others,
         drive=site.effect.drive,
         parameters={
-            p.name: effect_value(p, draws[p.name], site, found.vehicle)
+            p.name: effect_value(p, draws[p.name], site, diagnosis.vehicle)
             for p in site.effect.parameters
             if p.name in draws
         },
-        gap=_gap(named.errors, found.vehicle),
-        run=None if site.run is None else found.fit[site.run].source,
+        gap=_gap(named.errors, diagnosis.vehicle),
+        run=None if site.run is None else diagnosis.fit[site.run].source,
     )
 
 
@@ -170,8 +172,8 @@ def _gap(gaps: Mapping[str, ErrorChange], vehicle: Vehicle) -> schema.Gap:
     return schema.Gap(fit=error("fit"), holdout=error("holdout"), unit=units.unit("acceleration"))
 
 
-def _unexplained(found: Diagnosis) -> schema.Unexplained:
-    left = found.unexplained
+def _unexplained(diagnosis: Diagnosis) -> schema.Unexplained:
+    left = diagnosis.unexplained
     if left is None:
         return schema.Unexplained(present=False, score=None)
     return schema.Unexplained(
@@ -190,17 +192,17 @@ def _unexplained(found: Diagnosis) -> schema.Unexplained:
     )
 
 
-def _disagreement(found: Diagnosis) -> schema.Disagreement | None:
-    seen = found.localization
+def _disagreement(diagnosis: Diagnosis) -> schema.Disagreement | None:
+    seen = diagnosis.localization
     if seen is None:
         return None
     return schema.Disagreement(
         channel=seen.channel,
         axle=seen.axle,
         time=[[float(a), float(b)] for _, a, b in seen.windows],
-        time_run=[found.fit[run].source for run, _, _ in seen.windows],
+        time_run=[diagnosis.fit[run].source for run, _, _ in seen.windows],
         frequency=[[float(a), float(b)] for a, b in seen.bands],
-        state=None if seen.strongest is None else _cell(seen.strongest, found.vehicle),
+        state=None if seen.strongest is None else _cell(seen.strongest, diagnosis.vehicle),
     )
 
 
@@ -219,23 +221,23 @@ def _parameters(draws: dict[str, Array] | None, vehicle: Vehicle) -> dict[str, P
     return {n: parameter(n, draws[n], vehicle) for n in _SHOWN if draws and n in draws}
 
 
-def _residuals(found: Diagnosis) -> list[schema.Residual]:
+def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
     """Measured less simulated acceleration of every fitted run, before and after.
 
     The simulation is driven by the wheels alone.  An engine's tones are removed from both.
     """
-    if found.base_model is None or found.final_model is None:
+    if diagnosis.base_model is None or diagnosis.final_model is None:
         return []
-    units, entries = Units(found.vehicle.units), []
-    for run, line in enumerate(found.base_model.space.timelines):
+    units, entries = Units(diagnosis.vehicle.units), []
+    for run, prepared in enumerate(diagnosis.base_model.space.timelines):
         residuals = []
-        for stage in (found.base_model, found.final_model):
-            own = stage.space.timelines[run]
-            output, _, _ = free_run(stage.target, stage.mode.z, run)
+        for model in (diagnosis.base_model, diagnosis.final_model):
+            own = model.space.timelines[run]
+            output, _, _ = free_run(model.target, model.mode.z, run)
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
-        time = line.instants[line.pairs.max(axis=1)]
+        time = prepared.instants[prepared.pairs.max(axis=1)]
         keep = np.unique(np.linspace(0, len(time) - 1, _MAX_POINTS).astype(int))
-        columns = {line.channels[c].name: y for y, c in enumerate(line.outputs)}
+        columns = {prepared.channels[c].name: y for y, c in enumerate(prepared.outputs)}
         chassis: dict[str, int] = {n: columns[n] for n in _CHASSIS if n in columns}
         curves = {
             name: schema.BeforeAfter(
@@ -246,11 +248,11 @@ def _residuals(found: Diagnosis) -> list[schema.Residual]:
         }
         entries.append(
             schema.Residual(
-                source=line.source,
+                source=prepared.source,
                 unit=units.unit("acceleration"),
                 time=units.curve(time[keep]),
                 seconds=[float(time[0]), float(time[-1])],
-                spectrum=_spectrum(residuals, chassis, line.reading_step, units),
+                spectrum=_spectrum(residuals, chassis, prepared.reading_step, units),
                 **curves,
             )
         )

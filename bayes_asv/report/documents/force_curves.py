@@ -27,7 +27,7 @@ _POINTS: Final = 81
 _MIN_EXCESS: Final = 1e-6  # of the largest linear force: less is rounding
 
 
-def force_curves(found: Diagnosis) -> dict[str, schema.ForceCurves]:
+def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
     """Force curves of each axle with an effect on its damper or spring, over the range covered.
 
     Parameters
@@ -48,33 +48,33 @@ def force_curves(found: Diagnosis) -> dict[str, schema.ForceCurves]:
     Laplace's approximation at the mode (Iman & Conover 1982); parameters that only shape a curve
     are drawn from the approximation alone.
     """
-    stage = found.final_model
-    if stage is None or found.quantities_before is None:
+    model = diagnosis.final_model
+    if model is None or diagnosis.quantities_before is None:
         return {}
-    units = Units(found.vehicle.units)
-    z = _draws(stage, found.seed)
-    values, car = _effect_draws(stage, z, found), _car_draws(stage, z, found)
+    units = Units(diagnosis.vehicle.units)
+    z = _draws(model, diagnosis.seed)
+    values, car = _effect_draws(model, z, diagnosis), _car_draws(model, z, diagnosis)
     curves = {}
     for k, axle in enumerate(AXLES):
-        sites = [s for s in stage.sites if axle in s.axles and s.run is None]
+        sites = [s for s in model.sites if axle in s.axles and s.run is None]
         laws = tuple(s for s in sites if s.effect.acts == "suspension")
         if not laws and not any(s.effect.name == "spring_rate" for s in sites):
             continue
         c_name, k_name = f"c_{axle[0]}", f"k_{axle[0]}"
-        law = _ForceLaw(k, stage.space.car, laws, values, car[c_name], car[k_name])
-        deflection, velocity = _range_covered(stage, k)
+        law = _ForceLaw(k, model.space.car, laws, values, car[c_name], car[k_name])
+        deflection, velocity = _range_covered(model, k)
         rest = np.zeros(_POINTS)
         axle_curves = schema.ForceCurves()
         if law.is_nonlinear(rest, velocity):
-            nominal = getattr(found.vehicle, c_name).value
-            damper = _curve("velocity", velocity, found.quantities_before[c_name], nominal,
+            nominal = getattr(diagnosis.vehicle, c_name).value
+            damper = _curve("velocity", velocity, diagnosis.quantities_before[c_name], nominal,
                             law.forces(rest, velocity, 0.0), units)  # fmt: skip
             if any(s.effect.name == "damper_fade" for s in laws):
                 damper.after_end = _band(law.forces(rest, velocity, 1.0), units)
             axle_curves.damper = damper
         if law.is_nonlinear(deflection, rest) or len(laws) < len(sites):
-            nominal = getattr(found.vehicle, k_name).value
-            before = found.quantities_before.get(k_name, np.array([nominal]))
+            nominal = getattr(diagnosis.vehicle, k_name).value
+            before = diagnosis.quantities_before.get(k_name, np.array([nominal]))
             axle_curves.spring = _curve("deflection", deflection, before, nominal,
                                         law.forces(deflection, rest, 0.0), units)  # fmt: skip
         for site in laws:
@@ -128,11 +128,11 @@ class _ForceLaw:
         )
 
 
-def _draws(stage: FittedModel, seed: int) -> Array:
+def _draws(model: FittedModel, seed: int) -> Array:
     """Draws (N, p) from Laplace's approximation at the mode."""
     rng = np.random.default_rng([seed, 61])
-    covariance = np.linalg.inv(stage.mode.slopes.precision())
-    return rng.multivariate_normal(stage.mode.z, covariance, _DRAWS, method="eigh")
+    covariance = np.linalg.inv(model.mode.slopes.precision())
+    return rng.multivariate_normal(model.mode.z, covariance, _DRAWS, method="eigh")
 
 
 def _with_ranks(ranked: Array, marginal: Array) -> Array:
@@ -141,11 +141,13 @@ def _with_ranks(ranked: Array, marginal: Array) -> Array:
     return np.asarray(np.quantile(marginal, share))
 
 
-def _effect_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[Site, dict[str, Array]]:
-    drawn = [stage.space.effects(one) for one in z]
+def _effect_draws(
+    model: FittedModel, z: Array, diagnosis: Diagnosis
+) -> dict[Site, dict[str, Array]]:
+    drawn = [model.space.effects(one) for one in z]
     out: dict[Site, dict[str, Array]] = {}
-    for site in stage.sites:
-        marginals = (found.effect_draws or {}).get(str(site), {})
+    for site in model.sites:
+        marginals = (diagnosis.effect_draws or {}).get(str(site), {})
         out[site] = {}
         for parameter in site.effect.parameters:
             own = np.array([values[site][parameter.name] for values in drawn])
@@ -154,29 +156,33 @@ def _effect_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[Site, 
     return out
 
 
-def _car_draws(stage: FittedModel, z: Array, found: Diagnosis) -> dict[str, Array]:
-    drawn = stage.space.quantities(z, found.seed)
+def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, Array]:
+    drawn = model.space.quantities(z, diagnosis.seed)
     out: dict[str, Array] = {}
     for name in ("c_f", "c_r", "k_f", "k_r"):
-        if name in drawn and found.quantities_after is not None and name in found.quantities_after:
-            out[name] = _with_ranks(drawn[name], found.quantities_after[name])
+        if (
+            name in drawn
+            and diagnosis.quantities_after is not None
+            and name in diagnosis.quantities_after
+        ):
+            out[name] = _with_ranks(drawn[name], diagnosis.quantities_after[name])
         else:
-            out[name] = np.full(_DRAWS, getattr(found.vehicle, name).value)
-    for site in stage.sites:  # the curve of a spring is that of its true rate
+            out[name] = np.full(_DRAWS, getattr(diagnosis.vehicle, name).value)
+    for site in model.sites:  # the curve of a spring is that of its true rate
         if site.effect.name == "spring_rate":
-            factor = (found.effect_draws or {})[str(site)]["factor"]
-            rank = z[:, stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))]
+            factor = (diagnosis.effect_draws or {})[str(site)]["factor"]
+            rank = z[:, model.space.names.index(site.coordinate_name(site.effect.parameters[0]))]
             name = f"k_{site.where[0]}"
             out[name] = out[name] * _with_ranks(rank, factor)
     return out
 
 
-def _range_covered(stage: FittedModel, axle: int) -> tuple[Array, Array]:
+def _range_covered(model: FittedModel, axle: int) -> tuple[Array, Array]:
     """Grids of deflection (m) and velocity (m/s) over the range of the fitted runs."""
     states = np.concatenate(
         [
-            stage.target.scored(stage.mode.z, run)[2][:, 2 * axle : 2 * axle + 2]
-            for run in range(len(stage.space.timelines))
+            model.target.scored(model.mode.z, run)[2][:, 2 * axle : 2 * axle + 2]
+            for run in range(len(model.space.timelines))
         ]
     )
     low, high = states.min(axis=0), states.max(axis=0)

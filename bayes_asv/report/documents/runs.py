@@ -55,34 +55,34 @@ def _outputs(fit: RunFit) -> list[Channel]:
 
 def run_document(fit: RunFit, system: str) -> schema.Run:
     """One recording beside its simulation, in the units of a system."""
-    line, units = fit.line, Units(system)
+    prepared, units = fit.line, Units(system)
     # Groups of readings without a gap, or all where channels are never read together.
-    whole = np.all(line.pairs >= 0, axis=1)
-    pairs = line.pairs[whole] if np.any(whole) else line.pairs
+    whole = np.all(prepared.pairs >= 0, axis=1)
+    pairs = prepared.pairs[whole] if np.any(whole) else prepared.pairs
     pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, _MAX_POINTS).astype(int))]
-    rows = np.unique(np.linspace(0, line.times.shape[1] - 1, _MAX_POINTS).astype(int))
-    start, at = line.times[0, 0], np.where(pairs[:, 0] >= 0, pairs[:, 0], pairs.max(axis=1))
-    front, rear = line.inputs[:2]
+    rows = np.unique(np.linspace(0, prepared.times.shape[1] - 1, _MAX_POINTS).astype(int))
+    start, at = prepared.times[0, 0], np.where(pairs[:, 0] >= 0, pairs[:, 0], pairs.max(axis=1))
+    front, rear = prepared.inputs[:2]
     outputs = _outputs(fit)
     curves = {c.name: _output(fit, y, pairs, units) for y, c in enumerate(outputs)}
     further = {name: curve for name, curve in curves.items() if name not in _CHASSIS}
-    names = [channel.name for channel in line.channels]
+    names = [channel.name for channel in prepared.channels]
     run = schema.Run(
-        source=line.source,
+        source=prepared.source,
         sha256=fit.recording.sha256,
-        rate=1.0 / float(np.median(np.diff(line.times[0]))),
-        seconds=float(line.times[0, -1] - start),
-        rows=int(line.times.shape[1]),
-        missing={n: int(np.sum(~np.isfinite(line.values[c]))) for c, n in enumerate(names)},
-        clipped={n: int(line.clipped[c].sum()) for c, n in enumerate(names)},
+        rate=1.0 / float(np.median(np.diff(prepared.times[0]))),
+        seconds=float(prepared.times[0, -1] - start),
+        rows=int(prepared.times.shape[1]),
+        missing={n: int(np.sum(~np.isfinite(prepared.values[c]))) for c, n in enumerate(names)},
+        clipped={n: int(prepared.clipped[c].sum()) for c, n in enumerate(names)},
         bias=_bias(fit, units),
         unit=units.unit("acceleration"),
-        time=units.curve(line.instants[at] - start),
+        time=units.curve(prepared.instants[at] - start),
         chassis={name: curve for name, curve in curves.items() if name in _CHASSIS},
         wheels=schema.WheelCurves(
-            time=units.curve(line.times[0, rows] - start),
-            front_wheel=units.curve(line.values[front, rows], "acceleration"),
-            rear_wheel=units.curve(line.values[rear, rows], "acceleration"),
+            time=units.curve(prepared.times[0, rows] - start),
+            front_wheel=units.curve(prepared.values[front, rows], "acceleration"),
+            rear_wheel=units.curve(prepared.values[rear, rows], "acceleration"),
         ),
         travel=schema.Travel(
             unit=units.unit("deflection"),
@@ -108,13 +108,13 @@ def _bias(fit: RunFit, units: Units) -> schema.Bias:
 
 
 def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> schema.OutputCurves:
-    line, keep, channel = fit.line, pairs[:, y], _outputs(fit)[y]
+    prepared, keep, channel = fit.line, pairs[:, y], _outputs(fit)[y]
     simulated = fit.free.output[:, y]
-    measured = np.where(line.kind[:, y] == MISSING, np.nan, line.reading[:, y])
-    read = line.kind[:, y] == VALUE
-    residual = line.reading[read, y] - simulated[read]
+    measured = np.where(prepared.kind[:, y] == MISSING, np.nan, prepared.reading[:, y])
+    read = prepared.kind[:, y] == VALUE
+    residual = prepared.reading[read, y] - simulated[read]
     sd = np.sqrt(fit.ensemble[:, :, y].var(axis=0) + np.mean(residual**2))
-    x = line.paired(fit.innovations)[:, y]
+    x = prepared.paired(fit.innovations)[:, y]
     x = x[np.isfinite(x)]
     x = x - x.mean()
     power = float(x @ x) or 1.0
@@ -131,8 +131,10 @@ def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> sc
         autocorrelation_band95=1.96 / math.sqrt(max(len(x), 1)),
         # The lags that whitened the innovations are no evidence of whiteness.
         whiteness_p=portmanteau(x, _LAGS, order) if order < _LAGS else None,
-        lag_seconds=line.reading_step,
-        spectrum=_spectrum(line.reading[read, y], residual, line.reading_step, channel, units),
+        lag_seconds=prepared.reading_step,
+        spectrum=_spectrum(
+            prepared.reading[read, y], residual, prepared.reading_step, channel, units
+        ),
     )
     if channel.name not in _CHASSIS:
         curves.unit = units.unit(channel.dimension)
@@ -187,8 +189,8 @@ def _check(check: Check, channel: Channel, units: Units) -> schema.Check:
 
 def run_consistency(result: Estimate) -> schema.RunConsistency | None:
     """Comparison of the runs; None with a single run, or where they were not compared."""
-    found, seed = result.agreement, result.seed
-    if found is None:
+    comparison, seed = result.agreement, result.seed
+    if comparison is None:
         return None
     units = Units(result.vehicle.units)
     joint = result.joint or result.draws
@@ -198,52 +200,54 @@ def run_consistency(result: Estimate) -> schema.RunConsistency | None:
             name: Quantity(
                 unit=units.unit_of(name), **summary(units.convert_parameter(draws[name], name))
             )
-            for name in (*found.compared, "k_g")
+            for name in (*comparison.compared, "k_g")
             if name in draws
         }
 
     return schema.RunConsistency(
-        verdict=found.verdict,
-        p=found.whole.p,
-        contrasts=found.whole.freedom,
+        verdict=comparison.verdict,
+        p=comparison.whole.p,
+        contrasts=comparison.whole.freedom,
         disagree_below=DISAGREE_BELOW,
-        each={name: schema.Test(p=test.p) for name, test in found.each.items()},
-        differing=list(found.differing) if found.verdict == "disagree" else [],
-        spread_percent={name: _spread(found, name) for name in found.compared},
-        own_percent={name: found.own_percent(name) for name in found.compared},
+        each={name: schema.Test(p=test.p) for name, test in comparison.each.items()},
+        differing=list(comparison.differing) if comparison.verdict == "disagree" else [],
+        spread_percent={name: _spread(comparison, name) for name in comparison.compared},
+        own_percent={name: comparison.own_percent(name) for name in comparison.compared},
         runs=[
             schema.SingleRun(
                 source=run.fit.space.timelines[0].source,
                 effective_draws=run.effective,
-                parameters=_own_values(found, n, units, seed),
+                parameters=_own_values(comparison, n, units, seed),
             )
-            for n, run in enumerate(found.runs)
+            for n, run in enumerate(comparison.runs)
         ],
         joint=quantities(joint),
-        mean_car=quantities(found.quantities(found.population.centre, seed)),
-        next_run=quantities(found.quantities(found.population.next_run, seed)),
+        mean_car=quantities(comparison.quantities(comparison.population.centre, seed)),
+        next_run=quantities(comparison.quantities(comparison.population.next_run, seed)),
     )
 
 
-def _spread(found: Comparison, name: str) -> schema.Spread:
-    low, median, high = (float(v) for v in found.spread_percent(name))
-    p = float(np.mean(found.population.spread[:, found.compared.index(name)] > 0.0))
+def _spread(comparison: Comparison, name: str) -> schema.Spread:
+    low, median, high = (float(v) for v in comparison.spread_percent(name))
+    p = float(np.mean(comparison.population.spread[:, comparison.compared.index(name)] > 0.0))
     return schema.Spread(median=median, eti95=[low, high], p_differs=p)
 
 
-def _own_values(found: Comparison, n: int, units: Units, seed: int) -> dict[str, schema.OwnValue]:
+def _own_values(
+    comparison: Comparison, n: int, units: Units, seed: int
+) -> dict[str, schema.OwnValue]:
     """Posterior of run `n` by itself, and with the given values held."""
-    run = found.runs[n]
+    run = comparison.runs[n]
     draws = run.fit.space.quantities(run.z, seed)
     values = {}
-    for name in (*found.compared, "k_g"):
+    for name in (*comparison.compared, "k_g"):
         if name not in draws:
             continue
         value = schema.OwnValue(
             unit=units.unit_of(name), **summary(units.convert_parameter(draws[name], name))
         )
-        if name in found.compared:
-            means, sds = found.own_values(name)
+        if name in comparison.compared:
+            means, sds = comparison.own_values(name)
             mean, sd = (units.convert_parameter(float(v[n]), name) for v in (means, sds))
             if math.isfinite(mean) and math.isfinite(sd):
                 factor = math.exp(Z95 * sd / mean)

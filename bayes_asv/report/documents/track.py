@@ -155,20 +155,20 @@ def _known(name: str, result: TrackResult) -> Known:
 
 
 def _consistency(result: TrackResult) -> schema.Consistency:
-    found = result.consistency
+    consistency = result.consistency
     return schema.Consistency(
-        nis_mean=found.nis_mean,
-        nis_band95=list(found.nis_band95),
-        verdict=found.verdict,
-        faults=list(found.faults),
-        readings=found.readings,
-        share_of_time=found.consistent_share,
-        largest_noise_level=math.sqrt(found.max_noise_factor),
-        colour=found.max_box_pierce,
+        nis_mean=consistency.nis_mean,
+        nis_band95=list(consistency.nis_band95),
+        verdict=consistency.verdict,
+        faults=list(consistency.faults),
+        readings=consistency.readings,
+        share_of_time=consistency.consistent_share,
+        largest_noise_level=math.sqrt(consistency.max_noise_factor),
+        colour=consistency.max_box_pierce,
         autocorrelation=schema.Autocorrelation(
-            front=found.correlation[0].tolist(),
-            rear=found.correlation[1].tolist(),
-            band95=Z95 / math.sqrt(max(found.readings // 2, 1)),
+            front=consistency.correlation[0].tolist(),
+            rear=consistency.correlation[1].tolist(),
+            band95=Z95 / math.sqrt(max(consistency.readings // 2, 1)),
             lags=LAGS,
             lag_seconds=1.0 / result.rate,
         ),

@@ -75,7 +75,7 @@ class NamedEffect(Effect):
 
     probability: Share
     indistinguishable_from: Annotated[list[EffectName], Field(max_length=50)]
-    """Effects that these recordings cannot tell it from."""
+    """Effects that these recordings cannot distinguish from it."""
     drive: Text = ""
     """The drive that would tell them apart."""
     gap: Gap

@@ -35,9 +35,9 @@ __all__ = [
 
 class _Sentence(NamedTuple):
     part: str
-    """The part at fault; ``{}`` stands for its place."""
+    """The part at fault; ``{}`` is its place."""
     statement: str
-    """What it does; each parameter of the effect stands in braces."""
+    """What it does; each parameter of the effect is in braces."""
 
 
 _SENTENCES: Final = {

@@ -260,17 +260,19 @@ def _consistency_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
 
 
 def _autocorrelations(consistency: Consistency) -> tuple[svg.Panel, ...]:
-    found = consistency.autocorrelation
-    if found is None:
+    correlation = consistency.autocorrelation
+    if correlation is None:
         return ()
-    curves = {"front": found.front, "rear": found.rear}
+    curves = {"front": correlation.front, "rear": correlation.rear}
 
     def draw(axes: Axes, axle: str) -> str | None:
         values = [v or 0.0 for v in curves[axle][1:]]
         if not values:
             return None
         colour = svg.COLOURS[axle]
-        svg.draw_autocorrelation(axes, values, found.band95, found.lag_seconds, axle, colour)
+        svg.draw_autocorrelation(
+            axes, values, correlation.band95, correlation.lag_seconds, axle, colour
+        )
         return f"{axle} innovations of the online filter: autocorrelation with its 95 % band"
 
     return svg.axle_panels("track-lags-{}", draw, 2.2)

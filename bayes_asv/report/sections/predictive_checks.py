@@ -39,14 +39,14 @@ def _check_limits(document: EstimateDocument) -> list[str]:
     channels = dict.fromkeys(check.channel for run in document.runs for check in run.checks)
     for channel in channels:
         for of in ("residual", "reading"):
-            found = [
+            significant = [
                 (run, check)
                 for run in document.runs
                 for check in _significant(run)
                 if check.channel == channel and check.of == of
             ]
-            if found:
-                sentences.append(_sentence(found, len(document.runs)))
+            if significant:
+                sentences.append(_sentence(significant, len(document.runs)))
                 break
     return sentences
 
@@ -82,9 +82,9 @@ def _significant(run: Run) -> list[Check]:
     return _by_surprise([c for c in run.checks if c.p_family < _SIGNIFICANT])
 
 
-def _sentence(found: Sequence[tuple[Run, Check]], count: int) -> str:
-    worst = _by_surprise([check for _, check in found])[0]
-    run = next(run for run, check in found if check is worst)
+def _sentence(significant: Sequence[tuple[Run, Check]], count: int) -> str:
+    worst = _by_surprise([check for _, check in significant])[0]
+    run = next(run for run, check in significant if check is worst)
     low, high = worst.replicated.eti95
     sd = 0.25 * (high - low)
     size = "more" if worst.observed > worst.replicated.median else "less"
@@ -92,7 +92,7 @@ def _sentence(found: Sequence[tuple[Run, Check]], count: int) -> str:
     what = f"the {where} reading has {size} motion"
     if worst.of == "residual":
         what = f"the {where} residual is {'larger' if size == 'more' else 'smaller'}"
-    sources = {run.source for run, _ in found}
+    sources = {run.source for run, _ in significant}
     some = f" in {len(sources)} of {count} recordings" if count > 1 else ""
     which = f" of {plain(run.source)}" if count > 1 else ""
     return (
