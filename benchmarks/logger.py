@@ -1,17 +1,17 @@
-"""The firmware on emulated boards, for longer than a test may take.
+"""The firmware on emulated boards: runs that take longer than a test may take.
 
-Two parts, in virtual time, with crystal errors drawn between -50 and +50 ppm a board:
+Two parts, in virtual time; each board's crystal error is drawn uniformly from -50 to +50 ppm:
 
-*rates*      Runs at 50 to 800 Hz over a good link: overruns, the boards' instants at the start, and
-             how far the times that the laptop works out for the two boards are wrong against each
-             other.
-*transfers*  Whole runs (synchronised by six steps, the short form and by radio in turn) and both
-             blocks over a bad link: one packet in five between the boards is lost, one bit in a
-             thousand between the modems inverted.  The laptop is `bayes_asv.acquire`; its
-             recordings are held against what the converters gave, reading by reading.
+*rates*      Runs at 50 to 800 Hz over a good link: overruns, the difference between the boards'
+             start instants, and the error of the merged recording's time difference between the
+             two boards.
+*transfers*  Complete runs (synchronised in turn by six steps, by the short form and by radio) whose
+             blocks are fetched over a bad link: the radio loses one packet in five and the modem
+             inverts one bit in a thousand.  `bayes_asv.acquire` fetches and merges them; each
+             reading of its recordings is compared with the count that the converter gave.
 
 ``python -m benchmarks.logger`` writes ``benchmarks/results/logger.json``.  It needs what
-``firmware/emulator`` needs, and some 20 minutes of two cores.
+``firmware/emulator`` needs, and some 20 minutes on two cores.
 """
 
 from __future__ import annotations
@@ -57,27 +57,29 @@ VEHICLE = read_vehicle(shipped("vehicles", "baja2008.toml"))
 Row = dict[str, Any]
 
 
-def crystals(rng: np.random.Generator) -> tuple[float, float, float]:
+def draw_crystal_errors(rng: np.random.Generator) -> tuple[float, float, float]:
     """Crystal errors of the three boards in ppm."""
     one, two, three = (float(x) for x in rng.uniform(-LARGEST_PPM, LARGEST_PPM, 3).round(1))
     return one, two, three
 
 
-def held_against_truth(emulated: Emulated, recording: Recording, since: float, ppm: float) -> Row:
-    """Count the readings that differ, and measure how the two boards' times agree with the truth.
+def compare_with_truth(
+    emulated: Emulated, recording: Recording, start_time: float, ppm: float
+) -> Row:
+    """Compare a recording's readings and times with those of the emulated converters.
 
-    Times are those that an estimate would use (`sample_offsets`), and compared between the boards:
-    a constant that both share, such as the interrupt's latency, is left out. A missing cell is not
-    wrong.
+    The times are those that an estimate uses (`sample_times`). Only their difference between the
+    boards is compared, so that a constant common to both, such as the interrupt's latency, cancels.
+    A missing reading does not count as wrong.
 
     Parameters
     ----------
-    since : float
+    start_time : float
         Virtual time before the run, s.
     ppm : float
-        True crystal error of Slave 1, whose seconds the recording's are.
+        True crystal error of Slave 1, whose clock gives the recording's times.
     """
-    truths = [rows_of(emulated, name, READINGS, since) for name in ("slave_1", "slave_2")]
+    truths = [rows_of(emulated, name, READINGS, start_time) for name in ("slave_1", "slave_2")]
     if any(truth.time.shape != (ROWS, 2) for truth in truths):
         return {"readings_wrong": 4 * ROWS}
     counts = np.concatenate([truth.count.T for truth in truths])
@@ -85,23 +87,23 @@ def held_against_truth(emulated: Emulated, recording: Recording, since: float, p
     rate = declared_rate(recording)
     assert rate is not None
     rows = np.round(recording.time * rate).astype(int) + int(recording.get("first row") or 1) - 1
-    got = recording.values
-    wrong = int((np.abs(got - counts[:, rows]) > 0.5).sum())  # NaN compares false
-    said = sample_times(recording, VEHICLE) / (1 + ppm * 1e-6) - instants[:, rows]
-    apart = said[2:] - said[:2]
+    values = recording.values
+    wrong = int((np.abs(values - counts[:, rows]) > 0.5).sum())  # NaN compares false
+    error = sample_times(recording, VEHICLE) / (1 + ppm * 1e-6) - instants[:, rows]
+    difference = error[2:] - error[:2]
     start = truths[1].time[0] - truths[0].time[0]
     return {
         "readings_wrong": wrong,
-        "readings_missing": 4 * ROWS - int(np.isfinite(got).sum()),
+        "readings_missing": 4 * ROWS - int(np.isfinite(values).sum()),
         "start_apart_us": round(1e6 * float(np.abs(start).max()), 3),
-        "times_apart_us": round(1e6 * float(np.abs(apart).max()), 3),
+        "times_apart_us": round(1e6 * float(np.abs(difference).max()), 3),
     }
 
 
 def run_of(logger: Logger, rate: int, synch: int, ppm: float, number: int) -> Row:
-    """One run, the `number`th of this logger, started, fetched and merged by the package."""
+    """Start, fetch and merge run `number` of this logger with the package."""
     emulated = logger.emulated
-    since = emulated.now
+    start_time = emulated.now
     outcome = acquire(
         VirtualPort(emulated),
         RunRequest(Settings(rate=rate, synch=synch), start=True),
@@ -113,14 +115,14 @@ def run_of(logger: Logger, rate: int, synch: int, ppm: float, number: int) -> Ro
         "verdict": outcome.verdict,
         "reasons": list(outcome.reasons),
         "overruns": [block["overruns"] for block in outcome.blocks],
-        "seconds": round(emulated.now - since, 2),
+        "seconds": round(emulated.now - start_time, 2),
         "frames_spoilt": outcome.corrupted,
         "commands_repeated": outcome.retries,
     }
     if outcome.recording is not None:
-        row |= held_against_truth(emulated, outcome.recording, since, ppm)
+        row |= compare_with_truth(emulated, outcome.recording, start_time, ppm)
     row["whole"] = outcome.verdict == "ok" and row["readings_wrong"] == row["readings_missing"] == 0
-    # Wrong and not told: a reading that differs, or a gap under the verdict "ok".
+    # An error that is not reported: a wrong reading, or a gap under the verdict "ok".
     row["silently_wrong"] = bool(
         row.get("readings_wrong") or (outcome.verdict == "ok" and not row["whole"])
     )
@@ -128,8 +130,8 @@ def run_of(logger: Logger, rate: int, synch: int, ppm: float, number: int) -> Ro
 
 
 def rates_of(seed: int) -> list[Row]:
-    """One run at each rate, six steps, good link."""
-    ppm = crystals(np.random.default_rng([seed, 1]))
+    """Take one run at each rate over a good link, synchronised by six steps."""
+    ppm = draw_crystal_errors(np.random.default_rng([seed, 1]))
     with tempfile.TemporaryDirectory() as folder:
         setup = Setup(seed=seed, ppm=ppm, extra=("log adc",))
         with switched_on(Path(folder), setup) as logger:
@@ -140,8 +142,8 @@ def rates_of(seed: int) -> list[Row]:
 
 
 def transfers_of(seed: int, count: int) -> list[Row]:
-    """Hold `count` runs at 800 Hz with their transfers over the bad link."""
-    ppm, rows = crystals(np.random.default_rng([seed, 2])), []
+    """Take `count` runs at 800 Hz and fetch them over the bad link."""
+    ppm, rows = draw_crystal_errors(np.random.default_rng([seed, 2])), []
     with tempfile.TemporaryDirectory() as folder:
         setup = Setup(seed=seed, ppm=ppm, loss=LOSS, error_rate=ERROR_RATE, extra=("log adc",))
         with switched_on(Path(folder), setup) as logger:
@@ -160,16 +162,16 @@ def transfers_of(seed: int, count: int) -> list[Row]:
 
 
 def summary_of(rates: Sequence[Row], transfers: Sequence[Row]) -> Row:
-    """Figures for the table of results."""
+    """Summarise the runs for the table of results."""
     summary: Row = {}
     for rate in RATES:
-        mine = [row for row in rates if row["rate"] == rate]
+        selected = [row for row in rates if row["rate"] == rate]
         summary[f"{rate} Hz"] = {
-            "runs": len(mine),
-            "overruns": overruns_of(mine),
-            "whole": sum(row["whole"] for row in mine),
-            "silently_wrong": sum(row["silently_wrong"] for row in mine),
-            **largest_of(mine),
+            "runs": len(selected),
+            "overruns": overruns_of(selected),
+            "whole": sum(row["whole"] for row in selected),
+            "silently_wrong": sum(row["silently_wrong"] for row in selected),
+            **largest_of(selected),
         }
     whole = sum(row["whole"] for row in transfers)
     interval = stats.binomtest(whole, len(transfers)).proportion_ci(method="exact")
@@ -186,30 +188,30 @@ def summary_of(rates: Sequence[Row], transfers: Sequence[Row]) -> Row:
         "frames_spoilt": sum(row["frames_spoilt"] for row in transfers),
     }
     for name in SYNCHS:
-        mine = [row for row in transfers if row["synch"] == name]
+        selected = [row for row in transfers if row["synch"] == name]
         summary[name] = {
-            "runs": len(mine),
-            **largest_of(mine),
+            "runs": len(selected),
+            **largest_of(selected),
         }
     return summary
 
 
 def overruns_of(rows: Sequence[Row]) -> int:
-    """Overruns of both boards in all runs."""
+    """Total overruns of both boards over all runs."""
     return sum(count or 0 for row in rows for count in row["overruns"])
 
 
 def largest_of(rows: Sequence[Row]) -> Row:
-    """How far apart the boards were, and how far wrong the merged times are, at most."""
-    told = [row for row in rows if "times_apart_us" in row]
+    """Largest difference of the start instants and largest error of the merged time differences."""
+    merged = [row for row in rows if "times_apart_us" in row]
     return {
-        f"{name}_largest": max((row[name] for row in told), default=None)
+        f"{name}_largest": max((row[name] for row in merged), default=None)
         for name in ("start_apart_us", "times_apart_us")
     }
 
 
 def firmware_digest() -> str:
-    """Short digest of the firmware's sources, which the results belong to."""
+    """Short digest of the firmware's sources for which the results hold."""
     digest = hashlib.sha256()
     for path in sorted((FIRMWARE / "src").rglob("*")):
         if path.suffix in {".cpp", ".h"}:
@@ -225,24 +227,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--parts", type=int, default=10, help="processes that share the transfers")
     parser.add_argument("--rates", type=int, default=4, help="runs at each rate")
     parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     reason = why_not()
     if reason is not None:
         print(reason, file=sys.stderr)
         return 2
     build()
     build_firmware()
-    begun = time.monotonic()
-    each = -(-given.transfers // given.parts)
-    with ProcessPoolExecutor(given.jobs) as pool:
-        parts = [
-            pool.submit(transfers_of, given.seed + i, min(each, given.transfers - i * each))
-            for i in range(given.parts)
-            if i * each < given.transfers
+    started = time.monotonic()
+    share = -(-options.transfers // options.parts)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        transfer_jobs = [
+            pool.submit(transfers_of, options.seed + i, min(share, options.transfers - i * share))
+            for i in range(options.parts)
+            if i * share < options.transfers
         ]
-        drives = [pool.submit(rates_of, given.seed + 1000 + i) for i in range(given.rates)]
-        transfers = [row for job in parts for row in job.result()]
-        rates = [row for job in drives for row in job.result()]
+        rate_jobs = [pool.submit(rates_of, options.seed + 1000 + i) for i in range(options.rates)]
+        transfers = [row for job in transfer_jobs for row in job.result()]
+        rates = [row for job in rate_jobs for row in job.result()]
     summary = summary_of(rates, transfers)
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
@@ -251,10 +253,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "commit": commit,
         "version": __version__,
         "firmware": firmware_digest(),
-        "seed": given.seed,
+        "seed": options.seed,
         "packet_loss": LOSS,
         "bit_error_rate": ERROR_RATE,
-        "minutes": round((time.monotonic() - begun) / 60, 1),
+        "minutes": round((time.monotonic() - started) / 60, 1),
     }
     RESULTS.parent.mkdir(exist_ok=True)
     written = {"about": about, "summary": summary, "rates": rates, "transfers": transfers}

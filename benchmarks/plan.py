@@ -1,14 +1,14 @@
-"""What ``bayes-asv plan`` promises against what the estimator then gives on the rig.
+"""Standard deviations that ``bayes-asv plan`` predicts, compared with estimates on the rig.
 
 The rig shares no code with the plan: its own tyres, tyre envelope, integrator, sensors.  Three
-parts, all with cars and tyres that the plan is not told:
+parts, all with cars and tyres that the plan does not know:
 
 *widths*  Drives drawn from the plan's own grid, driven by the rig and estimated by
-``best_fit`` and ``importance``: posterior deviation over promised width, and over what would
-have been promised with tyre rate and unsprung mass told.
+``best_fit`` and ``importance``: posterior standard deviation over the predicted one, and over the
+prediction with the true tyre rate and unsprung mass.
 
 *errors*  A few drives many times with cars drawn anew: root mean square of the true error over
-the promised width.
+the predicted standard deviation.
 
 *information*  The plan's formula on the rig's own recordings at the true car, so that nothing
 about motion is assumed: posterior deviation over the formula's.
@@ -71,7 +71,7 @@ __all__ = [
     "KNOWLEDGE",
     "main",
     "posterior",
-    "promise",
+    "predict",
     "rig_terrain",
     "vehicle_of",
 ]
@@ -145,10 +145,10 @@ def posterior(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int
     return np.asarray(sd / mean)
 
 
-def promise(
+def predict(
     vehicle: Vehicle, planned: Drive, passes: int, seed: int, tyres: RigCar | None = None
 ) -> Array | None:
-    """Promised widths (4,) of one drive, if need be told a car's tyres; None when not usable."""
+    """Predicted sd (4,) of one drive, with a car's tyres if given; None when not usable."""
     car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
     noisy, _ = with_default_noise(vehicle)
     roads = 2 if planned.road.kind == "rough" else 1
@@ -167,7 +167,7 @@ def promise(
 
 
 def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
-    """Promised against posterior on drives of the grid; also how many were tried and refused.
+    """Predicted and posterior sd on drives of the grid; also how many were tried and refused.
 
     Parameters
     ----------
@@ -207,17 +207,17 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
                     if got is None:
                         refused += 1
                         continue
-                    promised = predicted_sd(one.evaluation.information, passes, prior)
-                    told = promise(vehicle, drive, passes, seed, nominal)
+                    predicted = predicted_sd(one.evaluation.information, passes, prior)
+                    informed = predict(vehicle, drive, passes, seed, nominal)
                     rows.append(
                         {
                             "car": name, "drawn": other, "knowledge": knowledge, "road": kind,
                             "height": drive.road.height, "length": drive.road.length,
                             "iso": drive.road.iso, "speed": drive.speed, "rate": drive.rate,
                             "passes": passes, "gentle": one.evaluation.gentle, "seed": first,
-                            "promised": promised.tolist(), "posterior": got.tolist(),
-                            "ratio": (got / promised).tolist(),
-                            "ratio_told": None if told is None else (got / told).tolist(),
+                            "promised": predicted.tolist(), "posterior": got.tolist(),
+                            "ratio": (got / predicted).tolist(),
+                            "ratio_told": None if informed is None else (got / informed).tolist(),
                         }
                     )  # fmt: skip
         print(f"{name}: {len(rows)} rows", file=sys.stderr, flush=True)
@@ -234,13 +234,13 @@ _CLASSIC = {
 
 
 def error_rows(runs: int, seed: int) -> list[Row]:
-    """Root mean square error over promised width, cars drawn anew each time."""
+    """Root mean square error over predicted sd, with a new car in each drive."""
     rows: list[Row] = []
     for knowledge, sds in KNOWLEDGE.items():
         vehicle = vehicle_of(baja(), sds)
         for kind, planned in _CLASSIC.items():
-            promised = promise(vehicle, planned, 1, seed)
-            assert promised is not None, kind
+            predicted = predict(vehicle, planned, 1, seed)
+            assert predicted is not None, kind
             errors = []
             for k in range(runs):
                 rng = np.random.default_rng([seed, k, KINDS.index(kind)])
@@ -252,8 +252,8 @@ def error_rows(runs: int, seed: int) -> list[Row]:
             rows.append(
                 {
                     "knowledge": knowledge, "road": kind, "runs": len(errors), "tried": runs,
-                    "promised": promised.tolist(), "rms_error": rms.tolist(),
-                    "ratio": (rms / promised).tolist(),
+                    "promised": predicted.tolist(), "rms_error": rms.tolist(),
+                    "ratio": (rms / predicted).tolist(),
                 }
             )  # fmt: skip
             print(rows[-1], file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""Cars of the rig whose tyres and sizes a plan is not told."""
+"""Cars of the rig whose tyres and sizes a plan does not know."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ CARS = {
 
 
 def chance_car(seed: int) -> RigCar:
-    """Draw a car between a light racer and a road car, on tyres that the plan is not told."""
+    """Draw a car between a light racer and a road car, on tyres that the plan does not know."""
     rng = np.random.default_rng([seed, 51])
 
     def between(low: float, high: float) -> float:

@@ -79,7 +79,7 @@ def coverage_picture(found: Mapping[str, Summary], level: float) -> Figure:
     found : mapping of str to Summary
         Cells by name.
     level : float
-        What the intervals promise.
+        Their stated level.
     """
     there = [g for g in GROUPS if any(s.cell.group == g for s in found.values())]
     figure, axes = _canvas(9.0, 1.2 + 0.34 * len(there), 1, len(NAMES))

@@ -23,7 +23,7 @@ class Coverage:
     Parameters
     ----------
     level : float
-        What it promised.
+        What it states.
     hits, runs : int
         How often it did, out of how many.
     """
@@ -39,7 +39,7 @@ class Coverage:
 
     @property
     def p(self) -> float:
-        """Exact two-sided binomial test of the promised level."""
+        """Exact two-sided binomial test of the stated level."""
         return float(binomtest(self.hits, self.runs, self.level).pvalue)
 
     @property

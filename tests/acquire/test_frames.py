@@ -1,4 +1,4 @@
-"""Frames against the golden ones of PROTOCOL.md and against the tests' own laptop."""
+"""Frames against the golden frames of PROTOCOL.md and a second implementation in the tests."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ PROTOCOL = Path(__file__).parents[2] / "firmware" / "PROTOCOL.md"
 
 def golden() -> Iterator[tuple[str, bytes, bytes]]:
     """Name, body and bytes on the serial line of each golden frame."""
-    found = re.search(r"```golden\n(.*?)```", PROTOCOL.read_text("utf-8"), re.DOTALL)
-    assert found
-    for line in found[1].splitlines():
-        name, body, serial, _ = (part.strip() for part in line.split("|"))
+    match = re.search(r"```golden\n(.*?)```", PROTOCOL.read_text("utf-8"), re.DOTALL)
+    assert match
+    for row in match[1].splitlines():
+        name, body, serial, _ = (part.strip() for part in row.split("|"))
         yield name, bytes.fromhex(body), bytes.fromhex(serial)
 
 
@@ -30,7 +30,7 @@ GOLDEN = {name: (body, serial) for name, body, serial in golden()}
 
 
 @pytest.mark.parametrize("name", sorted(GOLDEN))
-def test_golden_frames_are_read_and_written(name: str) -> None:
+def test_golden_frames_are_decoded_and_encoded(name: str) -> None:
     body, serial = GOLDEN[name]
     frame = decode(serial[:-1])
     assert frame == Frame(body[0] >> 4, body[0] & 15, body[1], body[2], body[3:-2])
@@ -38,7 +38,7 @@ def test_golden_frames_are_read_and_written(name: str) -> None:
     assert StreamDecoder().feed(serial) == [frame]
 
 
-def test_golden_payloads_mean_what_the_protocol_says() -> None:
+def test_golden_payloads() -> None:
     def payload(name: str) -> bytes:
         return GOLDEN[name][0][3:-2]
 
@@ -54,26 +54,26 @@ def test_golden_payloads_mean_what_the_protocol_says() -> None:
 
 
 @given(st.binary(max_size=700))
-def test_stuffing_is_that_of_the_tests_own_laptop(data: bytes) -> None:
+def test_cobs_encode(data: bytes) -> None:
     assert cobs_encode(data) == reference.cobs_encode(data)
     assert cobs_decode(cobs_encode(data)) == data
 
 
 @given(st.binary(max_size=300))
-def test_anything_is_unstuffed_as_by_the_tests_own_laptop(data: bytes) -> None:
+def test_cobs_decode(data: bytes) -> None:
     chunk = data.replace(b"\0", b"")
     assert cobs_decode(chunk) == reference.cobs_decode(chunk)
 
 
 @given(st.binary(max_size=26), st.integers(0, 15), st.integers(0, 255), st.integers(1, 255))
-def test_a_spoilt_byte_makes_no_frame(payload: bytes, to: int, kind: int, flip: int) -> None:
+def test_corrupted_byte_gives_no_frame(payload: bytes, to: int, kind: int, mask: int) -> None:
     frame = Frame(to, 1, kind, 7, payload)
-    line = encode(frame)
-    assert line == reference.cobs_encode(reference.encode_body(reference.Frame(*frame))) + b"\0"
-    for place in range(len(line)):
-        spoilt = line[:place] + bytes([line[place] ^ flip]) + line[place + 1 :]
+    sent = encode(frame)
+    assert sent == reference.cobs_encode(reference.encode_body(reference.Frame(*frame))) + b"\0"
+    for index in range(len(sent)):
+        corrupted = sent[:index] + bytes([sent[index] ^ mask]) + sent[index + 1 :]
         assert all(
-            found == frame for found in StreamDecoder().feed(spoilt) if not isinstance(found, str)
+            item == frame for item in StreamDecoder().feed(corrupted) if not isinstance(item, str)
         )
 
 
@@ -81,29 +81,29 @@ def test_a_spoilt_byte_makes_no_frame(payload: bytes, to: int, kind: int, flip: 
     st.lists(st.one_of(st.binary(max_size=20), st.sampled_from(["# end", "12 1 2 3 4"]))),
     st.lists(st.integers(1, 40)),
 )
-def test_portions_do_not_matter(pieces: list[bytes | str], sizes: list[int]) -> None:
-    """Frames and lines in any order, cut anywhere, come out whole and in order."""
+def test_chunk_size_has_no_effect(items: list[bytes | str], sizes: list[int]) -> None:
+    """Frames and text lines in any order, cut anywhere, are decoded completely and in order."""
     expected: list[Frame | str] = []
-    line = b""
-    for piece in pieces:
-        if isinstance(piece, str):
-            expected.append(piece)
-            line += piece.encode() + b"\r\n"
+    stream = b""
+    for item in items:
+        if isinstance(item, str):
+            expected.append(item)
+            stream += item.encode() + b"\r\n"
         else:
-            expected.append(Frame(0, 1, 0x40, 3, piece))
-            line += b"\0" + encode(Frame(0, 1, 0x40, 3, piece))
-    splitter, found = StreamDecoder(), []
-    for size in [*sizes, len(line)]:
-        portion, line = line[:size], line[size:]
-        found += splitter.feed(portion)
-    found += splitter.feed(line)
-    assert found == expected
-    assert splitter.corrupted == 0
+            expected.append(Frame(0, 1, 0x40, 3, item))
+            stream += b"\0" + encode(Frame(0, 1, 0x40, 3, item))
+    decoder, decoded = StreamDecoder(), []
+    for size in [*sizes, len(stream)]:
+        chunk, stream = stream[:size], stream[size:]
+        decoded += decoder.feed(chunk)
+    decoded += decoder.feed(stream)
+    assert decoded == expected
+    assert decoder.corrupted == 0
 
 
-def test_noise_without_end_is_dropped_and_what_follows_is_read() -> None:
-    splitter = StreamDecoder()
+def test_endless_noise_is_discarded_and_the_next_frame_is_decoded() -> None:
+    decoder = StreamDecoder()
     frame = Frame(0, 1, 0x89, 4, b"abc")
-    assert splitter.feed(b"\xff" * 100_000) == []
-    assert splitter.feed(b"\0" + encode(frame)) == [frame]
-    assert splitter.corrupted > 0
+    assert decoder.feed(b"\xff" * 100_000) == []
+    assert decoder.feed(b"\0" + encode(frame)) == [frame]
+    assert decoder.corrupted > 0

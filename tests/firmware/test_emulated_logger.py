@@ -1,4 +1,4 @@
-"""`bayes-asv logger --emulated` for somebody without hardware."""
+"""`bayes-asv logger --emulated`: the acquisition without hardware."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VEHICLE = read_vehicle(shipped("vehicles", "baja2008.toml"))
 
 
 @pytest.mark.skipif(REASON is not None, reason=str(REASON))
-def test_a_newcomer_gets_a_recording_by_what_is_printed(tmp_path: Path) -> None:
+def test_printed_commands_give_a_recording(tmp_path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "bayes_asv", "logger", "--emulated", "--speed", "4"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
@@ -34,7 +34,7 @@ def test_a_newcomer_gets_a_recording_by_what_is_printed(tmp_path: Path) -> None:
         assert logger.stdout is not None
         lines = [logger.stdout.readline() for _ in range(5)]
         assert lines[0].startswith("The emulated logger is at /dev/")
-        words = lines[2].split()[1:]  # what is to be typed, less the program's name
+        words = lines[2].split()[1:]  # the command to type, without the program's name
         assert words[:2] == ["acquire", "--port"]
         done = subprocess.run(
             [sys.executable, "-m", "bayes_asv", *words],
@@ -49,7 +49,7 @@ def test_a_newcomer_gets_a_recording_by_what_is_printed(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     recording = read_recording(tmp_path / "run.csv")
     assert recording.values.shape[1] >= 800
-    assert np.ptp(recording.values[:, :800], axis=1).min() > 60  # a road was passed
+    assert np.ptp(recording.values[:, :800], axis=1).min() > 60  # the car passed over its road
     (left,) = emulator
     deadline = time.monotonic() + 10.0
     while Path("/proc", left).exists() and time.monotonic() < deadline:
@@ -57,7 +57,7 @@ def test_a_newcomer_gets_a_recording_by_what_is_printed(tmp_path: Path) -> None:
     assert not Path("/proc", left).exists()  # no emulator is left behind
 
 
-def test_each_reading_is_played_at_the_instant_at_which_it_was_taken(tmp_path: Path) -> None:
+def test_readings_are_played_at_their_sample_times(tmp_path: Path) -> None:
     time_stamps = np.arange(400) / 4000.0
     values = np.array([100 * np.sin(40 * time_stamps + k) for k in range(4)])
     delays = (0.0, 0.0007, 0.0002, 0.0009)
@@ -75,32 +75,32 @@ def test_each_reading_is_played_at_the_instant_at_which_it_was_taken(tmp_path: P
         assert sensor.counts_scale is not None
         assert sensor.zero_counts is not None
         assert (np.diff(table[:, 0]) > 0).all()
-        for turn in (0, 3):  # the drive comes again
+        for turn in (0, 3):  # the drive is repeated
             at = PERIOD * turn + 0.001 + delays[k] + time_stamps[50]
             volts = np.interp(at, table[:, 0], table[:, 1])
             expected = sensor.zero_counts + 0.0254 * values[k, 50] / sensor.counts_scale
             assert volts == pytest.approx(expected, abs=1e-4)
 
 
-def test_a_coarse_recording_is_played_with_a_warning(tmp_path: Path) -> None:
+def test_low_sample_rate_gives_a_warning(tmp_path: Path) -> None:
     recording = read_recording(ROOT / "data" / "recordings" / "stops-400hz.csv")
     _, warning = write_voltages(recording, VEHICLE, tmp_path)
     assert "interpolated linearly between rows at 400 Hz" in warning
 
 
-def test_the_default_drive_has_the_delays_of_nobody() -> None:
+def test_default_drive_has_no_delays() -> None:
     drive = default_drive(VEHICLE, 0)
     assert all(drive.get(f"delay {name}") == "0 s" for name in ("front_chassis", "rear_chassis"))
 
 
-def test_a_sensor_without_scale_is_named(tmp_path: Path) -> None:
+def test_sensor_without_scale_is_named(tmp_path: Path) -> None:
     bare = replace(VEHICLE.sensors[2], counts_scale=None)
     sensors = (*VEHICLE.sensors[:2], bare, VEHICLE.sensors[3])
     with pytest.raises(InputError, match="rear_wheel"):
         write_voltages(default_drive(VEHICLE, 0), replace(VEHICLE, sensors=sensors), tmp_path)
 
 
-def test_an_installed_package_says_that_it_needs_a_checkout(
+def test_installed_package_needs_a_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(emulator, "FIRMWARE", tmp_path / "firmware")
@@ -108,7 +108,7 @@ def test_an_installed_package_says_that_it_needs_a_checkout(
         build_firmware()
 
 
-def test_a_missing_tool_is_named_with_the_mend(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_tool_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "shutil.which", lambda tool: None if tool == "avr-gcc" else f"/usr/bin/{tool}"
     )
@@ -116,7 +116,7 @@ def test_a_missing_tool_is_named_with_the_mend(monkeypatch: pytest.MonkeyPatch) 
         build_firmware()
 
 
-def test_without_emulated_there_is_nothing_to_run() -> None:
+def test_option_emulated_is_required() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "bayes_asv", "logger"],
         capture_output=True, text=True, cwd=ROOT, check=False,

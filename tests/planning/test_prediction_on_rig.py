@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.planning.drives import Drive, RoadProfile
-from benchmarks.plan import KNOWLEDGE, posterior, promise, vehicle_of
+from benchmarks.plan import KNOWLEDGE, posterior, predict, vehicle_of
 from benchmarks.plan_cars import CARS
 
 INCH = 0.0254
@@ -30,7 +30,7 @@ def test_the_posterior_on_the_rig_has_the_predicted_deviation(road: str, car: st
     """Nominal cars with exact given values, so that the drive alone sets the deviation."""
     nominal = CARS[car]()
     vehicle = vehicle_of(nominal, KNOWLEDGE["exact"])
-    sd_after = promise(vehicle, DRIVES[road], 1, 1)
+    sd_after = predict(vehicle, DRIVES[road], 1, 1)
     assert sd_after is not None
     got = posterior(nominal, vehicle, DRIVES[road], [5])
     assert got is not None
@@ -42,7 +42,7 @@ def test_two_passes_double_the_information() -> None:
     nominal = replace(CARS["baja"](), c_f=1.2 * CARS["baja"]().c_f)
     vehicle = vehicle_of(CARS["baja"](), KNOWLEDGE["declared"])
     drive = DRIVES["bump"]._replace(rate=200.0)
-    one, two = promise(vehicle, drive, 1, 1), promise(vehicle, drive, 2, 1)
+    one, two = predict(vehicle, drive, 1, 1), predict(vehicle, drive, 2, 1)
     assert one is not None
     assert two is not None
     assert two[3] == pytest.approx(one[3] / np.sqrt(2.0), rel=0.02)
