@@ -120,7 +120,7 @@ class Block:
     def add(self, frame: Frame) -> bool:
         """Add a BLOCK frame of this board; return whether it belongs to the block.
 
-        A different HEAD starts the block anew: either it or what came before is of another run. Of
+        A different HEAD restarts the block: either it or the earlier frames are of another run. Of
         two other frames with the same number but different content neither is kept, unless the
         block is verified: then the later one is wrong.
         """

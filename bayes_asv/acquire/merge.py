@@ -141,7 +141,7 @@ def _block_faults(block: Block, name: str) -> list[str]:
     """Why a block is incomplete."""
     head = block.head
     if block.received == 0:
-        return [f"nothing of the {name} board's block came"]
+        return [f"nothing of the {name} board's block was received"]
     if head is None:
         return [f"the head of the {name} board's block is missing, so its rows cannot be placed"]
     faults = []
@@ -152,7 +152,7 @@ def _block_faults(block: Block, name: str) -> list[str]:
         if lost.size:
             rows = "row" if lost.size == 1 else "rows"
             faults.append(
-                f"{lost.size} of {head.rows} {rows} of the {name} board did not come: "
+                f"{lost.size} of {head.rows} {rows} of the {name} board were not received: "
                 f"{format_ranges(lost)}"
             )
         faults.append(f"the {name} board's block is incomplete, so its CRC-32 cannot be checked")
@@ -183,8 +183,8 @@ def _clocks(
         return _Clocks((0.0, 0.0), None, False), []
     if times[0] is None or times[1] is None:
         return _Clocks((0.0, 0.0), None, False), [
-            "the boards' times did not come: a simultaneous start is assumed, and the drift of the "
-            "rear board's clock is unknown"
+            "the boards' times were not received: a simultaneous start is assumed, and "
+            "the drift of the rear board's clock is unknown"
         ]
     # The drift needs both marks; without it the rows are placed by their numbers.
     ends = [block.elapsed() for block in blocks]
@@ -220,7 +220,7 @@ def _delays(blocks: tuple[Block, Block], clocks: _Clocks, offset: float) -> list
     """Delays of the four channels after the stamps; those within a board are the same on both."""
     times = blocks[0].times or blocks[1].times
     if times is None:
-        return [("note", "the channels' delays did not come: the vehicle file's are used")]
+        return [("note", "the channels' delays were not received: the vehicle file's are used")]
     delays = []
     for channel in CHANNELS:
         cycles = times.wheel_delay if channel.endswith("wheel") else times.chassis_delay

@@ -154,7 +154,9 @@ class SavingPort:
         self.losses += 1
         with contextlib.suppress(OSError):
             self._serial.close()
-        self._say(f"{self._name} has gone; what came is saved; plug it in again to continue")
+        self._say(
+            f"{self._name} has gone; what was received is saved; plug it in again to continue"
+        )
         while time.monotonic() - began < self._patience:
             time.sleep(_RETRY_INTERVAL)
             try:

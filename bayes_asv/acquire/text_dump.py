@@ -117,12 +117,12 @@ def merge_dumps(dumps: list[TextDump], rate: float | None, source: str = "") -> 
     faults, warnings = [], []
     lost = [k for k in range(1, MAX_ROWS + 1) if k not in rows]
     if lost:
-        why = "did not come twice alike" if checked else "did not come"
+        why = "were not received twice with the same values" if checked else "were not received"
         faults.append(f"{len(lost)} of {MAX_ROWS} rows {why}: {format_ranges(lost)}")
     if not checked:
-        warnings.append("the text dump came once: nothing checks its readings")
+        warnings.append("the text dump was received once: its readings are not checked")
     if values.get("clock rear") is None:
-        faults.append("the drift of the rear board's clock did not come")
+        faults.append("the drift of the rear board's clock was not received")
     text = values.pop("sample_rate", None)
     if text is not None:
         with contextlib.suppress(InputError):  # a single dump may have errors here as well

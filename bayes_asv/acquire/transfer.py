@@ -134,7 +134,7 @@ def transfer_run(
 
 
 def transfer_text(client: LoggerClient, max_dumps: int = _MAX_DUMPS) -> None:
-    """Have the logger dump a waiting run as text until every row has come twice alike.
+    """Have the logger dump a waiting run as text until two dumps agree on every row.
 
     The text has no checksum, so that only repeated dumps can verify each other.
     """
@@ -305,7 +305,8 @@ def _loss_reason(client: LoggerClient) -> str:
     if event is not None:
         return event.message
     return (
-        "the front board (Slave 1) has lost the run: it was reset or stopped; what had come is kept"
+        "the front board (Slave 1) has lost the run: it was reset or stopped; what was received is "
+        "kept"
     )
 
 

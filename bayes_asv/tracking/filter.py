@@ -64,7 +64,7 @@ DEFAULT_SETTINGS = FilterSettings(
 _DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected
 # Relinearization ends when every parameter's relative standard deviation is below _KNOWN and
 # the last _SETTLED_PASSES moved none by more than _SETTLED standard deviations.  A parameter that
-# still moves after _MAX_PASSES is not constant, which relinearization cannot mend.
+# still moves after _MAX_PASSES is not constant, which relinearization cannot correct.
 _KNOWN = 0.05
 _SETTLED = 0.1
 _SETTLED_PASSES = 2

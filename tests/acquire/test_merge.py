@@ -87,8 +87,8 @@ def test_missing_frames_are_missing_rows() -> None:
     recording = made.recording
     assert recording is not None
     message = " ".join(made.faults)
-    assert "20 of 800 rows of the front board did not come: 1 to 10, 71 to 80" in message
-    assert "20 of 800 rows of the rear board did not come: 71 to 80, 791 to 800" in message
+    assert "20 of 800 rows of the front board were not received: 1 to 10, 71 to 80" in message
+    assert "20 of 800 rows of the rear board were not received: 71 to 80, 791 to 800" in message
     assert len(recording.time) == 790  # rows 71 to 80 came from neither
     assert np.isnan(recording.values[:2, :10]).all()
     assert np.isnan(recording.values[2:, -10:]).all()

@@ -46,7 +46,7 @@ def test_gaps_are_written_told_and_end_with_3(invoke: Command, tmp_path: Path, r
     said = invoke("acquire", "--replay", raw, "-o", output, "--json", "-")
     assert said.status == 3
     assert json.loads(said.out)["verdict"] == "incomplete"
-    assert "70 of 800 rows of the rear board did not come: 731 to 800" in said.err
+    assert "70 of 800 rows of the rear board were not received: 731 to 800" in said.err
     recording = read_recording(output)
     assert np.isnan(recording.values[2:, 730:]).all()
     assert any("731 to 800" in v for k, v in recording.metadata if k == "note")
