@@ -150,9 +150,9 @@ def _block_faults(block: Block, name: str) -> list[str]:
     elif not block.complete:
         lost = np.flatnonzero(np.isnan(block.readings()).any(axis=1)) + 1
         if lost.size:
-            rows = "row" if lost.size == 1 else "rows"
+            verb = "was" if lost.size == 1 else "were"
             faults.append(
-                f"{lost.size} of {head.rows} {rows} of the {name} board were not received: "
+                f"{lost.size} of {head.rows} rows of the {name} board {verb} not received: "
                 f"{format_ranges(lost)}"
             )
         faults.append(f"the {name} board's block is incomplete, so its CRC-32 cannot be checked")
