@@ -198,12 +198,6 @@ class TextStreamReader:
         lines = [*self._preamble, *([] if header is None else [header]), *rows]
         reader = logger.read if header is None else csv.read
         probe = reader(TextFile("\n".join(lines), self._source, ""), self._given_rate)
-        missing = [name for name in CHANNELS if name not in probe.channels]
-        if missing:
-            raise InputError(
-                self._source, f"lacks the channel {', '.join(missing)}",
-                "add it to the header, with its unit",
-            )  # fmt: skip
         require_half_car(probe)
         start, step = float(probe.time[0]), float(probe.time[1] - probe.time[0])
         if header is None:  # the index counts from one
