@@ -136,7 +136,7 @@ def _sensitivity(
     """Relative derivatives of all entries of A and C by the logarithms, at four cars."""
     rng = np.random.default_rng(0)
     nL = len(logs)
-    outputs = {o for recording in recordings for o in recording.output_models}
+    outputs = dict.fromkeys(o for recording in recordings for o in recording.output_models)
     rows = []
     for away in (np.zeros(nL), *(0.5 * rng.normal(size=(3, nL)))):
         points = mean + away + _STEP * np.vstack([np.zeros(nL), np.eye(nL), -np.eye(nL)])
