@@ -51,17 +51,23 @@ def off() -> tuple[RigCar, Recording]:
 
 
 def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:
-    """A wheel that reads g times too much does the same as moments divided by g."""
+    """A wheel that reads g times too much is one whose readings and noise are divided by g."""
     fit = fitted(declared(EXACT, 0.01), counted((1.0, 1.0, 1.0, 1.0))[1])
     z = fit.mode.z.copy()
     z[fit.space.names.index("gain front_wheel")] = 1.5
     z[fit.space.names.index("gain rear_wheel")] = 0.0
     plain = z.copy()
     plain[fit.space.names.index("gain front_wheel")] = 0.0
+    gain = math.exp(1.5 * 0.01)
+    level = fit.space.coordinates[fit.space.names.index("noise front_wheel 0")]
+    plain[fit.space.names.index(level.name)] -= math.log(gain) / level.scale
     line = fit.space.timelines[0]
-    moments = line.moments.copy()
-    moments[:, 0] /= math.exp(1.5 * 0.01)
-    shrunk = replace(fit.space, timelines=(replace(line, moments=moments),))
+    moments, spread, steps = line.moments.copy(), line.spread.copy(), line.steps.copy()
+    moments[:, 0] /= gain
+    spread[:, len(line.inputs)] /= gain**2  # what the wheel did between its samples
+    steps[0] /= gain
+    shrunk_line = replace(line, moments=moments, spread=spread, steps=steps)
+    shrunk = replace(fit.space, timelines=(shrunk_line,))
     np.testing.assert_allclose(
         fit.target.innovations(z, 0),
         replace(fit.target, space=shrunk).innovations(plain, 0),
