@@ -33,7 +33,8 @@ TAYLOR = 12
 """Powers of A h that are kept."""
 
 OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
-INLINE = {**OPTIONS, "inline": "always"}
+INLINE = {**OPTIONS, "forceinline": True}
+"""Of functions whose sizes become constants of the filter that calls them."""
 
 Array = NDArray[np.float64]
 
@@ -95,13 +96,14 @@ def discretize(
     for a in range(nx):
         for b in range(nx):
             for q in range(lanes):
-                total = powers[TAYLOR, a, b, q]
-                integral = powers[TAYLOR, a, b, q] / (TAYLOR + 1)
-                for j in range(TAYLOR - 1, -1, -1):
-                    total = total * h + powers[j, a, b, q]
-                    integral = integral * h + powers[j, a, b, q] / (j + 1)
-                carry[a, b, q] = total
-                work[a, b, q] = integral * h
+                carry[a, b, q] = powers[TAYLOR, a, b, q]
+                work[a, b, q] = powers[TAYLOR, a, b, q] * (h / (TAYLOR + 1))
+    for j in range(TAYLOR - 1, -1, -1):
+        for a in range(nx):
+            for b in range(nx):
+                for q in range(lanes):
+                    carry[a, b, q] = carry[a, b, q] * h + powers[j, a, b, q]
+                    work[a, b, q] = (work[a, b, q] + powers[j, a, b, q] / (j + 1)) * h
     for a in range(nx):
         for u in range(nu):
             for q in range(lanes):
@@ -121,10 +123,12 @@ def discretize(
         for a in range(nx):
             for b in range(nx):
                 for q in range(lanes):
-                    total = powers[TAYLOR, a, b, q]
-                    for j in range(TAYLOR - 1, -1, -1):
-                        total = total * s + powers[j, a, b, q]
-                    work[a, b, q] = total
+                    work[a, b, q] = powers[TAYLOR, a, b, q]
+        for j in range(TAYLOR - 1, -1, -1):
+            for a in range(nx):
+                for b in range(nx):
+                    for q in range(lanes):
+                        work[a, b, q] = work[a, b, q] * s + powers[j, a, b, q]
         for a in range(nx):
             for u in range(nu):
                 for q in range(lanes):

@@ -231,22 +231,28 @@ def linearise(
     ``base`` holds that of the linear car, ``early`` and ``late`` (ne, coupled, L) the slopes of the
     forces at the step's beginning and at its predicted end.
     """
-    for b in range(coupled):
-        for q in range(lanes):
-            for a in range(rows):
+    for a in range(rows):
+        for b in range(coupled):
+            for q in range(lanes):
                 slope = base[a, b, q]
                 for e in range(ne):
                     slope += W0[a, e, q] * early[e, b, q]
                 carry[a, b, q] = slope
-        for e in range(ne):
+    for e in range(ne):
+        for b in range(coupled):
             for q in range(lanes):
-                change = -early[e, b, q]
-                for a in range(rows):
-                    change += late[e, a, q] * carry[a, b, q]
-                if b >= rows:
-                    change += late[e, b, q]
-                early[e, b, q] = change
+                early[e, b, q] = -early[e, b, q]
+        for b in range(rows, coupled):
+            for q in range(lanes):
+                early[e, b, q] += late[e, b, q]
         for a in range(rows):
+            for b in range(coupled):
+                for q in range(lanes):
+                    early[e, b, q] += late[e, a, q] * carry[a, b, q]
+    for a in range(rows):
+        for b in range(coupled):
             for q in range(lanes):
+                slope = carry[a, b, q]
                 for e in range(ne):
-                    carry[a, b, q] += W1[a, e, q] * early[e, b, q]
+                    slope += W1[a, e, q] * early[e, b, q]
+                carry[a, b, q] = slope

@@ -160,6 +160,9 @@ def _regressed(
     ridge = np.linalg.inv(data.start)
     begin = np.zeros(unknown)
     output, states = _response(system, data, begin, laws)
+    if not np.all(np.isfinite(output)):  # far outside the prior the series of a step diverges:
+        nothing = FreeRun(np.zeros_like(output), np.zeros_like(states), begin)
+        return nothing, np.sqrt(np.diag(data.start))  # such a car explains nothing
     normal = np.eye(unknown)
     for _ in range(_ROUNDS if laws is not None else 1):
         slopes = np.zeros((*output.shape, unknown))
