@@ -17,6 +17,7 @@ __all__ = [
 Quantity = Literal["acceleration", "angular_rate", "deflection"]
 Axle = Literal["front", "rear"]
 Side = Literal["left", "right"]
+Axis = Literal["pitch", "roll"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +29,8 @@ class Channel:
     name : str
         As in files and reports, for example ``front_wheel``.
     quantity : {'acceleration', 'angular_rate', 'deflection'}
-        Vertical acceleration (m/s², upward positive), pitch rate of the body (rad/s, nose-up
-        positive), or suspension deflection (m, extension positive).
+        Vertical acceleration (m/s², upward positive), angular rate of the body (rad/s), or
+        suspension deflection (m, extension positive).
     part : {'wheel', 'body', 'suspension'}
         A wheel hub, the body, or the suspension between the two.
     axle : {'front', 'rear'} or None
@@ -38,6 +39,9 @@ class Channel:
         Side of the car; None for an axle as a whole, and for the middle of the body.
     position : float or None
         Place on the body where it is not above an axle, m ahead of the rear axle.
+    axis : {'pitch', 'roll'} or None
+        Coordinate of the body whose rate an angular rate is, with its sign; pitch is nose-up
+        positive.  None for everything else.
     """
 
     name: str
@@ -46,6 +50,7 @@ class Channel:
     axle: Axle | None = None
     side: Side | None = None
     position: float | None = None
+    axis: Axis | None = None
 
     @property
     def is_input(self) -> bool:
@@ -109,7 +114,7 @@ TRAVEL_CHANNELS: Final = (
 
 BODY_CHANNELS: Final = (
     Channel("body_vertical", "acceleration", "body"),
-    Channel("body_pitch_rate", "angular_rate", "body"),
+    Channel("body_pitch_rate", "angular_rate", "body", axis="pitch"),
 )
 """An inertial unit on the body; its place is given by the vehicle file."""
 
