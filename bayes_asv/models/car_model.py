@@ -19,7 +19,6 @@ A car is one value of :class:`CarModel`; to add one, see ``docs/extending.md``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
@@ -28,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import StateSpace
+from bayes_asv.models.outputs import OUTPUTS, Motion
 from bayes_asv.models.priors import prior_log_sd
 
 if TYPE_CHECKING:
@@ -170,8 +170,8 @@ class CarModel:
     def explains(self, channel: Channel) -> bool:
         """Whether a channel is an input or an output of this car."""
         if channel.part == "body":
-            if channel.quantity == "angular_rate":
-                return "pitch" in self.coordinates
+            if channel.axis is not None:
+                return channel.axis in self.coordinates
             if channel.side is not None and "roll" not in self.coordinates:
                 return False
             return "pitch" in self.coordinates or channel.axle == self.elements[0].axle
@@ -242,7 +242,7 @@ def state_space(
     Returns
     -------
     StateSpace
-        With 2 ne states, and one for each output that is a rate.
+        With 2 ne states, and one for each output that is the rate of a coordinate.
     """
     H = car.heights(values)
     W, ne, n = H.shape
@@ -252,32 +252,26 @@ def state_space(
     K = k[:, :, None] * np.eye(ne)
     if car.stiffness is not None:
         K = K + car.stiffness(values)
-    rates = [o for o in outputs if o.channel.quantity == "angular_rate"]
+    rates = {y: o.channel.axis for y, o in enumerate(outputs) if o.channel.axis is not None}
     nx = 2 * ne + len(rates)
-    answer = np.zeros((W, n, nx))  # q̈ per state
-    answer[:, :, 0 : 2 * ne : 2] = -J @ K
-    answer[:, :, 1 : 2 * ne : 2] = -J * c[:, None, :]
+    by_states = np.zeros((W, n, nx))  # q̈
+    by_states[:, :, 0 : 2 * ne : 2] = -J @ K
+    by_states[:, :, 1 : 2 * ne : 2] = -J * c[:, None, :]
     A, B, E = np.zeros((W, nx, nx)), np.zeros((W, nx, ne)), np.zeros((W, nx, ne))
-    A[:, 1 : 2 * ne : 2] = H @ answer
+    A[:, 1 : 2 * ne : 2] = H @ by_states
     E[:, 1 : 2 * ne : 2] = H @ J
     for e in range(ne):
         A[:, 2 * e, 2 * e + 1] = 1.0
         B[:, 2 * e + 1, e] = -1.0 if gains is None else -1.0 / gains[0][:, e]
+    own = dict(zip(rates, range(2 * ne, nx), strict=True))
+    for y, axis in rates.items():
+        turning = car.coordinates.index(axis)
+        A[:, own[y]], E[:, own[y]] = by_states[:, turning], J[:, turning]
     C, G = np.zeros((W, len(outputs), nx)), np.zeros((W, len(outputs), ne))
+    motion = Motion(car, values, by_states, J)
     for y, output in enumerate(outputs):
-        channel = output.channel
-        if channel.quantity == "deflection":
-            e = car.element_of(channel)
-            C[:, y, 2 * e], C[:, y, 2 * e + 1] = 1.0, output.lead
-        elif channel.quantity == "angular_rate":
-            state, axis = 2 * ne + rates.index(output), car.coordinates.index("pitch")
-            A[:, state], E[:, state] = answer[:, axis], J[:, axis]
-            C[:, y, state] = 1.0
-            C[:, y] += output.lead * answer[:, axis]
-            G[:, y] = output.lead * J[:, axis]
-        else:
-            row = car.point(values, channel)[:, None, :]
-            C[:, y], G[:, y] = (row @ answer)[:, 0], (row @ J)[:, 0]
+        equation = OUTPUTS[output.channel.quantity]
+        C[:, y], G[:, y] = equation.rows(motion, output.channel, own.get(y, -1), output.lead)
     if gains is not None:
         C *= gains[1][:, :, None]
         G *= gains[1][:, :, None]
@@ -312,8 +306,9 @@ def start_covariance(system: StateSpace, outputs: Sequence[Output]) -> Array:
     """Prior covariance of (x, d, b) when a recording begins, of one parameter set.
 
     Deflections have a standard deviation of 0.1 m, their rates 1 m/s, body rates 1 rad/s.  Each
-    sensor has a bias of its own: `_BIAS` of its quantity.  What a bias of the inputs does to the
-    outputs in the long run is part of theirs; its components along the columns of N are d.
+    sensor has a bias of its own: the ``offset`` of its output equation.  What a bias of the inputs
+    does to the outputs in the long run is part of theirs; its components along the columns of N are
+    d.
     """
     A, B, C, N = system.A[0], system.B[0], system.C[0], system.N
     nx, nu = B.shape
@@ -322,16 +317,14 @@ def start_covariance(system: StateSpace, outputs: Sequence[Output]) -> Array:
     ne = system.E.shape[2]
     deviation = np.array([_DEFLECTION, _RATE] * ne + [_BODY_RATE] * (nx - 2 * ne))
     out[:nx, :nx] = np.diag(deviation**2)
-    out[nx : nx + nd, nx : nx + nd] = _BIAS["acceleration"] ** 2 * np.eye(nd)
+    hub = OUTPUTS["acceleration"].offset
+    out[nx : nx + nd, nx : nx + nd] = hub**2 * np.eye(nd)
     absorbed = np.eye(nu) - N @ N.T
     scale = np.max(np.abs(A))
     through = -C @ np.linalg.pinv(A / scale, rcond=1e-10) @ (B / scale) @ absorbed
-    own = np.diag([_BIAS[o.channel.quantity] ** 2 for o in outputs])
-    out[nx + nd :, nx + nd :] = own + _BIAS["acceleration"] ** 2 * through @ through.T
+    own = np.diag([OUTPUTS[o.channel.quantity].offset ** 2 for o in outputs])
+    out[nx + nd :, nx + nd :] = own + hub**2 * through @ through.T
     return out
 
 
 _DEFLECTION, _RATE, _BODY_RATE = 0.1, 1.0, 1.0  # m, m/s and rad/s
-# One accelerometer 0.7 m/s², so that one against another is off by 1 m/s²: a tenth of gravity, from
-# tilt and offset.  A potentiometer's zero is as uncertain as the deflection itself.
-_BIAS = {"acceleration": math.sqrt(0.5), "deflection": 0.1, "angular_rate": 0.1}
