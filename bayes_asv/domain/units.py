@@ -20,7 +20,7 @@ from bayes_asv.domain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["display_units", "from_si", "parse_quantity", "si_factor", "to_si"]
+__all__ = ["display_units", "from_si", "parse_quantity", "si_factor", "si_unit", "to_si"]
 
 Powers = tuple[int, int, int]
 """Integer powers of mass, length and time."""
@@ -36,23 +36,24 @@ class _Factor(NamedTuple):
 
 class _Dimension(NamedTuple):
     powers: Powers
+    si: str
     examples: str
 
 
 _DIMENSIONS: Final = {
-    "mass": _Dimension((1, 0, 0), "kg, lbm or lbf*s^2/in"),
-    "length": _Dimension((0, 1, 0), "m, mm or in"),
-    "deflection": _Dimension((0, 1, 0), "m, mm or in"),
-    "time": _Dimension((0, 0, 1), "s, ms or us"),
-    "frequency": _Dimension((0, 0, -1), "Hz"),
-    "velocity": _Dimension((0, 1, -1), "m/s or in/s"),
-    "acceleration": _Dimension((0, 1, -2), "m/s^2, in/s^2 or g"),
-    "angular_rate": _Dimension((0, 0, -1), "deg/s or rad/s"),
-    "force": _Dimension((1, 1, -2), "N or lbf"),
-    "stiffness": _Dimension((1, 0, -2), "N/m, N/mm or lbf/in"),
-    "damping": _Dimension((1, 0, -1), "N*s/m or lbf*s/in"),
-    "pitch_inertia": _Dimension((1, 2, 0), "kg*m^2 or lbf*s^2*in"),
-    "dimensionless": _Dimension((0, 0, 0), "no unit, or %"),
+    "mass": _Dimension((1, 0, 0), "kg", "kg, lbm or lbf*s^2/in"),
+    "length": _Dimension((0, 1, 0), "m", "m, mm or in"),
+    "deflection": _Dimension((0, 1, 0), "m", "m, mm or in"),
+    "time": _Dimension((0, 0, 1), "s", "s, ms or us"),
+    "frequency": _Dimension((0, 0, -1), "Hz", "Hz"),
+    "velocity": _Dimension((0, 1, -1), "m/s", "m/s or in/s"),
+    "acceleration": _Dimension((0, 1, -2), "m/s^2", "m/s^2, in/s^2 or g"),
+    "angular_rate": _Dimension((0, 0, -1), "rad/s", "deg/s or rad/s"),
+    "force": _Dimension((1, 1, -2), "N", "N or lbf"),
+    "stiffness": _Dimension((1, 0, -2), "N/m", "N/m, N/mm or lbf/in"),
+    "damping": _Dimension((1, 0, -1), "N*s/m", "N*s/m or lbf*s/in"),
+    "pitch_inertia": _Dimension((1, 2, 0), "kg*m^2", "kg*m^2 or lbf*s^2*in"),
+    "dimensionless": _Dimension((0, 0, 0), "1", "no unit, or %"),
 }
 
 _IN = Fraction(254, 10_000)
@@ -148,8 +149,8 @@ def si_factor(unit: str, dimension: str) -> float:
         standard gravity, never the gram.
     dimension : str
         ``"mass"``, ``"length"``, ``"deflection"``, ``"time"``, ``"frequency"``, ``"velocity"``,
-        ``"acceleration"``, ``"force"``, ``"stiffness"``, ``"damping"``, ``"pitch_inertia"`` or
-        ``"dimensionless"``.
+        ``"acceleration"``, ``"angular_rate"``, ``"force"``, ``"stiffness"``, ``"damping"``,
+        ``"pitch_inertia"`` or ``"dimensionless"``.
 
     Returns
     -------
@@ -179,6 +180,17 @@ def si_factor(unit: str, dimension: str) -> float:
     if not 0.0 < scale < math.inf:
         raise _unit_error(unit, "is too large or too small a unit", f"use {wanted.examples}")
     return scale
+
+
+def si_unit(dimension: str) -> str:
+    """Return the SI unit of a physical dimension as text, ``"1"`` for a dimensionless ratio.
+
+    Raises
+    ------
+    KeyError
+        If `dimension` is not one of those of `si_factor`.
+    """
+    return _DIMENSIONS[dimension].si
 
 
 def to_si(value: float, unit: str, dimension: str) -> float:

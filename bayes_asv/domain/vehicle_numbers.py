@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest
-from bayes_asv.domain.units import parse_quantity, si_factor
+from bayes_asv.domain.units import parse_quantity, si_factor, si_unit
 
 __all__ = ["Measured", "RangeSI", "given", "nominal", "reading_range", "unitless", "without_sd"]
 
@@ -26,7 +26,7 @@ class Measured(NamedTuple):
 
 
 class RangeSI(NamedTuple):
-    """Lowest and highest reading, m/s^2."""
+    """Lowest and highest reading in SI."""
 
     low: float
     high: float
@@ -79,28 +79,13 @@ def _factor(unit: object, dimension: str) -> float:
     if unit is None and dimension == "dimensionless":
         return 1.0
     if unit is None:
-        raise _error("has no unit", f'add unit = "{_SI[dimension]}"')
+        raise _error("has no unit", f'add unit = "{si_unit(dimension)}"')
     if not isinstance(unit, str):
-        raise _error("unit is not a text", f'write unit = "{_SI[dimension]}"')
+        raise _error("unit is not a text", f'write unit = "{si_unit(dimension)}"')
     try:
         return si_factor(unit, dimension)
     except InputError as exc:
         raise _error(f"{exc.where} {exc.what}", exc.fix) from None
-
-
-_SI: Final = {
-    "mass": "kg",
-    "length": "m",
-    "stiffness": "N/m",
-    "damping": "N*s/m",
-    "pitch_inertia": "kg*m^2",
-    "acceleration": "m/s^2",
-    "angular_rate": "rad/s",
-    "deflection": "m",
-    "frequency": "Hz",
-    "time": "s",
-    "dimensionless": "1",
-}
 
 
 def _text(raw: str, dimension: str) -> tuple[float, float]:
@@ -122,10 +107,10 @@ def _check_plausible(value: float, dimension: str, name: str) -> None:
     low, high = _PLAUSIBLE_RANGE[dimension]
     size = abs(value) if name in _SIGNED else value
     if size <= 0.0 < low:
-        raise _error(f"is {value:g} {_SI[dimension]}", "give a value above zero")
+        raise _error(f"is {value:g} {si_unit(dimension)}", "give a value above zero")
     if not low <= size <= high:
         raise _error(
-            f"is {value:g} {_SI[dimension]}, which is not plausible", "check value and unit"
+            f"is {value:g} {si_unit(dimension)}, which is not plausible", "check value and unit"
         )
 
 
@@ -157,14 +142,14 @@ def _quantity(
     elif isinstance(raw, Mapping):
         _check_keys(raw, ("value", "unit") if largest_sd is None else ("value", "unit", "sd"))
         if "value" not in raw:
-            raise _error("has no value", f'write {{ value = 1.5, unit = "{_SI[dimension]}" }}')
+            raise _error("has no value", f'write {{ value = 1.5, unit = "{si_unit(dimension)}" }}')
         number = _number(raw["value"])
         factor = _factor(raw.get("unit"), dimension)
         sd_text = raw.get("sd")
     else:
         number, factor = _number(raw), 1.0
         if dimension != "dimensionless":
-            raise _error("has no unit", f'write "{number:g} {_SI[dimension]}"')
+            raise _error("has no unit", f'write "{number:g} {si_unit(dimension)}"')
     value = number * factor
     if not math.isfinite(value):
         raise _error("is not finite", "check value and unit")
