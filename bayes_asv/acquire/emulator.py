@@ -120,11 +120,13 @@ def default_drive(vehicle: Vehicle, seed: int) -> Recording:
     The converters add both. Every sensor has a small random offset, as mounted sensors do: at rest
     exactly between two counts its quantization error would not look like noise of q²/12.
     """
-    one, two, three, four = (
-        replace(s, delay=0.0, resolution=None, zero_counts=None, counts_scale=None)
-        for s in vehicle.sensors
+    bare = replace(
+        vehicle,
+        sensors={
+            name: replace(s, delay=0.0, resolution=None, zero_counts=None, counts_scale=None)
+            for name, s in vehicle.sensors.items()
+        },
     )
-    bare = replace(vehicle, sensors=(one, two, three, four))
     rng = np.random.default_rng([seed, 0])
     drive = simulate(
         bare, road("stops", rng), rate=_DRIVE_RATE, seconds=_DRIVE_SECONDS, seed=seed
@@ -166,7 +168,8 @@ def write_voltages(recording: Recording, vehicle: Vehicle, folder: Path) -> tupl
     instants -= instants.min()
     period = max(PERIOD, float(instants.max()) + 2.0)
     lines = []
-    for row, (channel, sensor) in enumerate(zip(CHANNELS, vehicle.sensors, strict=True)):
+    for row, channel in enumerate(CHANNELS):
+        sensor = vehicle.sensor(channel)
         if sensor.zero_counts is None or sensor.counts_scale is None:
             raise InputError(
                 f"{vehicle.source}: [sensors.{channel}]",

@@ -10,10 +10,11 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS, Channel
+from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, Channel
 from bayes_asv.domain.channels import channel as known_channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, read_bytes, write_atomically
@@ -77,26 +78,28 @@ class Travel:
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One accelerometer as mounted; None where a value is unknown.
+    """The sensor of one channel as mounted; None where a value is unknown.
+
+    Readings are in the SI unit of the channel: m/s² for an accelerometer.
 
     Parameters
     ----------
     zero_counts : float or None
         Reading at rest, counts.
     counts_scale : float or None
-        Acceleration per count, m/s^2; negative for a sensor mounted upside down.
+        Reading per count; negative for a sensor mounted upside down.
     low, high : float
-        Limits of the measuring range, m/s^2.
+        Limits of the measuring range.
     noise : float or None
-        Root-mean-square noise of one sample without quantization, m/s^2.
+        Root-mean-square noise of one sample without quantization.
     resolution : float or None
-        Quantization step, m/s^2.
+        Quantization step.
     bandwidth : float or None
         Corner frequency of the one-pole output filter, Hz.
     delay : float
         Delay of the sample after the time stamp of its row, s.
     counts_scale_sd : float
-        Standard deviation of `counts_scale`, m/s^2 (zero: exact).
+        Standard deviation of `counts_scale` (zero: exact).
     """
 
     zero_counts: float | None = None
@@ -182,10 +185,8 @@ class Vehicle:
         Pitch inertia of the sprung mass, kg m^2.
     travel : Travel
         Suspension travel.
-    sensors : tuple of 4 Sensor
-        Sensors in the order of `CHANNELS`.
-    corner_sensors : tuple of (str, Sensor)
-        Sensors of all other channels by name.
+    sensors : mapping of str to Sensor
+        Declared sensors by channel; see :meth:`sensor` for those of other channels.
     channels : tuple of Channel
         Channels that the vehicle file describes; others are as their name says.
     unsprung : Unsprung or None
@@ -194,6 +195,11 @@ class Vehicle:
         Properties of the roll car.
     source, sha256 : str
         Name and hash of the file; empty for a vehicle made in memory.
+
+    Raises
+    ------
+    InputError
+        If `sensors` names a channel that does not exist.
     """
 
     name: str
@@ -207,20 +213,23 @@ class Vehicle:
     c_r: Nominal
     i: Nominal
     travel: Travel = field(default_factory=Travel)
-    sensors: tuple[Sensor, Sensor, Sensor, Sensor] = field(
-        default_factory=lambda: (Sensor(), Sensor(), Sensor(), Sensor())
-    )
-    corner_sensors: tuple[tuple[str, Sensor], ...] = ()
+    sensors: Mapping[str, Sensor] = field(default_factory=dict, hash=False)
     channels: tuple[Channel, ...] = ()
     unsprung: Unsprung | None = None
     roll: Roll | None = None
     source: str = field(default="", compare=False)
     sha256: str = field(default="", compare=False)
 
+    def __post_init__(self) -> None:
+        for name in self.sensors:
+            _known(name)
+        ordered = {name: self.sensors[name] for name in KNOWN_CHANNELS if name in self.sensors}
+        object.__setattr__(self, "sensors", ordered)
+
     def sensor(self, name: str) -> Sensor:
         """Return the sensor of one channel.
 
-        A corner channel without its own table takes the sensor of its axle, without zero and scale
+        A channel of one side without its own sensor takes that of its axle, without zero and scale
         in counts, which differ from sensor to sensor.
 
         Raises
@@ -228,21 +237,25 @@ class Vehicle:
         InputError
             If there is no channel of that name.
         """
-        if name in CHANNELS:
-            return self.sensors[CHANNELS.index(name)]
-        own = dict(self.corner_sensors).get(name)
-        if own is not None:
-            return own
-        if name in ROLL_CHANNELS:
-            axle, _, place = name.split("_")
-            of_axle = self.sensors[CHANNELS.index(f"{axle}_{place}")]
-            scale = of_axle.counts_scale
-            step = of_axle.resolution or (abs(scale) if scale else None)
-            return replace(
-                of_axle, zero_counts=None, counts_scale=None, counts_scale_sd=0.0, resolution=step
-            )
-        self.channel(name)
+        if name in self.sensors:
+            return self.sensors[name]
+        wanted = self.channel(name)
+        for other, sensor in self.sensors.items():
+            if wanted.side and replace(wanted, name=other, side=None) == known_channel(other):
+                scale = sensor.counts_scale
+                step = sensor.resolution or (abs(scale) if scale else None)
+                return replace(
+                    sensor,
+                    zero_counts=None,
+                    counts_scale=None,
+                    counts_scale_sd=0.0,
+                    resolution=step,
+                )
         return Sensor()
+
+    def sensors_of(self, names: Iterable[str]) -> tuple[Sensor, ...]:
+        """Return the sensors of some channels, see :meth:`sensor`."""
+        return tuple(self.sensor(name) for name in names)
 
     def channel(self, name: str) -> Channel:
         """Return what a channel measures, and where.
@@ -255,13 +268,8 @@ class Vehicle:
         for one in self.channels:
             if one.name == name:
                 return one
-        try:
-            found = known_channel(name)
-        except KeyError:
-            near = closest(name, CHANNELS)
-            fix = f"did you mean {near}?" if near else f"channels are {', '.join(CHANNELS)}"
-            raise InputError(f"channel '{name}'", "there is no such channel", fix) from None
-        if found.part == "body" and found.quantity == "acceleration" and found.axle is None:
+        found = _known(name)
+        if found.has_own_position:
             raise InputError(
                 f"{self.source or 'vehicle'}: [channels.{name}]",
                 "is missing, so that the place of the sensor is not known",
@@ -295,6 +303,15 @@ class Vehicle:
         return self.c_r.value / (
             2.0 * math.sqrt(self.k_r.value * self.m.value * (1.0 - self.wdf.value))
         )
+
+
+def _known(name: str) -> Channel:
+    try:
+        return known_channel(name)
+    except KeyError:
+        near = closest(name, KNOWN_CHANNELS)
+        fix = f"did you mean {near}?" if near else f"channels are {', '.join(KNOWN_CHANNELS)}"
+        raise InputError(f"channel '{name}'", "there is no such channel", fix) from None
 
 
 def read_vehicle(path: PathLike) -> Vehicle:
@@ -341,21 +358,11 @@ def read_vehicle(path: PathLike) -> Vehicle:
             _optional_value(travel.rear_bump),
             _optional_value(travel.rear_droop),
         ),
-        sensors=(
-            _to_sensor(tables.sensors.front_wheel),
-            _to_sensor(tables.sensors.front_chassis),
-            _to_sensor(tables.sensors.rear_wheel),
-            _to_sensor(tables.sensors.rear_chassis),
-        ),
-        corner_sensors=tuple(
-            (name, _to_sensor(table))
-            for name in type(tables.sensors).model_fields
-            if name not in CHANNELS and (table := getattr(tables.sensors, name)) is not None
-        ),
+        sensors={name: _to_sensor(table) for name, table in tables.sensors if table is not None},
         channels=tuple(
             replace(known_channel(name), position=table.position.value)
-            for name in type(tables.channels).model_fields
-            if (table := getattr(tables.channels, name)) is not None
+            for name, table in tables.channels
+            if table is not None
         ),
         unsprung=None if tables.unsprung is None else _to_unsprung(tables.unsprung),
         roll=None if tables.roll is None else _to_roll(tables.roll),

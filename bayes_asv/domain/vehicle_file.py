@@ -9,8 +9,9 @@ import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from bayes_asv.domain.channels import KNOWN_CHANNELS, channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, decode
 from bayes_asv.domain.vehicle_numbers import (
@@ -61,37 +62,19 @@ class TravelTable(_Table):
 
 
 class SensorTable(_Table):
-    """``[sensors.<channel>]``."""
+    """``[sensors.<channel>]``; `_sensor_table` adds the checks of units."""
 
     zero_counts: Annotated[float | None, unitless] = None
-    counts_scale: Annotated[Measured | None, given("acceleration", "counts_scale")] = None
-    range: Annotated[RangeSI | None, reading_range("acceleration")] = None
-    noise: Annotated[Measured | None, without_sd("acceleration")] = None
-    resolution: Annotated[Measured | None, without_sd("acceleration")] = None
+    counts_scale: Measured | None = None
+    range: RangeSI | None = None
+    noise: Measured | None = None
+    resolution: Measured | None = None
     bandwidth: Annotated[Measured | None, without_sd("frequency")] = None
     delay: Annotated[Measured | None, without_sd("time", "delay")] = None
 
 
-class TravelSensorTable(SensorTable):
-    """``[sensors.<channel>]`` of a suspension deflection."""
-
-    counts_scale: Annotated[Measured | None, given("deflection", "counts_scale")] = None
-    range: Annotated[RangeSI | None, reading_range("deflection")] = None
-    noise: Annotated[Measured | None, without_sd("deflection")] = None
-    resolution: Annotated[Measured | None, without_sd("deflection")] = None
-
-
-class RateSensorTable(SensorTable):
-    """``[sensors.<channel>]`` of an angular rate."""
-
-    counts_scale: Annotated[Measured | None, given("angular_rate", "counts_scale")] = None
-    range: Annotated[RangeSI | None, reading_range("angular_rate")] = None
-    noise: Annotated[Measured | None, without_sd("angular_rate")] = None
-    resolution: Annotated[Measured | None, without_sd("angular_rate")] = None
-
-
 class ChannelTable(_Table):
-    """``[channels.<channel>]``: where a sensor on the body sits."""
+    """``[channels.<channel>]``: where on the body a sensor sits."""
 
     position: Annotated[Measured, without_sd("deflection", "position")]
 
@@ -118,47 +101,53 @@ class RollTable(_Table):
     front_sensors: Annotated[Measured | None, without_sd("length")] = None
 
 
-class SensorsTable(_Table):
-    """``[sensors]``, one table per channel; those of single corners are for the roll car."""
-
-    front_wheel: SensorTable = SensorTable()
-    front_chassis: SensorTable = SensorTable()
-    rear_wheel: SensorTable = SensorTable()
-    rear_chassis: SensorTable = SensorTable()
-    front_left_wheel: SensorTable | None = None
-    front_right_wheel: SensorTable | None = None
-    rear_left_wheel: SensorTable | None = None
-    rear_right_wheel: SensorTable | None = None
-    front_left_chassis: SensorTable | None = None
-    front_right_chassis: SensorTable | None = None
-    front_travel: TravelSensorTable | None = None
-    rear_travel: TravelSensorTable | None = None
-    front_left_travel: TravelSensorTable | None = None
-    front_right_travel: TravelSensorTable | None = None
-    rear_left_travel: TravelSensorTable | None = None
-    rear_right_travel: TravelSensorTable | None = None
-    body_vertical: SensorTable | None = None
-    body_pitch_rate: RateSensorTable | None = None
+def _sensor_table(dimension: str) -> type[SensorTable]:
+    """Table of a sensor whose readings are of a physical dimension."""
+    own: dict[str, Any] = {
+        "counts_scale": (Annotated[Measured | None, given(dimension, "counts_scale")], None),
+        "range": (Annotated[RangeSI | None, reading_range(dimension)], None),
+        "noise": (Annotated[Measured | None, without_sd(dimension)], None),
+        "resolution": (Annotated[Measured | None, without_sd(dimension)], None),
+    }
+    return create_model("SensorTable", __base__=SensorTable, **own)
 
 
-class ChannelsTable(_Table):
-    """``[channels]``: sensors on the body that do not sit above an axle."""
+def _optional_tables(name: str, tables: Mapping[str, type[_Table]]) -> type[_Table]:
+    """Table of tables, one a channel, each of which may be left out."""
+    fields: dict[str, Any] = {key: (table | None, None) for key, table in tables.items()}
+    return create_model(name, __base__=_Table, **fields)
 
-    body_vertical: ChannelTable | None = None
+
+_KNOWN: Final = tuple(map(channel, KNOWN_CHANNELS))
+_SENSORS: Final = {one: _sensor_table(one) for one in {known.dimension for known in _KNOWN}}
+_SENSORS_TABLE: Final = _optional_tables(
+    "SensorsTable", {known.name: _SENSORS[known.dimension] for known in _KNOWN}
+)
+_CHANNELS_TABLE: Final = _optional_tables(
+    "ChannelsTable", {known.name: ChannelTable for known in _KNOWN if known.has_own_position}
+)
 
 
 class VehicleTables(_Table):
-    """The whole file."""
+    """The whole file; `_FILE` adds the tables of the channels."""
 
     name: Annotated[str, Field(max_length=200)] = ""
     units: Literal["US", "SI"]
     known: KnownTable
     nominal: NominalTable
     travel: TravelTable = TravelTable()
-    sensors: SensorsTable = SensorsTable()
-    channels: ChannelsTable = ChannelsTable()
+    sensors: _Table = _Table()
+    channels: _Table = _Table()
     unsprung: UnsprungTable | None = None
     roll: RollTable | None = None
+
+
+_FILE: Final = create_model(
+    "VehicleTables",
+    __base__=VehicleTables,
+    sensors=(_SENSORS_TABLE, _SENSORS_TABLE()),
+    channels=(_CHANNELS_TABLE, _CHANNELS_TABLE()),
+)
 
 
 def parse_vehicle(data: bytes, where: str) -> VehicleTables:
@@ -189,7 +178,7 @@ def parse_vehicle(data: bytes, where: str) -> VehicleTables:
     except (ValueError, RecursionError):  # numbers of thousands of digits, brackets without end
         raise InputError(where, "is not TOML that can be parsed", "write the file again") from None
     try:
-        return VehicleTables.model_validate(raw)
+        return _FILE.model_validate(raw)
     except ValidationError as exc:
         raise _first_error(exc, where) from None
 
@@ -223,7 +212,7 @@ def _explain(
 
 
 def _suggest_place(place: tuple[int | str, ...]) -> str:
-    table: type[BaseModel] = VehicleTables
+    table: type[BaseModel] = _FILE
     for part in place[:-1]:
         inner = table.model_fields[str(part)].annotation
         for choice in (inner, *get_args(inner)):  # a table, or an optional one

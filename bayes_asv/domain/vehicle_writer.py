@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import channel
 from bayes_asv.domain.units import display_units, si_factor
 
 if TYPE_CHECKING:
@@ -76,14 +76,13 @@ def to_toml(vehicle: Vehicle) -> str:
             lines += [line(key, bar, "stiffness")] if bar else []
         if roll.front_sensors is not None:
             lines.append(line("front_sensors", roll.front_sensors, "length"))
-    for channel in vehicle.channels:
-        if channel.position is not None:
-            entry = line("position", channel.position, "length")
-            lines += ["", f"[channels.{channel.name}]", entry]
-    mounted = (*zip(CHANNELS, vehicle.sensors, strict=True), *vehicle.corner_sensors)
-    for name, sensor in mounted:
+    for placed in vehicle.channels:
+        if placed.position is not None:
+            entry = line("position", placed.position, "length")
+            lines += ["", f"[channels.{placed.name}]", entry]
+    for name, sensor in vehicle.sensors.items():
         table = []
-        dimension = vehicle.channel(name).dimension
+        dimension = channel(name).dimension
         factor = si_factor(units[dimension], dimension)
         if sensor.zero_counts is not None:
             table.append(f"zero_counts = {_shortest(sensor.zero_counts, 1.0)}")
@@ -105,8 +104,7 @@ def to_toml(vehicle: Vehicle) -> str:
         ):
             if value is not None:
                 table.append(line(key, value, of))
-        if table:
-            lines += ["", f"[sensors.{name}]", *table]
+        lines += ["", f"[sensors.{name}]", *table]
     return "\n".join(lines) + "\n"
 
 

@@ -206,7 +206,7 @@ def _range_used(vehicle: Vehicle, extremes: Array) -> Array:
     """Return the fraction (4,) of each sensor's range used; 0 without a declared range."""
     low, high = extremes[:, :, 0].min(axis=0), extremes[:, :, 1].max(axis=0)
     used = np.zeros(len(CHANNELS))
-    for c, sensor in enumerate(vehicle.sensors):
+    for c, sensor in enumerate(vehicle.sensors_of(CHANNELS)):
         if np.isfinite(sensor.high) and sensor.high > 0.0:
             used[c] = max(used[c], high[c] / sensor.high)
         if np.isfinite(sensor.low) and sensor.low < 0.0:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import COUNTS, Recording
-from bayes_asv.domain.vehicle import Sensor, Vehicle
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.ride_simulation import Motion
 
 __all__ = [
@@ -50,7 +50,7 @@ def with_default_noise(vehicle: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
     channels : tuple of str
         Channels that had none.
     """
-    sensors: list[Sensor] = []
+    sensors = dict(vehicle.sensors)
     missing: list[str] = []
     for name in CHANNELS:
         sensor = vehicle.sensor(name)
@@ -58,9 +58,8 @@ def with_default_noise(vehicle: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
             missing.append(name)
             quantized = sensor.resolution or sensor.counts_scale
             sensor = replace(sensor, noise=_DEFAULT_SENSOR_NOISE if quantized else DEFAULT_NOISE)
-        sensors.append(sensor)
-    a, b, c, d = sensors
-    return replace(vehicle, sensors=(a, b, c, d)), tuple(missing)
+        sensors[name] = sensor
+    return replace(vehicle, sensors=sensors), tuple(missing)
 
 
 class FilteredMotion(NamedTuple):
@@ -89,13 +88,14 @@ def filter_motion(vehicle: Vehicle, motion: Motion) -> FilteredMotion:
 
     A sensor without a bandwidth is taken to be like the slowest of the others, as in the estimator.
     """
-    bandwidths = [sensor.bandwidth for sensor in vehicle.sensors if sensor.bandwidth is not None]
+    sensors = vehicle.sensors_of(CHANNELS)
+    bandwidths = [sensor.bandwidth for sensor in sensors if sensor.bandwidth is not None]
     step = float(motion.time[1] - motion.time[0])
     signals = [
         _one_pole_filter(signal, step, sensor.bandwidth or min(bandwidths))
         if bandwidths
         else signal
-        for signal, sensor in zip(motion.acceleration, vehicle.sensors, strict=True)
+        for signal, sensor in zip(motion.acceleration, sensors, strict=True)
     ]
     curves = CubicSpline(motion.time, np.stack(signals, axis=1))
     return FilteredMotion(curves, (float(motion.time[0]), float(motion.time[-1])))
@@ -130,7 +130,7 @@ def simulate_recording(
     rows = np.arange(round(seconds * rate)) / rate
     values = np.empty((4, len(rows)))
     units = []
-    for c, sensor in enumerate(vehicle.sensors):
+    for c, sensor in enumerate(vehicle.sensors_of(CHANNELS)):
         reading = filtered.channel(c, rows + sensor.delay)
         reading = reading + (sensor.noise or 0.0) * _unit_noise(
             rng, len(rows), rate, sensor.bandwidth

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si, si_factor
 from bayes_asv.planning.drives import Drive, RoadProfile
@@ -168,7 +169,10 @@ def assumption_lines(plan: Plan) -> list[str]:
             f"{mass[0]} and {mass[1]}, front and rear; give --tyre-rate and --unsprung if "
             "yours differ"
         )
-    if any(not math.isfinite(s.low) and not math.isfinite(s.high) for s in plan.vehicle.sensors):
+    if any(
+        not math.isfinite(s.low) and not math.isfinite(s.high)
+        for s in plan.vehicle.sensors_of(CHANNELS)
+    ):
         lines.append(
             "the vehicle file gives no range for some sensors; compare the largest readings of "
             "the drive with the data sheets"

@@ -22,6 +22,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import Estimate, estimate
@@ -172,7 +173,11 @@ def common_sensor_readings(
     sensor = vehicle.sensor("front_chassis")
     time = np.arange(round(seconds * rate)) / rate
     counts = np.stack(
-        [_to_counts(_hand_motion(time + other.delay), sensor) for other in vehicle.sensors], axis=1
+        [
+            _to_counts(_hand_motion(time + other.delay), sensor)
+            for other in vehicle.sensors_of(CHANNELS)
+        ],
+        axis=1,
     )
     return Readings(time, counts)
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Timing
 from bayes_asv.domain.vehicle import Vehicle
@@ -133,8 +134,9 @@ class StreamingTimeline:
         self._max_step = max_step(vehicle)
         self._max_gap = gap
         delays = (None,) * 4 if timing is None else timing.delay
+        declared = vehicle.sensors_of(CHANNELS)
         self._delay = np.array(
-            [s.delay if d is None else d for s, d in zip(vehicle.sensors, delays, strict=True)]
+            [s.delay if d is None else d for s, d in zip(declared, delays, strict=True)]
         )
         self._clock = np.zeros(4) if timing is None else np.array(timing.clock)
         self._matchers = [

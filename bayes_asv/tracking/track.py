@@ -208,8 +208,7 @@ def conclude(
         inconsistent = consistency.verdict == "inconsistent"
         reasons = unidentified_parameters(sd, prior_sd, inconsistent=inconsistent)
     all_warnings = [*warnings, *checks.warnings(name)]
-    sensors = zip(CHANNELS, tracker.vehicle.sensors, strict=True)
-    unknown = [channel for channel, sensor in sensors if sensor.noise is None]
+    unknown = [name for name in CHANNELS if tracker.vehicle.sensor(name).noise is None]
     if unknown:
         all_warnings.append(
             f"the vehicle file gives no noise for {', '.join(unknown)}; it was estimated from the "

@@ -123,8 +123,10 @@ def true_wheels(motion: Motion, sensors: SensorSpec) -> tuple[Array, Array]:
 
 def _ideal(case: Case) -> PreparedRecording:
     """Lay out the true wheel motion at the recording's instants, with readings that fit it."""
-    boundless = tuple(replace(s, low=-math.inf, high=math.inf) for s in case.vehicle.sensors)
-    vehicle = replace(case.vehicle, sensors=boundless)  # type: ignore[arg-type]
+    boundless = {
+        name: replace(s, low=-math.inf, high=math.inf) for name, s in case.vehicle.sensors.items()
+    }
+    vehicle = replace(case.vehicle, sensors=boundless)
     line = prepared(case.recording, vehicle)
     time, wheels = true_wheels(case.motion, case.sensors)
     front, rear = (WheelSignal(CubicSpline(time, u), time, np.zeros(len(time) - 1)) for u in wheels)

@@ -70,8 +70,10 @@ def draw_run(cell: Cell, seed: int, run: int) -> Drawn:
         Sensors have no rails: a reading at one is no part of what is drawn here.
     """
     case = drive_cell(cell, seed, run)
-    boundless = tuple(replace(s, low=-np.inf, high=np.inf) for s in case.vehicle.sensors)
-    vehicle = replace(case.vehicle, sensors=boundless)  # type: ignore[arg-type]
+    boundless = {
+        name: replace(s, low=-np.inf, high=np.inf) for name, s in case.vehicle.sensors.items()
+    }
+    vehicle = replace(case.vehicle, sensors=boundless)
     line = prepared(case.recording, vehicle)
     where = space(vehicle, (line,))
     rng = np.random.default_rng([seed, run, 2018])

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.models.half_car import HalfCar
@@ -165,11 +166,11 @@ def _own_clocks(
 
 
 def _with_ranges(vehicle: Vehicle, low: Array, high: Array) -> Vehicle:
-    one, two, three, four = (
-        replace(sensor, low=float(a), high=float(b))
-        for sensor, a, b in zip(vehicle.sensors, low, high, strict=True)
-    )
-    return replace(vehicle, sensors=(one, two, three, four))
+    sensors = {
+        name: replace(vehicle.sensor(name), low=float(a), high=float(b))
+        for name, a, b in zip(CHANNELS, low, high, strict=True)
+    }
+    return replace(vehicle, sensors={**vehicle.sensors, **sensors})
 
 
 def _rails(run: RigRun, spec: SensorSpec, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -55,8 +55,8 @@ class ScaledEffect:
 
 def without_rails(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with sensors that never clip."""
-    a, b, c, d = (replace(s, low=-math.inf, high=math.inf) for s in vehicle.sensors)
-    return replace(vehicle, sensors=(a, b, c, d))
+    sensors = {n: replace(s, low=-math.inf, high=math.inf) for n, s in vehicle.sensors.items()}
+    return replace(vehicle, sensors=sensors)
 
 
 def whitened_distance(

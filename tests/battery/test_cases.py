@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bayes_asv.domain.channels import CHANNELS
 from benchmarks.battery.seal import digest
 from tests.battery.cases import Case, case, make_case
 from tests.battery.drives import TERRAIN_NAMES
@@ -69,7 +70,7 @@ def _level(one: Case) -> float:
     """Rms noise of the wheel channels before the bump, without quantization, over the declared."""
     ratios = []
     for c in (0, 2):
-        sensor = one.vehicle.sensors[c]
+        sensor = one.vehicle.sensor(CHANNELS[c])
         parked = [r.values[c, :120] for r in (*one.recordings, *one.holdout)]
         parked_noise = np.concatenate([values - values.mean() for values in parked])
         step = (sensor.resolution or 0.0) ** 2 / 12.0

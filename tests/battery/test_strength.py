@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording, accelerations, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from benchmarks.calibration.dense import Noise, respond
@@ -47,7 +48,7 @@ def dense(recording: Recording, vehicle: Vehicle) -> float:
     motion = CubicSpline(samples, acc[[0, 2]].T)(fine).T[:, :, None]
     noises = [
         Noise((s.resolution or 0.0) ** 2 / 12.0, (s.noise or 0.0) ** 2, 2.0 * math.pi * 50.0)
-        for s in vehicle.sensors
+        for s in vehicle.sensors_of(CHANNELS)
     ]
     given_values = (vehicle.m, vehicle.l, vehicle.wdf, vehicle.k_f, vehicle.k_r)
     nominal = np.array([v.value for v in (vehicle.c_f, vehicle.c_r, vehicle.i, *given_values)])

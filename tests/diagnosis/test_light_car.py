@@ -78,8 +78,11 @@ def test_misstated_noise_is_no_fault(
     """
     one = case(name, seed, number, "test")
     assert one.truth.family == FAMILY
-    a, b, c, d = (replace(s, noise=noise_factor * (s.noise or 0.0)) for s in one.vehicle.sensors)
-    vehicle = replace(one.vehicle, sensors=(a, b, c, d))
+    sensors = {
+        name: replace(s, noise=noise_factor * (s.noise or 0.0))
+        for name, s in one.vehicle.sensors.items()
+    }
+    vehicle = replace(one.vehicle, sensors=sensors)
     dataset = prepared(one.recordings, vehicle)
     test = assess(dataset, base(dataset), 1).test
     other = np.array([not c.edge and not c.site.effect.in_one_run for c in test.candidates])

@@ -71,7 +71,7 @@ def test_each_channel_is_converted_from_its_own_unit(baja: Vehicle) -> None:
 def test_extreme_counts_reach_the_limits_of_the_range(baja: Vehicle) -> None:
     ends = np.tile([0.0, 1023.0], (4, 1))
     result = accelerations(Recording(np.arange(2.0), ends, ("counts",) * 4), baja)
-    for row, sensor in zip(result, baja.sensors, strict=True):
+    for row, sensor in zip(result, baja.sensors_of(CHANNELS), strict=True):
         np.testing.assert_allclose(row, [sensor.low, sensor.high], rtol=1e-12)
 
 
@@ -80,11 +80,11 @@ def test_counts_need_zero_and_scale(baja: Vehicle) -> None:
         (Sensor(counts_scale=0.1), "zero_counts"),
         (Sensor(zero_counts=512.0), "counts_scale"),
     ):
-        car = dataclasses.replace(baja, sensors=(sensor,) * 4)
+        car = dataclasses.replace(baja, sensors=dict.fromkeys(CHANNELS, sensor))
         with pytest.raises(InputError, match=rf"\[sensors.front_wheel\]: has no {missing}.*add"):
             accelerations(make(COUNTS), car)
     # where nothing is in counts nothing is needed
-    accelerations(make(), dataclasses.replace(baja, sensors=(Sensor(),) * 4))
+    accelerations(make(), dataclasses.replace(baja, sensors={}))
 
 
 def test_gaps_do_not_change_the_rate() -> None:
@@ -118,7 +118,7 @@ def test_recording_may_declare_zero_delay(baja: Vehicle) -> None:
 
 
 def test_a_fast_clock_is_corrected_from_the_first_stamp(baja: Vehicle) -> None:
-    car = dataclasses.replace(baja, sensors=(Sensor(),) * 4)
+    car = dataclasses.replace(baja, sensors={})
     time = 100.0 + np.arange(1001.0)
     recording = Recording(
         time,

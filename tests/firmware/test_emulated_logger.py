@@ -13,6 +13,7 @@ import pytest
 
 from bayes_asv.acquire import emulator
 from bayes_asv.acquire.emulator import PERIOD, build_firmware, default_drive, write_voltages
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import read_vehicle
@@ -71,7 +72,7 @@ def test_readings_are_played_at_their_sample_times(tmp_path: Path) -> None:
     for k, line in enumerate(lines):
         path = line.split("file=")[1].split()[0]
         table = np.loadtxt(path, delimiter=",", skiprows=1)
-        sensor = VEHICLE.sensors[k]
+        sensor = VEHICLE.sensor(CHANNELS[k])
         assert sensor.counts_scale is not None
         assert sensor.zero_counts is not None
         assert (np.diff(table[:, 0]) > 0).all()
@@ -94,8 +95,8 @@ def test_default_drive_has_no_delays() -> None:
 
 
 def test_sensor_without_scale_is_named(tmp_path: Path) -> None:
-    bare = replace(VEHICLE.sensors[2], counts_scale=None)
-    sensors = (*VEHICLE.sensors[:2], bare, VEHICLE.sensors[3])
+    bare = replace(VEHICLE.sensor("rear_wheel"), counts_scale=None)
+    sensors = {**VEHICLE.sensors, "rear_wheel": bare}
     with pytest.raises(InputError, match="rear_wheel"):
         write_voltages(default_drive(VEHICLE, 0), replace(VEHICLE, sensors=sensors), tmp_path)
 

@@ -17,7 +17,6 @@ import pytest
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
-from bayes_asv.domain.vehicle import Sensor
 from bayes_asv.live.metadata import view_metadata
 from bayes_asv.live.run import follow
 from bayes_asv.live.sources import RecordingSource, StreamInfo
@@ -63,7 +62,7 @@ def test_counts_need_the_vehicles_zero_and_scale() -> None:
     run = Recording(np.arange(3.0), np.ones((4, 3)), ("counts",) * 4)
     assert RecordingSource(run, BAJA).duration == 2.0
     with pytest.raises(InputError, match="zero_counts"):
-        RecordingSource(run, replace(BAJA, sensors=(Sensor(),) * 4))
+        RecordingSource(run, replace(BAJA, sensors={}))
 
 
 def test_interrupted_recording_has_no_result(monkeypatch: pytest.MonkeyPatch) -> None:

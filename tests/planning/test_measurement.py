@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import accelerations
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.planning.measurement import (
@@ -37,7 +38,7 @@ def _sine(seconds: float) -> Motion:
 
 def test_a_sine_passes_one_pole_and_a_delay(baja: Vehicle) -> None:
     sensor = Sensor(bandwidth=15.0, delay=0.002)
-    plain = replace(baja, sensors=(sensor,) * 4)
+    plain = replace(baja, sensors=dict.fromkeys(CHANNELS, sensor))
     read = simulate_recording(plain, filter_motion(plain, _sine(2.0)), 400.0, 2.0, 1)
     assert read.units == ("m/s^2",) * 4
     late = read.time > 0.5  # the filter has settled
@@ -52,7 +53,9 @@ def test_saturation_counts_and_quantization(baja: Vehicle) -> None:
     read = simulate_recording(baja, filter_motion(baja, _sine(1.0)), 400.0, 1.0, 1)
     assert read.units == ("counts",) * 4
     assert np.all(read.values == np.rint(read.values))
-    tight = replace(baja, sensors=(Sensor(low=-5.0, high=7.0, resolution=0.5),) * 4)
+    tight = replace(
+        baja, sensors=dict.fromkeys(CHANNELS, Sensor(low=-5.0, high=7.0, resolution=0.5))
+    )
     got = accelerations(
         simulate_recording(tight, filter_motion(tight, _sine(1.0)), 400.0, 1.0, 1), tight
     )
@@ -67,7 +70,7 @@ def test_saturation_counts_and_quantization(baja: Vehicle) -> None:
 def test_noise_has_its_deviation_and_correlation(baja: Vehicle, bandwidth: float | None) -> None:
     """20000 samples: deviation to 1.5 %, correlation to 0.02, four deviations each."""
     sensor = Sensor(noise=0.3, bandwidth=bandwidth)
-    noisy = replace(baja, sensors=(sensor,) * 4)
+    noisy = replace(baja, sensors=dict.fromkeys(CHANNELS, sensor))
     motion = _sine(50.0)
     still = replace(motion, acceleration=np.zeros_like(motion.acceleration))
     got = simulate_recording(noisy, filter_motion(noisy, still), 400.0, 50.0, 5).values
@@ -82,11 +85,12 @@ def test_noise_has_its_deviation_and_correlation(baja: Vehicle, bandwidth: float
 
 def test_a_default_noise_is_used_only_where_none_is_declared(baja: Vehicle) -> None:
     assert with_default_noise(baja) == (baja, ())
-    first = replace(baja.sensors[0], noise=None)
-    bare = replace(baja, sensors=(first, Sensor(), *baja.sensors[2:]))
+    first = replace(baja.sensor("front_wheel"), noise=None)
+    bare = replace(baja, sensors={**baja.sensors, "front_wheel": first, "front_chassis": Sensor()})
     filled, missing = with_default_noise(bare)
     assert missing == ("front_wheel", "front_chassis")
-    assert filled.sensors[1].noise == DEFAULT_NOISE
-    assert filled.sensors[0].noise is not None
-    assert filled.sensors[0].noise < DEFAULT_NOISE  # its quantization is declared and adds to it
-    assert filled.sensors[2:] == baja.sensors[2:]
+    assert filled.sensor("front_chassis").noise == DEFAULT_NOISE
+    noise = filled.sensor("front_wheel").noise
+    assert noise is not None
+    assert noise < DEFAULT_NOISE  # its quantization is declared and adds to it
+    assert filled.sensors_of(CHANNELS[2:]) == baja.sensors_of(CHANNELS[2:])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.domain.vehicle import Given, Sensor, Travel, Vehicle, read_vehicle
+from bayes_asv.domain.vehicle import Given, Travel, Vehicle, read_vehicle
 from bayes_asv.planning.document import PASSES, plan_document
 from bayes_asv.planning.plan import Plan, plan
 from bayes_asv.planning.predicted_sd import PARAMETERS, predicted_sd
@@ -73,8 +73,8 @@ def test_a_mass_that_limits_the_result_is_reported_with_the_required_deviation()
 
 
 def test_unusable_drives_have_their_own_reasons() -> None:
-    tight = [replace(sensor, low=-12.0, high=12.0) for sensor in BAJA.sensors]
-    low = replace(BAJA, sensors=(tight[0], tight[1], tight[2], tight[3]))
+    tight = {name: replace(s, low=-12.0, high=12.0) for name, s in BAJA.sensors.items()}
+    low = replace(BAJA, sensors=tight)
     short = replace(BAJA, travel=Travel(rear_bump=0.02, rear_droop=0.03))
     for vehicle, words in ((low, "end of its range"), (short, "of droop and has 1.2 in")):
         made = _plan(vehicle, speed_limit=8 * MPH)
@@ -128,7 +128,7 @@ def test_the_same_seed_gives_the_same_plan_and_units_change_words_only() -> None
 
 
 def test_without_sensors_the_plan_reports_its_assumptions() -> None:
-    bare = replace(BAJA, sensors=(Sensor(),) * 4, travel=Travel())
+    bare = replace(BAJA, sensors={}, travel=Travel())
     made = _plan(bare, rates=[200.0], speed_limit=7 * MPH)
     assert made.verdict == "ok"
     warnings = " ".join(plan_document(made)["warnings"])

@@ -24,8 +24,7 @@ Change = Callable[[Array, Array], tuple[Array, Array]]
 
 
 def _with_sensors(car: Vehicle, change: Callable[[Sensor], Sensor]) -> Vehicle:
-    one, two, three, four = (change(sensor) for sensor in car.sensors)
-    return replace(car, sensors=(one, two, three, four))
+    return replace(car, sensors={name: change(sensor) for name, sensor in car.sensors.items()})
 
 
 @pytest.fixture(scope="module")
@@ -189,8 +188,8 @@ def test_clipped_samples_are_bounds_not_values() -> None:
     values = recording.values.copy()
     values[1] = np.minimum(values[1], top)
     clipped = Recording(recording.time, values, recording.units, (), "clipped.csv")
-    narrow = replace(car.sensors[1], high=top * INCH)
-    sensors = (car.sensors[0], narrow, car.sensors[2], car.sensors[3])
+    narrow = replace(car.sensor("front_chassis"), high=top * INCH)
+    sensors = {**car.sensors, "front_chassis": narrow}
     bounded = estimate([clipped], replace(car, sensors=sensors))
     assert any("used as bounds" in warning for warning in bounded.warnings)
     for name in ("c_f", "c_r", "i"):
@@ -258,8 +257,8 @@ def test_a_hole_in_one_wheel_is_refused_by_name() -> None:
 def test_a_bandwidth_for_some_sensors_only_is_said() -> None:
     _, _, recording = case("bump", 3, EXACT)
     car = vehicle(EXACT)
-    front = replace(car.sensors[1], bandwidth=None)
-    some = replace(car, sensors=(car.sensors[0], front, car.sensors[2], car.sensors[3]))
+    front = replace(car.sensor("front_chassis"), bandwidth=None)
+    some = replace(car, sensors={**car.sensors, "front_chassis": front})
     result = estimate([recording], some)
     assert any("bandwidth for some sensors only" in warning for warning in result.warnings)
     np.testing.assert_array_equal(result.draws["c_f"], estimate([recording], car).draws["c_f"])

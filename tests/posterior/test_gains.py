@@ -19,10 +19,11 @@ from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, 
 def declared(sds: dict[str, float], share: float) -> Vehicle:
     """The nominal baja whose scales are known to a share of themselves."""
     car = vehicle(sds)
-    one, two, three, four = (
-        replace(s, counts_scale_sd=share * abs(s.counts_scale or 0.0)) for s in car.sensors
-    )
-    return replace(car, sensors=(one, two, three, four))
+    sensors = {
+        name: replace(s, counts_scale_sd=share * abs(s.counts_scale or 0.0))
+        for name, s in car.sensors.items()
+    }
+    return replace(car, sensors=sensors)
 
 
 def counted(gain: tuple[float, float, float, float]) -> tuple[RigCar, Recording]:
@@ -102,8 +103,9 @@ def test_scales_that_are_off_are_allowed_for(off: tuple[RigCar, Recording]) -> N
 def test_a_recording_that_is_not_in_counts_has_no_scale() -> None:
     _, recording = counted((1.0, 1.0, 1.0, 1.0))
     car = declared(DECLARED, 0.01)
-    values = (recording.values - np.array([[s.zero_counts] for s in car.sensors])) * np.array(
-        [[s.counts_scale] for s in car.sensors]
+    sensors = car.sensors_of(recording.channels)
+    values = (recording.values - np.array([[s.zero_counts] for s in sensors])) * np.array(
+        [[s.counts_scale] for s in sensors]
     )
     told = Recording(recording.time, values, ("m/s^2",) * 4, (), "told.csv")
     lines, _, warnings = lay_out((told,), car)

@@ -31,14 +31,14 @@ CASES = {
 def vehicle() -> Vehicle:
     """The baja with potentiometers and an inertial unit 0.9 m ahead of its rear axle."""
     car = read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
-    sensors = (
-        ("front_travel", Sensor(noise=0.0005)),
-        ("rear_travel", Sensor(noise=0.0005)),
-        ("body_vertical", Sensor(noise=0.05, bandwidth=50.0)),
-        ("body_pitch_rate", Sensor(noise=0.005)),
-    )
+    sensors = {
+        "front_travel": Sensor(noise=0.0005),
+        "rear_travel": Sensor(noise=0.0005),
+        "body_vertical": Sensor(noise=0.05, bandwidth=50.0),
+        "body_pitch_rate": Sensor(noise=0.005),
+    }
     unit = replace(channel("body_vertical"), position=0.9)
-    return replace(car, corner_sensors=car.corner_sensors + sensors, channels=(unit,))
+    return replace(car, sensors={**car.sensors, **sensors}, channels=(unit,))
 
 
 def drawn(car: CarModel, rng: np.random.Generator) -> dict[str, float]:

@@ -48,11 +48,11 @@ def _made(signal: Array, rate: float = 400.0) -> Recording:
 def _plain() -> Vehicle:
     """A car whose sensors have no filter, no delay and no rails."""
     car = vehicle(EXACT)
-    sensors = tuple(
-        replace(s, bandwidth=None, delay=0.0, low=-np.inf, high=np.inf, resolution=None)
-        for s in car.sensors
-    )
-    return replace(car, sensors=(sensors[0], sensors[1], sensors[2], sensors[3]))
+    sensors = {
+        name: replace(s, bandwidth=None, delay=0.0, low=-np.inf, high=np.inf, resolution=None)
+        for name, s in car.sensors.items()
+    }
+    return replace(car, sensors=sensors)
 
 
 def _band(recording: Recording, car: Vehicle, below: float = BELOW) -> PreparedRecording:
@@ -101,8 +101,7 @@ def test_delays_and_clocks_are_honoured_before_the_filter() -> None:
 def test_noise_levels_are_those_of_the_filtered_readings() -> None:
     car = _plain()
     level = 0.3
-    sensors = tuple(replace(s, noise=level) for s in car.sensors)
-    car = replace(car, sensors=(sensors[0], sensors[1], sensors[2], sensors[3]))
+    car = replace(car, sensors={n: replace(s, noise=level) for n, s in car.sensors.items()})
     noise = level * np.random.default_rng(1).normal(size=(4, 40000))
     line = _band(_made(noise), car)
     used = line.kind[:, 0] == VALUE
@@ -126,8 +125,8 @@ def test_what_a_clipped_reading_hid_does_not_matter(excess: float) -> None:
     _, _, recording = case("bump", 2, EXACT, seconds=4.0)
     car = _plain()
     rail = float(np.sort(recording.values[1])[-3]) * INCH
-    sensors = (car.sensors[0], replace(car.sensors[1], high=rail), *car.sensors[2:])
-    car = replace(car, sensors=(sensors[0], sensors[1], sensors[2], sensors[3]))
+    narrow = replace(car.sensor("front_chassis"), high=rail)
+    car = replace(car, sensors={**car.sensors, "front_chassis": narrow})
     values = recording.values.copy()
     values[1, values[1] * INCH >= rail] += excess
     line, other = (_band(r, car) for r in (recording, replace(recording, values=values)))

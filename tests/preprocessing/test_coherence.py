@@ -24,10 +24,11 @@ RATE = 100.0
 
 def _plain() -> Vehicle:
     car = vehicle(EXACT)
-    front, over, rear, behind = (
-        replace(s, bandwidth=None, delay=0.0, low=-np.inf, high=np.inf) for s in car.sensors
-    )
-    return replace(car, sensors=(front, over, rear, behind))
+    sensors = {
+        name: replace(s, bandwidth=None, delay=0.0, low=-np.inf, high=np.inf)
+        for name, s in car.sensors.items()
+    }
+    return replace(car, sensors=sensors)
 
 
 def _prepared(recording: Recording, car: Vehicle) -> PreparedRecording:

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.io import read_recording
 from bayes_asv.models.half_car import position_form
@@ -81,7 +82,7 @@ def test_integration_recovers_a_known_motion() -> None:
     shape = np.sin(np.pi * time) ** 6
     acceleration = CubicSpline(time, shape).derivative(2)(time)
     scale = np.array([0.05, 0.03, 0.02, -0.01])
-    delay = np.array([s.delay for s in BAJA.sensors])
+    delay = np.array([s.delay for s in BAJA.sensors_of(CHANNELS)])
     spline = CubicSpline(time, acceleration)
     values = np.stack([a * spline(time + d) for a, d in zip(scale, delay, strict=True)])
     data = integrate(Recording(time, values, ("m/s^2",) * 4), BAJA, "none")

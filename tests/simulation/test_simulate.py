@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import accelerations
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.shipped import shipped
@@ -22,7 +23,7 @@ def baja() -> Vehicle:
 
 @pytest.fixture(scope="module")
 def ideal(baja: Vehicle) -> Vehicle:
-    return replace(baja, sensors=(Sensor(),) * 4)
+    return replace(baja, sensors={})
 
 
 @pytest.mark.parametrize("name", ROADS)
@@ -58,10 +59,12 @@ def test_the_hub_acceleration_is_the_road_s_second_derivative(ideal: Vehicle) ->
 def test_noise_has_the_declared_deviation_and_correlation(baja: Vehicle) -> None:
     noisy = Sensor(noise=0.05, bandwidth=50.0)
     still = road("bump", np.random.default_rng(0), speed=0.1)
-    car = replace(baja, sensors=(noisy,) * 4)
+    car = replace(baja, sensors=dict.fromkeys(CHANNELS, noisy))
     drive = simulate(car, still, seconds=20.0)
     noise_free = simulate(
-        replace(car, sensors=(replace(noisy, noise=None),) * 4), still, seconds=20.0
+        replace(car, sensors=dict.fromkeys(CHANNELS, replace(noisy, noise=None))),
+        still,
+        seconds=20.0,
     )
     x = accelerations(drive.recording, car)[0] - accelerations(noise_free.recording, car)[0]
     assert x.std() == pytest.approx(0.05, rel=0.05)

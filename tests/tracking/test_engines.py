@@ -91,10 +91,10 @@ def test_uncertain_scales_without_bandwidth() -> None:
     car = vehicle(EXACT)
     car = replace(
         car,
-        sensors=tuple(  # type: ignore[arg-type]
-            replace(s, bandwidth=None, counts_scale=0.1, counts_scale_sd=0.002, resolution=0.0)
-            for s in car.sensors
-        ),
+        sensors={
+            n: replace(s, bandwidth=None, counts_scale=0.1, counts_scale_sd=0.002, resolution=0.0)
+            for n, s in car.sensors.items()
+        },
     )
     space = coordinates(car, (0.02, 0.02, 0.02, 0.02))
     assert len(space) == 7

@@ -86,8 +86,8 @@ def test_one_outlier_has_no_effect(channel: int, ranged: bool) -> None:
     _, recording = long_drive(SECONDS, 11)
     given = vehicle(DECLARED)
     if not ranged:
-        free = tuple(replace(s, low=-np.inf, high=np.inf) for s in given.sensors)
-        given = replace(given, sensors=free)  # type: ignore[arg-type]
+        free = {n: replace(s, low=-np.inf, high=np.inf) for n, s in given.sensors.items()}
+        given = replace(given, sensors=free)
     values = recording.values.copy()
     values[channel, _row(recording, BREAKS)] = 1e6
     _, healthy = tracked(recording, given)

@@ -76,8 +76,8 @@ def test_chunk_size_has_no_effect(sizes: list[int], seed: int) -> None:
     values[0, 100:120] = np.nan
     values[2, 60:63] = 1e5  # beyond the rail
     recording = replace(recording, values=values)
-    first, second, third, fourth = CAR.sensors
-    car = replace(CAR, sensors=(first, second, replace(third, high=60.0), fourth))
+    narrow = replace(CAR.sensor("rear_wheel"), high=60.0)
+    car = replace(CAR, sensors={**CAR.sensors, "rear_wheel": narrow})
     n = len(recording.time)
     clocks = Timing((None,) * 4, (0.0, 0.0, 3e-3, 3e-3))
     whole = _scheduled(recording, [n], car, clocks)
@@ -154,10 +154,10 @@ def test_clocks_and_delays_of_the_recording() -> None:
 
 def test_bandwidths_are_matched() -> None:
     _, _, recording = case("bump", 1, EXACT, seconds=1.0)
-    fast = tuple(
-        replace(s, bandwidth=200.0) if k in (0, 2) else s for k, s in enumerate(CAR.sensors)
-    )
-    car = replace(CAR, sensors=fast)  # type: ignore[arg-type]
+    fast = {
+        name: replace(CAR.sensor(name), bandwidth=200.0) for name in ("front_wheel", "rear_wheel")
+    }
+    car = replace(CAR, sensors={**CAR.sensors, **fast})
     steps, _ = _scheduled(recording, [37] * 10 + [len(recording.time) - 370], car)
     whole = prepare(recording, car, car_model("half", car))
     scale = float(np.abs(whole.moments[:, :, 0]).max())
@@ -167,8 +167,8 @@ def test_bandwidths_are_matched() -> None:
 def test_clipped_readings_are_bounds() -> None:
     _, _, recording = case("bump", 1, EXACT, seconds=1.0)
     top = float(np.nanmax(accelerations(recording, CAR)[1])) - 0.5
-    sensors = tuple(replace(s, high=top) if k == 1 else s for k, s in enumerate(CAR.sensors))
-    car = replace(CAR, sensors=sensors)  # type: ignore[arg-type]
+    narrow = replace(CAR.sensor("front_chassis"), high=top)
+    car = replace(CAR, sensors={**CAR.sensors, "front_chassis": narrow})
     values = recording.values.copy()
     values[1] = np.minimum(values[1], top / 0.0254)
     steps, rows = _scheduled(replace(recording, values=values), [400], car)

@@ -163,8 +163,9 @@ def test_another_recording_starts_from_the_known_parameters() -> None:
 
 def test_missing_noise_levels_are_estimated() -> None:
     car, _, recording = case("rough", 5, DECLARED, seconds=3.0)
-    sensors = tuple(replace(s, noise=None) for s in vehicle(DECLARED).sensors)
-    car_without_noise = replace(vehicle(DECLARED), sensors=sensors)  # type: ignore[arg-type]
+    given = vehicle(DECLARED)
+    sensors = {name: replace(s, noise=None) for name, s in given.sensors.items()}
+    car_without_noise = replace(given, sensors=sensors)
     tracker = tracker_for(recording, car_without_noise)
     acc = accelerations(recording, car_without_noise).T
     assert len(tracker.feed(recording.time[:150], acc[:150])) == 0
