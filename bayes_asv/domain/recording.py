@@ -1,4 +1,4 @@
-"""A recording: accelerometer channels over time, in the units of the file.
+"""A recording: channels over time, in the units of the file.
 
 Nothing is resampled, filtered or interpolated here.  A missing cell is NaN and a missing row is a
 larger time step.  `sample_times` applies the clocks and delays of the channels.
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
+from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, ROLL_CHANNELS
 from bayes_asv.domain.channels import channel as known_channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest
@@ -60,7 +60,7 @@ class Recording:
     values : ndarray of float, shape (C, N)
         Readings in the order of the channels, each in its own unit; NaN where a cell is missing.
     units : tuple of C str
-        Unit of each channel, an acceleration or ``"counts"``.
+        Unit of each channel, of its dimension or ``"counts"``.
     metadata : tuple of (str, str)
         Keys and values in the order of the file, white space collapsed.
     source, sha256 : str
@@ -68,7 +68,7 @@ class Recording:
     warnings : tuple of str
         Oddities that the reader accepted.
     channels : tuple of C str
-        `CHANNELS`, or `ROLL_CHANNELS` for the roll car.
+        Names of the channels; by default the four accelerometers of the half car.
 
     Raises
     ------
@@ -336,7 +336,9 @@ def check_unit(name: str, unit: str, where: str) -> None:
     try:
         dimension = known_channel(name).dimension
     except KeyError:
-        raise InputError(where, "is no channel", f"name one of {', '.join(CHANNELS)}") from None
+        raise InputError(
+            where, "is no channel", f"name one of {', '.join(KNOWN_CHANNELS)}"
+        ) from None
     if unit == COUNTS:
         return
     try:

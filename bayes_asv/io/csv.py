@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, ROLL_CHANNELS, channel
+from bayes_asv.domain.channels import KNOWN_CHANNELS, channel, missing_inputs
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, write_atomically
 from bayes_asv.domain.recording import COUNTS, check_unit, parse_rate
@@ -135,10 +135,7 @@ def write_csv(recording: Recording, path: PathLike) -> None:
 
 
 def _separator(header: str) -> str:
-    for candidate in (";", "\t"):
-        if header.count(candidate) >= len(CHANNELS) - 1:
-            return candidate
-    return ","
+    return max(",;\t", key=header.count)
 
 
 def _split(line: str, separator: str, where: str) -> list[str]:
@@ -172,31 +169,14 @@ def _columns(header: Sequence[str], where: str) -> tuple[dict[str, _Column], lis
     found = [name for name in columns if name != "time"]
     if not found:
         raise InputError(where, "is not the header of a recording", f"write: {_HEADER}")
-    _check_complete(found, ignored, where)
-    corners = sum(name in ROLL_CHANNELS for name in found)
-    roll = corners > sum(name in CHANNELS for name in found)
-    known = dict.fromkeys((*ROLL_CHANNELS, *KNOWN_CHANNELS) if roll else KNOWN_CHANNELS)
-    order = [name for name in ("time", *known) if name in columns]
-    return {name: columns[name] for name in order}, ignored
-
-
-def _check_complete(found: Sequence[str], ignored: Sequence[str], where: str) -> None:
-    """Refuse columns of which a car model lacks a measured input, or has nothing to explain."""
-    corners = sum(name in ROLL_CHANNELS for name in found)
-    expected = ROLL_CHANNELS if corners > sum(name in CHANNELS for name in found) else CHANNELS
-    inputs = [name for name in expected if channel(name).is_input]
-    missing = [name for name in inputs if name not in found]
-    if len(missing) == len(inputs) or all(channel(name).is_input for name in found):
-        missing = [name for name in expected if name not in found]
-    elif expected is CHANNELS and len(missing) == 1:  # one axle alone is a quarter car
-        axle = channel(missing[0]).axle
-        if all(channel(name).axle not in (axle, None) for name in found):
-            return
-    if missing and not all(name in found for name in inputs):
+    missing = missing_inputs(found)
+    if missing:
         names = {cell.split("[")[0].strip().lower(): cell for cell in ignored}
         near = closest(missing[0], names)
         fix = f"rename {names[near]} to {missing[0]}" if near else "add it with its unit"
         raise InputError(where, f"column {missing[0]} is missing", fix)
+    order = [name for name in ("time", *KNOWN_CHANNELS) if name in columns]
+    return {name: columns[name] for name in order}, ignored
 
 
 def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:

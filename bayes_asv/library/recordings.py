@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from bayes_asv.domain import recording as domain
-from bayes_asv.domain.channels import CHANNELS, ROLL_CHANNELS
+from bayes_asv.domain.channels import KNOWN_CHANNELS, channel, missing_inputs
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.units import si_factor
@@ -30,7 +30,7 @@ _TIME: Final = "time"
 
 
 class Recording(domain.Recording):
-    """Accelerometer channels over time, in the units of the file.
+    """Channels over time, in the units of the file.
 
     Made by :func:`read_recording`, by :meth:`from_dataframe` or from arrays.  ``time`` (N,) is in
     seconds, ``values`` (C, N) in ``units``, one a channel; a missing reading is NaN.
@@ -55,10 +55,10 @@ class Recording(domain.Recording):
         ----------
         frame : pandas.DataFrame
             Columns are named as the channels (``front_wheel``, ``front_chassis``, ``rear_wheel``,
-            ``rear_chassis``, or those of the roll car), with or without a unit in brackets as in a
-            CSV file: ``front_wheel [m/s^2]``.  Other columns are left out.  Times are in a column
-            ``time`` (seconds, or the unit in its brackets) or in the index; a missing reading is
-            NaN.
+            ``rear_chassis`` and others, see ``docs/recording.md``), with or without a unit in
+            brackets as in a CSV file: ``front_wheel [m/s^2]``.  Other columns are left out.  Times
+            are in a column ``time`` (seconds, or the unit in its brackets) or in the index; a
+            missing reading is NaN.
         units : str or mapping, optional
             Unit of all columns, or of each by channel, where the names give none: ``"g"`` or
             ``{"front_wheel": "g", …}``; ``"counts"`` for raw readings.
@@ -85,8 +85,8 @@ class Recording(domain.Recording):
                 f"from_dataframe takes a pandas DataFrame, not a {type(frame).__name__}"
             )
         columns = _columns(frame, channels or {}, name)
-        wanted = ROLL_CHANNELS if set(ROLL_CHANNELS) <= columns.keys() else CHANNELS
-        missing = [channel for channel in wanted if channel not in columns]
+        measured = tuple(name for name in KNOWN_CHANNELS if name in columns)
+        missing = missing_inputs(measured)
         if missing:
             raise InputError(
                 name,
@@ -96,11 +96,11 @@ class Recording(domain.Recording):
         about = frame.attrs.get("metadata", {}) if metadata is None else metadata
         return cls(
             time=_times(frame, columns.get(_TIME), rate, name),
-            values=np.stack([np.asarray(frame[columns[c][0]], dtype=float) for c in wanted]),
-            units=tuple(_unit_of(c, columns[c][1], units, name) for c in wanted),
+            values=np.stack([np.asarray(frame[columns[c][0]], dtype=float) for c in measured]),
+            units=tuple(_unit_of(c, columns[c][1], units, name) for c in measured),
             metadata=tuple((str(key), str(value)) for key, value in about.items()),
             source=name,
-            channels=wanted,
+            channels=measured,
         )
 
     def to_dataframe(self, units: str | None = None) -> pd.DataFrame:
@@ -109,8 +109,8 @@ class Recording(domain.Recording):
         Parameters
         ----------
         units : str, optional
-            A unit of acceleration for all columns, such as ``"m/s^2"``; by default each keeps its
-            own.  Readings in counts stay in counts.
+            A unit of acceleration for all accelerometers, such as ``"m/s^2"``; by default each
+            keeps its own.  Readings in counts stay in counts.
 
         Returns
         -------
@@ -120,12 +120,13 @@ class Recording(domain.Recording):
         """
         pandas = import_extra("pandas", "to_dataframe()")
         table = {}
-        for channel, own, values in zip(self.channels, self.units, self.values, strict=True):
-            shown = own if units is None or own == domain.COUNTS else units
+        for name, own, values in zip(self.channels, self.units, self.values, strict=True):
+            other = own == domain.COUNTS or channel(name).dimension != "acceleration"
+            shown = own if units is None or other else units
             factor = 1.0
             if shown != own:
                 factor = si_factor(own, "acceleration") / si_factor(shown, "acceleration")
-            table[f"{channel} [{shown}]"] = values * factor if shown != own else values
+            table[f"{name} [{shown}]"] = values * factor if shown != own else values
         frame = pandas.DataFrame(table, index=pandas.Index(self.time, name="time [s]"))
         frame.attrs["metadata"] = dict(self.metadata)
         return frame
@@ -255,11 +256,11 @@ def _columns(
     frame: pd.DataFrame, channels: Mapping[str, str], name: str
 ) -> dict[str, tuple[Any, str | None]]:
     """Column and bracketed unit of the time and of every channel that there is."""
-    known = {_TIME, *CHANNELS, *ROLL_CHANNELS}
-    unknown = [channel for channel in channels if channel not in known]
+    known = {_TIME, *KNOWN_CHANNELS}
+    unknown = [one for one in channels if one not in known]
     if unknown:
         raise InputError(
-            name, f"there is no channel '{unknown[0]}'", f"name one of {', '.join(CHANNELS)}"
+            name, f"there is no channel '{unknown[0]}'", f"name one of {', '.join(KNOWN_CHANNELS)}"
         )
     found: dict[str, tuple[Any, str | None]] = {}
     for column in frame.columns:
@@ -268,10 +269,10 @@ def _columns(
         plain = re.sub(r"[\s-]+", "_", plain.lower())
         if plain in known and plain not in channels:
             found[plain] = column, unit
-        for channel, wanted in channels.items():
+        for own, wanted in channels.items():
             if column == wanted:
-                found[channel] = column, unit
-    absent = [wanted for channel, wanted in channels.items() if channel not in found]
+                found[own] = column, unit
+    absent = [wanted for own, wanted in channels.items() if own not in found]
     if absent:
         raise InputError(
             name, f"has no column '{absent[0]}'", f"it has {', '.join(map(str, frame.columns))}"

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bayes_asv.domain.channels import channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.io import read_recording, write_recording
@@ -385,3 +386,35 @@ def read_or_refused(folder: Path, data: bytes, rate: float | None) -> bool:
     write_recording(recording, folder / "again.csv")
     rising = bool((np.diff(recording.time) > 0).all())
     return rising and same(read_recording(folder / "again.csv"), recording)
+
+
+@pytest.mark.parametrize(
+    ("columns", "fault"),
+    [
+        ("front_wheel front_chassis rear_wheel", None),
+        ("front_wheel rear_wheel body_pitch_rate", None),
+        ("front_wheel front_chassis", None),  # a quarter car
+        ("rear_wheel rear_travel", None),
+        ("front_wheel front_chassis rear_chassis", "rear_wheel is missing"),
+        ("front_wheel front_chassis body_pitch_rate", "rear_wheel is missing"),
+        ("front_chassis rear_chassis", "front_wheel is missing"),
+        ("front_left_wheel front_right_wheel rear_left_wheel rear_right_wheel rear_chassis", None),
+        ("front_left_wheel rear_left_wheel rear_right_wheel rear_chassis", "front_right_wheel is"),
+        ("front_left_chassis front_right_chassis rear_chassis", "front_left_wheel is missing"),
+    ],
+)
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_all_wheel_hubs_of_some_car_are_needed(
+    read: Read, columns: str, fault: str | None, separator: str
+) -> None:
+    names = columns.split()
+    header = ["time [s]", *(f"{name} [{channel(name).si_unit}]" for name in names)]
+    rows = [str(k) for k in range(2)]
+    text = "\n".join(
+        [separator.join(header), *(separator.join([row] * len(header)) for row in rows)]
+    )
+    if fault is None:
+        assert read(text).channels == tuple(names)
+    else:
+        with pytest.raises(InputError, match=f"run.csv:1: column {fault}"):
+            read(text)

@@ -31,6 +31,22 @@ def test_a_table_in_other_units(stops: asv.Recording) -> None:
     assert again.values * 9.80665 / 0.0254 == pytest.approx(stops.values)
 
 
+def test_a_table_of_other_channels_and_back() -> None:
+    run = asv.Recording(
+        np.arange(3.0), np.arange(12.0).reshape(4, 3), ("g", "g", "counts", "deg/s"),
+        channels=("front_wheel", "rear_wheel", "front_travel", "body_pitch_rate"),
+    )  # fmt: skip
+    frame = run.to_dataframe(units="m/s^2")
+    assert list(frame.columns) == [
+        "front_wheel [m/s^2]", "rear_wheel [m/s^2]", "front_travel [counts]",
+        "body_pitch_rate [deg/s]",
+    ]  # fmt: skip
+    again = asv.Recording.from_dataframe(frame)
+    assert again.channels == run.channels
+    assert again.values[:2] == pytest.approx(9.80665 * run.values[:2])
+    assert np.array_equal(again.values[2:], run.values[2:])
+
+
 def _table(**changes: Any) -> pd.DataFrame:
     columns = {
         "Front wheel": [0.0, 1.0, np.nan], "front_chassis": [0.0, 0.5, 1.0],
