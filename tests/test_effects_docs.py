@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +12,9 @@ import pytest
 
 from bayes_asv.models.effects import EFFECTS, Effect, Scale
 from tests.effects_page import LAWS, MEANINGS, PAGE, page
+from tests.extension_steps import ROOT, apply, blocks, copy_package, run
 
-ROOT = Path(__file__).parents[1]
+HEADING = "Adding an effect"
 VEHICLE = ROOT / "data" / "vehicles" / "baja2008.toml"
 SCALE = Scale(load=1100.0, spring=17000.0)
 
@@ -59,50 +58,24 @@ def test_priors_and_tolerances_on_the_page_are_those_of_the_draws(effect: Effect
         assert (tolerance == "none") == (effect.slight is None)
 
 
-def _blocks(kind: str) -> list[str]:
-    text = PAGE.read_text(encoding="utf-8").split("## Adding an effect")[1]
-    return re.findall(rf"```{kind}\n(.*?)```", text, flags=re.DOTALL)
-
-
-def _edited(text: str, diff: str) -> str:
-    """Apply one block of the page; what it shows as context has to be there once."""
-    lines = diff.splitlines()
-    old = "\n".join(x[1:] for x in lines if x[:1] in " -")
-    new = "\n".join(x[1:] for x in lines if x[:1] in " +")
-    assert text.count(old) == 1, f"the page shows what is not there:\n{old}"
-    return text.replace(old, new)
-
-
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Copy the package and follow the page's steps in it, no more."""
-    copy = tmp_path_factory.mktemp("copy")
-    ignored = shutil.ignore_patterns("__pycache__", "static")
-    shutil.copytree(ROOT / "bayes_asv", copy / "bayes_asv", ignore=ignored)
-    shutil.copytree(ROOT / "tests" / "filters", copy / "tests" / "filters", ignore=ignored)
-    model, kernel = copy / "bayes_asv/models/effects", copy / "bayes_asv/filters/force_laws.py"
-    (file,) = _blocks("python")
-    (model / "quadratic_damper.py").write_text(file, encoding="utf-8")
-    number, branch, imported, listed = _blocks("diff")
-    for path, blocks in ((kernel, (number, branch)), (model / "__init__.py", (imported, listed))):
-        text = path.read_text(encoding="utf-8")
-        for block in blocks:
-            text = _edited(text, block)
-        path.write_text(text, encoding="utf-8")
-    return copy
+    folder = tmp_path_factory.mktemp("copy")
+    package = copy_package(folder)
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "tests" / "filters", folder / "tests" / "filters", ignore=ignored)
+    (file,) = blocks(PAGE, HEADING, "python")
+    (package / "models/effects/quadratic_damper.py").write_text(file, encoding="utf-8")
+    number, branch, imported, listed = blocks(PAGE, HEADING, "diff")
+    apply(package / "filters/force_laws.py", (number, branch))
+    apply(package / "models/effects/__init__.py", (imported, listed))
+    return folder
 
 
-def _run(copy: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def _run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     # Interpreted: what is compiled is the same text, and compiling would take longer than all else.
-    settings = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": "1"}
-    return subprocess.run(
-        [sys.executable, *words],
-        cwd=copy,
-        env=settings,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return run(folder, *words, environment={"NUMBA_DISABLE_JIT": "1"})
 
 
 def test_the_steps_make_an_effect_that_is_asked_for(extended: Path) -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.extension_steps import ROOT, apply, blocks, copy_package, run
 from tests.report.conftest import DATA
 
-ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "extending.md"
+HEADING = "A report section"
 
 CODE = """
 import bayes_asv
@@ -37,46 +34,18 @@ assert pdf_report(document).startswith(b"%PDF")
 """
 
 
-def _blocks(kind: str) -> list[str]:
-    part = PAGE.read_text(encoding="utf-8").split("## A report section\n")[1].split("\n## ")[0]
-    return re.findall(rf"```{kind}\n(.*?)```", part, flags=re.DOTALL)
-
-
-def _edited(text: str, diff: str) -> str:
-    """Apply one block of the page; the context that it shows has to be there once."""
-    lines = diff.splitlines()
-    old = "\n".join(line[1:] for line in lines if line[:1] in " -")
-    new = "\n".join(line[1:] for line in lines if line[:1] in " +")
-    assert text.count(old) == 1, f"the page shows what is not there:\n{old}"
-    return text.replace(old, new)
-
-
 @pytest.fixture
 def extended(tmp_path: Path) -> Path:
     """Copy the package and follow the steps of the page in it."""
-    ignored = shutil.ignore_patterns("__pycache__", "static")
-    shutil.copytree(ROOT / "bayes_asv", tmp_path / "bayes_asv", ignore=ignored)
-    sections = tmp_path / "bayes_asv" / "report" / "sections"
-    (file,) = _blocks("python")
+    sections = copy_package(tmp_path) / "report" / "sections"
+    (file,) = blocks(PAGE, HEADING, "python")
     (sections / "lost_readings.py").write_text(file, encoding="utf-8")
-    registry = sections / "__init__.py"
-    text = registry.read_text(encoding="utf-8")
-    for block in _blocks("diff"):
-        text = _edited(text, block)
-    registry.write_text(text, encoding="utf-8")
+    apply(sections / "__init__.py", blocks(PAGE, HEADING, "diff"))
     return tmp_path
 
 
 def test_the_steps_make_a_section_of_the_report(extended: Path) -> None:
-    code = CODE.format(copy=str(extended), file=str(DATA / "us.json"))
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=extended,
-        env={**os.environ, "PYTHONPATH": str(extended)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(extended, "-c", CODE.format(copy=str(extended), file=str(DATA / "us.json")))
     assert done.returncode == 0, done.stderr
     rows, sentences = done.stdout.splitlines()
     assert rows == "[['rear wheel, stops.csv', '60', '3']]"
