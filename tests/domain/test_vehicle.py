@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS
+from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import (
     Given,
@@ -191,6 +191,39 @@ def test_faults_name_file_key_and_fix(
 def test_unknown_channel_is_an_input_error() -> None:
     with pytest.raises(InputError, match="did you mean rear_wheel"):
         read_vehicle(VEHICLES / "baja2008.toml").sensor("rear_weel")
+
+
+def test_sensors_are_a_copy_in_the_order_of_the_channels() -> None:
+    car = read_vehicle(VEHICLES / "baja2008.toml")
+    given = {"body_pitch_rate": Sensor(noise=0.01), "front_wheel": Sensor(noise=0.02)}
+    one = dataclasses.replace(car, sensors=given)
+    other = dataclasses.replace(car, sensors=dict(reversed(given.items())))
+    assert one == other
+    assert hash(one) == hash(other)
+    assert to_toml(one) == to_toml(other)
+    given["front_wheel"] = Sensor(noise=1.0)
+    assert one.sensor("front_wheel").noise == 0.02
+    assert one != dataclasses.replace(car, sensors=given)
+    assert one.sensors_of(("rear_wheel", "front_wheel")) == (Sensor(), Sensor(noise=0.02))
+    with pytest.raises(InputError, match=r"'front_wheels': there is no such channel; did you mean"):
+        dataclasses.replace(car, sensors={"front_wheels": Sensor()})
+
+
+@pytest.mark.parametrize("name", KNOWN_CHANNELS)
+def test_every_channel_has_a_table_in_its_own_unit(
+    read: Callable[[str], Vehicle], name: str
+) -> None:
+    others = re.sub(r"(?ms)^\[sensors.*", "", BAJA) + f"[sensors.{name}]\n"
+    known = channel(name)
+    assert read(f'{others}noise = "0.25 {known.si_unit}"').sensors == {name: Sensor(noise=0.25)}
+    noise = rf"\[sensors.{name}\] noise: "
+    dimension = known.quantity.replace("_", " ")
+    with pytest.raises(InputError, match=rf"{noise}unit 'kg' is not a unit of {dimension}"):
+        read(f'{others}noise = "0.25 kg"')
+    with pytest.raises(
+        InputError, match=rf'{noise}has no unit; write "0.25 {re.escape(known.si_unit)}"'
+    ):
+        read(f"{others}noise = 0.25")
 
 
 def test_missing_file_suggests_a_similar_name() -> None:
@@ -388,6 +421,10 @@ def test_roll_tables_round_trip(tmp_path: Path) -> None:
     assert alike.noise == car.sensor("front_wheel").noise
     assert (alike.zero_counts, alike.counts_scale) == (None, None)
     assert alike.resolution == pytest.approx(5.945 * 0.0254)
+    potentiometer = Sensor(zero_counts=500.0, noise=0.001)
+    more = dataclasses.replace(car, sensors={**car.sensors, "front_travel": potentiometer})
+    assert more.sensor("front_right_travel") == Sensor(noise=0.001)
+    assert more.sensor("rear_right_travel") == Sensor()
     path.write_text(to_toml(car), encoding="utf-8")
     assert read_vehicle(path) == car
 
