@@ -10,6 +10,7 @@ import numpy as np
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.log import MAX_SAMPLES
 from bayes_asv.domain.recording import (
     MAX_MAGNITUDE,
     Recording,
@@ -34,7 +35,7 @@ __all__ = [
 ]
 
 MAX_FILE_SIZE: Final = 1_000_000_000
-MAX_CELLS: Final = 50_000_000
+MAX_CELLS: Final = MAX_SAMPLES
 _RATE_TOLERANCE: Final = 0.01
 _TYPICAL_RATES: Final = (1.0, 1e5)  # Hz; outside this range the unit of time is probably wrong
 

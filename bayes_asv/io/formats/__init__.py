@@ -28,13 +28,14 @@ from bayes_asv.io.formats import (
     vbox,
 )
 from bayes_asv.io.formats.format import HEAD, Format, LogFile
+from bayes_asv.io.formats.isolated import read_isolated
 from bayes_asv.io.text import MAX_FILE_SIZE
 
 if TYPE_CHECKING:
     from bayes_asv.domain.files import PathLike
     from bayes_asv.domain.log import Log
 
-__all__ = ["FORMATS", "Format", "LogFile", "detect", "read_log"]
+__all__ = ["FORMATS", "Format", "LogFile", "detect", "read_file", "read_log"]
 
 FORMATS: Final[tuple[Format, ...]] = (
     motec_ld.FORMAT,
@@ -97,4 +98,15 @@ def read_log(path: PathLike, rate: float | None = None) -> Log:
     form = detect(data)
     if form is None:
         raise InputError(source, "is of no format that is known here", "export it as CSV")
-    return form.read(LogFile(source, data, rate))
+    return read_file(form, LogFile(source, data, rate))
+
+
+def read_file(form: Format, file: LogFile) -> Log:
+    """Read a file of a known format; with another package, in a process of its own.
+
+    Raises
+    ------
+    InputError
+        As `read_log`.
+    """
+    return read_isolated(form, file) if form.needs else form.read(file)

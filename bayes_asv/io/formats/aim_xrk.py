@@ -1,17 +1,17 @@
 """AiM ``.xrk`` and ``.xrz`` by the package libxrk; each channel has its own stamps, ms.
 
-Of the two parsers of the package the one in Rust is taken: it cannot crash on a damaged file, and
-it reads files without GPS.
+Of the two parsers of the package the one in Rust is taken: the other fails on files without GPS.
 """
 
 from __future__ import annotations
 
 import zlib
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayes_asv.io.formats.format import Format, LogBuilder, library, optional
+from bayes_asv.io.formats.format import Format, LogBuilder, library
 
 if TYPE_CHECKING:
     from bayes_asv.domain.log import Log
@@ -33,10 +33,9 @@ def _recognises(head: bytes) -> bool:
 
 
 def _read(file: LogFile) -> Log:
-    libxrk = optional("libxrk._aim_xrk_rs", file, FORMAT)
     builder = LogBuilder(file, FORMAT.name)
     with library(file, FORMAT):
-        log = libxrk.aim_xrk(file.data)
+        log = import_module("libxrk._aim_xrk_rs").aim_xrk(file.data)
         builder.metadata += [(key, value) for key, value in log.metadata.items()]
         for name, table in log.channels.items():
             builder.reserve(table.num_rows)

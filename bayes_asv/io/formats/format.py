@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
-import io
 import warnings
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["HEAD", "Format", "LogBuilder", "LogFile", "library", "optional"]
+__all__ = ["HEAD", "Format", "LogBuilder", "LogFile", "library"]
 
 HEAD: Final = 65536
 """Bytes at the start of a file that are enough to recognise its format."""
@@ -70,7 +68,7 @@ class Format:
     read : callable
         Makes the log; an `InputError` on anything unreadable.
     needs : str
-        Package that has to be installed, empty for none.
+        Package that reads it, empty for none; it works in a process of its own.
     extra : str
         Extra of this package that installs it.
     """
@@ -83,32 +81,11 @@ class Format:
     extra: str = "formats"
 
 
-def optional(name: str, file: LogFile, format: Format) -> Any:
-    """Import a module of an optional package.
-
-    Raises
-    ------
-    InputError
-        If the package is not installed; the fix is the command that installs it.
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise InputError(
-            file.source, f"is a file of {format.name}, which needs the package {format.needs}",
-            f"pip install 'bayes-asv[{format.extra}]'",
-        ) from None  # fmt: skip
-
-
 @contextmanager
 def library(file: LogFile, format: Format) -> Iterator[None]:
     """Turn whatever another package raises on a damaged file into an `InputError`."""
     try:
-        with (
-            warnings.catch_warnings(),
-            np.errstate(all="ignore"),
-            redirect_stdout(io.StringIO()),  # standard output is for results
-        ):
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             yield
     except InputError:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayes_asv.io.formats.format import Format, LogBuilder, library, optional
+from bayes_asv.io.formats.format import Format, LogBuilder, library
 
 if TYPE_CHECKING:
     from bayes_asv.domain.log import Log
@@ -21,9 +22,9 @@ def _recognises(head: bytes) -> bool:
 
 
 def _read(file: LogFile) -> Log:
-    importer = optional("idelib.importer", file, FORMAT)
     builder = LogBuilder(file, FORMAT.name)
     with library(file, FORMAT):
+        importer = import_module("idelib.importer")
         dataset = importer.openFile(io.BytesIO(file.data), quiet=True, name=file.source)
         importer.readData(dataset)
         builder.metadata += list(dataset.recorderInfo.items())

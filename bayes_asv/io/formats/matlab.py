@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import io
 import re
-from typing import TYPE_CHECKING, Any, Final
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.io.formats.format import Format, LogBuilder, library, listed, optional
+from bayes_asv.io.formats.format import Format, LogBuilder, library, listed
 from bayes_asv.io.formats.stamps import repair, time_factor
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ _RATE: Final = re.compile(
     r"(?:fs|f_s|rate|sample_?rate|sampling_?(?:rate|frequency))(?:_?hz)?", re.I
 )
 _STEP: Final = re.compile(r"(?:dt|ts|delta_?t|sample_?time)", re.I)
+_UNIT: Final = frozenset({"unit", "units"})
+_VALUE: Final = frozenset({"value", "values", "data"})
 _MAX_DEPTH: Final = 6
 _MAX_COLUMNS: Final = 64
 _FEWEST: Final = 3  # readings; shorter vectors are parameters
@@ -47,7 +50,7 @@ def _recognises(head: bytes) -> bool:
 def _read(file: LogFile) -> Log:
     builder = LogBuilder(file, FORMAT.name)
     with library(file, FORMAT):
-        scipy_io = optional("scipy.io", file, FORMAT)
+        scipy_io = import_module("scipy.io")
         sizes = scipy_io.whosmat(io.BytesIO(file.data))
         builder.reserve(sum(int(np.prod(shape, dtype=float)) for _, shape, _ in sizes))
         workspace = scipy_io.loadmat(
@@ -65,9 +68,10 @@ def _recognises_hdf5(head: bytes) -> bool:
 
 
 def _read_hdf5(file: LogFile) -> Log:
-    h5py = optional("h5py", file, HDF5_FORMAT)
     builder = LogBuilder(file, HDF5_FORMAT.name)
-    with library(file, HDF5_FORMAT), h5py.File(io.BytesIO(file.data), "r") as workspace:
+    with library(file, HDF5_FORMAT):
+        h5py = import_module("h5py")
+        workspace = h5py.File(io.BytesIO(file.data), "r")
         tree = _hdf5_tree(workspace, h5py, builder)
     return _log(builder, tree)
 
@@ -122,47 +126,49 @@ def _add(
     builder: LogBuilder,
     tree: Tree,
     path: str,
-    time: NDArray[np.float64] | None,
+    stamps: _Stamps | None,
     rate: float | None,
     left_out: list[str],
 ) -> None:
-    """Add the vectors of a structure; `time` and `rate` are those of the structure around it."""
-    stamps = next((name for name in tree if _TIME.fullmatch(name) and _is_vector(tree[name])), None)
-    notes: tuple[str, ...] = ()
-    rows = None
-    if stamps is not None:
-        match = _TIME.fullmatch(stamps)
-        factor = time_factor(match[1]) if match and match[1] else 1.0
-        where = f"{builder.file.source}: {path}{stamps}"
-        repaired = repair(np.asarray(tree[stamps], dtype=np.float64), factor, where)
-        time, rows, notes = repaired.time, repaired.rows, repaired.warnings
-        length = tree[stamps].size
-        builder.warnings += notes
-    else:
-        length = 0 if time is None else time.size
-    rate = _rate(tree) or rate
-    unit = next(
-        (tree[k] for k in tree if k.lower() in ("unit", "units") and isinstance(tree[k], str)), ""
-    )
+    """Add the vectors of a structure; `stamps` and `rate` are those of the structure around it."""
+    time = next((name for name in tree if _TIME.fullmatch(name) and _is_vector(tree[name])), None)
+    if time is not None:
+        stamps = _repaired(builder, tree[time], time, path)
+    rate = _rate(tree) or rate or builder.file.rate
+    unit = next((one for key, one in tree.items() if key.lower() in _UNIT and type(one) is str), "")
     parent, _, own = path.rstrip("/").rpartition("/")
     for name, value in tree.items():
         if isinstance(value, dict):
-            _add(builder, value, f"{path}{name}/", time if rows is None else None, rate, left_out)
+            _add(builder, value, f"{path}{name}/", stamps, rate, left_out)
             continue
-        if name == stamps or not isinstance(value, np.ndarray) or value.dtype.kind not in "iufb":
+        if name == time or not isinstance(value, np.ndarray) or value.dtype.kind not in "iufb":
             continue
-        one_channel = name.lower() in ("value", "values", "data", "signals") and bool(own)
-        label, source = (own, parent) if one_channel else (name, path.rstrip("/"))
+        is_channel = name.lower() in _VALUE and bool(own)
+        label, source = (own, parent) if is_channel else (name, path.rstrip("/"))
         for title, column in _columns(label, value):
             if column.size < _FEWEST:
                 continue
-            if time is not None and column.size == length:
-                values = column if rows is None else column[rows]
-                builder.add(title, unit, time, values, source)
-            elif rate or builder.file.rate:
-                builder.add_uniform(title, unit, rate or builder.file.rate or 0.0, column, source)
+            if stamps is not None and column.size == stamps.length:
+                builder.add(title, unit, stamps.time, column[stamps.rows], source)
+            elif rate:
+                builder.add_uniform(title, unit, rate, column, source)
             else:
                 left_out.append(title)
+
+
+class _Stamps(NamedTuple):
+    time: NDArray[np.float64]
+    rows: NDArray[np.intp]
+    length: int  # of the vectors that belong to it, before rows were left out
+
+
+def _repaired(builder: LogBuilder, stamps: NDArray[Any], name: str, path: str) -> _Stamps:
+    match = _TIME.fullmatch(name)
+    factor = time_factor(match[1]) if match and match[1] else 1.0
+    where = f"{builder.file.source}: {path}{name}"
+    repaired = repair(stamps.astype(np.float64), factor, where)
+    builder.warnings += repaired.warnings
+    return _Stamps(repaired.time, repaired.rows, stamps.size)
 
 
 def _columns(name: str, value: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
@@ -194,5 +200,5 @@ def _rate(tree: Tree) -> float | None:
     return None
 
 
-FORMAT = Format("MATLAB .mat", (".mat",), _recognises, _read)
+FORMAT = Format("MATLAB .mat", (".mat",), _recognises, _read, "scipy")
 HDF5_FORMAT = Format("MATLAB 7.3 .mat", (".mat",), _recognises_hdf5, _read_hdf5, "h5py")

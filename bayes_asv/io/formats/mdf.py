@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bayes_asv.io.formats.format import Format, LogBuilder, library, listed, optional
+from bayes_asv.io.formats.format import Format, LogBuilder, library, listed
 
 if TYPE_CHECKING:
     from bayes_asv.domain.log import Log
@@ -21,10 +22,10 @@ def _recognises(head: bytes) -> bool:
 
 
 def _read(file: LogFile) -> Log:
-    asammdf = optional("asammdf", file, FORMAT)
     builder = LogBuilder(file, FORMAT.name)
     text = []
-    with library(file, FORMAT), asammdf.MDF(io.BytesIO(file.data)) as mdf:
+    with library(file, FORMAT):
+        mdf = import_module("asammdf").MDF(io.BytesIO(file.data))
         cycles = [group.channel_group.cycles_nr for group in mdf.groups]
         builder.reserve(
             sum(n * len(group.channels) for n, group in zip(cycles, mdf.groups, strict=True))

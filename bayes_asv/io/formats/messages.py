@@ -9,6 +9,8 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +18,7 @@ import numpy as np
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.log import MAX_CHANNELS, MAX_SAMPLES
-from bayes_asv.io.formats.format import Format, LogBuilder, library, listed, optional
+from bayes_asv.io.formats.format import Format, LogBuilder, library, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,9 +34,8 @@ _MAX_ELEMENTS: Final = 36  # the covariance of a pose; longer arrays are images 
 
 def _read_bag(file: LogFile) -> Log:
     form = BAG if _is_bag(file.data[:HEAD_LENGTH]) else BAG_2
-    highlevel = optional("rosbags.highlevel", file, form)
-    typesys = optional("rosbags.typesys", file, form)
     with library(file, form):
+        highlevel, typesys = import_module("rosbags.highlevel"), import_module("rosbags.typesys")
         path = Path(file.source)
         if form is BAG_2 and path.suffix != ".db3":
             raise InputError(file.source, "is an SQLite file", "name it .db3 if it is a ROS 2 bag")
@@ -50,14 +51,14 @@ def _read_bag(file: LogFile) -> Log:
 
 
 def _read_mcap(file: LogFile) -> Log:
-    reader = optional("mcap.reader", file, MCAP)
     factories: list[Any] = [_Json()]
     for name in ("mcap_ros1", "mcap_ros2", "mcap_protobuf"):
-        factories.append(optional(f"{name}.decoder", file, MCAP).DecoderFactory())
+        if find_spec(name) is not None:
+            factories.append(import_module(f"{name}.decoder").DecoderFactory())
     builder = LogBuilder(file, MCAP.name)
     skipped: set[str] = set()
     with library(file, MCAP):
-        log = _log(builder, _mcap_messages(reader, factories, file, skipped))
+        log = _log(builder, _mcap_messages(import_module("mcap.reader"), factories, file, skipped))
     if skipped:
         words = f"topics in an unknown encoding were left out: {listed(sorted(skipped))}"
         log = replace(log, warnings=(*log.warnings, words))

@@ -118,9 +118,9 @@ def _values(channel: _Channel, file: LogFile) -> NDArray[np.float64] | None:
     if dtype is None or channel.scale == 0 or abs(channel.decimals) > 15:
         return None
     count = max(0, min(channel.readings, (len(file.data) - channel.data) // channel.size))
-    raw = np.frombuffer(file.data, dtype, count, channel.data if count else 0).astype(np.float64)
+    raw = np.frombuffer(file.data, dtype, count, channel.data if count else 0)
     with np.errstate(over="ignore", invalid="ignore"):
-        scaled = raw / channel.scale * 10.0**-channel.decimals
+        scaled = raw.astype(np.float64) / channel.scale * 10.0**-channel.decimals
         result: NDArray[np.float64] = (scaled + channel.shift) * channel.multiplier
     return result
 

@@ -39,6 +39,7 @@ _SLOWEST: Final = 8.0  # Hz
 _FEW: Final = 0.01
 _MAX_STEP_BACK: Final = 1.0  # s
 _COARSE: Final = 0.1
+_LARGEST: Final = 1e19  # ns since 1970 are below it
 _COUNTER: Final = 2.0**32
 _CLOCK: Final = re.compile(
     r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T])?"
@@ -95,7 +96,7 @@ def repair(
 ) -> Repaired:
     """Make stamps increase, or refuse them.
 
-    - A row without a stamp is left out.
+    - A row without a stamp is left out, up to 10 % of the rows.
     - A 32-bit counter that overflows goes on counting.
     - A single stamp that is too large, and rows up to 1 s behind their predecessors, are left out
       while they are not more than 1 % of the rows.  Otherwise the file holds several runs or is not
@@ -127,10 +128,11 @@ def repair(
         If the stamps do not advance, go back, or are too many without.
     """
     warnings: list[str] = []
-    rows = np.flatnonzero(np.isfinite(stamps))
+    with np.errstate(invalid="ignore"):
+        rows = np.flatnonzero(np.abs(stamps) <= _LARGEST)
     missing = stamps.size - rows.size
     if missing:
-        if missing > max(1, 0.1 * stamps.size):
+        if missing > 0.1 * stamps.size:
             raise InputError(
                 where, f"has no time in {missing} of {stamps.size} rows", "export it again"
             )
@@ -141,7 +143,7 @@ def repair(
     if not advancing.size:
         if raw.size == 1:
             return Repaired(np.zeros(1), rows, tuple(warnings))
-        raise InputError(where, "has a time that does not advance", "name another column as time")
+        raise _standing_still(where)
     if factor is None:
         step = float(np.median(advancing))
         word, factor = plausible_unit(step)
@@ -152,6 +154,8 @@ def repair(
         kept = _in_order(raw, factor, where)
         warnings.append(f"{raw.size - kept.size} rows out of order in time were left out")
         raw, rows = raw[kept], rows[kept]
+        if raw[0] == raw[-1]:
+            raise _standing_still(where)
     repeats = np.concatenate([[False], np.diff(raw) == 0])
     if repeats.any() and same is not None:
         whole = repeats & same[rows]
@@ -197,6 +201,10 @@ def past_midnight(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return times of day, s, that go on counting after midnight."""
     days = np.cumsum(np.concatenate([[0], np.diff(seconds) < -_DAY / 2]))
     return seconds + _DAY * days
+
+
+def _standing_still(where: str) -> InputError:
+    return InputError(where, "has a time that does not advance", "export it with another clock")
 
 
 def _continued(raw: NDArray[np.float64], warnings: list[str]) -> NDArray[np.float64]:

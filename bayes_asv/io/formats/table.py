@@ -44,6 +44,7 @@ _SAMPLE: Final = 200
 _FEW: Final = 0.01
 _HEADER_ROWS: Final = 4
 _MAX_LINE: Final = 1_000_000
+_MAX_FIRST_LINE: Final = 4000
 _BLANKS: Final = " "
 # Ties go to the earlier dialect: a comma between digits is a decimal comma only where something
 # else separates the cells.
@@ -131,7 +132,7 @@ def decode_text(data: bytes, source: str) -> str:
 def first_line(head: bytes) -> str:
     """Return the first line of a text that is not blank."""
     text = head.decode("utf-8-sig", errors="replace").replace("\0", "").lstrip()
-    return text.split("\n", 1)[0].strip()
+    return text.split("\n", 1)[0][:_MAX_FIRST_LINE].strip()
 
 
 def first_cells(head: bytes) -> list[str]:
@@ -527,16 +528,14 @@ def _header(preamble: Sequence[str], layout: _Layout, body: _Body) -> tuple[Head
 def _header_cells(line: str, layout: _Layout) -> list[str] | None:
     """Cells of a line that may be a part of the header, or None."""
     width = layout.width
-    bare = _uncommented(line)
     for separator in (layout.separator, ",", ";", "\t"):
-        for text in dict.fromkeys((line, bare)):
-            cells = _split(text, separator)
-            while len(cells) > width and not cells[-1]:
-                cells.pop()
-            if width - 1 <= len(cells) <= width + 1 and any(cells):
-                numbers = sum(_is_number(cell, layout.decimal) for cell in cells)
-                if 2 * numbers < sum(map(bool, cells)):
-                    return cells
+        cells = _split(_uncommented(line), separator)
+        while len(cells) > width and not cells[-1]:
+            cells.pop()
+        if width - 1 <= len(cells) <= width + 1 and any(cells):
+            numbers = sum(_is_number(cell, layout.decimal) for cell in cells)
+            if 2 * numbers < sum(map(bool, cells)):
+                return cells
     return None
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.io.formats.format import Format, LogBuilder, library, listed, optional
+from bayes_asv.io.formats.format import Format, LogBuilder, library, listed
 from bayes_asv.io.formats.stamps import time_factor
 
 if TYPE_CHECKING:
@@ -23,14 +24,18 @@ def _recognises(head: bytes) -> bool:
 
 
 def _read(file: LogFile) -> Log:
-    nptdms = optional("nptdms", file, FORMAT)
     builder = LogBuilder(file, FORMAT.name)
     left_out: list[str] = []
     with library(file, FORMAT):
+        nptdms = import_module("nptdms")
         described = nptdms.TdmsFile.read_metadata(io.BytesIO(file.data))
         builder.reserve(sum(len(one) for group in described.groups() for one in group.channels()))
         tdms = nptdms.TdmsFile.read(io.BytesIO(file.data))
         builder.metadata += list(tdms.properties.items())
+        if tdms.file_status.incomplete_final_segment:
+            builder.warnings.append(
+                "the file is cut short; its last part was read as far as it goes"
+            )
         for group in tdms.groups():
             _add_group(builder, group, left_out)
     if left_out:

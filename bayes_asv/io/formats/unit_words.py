@@ -24,6 +24,7 @@ _LIST: Final = """
     (null) null unitless
 """
 _WORDS: Final = frozenset(_LIST.split())
+_LONGEST: Final = 200  # characters of a name; it bounds the search for brackets
 _SPLIT: Final = re.compile(r"\*\*|[*·⋅×/^ ()²³¹⁻⁄]|per")
 _BRACKETS: Final = re.compile(
     r"(.*?\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|/ ?([^\s/]{1,6}))", re.DOTALL
@@ -46,7 +47,7 @@ def is_unit(text: str) -> bool:
         return True
     parts = [part for part in _SPLIT.split(folded) if part]
     return bool(parts) and all(
-        part in _WORDS or re.fullmatch(r"-?[1-4]", part) or part[:-1] in _WORDS for part in parts
+        part.rstrip("1234") in _WORDS or re.fullmatch(r"-?[1-4]", part) for part in parts
     )
 
 
@@ -56,6 +57,8 @@ def split_unit(cell: str) -> _Split:
     What stands in brackets is a unit if it reads as one, in square brackets always.
     """
     name, source = cell.strip(), ""
+    if len(name) > _LONGEST:
+        return _Split(name, "", "")
     star = _STAR.fullmatch(name)
     if star:
         name, source = star[1], star[2]
