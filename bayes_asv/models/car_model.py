@@ -68,6 +68,11 @@ class Element:
         """Its place: ``front``, ``rear_left``, ….``."""
         return self.axle if self.side is None else f"{self.axle}_{self.side}"
 
+    @property
+    def words(self) -> str:
+        """Its place in words."""
+        return self.name.replace("_", " ")
+
     def carries(self, place: str) -> bool:
         """Whether it is at a place: itself, its axle, or ``both`` axles."""
         return place in (self.name, self.axle, "both")
@@ -177,9 +182,21 @@ class CarModel:
             return "pitch" in self.coordinates or channel.axle == self.elements[0].axle
         return any((e.axle, e.side) == (channel.axle, channel.side) for e in self.elements)
 
+    @property
+    def axles(self) -> tuple[str, ...]:
+        """Its axles, in the order of the elements."""
+        return tuple(dict.fromkeys(element.axle for element in self.elements))
+
     def elements_at(self, place: str) -> tuple[int, ...]:
         """Return the numbers of the elements at a place, see :meth:`Element.carries`."""
         return tuple(e for e, element in enumerate(self.elements) if element.carries(place))
+
+    def shares(self, place: str) -> Array:
+        """Shares (ne,) of the elements in a force at a place, alike for all that are there."""
+        out = np.zeros(len(self.elements))
+        there = list(self.elements_at(place))
+        out[there] = 1.0 / len(there)
+        return out
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import BOTH, EFFECTS, Effect, Site
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.posterior.parameters import car_scale
 
 __all__ = ["Candidate", "candidates"]
 
@@ -85,19 +84,19 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
     vehicle : Vehicle
         What it says is uncertain is in the model already.
     """
-    scale = car_scale(vehicle)
+    scale = stage.space.sizes
     used = _used(stage)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
-        for where in effect.sites:
+        for where in effect.places:
             site = Site(effect, where)
             elements = site.elements(stage.space.car)
             known = any(site.meets(other) for other in stage.sites)
             if known or not _possible(site, stage, vehicle):
                 continue
             if effect.slight is not None:
-                # on both axles a tolerance is that of one and of the other
-                tolerance = where != BOTH
+                # at several elements a tolerance is that of one and of the others
+                tolerance = len(elements) <= 1
                 values = effect.slightly(scale)
                 if effect.straight is not None:
                     own = used[list(elements)].max(axis=0)
@@ -107,7 +106,7 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
                 travel = used[list(elements), 0 if effect.stops == "compression" else 1].max()
                 out += _stops(site, travel, _SOFT * scale.spring)
             elif where != BOTH:
-                out += _edges(effect, where, stage, vehicle)
+                out += _edges(effect, where, stage)
     return out
 
 
@@ -125,7 +124,7 @@ def _stops(site: Site, travel: float, rate: float) -> list[Candidate]:
     ]
 
 
-def _edges(effect: Effect, where: str, stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
+def _edges(effect: Effect, where: str, stage: FittedModel) -> list[Candidate]:
     """List forces that begin at some instant of a run and never end.
 
     Off by as long as a car's answer to an edge, a push looks like no push.  Half way between edges
@@ -133,7 +132,7 @@ def _edges(effect: Effect, where: str, stage: FittedModel, vehicle: Vehicle) -> 
     three fifths, every 10 ms four fifths.  Long recordings are asked less closely, for the number
     of questions has a price.
     """
-    load = car_scale(vehicle).load
+    load = stage.space.sizes.load
     spans = [line.elapsed[[0, -1]] for line in stage.space.timelines]
     grid = max(_GRID, float(np.sum(np.diff(spans))) / _EDGES)
     out = []

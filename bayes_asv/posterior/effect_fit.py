@@ -13,7 +13,6 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.models.effects import EFFECTS, Site, site
 from bayes_asv.posterior.effect_candidates import Candidate, candidates
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried, fitted, foretold
-from bayes_asv.posterior.parameters import car_scale
 
 __all__ = ["added", "read_site", "with_effects"]
 
@@ -44,7 +43,7 @@ def read_site(text: str) -> Site:
     try:
         return site(text)
     except KeyError:
-        places = ", ".join(f"{name}@{w}" if w else name for w in EFFECTS[name].sites)
+        places = ", ".join(f"{name}@{w}" if w else name for w in EFFECTS[name].places)
         raise InputError(text, f"'{where}' is no place for it", f"say {places}") from None
 
 
@@ -62,15 +61,26 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
     -------
     Setting, FittedModel
         With patterns that stand on the fitted model, and its mode.
+
+    Raises
+    ------
+    InputError
+        For an effect that the car or its sensors cannot have.
     """
     target = where.target(())
     stage = fitted(target, np.zeros(target.space.dimension))
     where = foretold(where, stage)
     for one in sites:
         stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
+        groups = [group for group in _groups(stage, where, one) if group]
+        if not groups:
+            raise InputError(
+                str(one),
+                f"is not possible on the {stage.space.car.name} car with these sensors",
+                "leave it out, or name another place",
+            )
         stage = max(
-            (added(where, stage, group) for group in _groups(stage, where, one)),
-            key=lambda s: s.mode.log_posterior,
+            (added(where, stage, group) for group in groups), key=lambda s: s.mode.log_posterior
         )
         where = foretold(where, stage)
     return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
@@ -133,7 +143,7 @@ def added(
     site = group[0].site
     sites = (*stage.sites, site)
     target = where.target(sites)
-    scale = car_scale(where.vehicle)
+    scale = target.space.sizes
     first = site.effect.parameters[0]
     begun: list[tuple[float, int, Array]] = []
     for candidate in group:

@@ -27,6 +27,7 @@ from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Site
+from bayes_asv.models.outputs import relative_offset
 from bayes_asv.preprocessing.input_bias import moments_of_one
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
@@ -111,7 +112,8 @@ class SensorPatterns:
     above : tuple of C Above or None
         Each output, as declared.
     ramp : tuple of (E, ORDER) or (E,) arrays
-        Time since the recording's beginning.
+        Drift of a unit slope: time since the recording's beginning, for another quantity than an
+        acceleration times its relative offset.
     level : (E, ORDER) array
         Moments of one.
     """
@@ -234,7 +236,7 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
         moved.append(np.stack([laid(x) for x in found]))
-        ramp.append(laid(time - begin))
+        ramp.append(laid(relative_offset(channel.quantity) * (time - begin)))
     pole = float(np.max(line.poles)) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
     return SensorPatterns(

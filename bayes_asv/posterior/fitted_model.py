@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.denoised_inputs import above, calm
@@ -51,6 +52,11 @@ class Dataset:
     lines: tuple[PreparedRecording, ...]
     patterns: tuple[SensorPatterns, ...]
     quiet: bool = False
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Channels that any of the recordings has."""
+        return tuple(dict.fromkeys(channel for line in self.lines for channel in line.channels))
 
     def target(self, sites: tuple[Site, ...], hold: bool = False) -> Posterior:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
@@ -175,6 +181,6 @@ def refitted(where: Dataset, stage: FittedModel, sites: tuple[Site, ...]) -> Fit
 
 
 def base(where: Dataset) -> FittedModel:
-    """Fit the linear half car to a setting's recordings."""
+    """Fit the linear car to a setting's recordings."""
     target = where.target(())
     return fitted(target, np.zeros(target.space.dimension))

@@ -33,7 +33,7 @@ from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
 from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "car_scale", "space"]
+__all__ = ["CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "space"]
 
 Array = NDArray[np.float64]
 EffectValues = dict[Site, dict[str, float]]
@@ -153,11 +153,12 @@ def _sensitivity(
     return np.concatenate(rows)
 
 
-def car_scale(vehicle: Vehicle) -> Scale:
-    """Sizes of a car that the priors of effects are given in."""
+def _sizes(car: CarModel) -> Scale:
+    """Sizes of a car that the priors of effects are given in: those of its mean element."""
+    nominal, count = car.nominal, len(car.elements)
     return Scale(
-        load=0.5 * vehicle.m.value * 9.80665,
-        spring=0.5 * (vehicle.k_f.value + vehicle.k_r.value),
+        load=float(car.inertia(nominal)[0, car.coordinates.index("heave")]) * 9.80665 / count,
+        spring=sum(float(nominal[element.spring][0]) for element in car.elements) / count,
     )
 
 
@@ -571,6 +572,6 @@ def space(
         likelihood=likelihood,
         held=tuple(held),
         sites=sites,
-        sizes=car_scale(vehicle),
+        sizes=_sizes(car),
         near=near,
     )

@@ -1,4 +1,4 @@
-"""Effects: what the linear half car leaves out, one file a law.
+"""Effects: what a linear car leaves out, one file a law.
 
 To add one: write a file with its :class:`Effect`, list it here, and give its force a branch in
 :func:`bayes_asv.filters.force_laws.excess`; a test holds the branch against the readable form.
@@ -52,6 +52,6 @@ def site(text: str) -> Site:
     """
     name, _, where = text.partition("@")
     effect = EFFECTS[name]
-    if where not in effect.sites:
+    if where not in effect.places:
         raise KeyError(where)
     return Site(effect, where)

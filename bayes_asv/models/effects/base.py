@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from bayes_asv.models.car_model import CarModel
 
-__all__ = ["AXLES", "BOTH", "Effect", "Form", "Parameter", "Scale", "Site"]
+__all__ = ["AXLES", "BOTH", "CORNERS", "Effect", "Form", "Parameter", "Scale", "Site"]
 
 Array = NDArray[np.float64]
 
 AXLES = ("front", "rear")
 BOTH = "both"
+CORNERS = tuple(f"{axle}_{side}" for axle in AXLES for side in ("left", "right"))
 Form = Literal["linear", "log", "positive", "sinh"]
 Acts = Literal["suspension", "car", "reading"]
 
@@ -35,7 +36,7 @@ class Scale:
     Parameters
     ----------
     load : float
-        Static load of the mean axle, N.
+        Static load of the mean suspension element, N.
     spring : float
         Mean spring rate, N/m.
     """
@@ -178,6 +179,15 @@ class Effect:
     stops: Literal["", "compression", "extension"] = ""
     in_one_run: bool = False
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where it can be on any car: what may be at an axle may be at one corner of it.
+
+        A push in one run is looked for at axles alone.
+        """
+        at_corners = set(AXLES) <= set(self.sites) and not self.in_one_run
+        return (*self.sites, *CORNERS) if at_corners else self.sites
+
     def slightly(self, scale: Scale) -> dict[str, float]:
         """Values at one tolerance, for one car."""
         assert self.slight is not None
@@ -207,7 +217,7 @@ class Site:
     effect : Effect
         What.
     where : str
-        An axle, ``both``, a channel, or an empty string.
+        An axle, ``both``, a corner, a channel, or an empty string.
     run : int or None
         The only recording in which it acts; None for all.
     """
@@ -230,13 +240,13 @@ class Site:
         return car.elements_at(self.where) if self.where else ()
 
     @property
-    def axles(self) -> tuple[str, ...]:
-        """Axles at which it acts; none for a sensor or the car."""
-        return AXLES if self.where == BOTH else tuple(a for a in AXLES if a == self.where)
+    def corners(self) -> frozenset[str]:
+        """Corners of a car at which it acts; none for a sensor or the car."""
+        return frozenset(c for c in CORNERS if self.where in (c, c.partition("_")[0], BOTH))
 
     def meets(self, other: Site) -> bool:
-        """Whether it is the same effect on an axle in common, or at the same place."""
-        alike = self.where == other.where or bool(set(self.axles) & set(other.axles))
+        """Whether it is the same effect at a corner in common, or at the same place."""
+        alike = self.where == other.where or bool(self.corners & other.corners)
         return self.effect.name == other.effect.name and alike
 
     def coordinate_name(self, parameter: Parameter) -> str:

@@ -1,12 +1,13 @@
 """Sensors that are not as declared: scale, lag, corner frequency and drift of a channel.
 
 ``factor``: reads that many times too much.  ``lag``: samples that much later than declared.
-``bandwidth``: corner of its filter, Hz.  ``slope``: drift of its zero, m/s² a second.
+``bandwidth``: corner of its filter, Hz.  ``slope``: drift of its zero, m/s² a second; of another
+quantity as large a share of its offset (:func:`bayes_asv.models.outputs.relative_offset`).
 """
 
 from __future__ import annotations
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import KNOWN_CHANNELS
 from bayes_asv.models.effects.base import Effect, Parameter
 
 __all__ = ["BANDWIDTH", "DRIFT", "GAIN", "LAG"]
@@ -15,7 +16,7 @@ GAIN = Effect(
     name="sensor_gain",
     title="a scale that is not the given one",
     acts="reading",
-    sites=CHANNELS,
+    sites=KNOWN_CHANNELS,
     parameters=(Parameter("factor", "", "log", 1.0, 0.1, (1.0,)),),
     slight={"factor": 1.003},
     on_gain=lambda values: values["factor"],
@@ -27,7 +28,7 @@ LAG = Effect(
     name="sensor_lag",
     title="a lag that is not declared",
     acts="reading",
-    sites=CHANNELS,
+    sites=KNOWN_CHANNELS,
     parameters=(Parameter("lag", "s", "linear", 0.0, 2.5e-3, (0.0,)),),
     slight={"lag": 1.5e-5},
     fault="lag",
@@ -37,7 +38,7 @@ BANDWIDTH = Effect(
     name="sensor_bandwidth",
     title="a filter whose corner is not the declared one",
     acts="reading",
-    sites=CHANNELS,
+    sites=KNOWN_CHANNELS,
     parameters=(Parameter("bandwidth", "share", "log", 1.0, 0.4, (1.0,)),),
     slight={"bandwidth": 1.02},
     on_pole=lambda values: values["bandwidth"],  # its own noise passes the one it has
@@ -48,7 +49,7 @@ DRIFT = Effect(
     name="sensor_drift",
     title="a zero that drifts",
     acts="reading",
-    sites=CHANNELS,
+    sites=KNOWN_CHANNELS,
     parameters=(Parameter("slope", "m/s^3", "linear", 0.0, 0.5, (0.0,)),),
     slight={"slope": 0.005},
     fault="drift",

@@ -10,10 +10,15 @@ from typing import Final
 from bayes_asv.models.outputs import acceleration, angular_rate, deflection
 from bayes_asv.models.outputs.base import Motion, OutputEquation
 
-__all__ = ["OUTPUTS", "Motion", "OutputEquation"]
+__all__ = ["OUTPUTS", "Motion", "OutputEquation", "relative_offset"]
 
 OUTPUTS: Final[dict[str, OutputEquation]] = {
     equation.quantity: equation
     for equation in (acceleration.EQUATION, deflection.EQUATION, angular_rate.EQUATION)
 }
 """Equations of the measured outputs by quantity."""
+
+
+def relative_offset(quantity: str) -> float:
+    """Offset of a sensor over that of an accelerometer, SI units: the scale of its drift."""
+    return OUTPUTS[quantity].offset / OUTPUTS["acceleration"].offset

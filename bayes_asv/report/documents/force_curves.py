@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.diagnosis.workflow import Diagnosis
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.effects import AXLES, Site
+from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.report.documents.quantities import Units
@@ -28,7 +28,7 @@ _MIN_EXCESS: Final = 1e-6  # of the largest linear force: less is rounding
 
 
 def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
-    """Force curves of each axle with an effect on its damper or spring, over the range covered.
+    """Force curves of each element with an effect on its damper or spring, over the range covered.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
     Returns
     -------
     dict of str to ForceCurves
-        By axle: the damper's force over velocity at rest position, and the spring's force over
-        deflection at standstill, with curves of the linear half car (before), of the model with
-        the named effects (after) and of the nominal values.
+        By the name of the suspension element: the damper's force over velocity at rest position,
+        and the spring's force over deflection at standstill, with curves of the linear car
+        (before), of the model with the named effects (after) and of the nominal values.
 
     Notes
     -----
@@ -54,50 +54,49 @@ def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
     units = Units(diagnosis.vehicle.units)
     z = _draws(model, diagnosis.seed)
     values, car = _effect_draws(model, z, diagnosis), _car_draws(model, z, diagnosis)
+    nominal = {name: float(value[0]) for name, value in model.space.car.nominal.items()}
     curves = {}
-    for k, axle in enumerate(AXLES):
-        sites = [s for s in model.sites if axle in s.axles and s.run is None]
+    for e, element in enumerate(model.space.car.elements):
+        sites = [s for s in model.sites if e in s.elements(model.space.car) and s.run is None]
         laws = tuple(s for s in sites if s.effect.acts == "suspension")
         if not laws and not any(s.effect.name == "spring_rate" for s in sites):
             continue
-        c_name, k_name = f"c_{axle[0]}", f"k_{axle[0]}"
-        law = _ForceLaw(k, model.space.car, laws, values, car[c_name], car[k_name])
-        deflection, velocity = _range_covered(model, k)
+        c_name, k_name = element.damping, element.spring
+        law = _ForceLaw(e, model.space.car, laws, values, car[c_name], car[k_name])
+        deflection, velocity = _range_covered(model, e)
         rest = np.zeros(_POINTS)
-        axle_curves = schema.ForceCurves()
+        own = schema.ForceCurves()
         if law.is_nonlinear(rest, velocity):
-            nominal = getattr(diagnosis.vehicle, c_name).value
-            damper = _curve("velocity", velocity, diagnosis.quantities_before[c_name], nominal,
-                            law.forces(rest, velocity, 0.0), units)  # fmt: skip
+            damper = _curve("velocity", velocity, diagnosis.quantities_before[c_name],
+                            nominal[c_name], law.forces(rest, velocity, 0.0), units)  # fmt: skip
             if any(s.effect.name == "damper_fade" for s in laws):
                 damper.after_end = _band(law.forces(rest, velocity, 1.0), units)
-            axle_curves.damper = damper
+            own.damper = damper
         if law.is_nonlinear(deflection, rest) or len(laws) < len(sites):
-            nominal = getattr(diagnosis.vehicle, k_name).value
-            before = diagnosis.quantities_before.get(k_name, np.array([nominal]))
-            axle_curves.spring = _curve("deflection", deflection, before, nominal,
-                                        law.forces(deflection, rest, 0.0), units)  # fmt: skip
+            before = diagnosis.quantities_before.get(k_name, np.array([nominal[k_name]]))
+            own.spring = _curve("deflection", deflection, before, nominal[k_name],
+                                law.forces(deflection, rest, 0.0), units)  # fmt: skip
         for site in laws:
             if site.effect.name == "bound_rebound":
-                axle_curves.rates = _rates(law.c, values[site]["ratio"], units)
-        if axle_curves.model_fields_set:
-            curves[axle] = axle_curves
+                own.rates = _rates(law.c, values[site]["ratio"], units)
+        if own.model_fields_set:
+            curves[element.name] = own
     return curves
 
 
 class _ForceLaw:
-    """Draws of the force law of one axle (0 front, 1 rear)."""
+    """Draws of the force law of one suspension element, by its number."""
 
     def __init__(
         self,
-        axle: int,
+        element: int,
         car: CarModel,
         sites: tuple[Site, ...],
         values: Mapping[Site, Mapping[str, Array]],
         c: Array,
         k: Array,
     ) -> None:
-        self.axle, self.c, self.k = axle, c, k
+        self.element, self.c, self.k = element, c, k
         self.tables = [
             law_table(car, {s: {p: float(v[n]) for p, v in values[s].items()} for s in sites}, 0)
             for n in range(_DRAWS)
@@ -107,7 +106,7 @@ class _ForceLaw:
         """Force (N) of draw `n` beyond the linear one, upward on the chassis."""
         time = np.full(len(deflection), share)  # share of the run that has passed
         table, c, k = self.tables[n], float(self.c[n]), float(self.k[n])
-        force: Array = excess_many(table, self.axle, c, k, deflection, velocity, time, 1.0)[:, 0]
+        force: Array = excess_many(table, self.element, c, k, deflection, velocity, time, 1.0)[:, 0]
         return force
 
     def is_nonlinear(self, deflection: Array, velocity: Array) -> bool:
@@ -158,8 +157,9 @@ def _effect_draws(
 
 def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, Array]:
     drawn = model.space.quantities(z, diagnosis.seed)
+    car = model.space.car
     out: dict[str, Array] = {}
-    for name in ("c_f", "c_r", "k_f", "k_r"):
+    for name in [name for element in car.elements for name in (element.damping, element.spring)]:
         if (
             name in drawn
             and diagnosis.quantities_after is not None
@@ -167,21 +167,22 @@ def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, 
         ):
             out[name] = _with_ranks(drawn[name], diagnosis.quantities_after[name])
         else:
-            out[name] = np.full(_DRAWS, getattr(diagnosis.vehicle, name).value)
+            out[name] = np.full(_DRAWS, car.nominal[name][0])
     for site in model.sites:  # the curve of a spring is that of its true rate
         if site.effect.name == "spring_rate":
             factor = (diagnosis.effect_draws or {})[str(site)]["factor"]
             rank = z[:, model.space.names.index(site.coordinate_name(site.effect.parameters[0]))]
-            name = f"k_{site.where[0]}"
-            out[name] = out[name] * _with_ranks(rank, factor)
+            for e in site.elements(car):
+                name = car.elements[e].spring
+                out[name] = out[name] * _with_ranks(rank, factor)
     return out
 
 
-def _range_covered(model: FittedModel, axle: int) -> tuple[Array, Array]:
+def _range_covered(model: FittedModel, element: int) -> tuple[Array, Array]:
     """Grids of deflection (m) and velocity (m/s) over the range of the fitted runs."""
     states = np.concatenate(
         [
-            model.target.scored(model.mode.z, run)[2][:, 2 * axle : 2 * axle + 2]
+            model.target.scored(model.mode.z, run)[2][:, 2 * element : 2 * element + 2]
             for run in range(len(model.space.timelines))
         ]
     )

@@ -18,6 +18,7 @@ from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Parameter as EffectParameter
 from bayes_asv.models.effects import Site
+from bayes_asv.models.outputs import relative_offset
 from bayes_asv.report.schema.parts import (
     Effect,
     EffectValue,
@@ -109,11 +110,15 @@ def summary(draws: Array) -> SummaryFields:
     }  # fmt: skip
 
 
-def parameter(name: str, draws: Array, vehicle: Vehicle) -> Parameter:
-    """Summarise the draws (N,) of a parameter, SI units, in the vehicle's units and in SI."""
+def parameter(name: str, draws: Array, vehicle: Vehicle, nominal: float | None = None) -> Parameter:
+    """Summarise the draws (N,) of a parameter, SI units, in the vehicle's units and in SI.
+
+    The nominal value (SI units) is that of the vehicle file unless it is given.
+    """
     units, si = Units(vehicle.units), Units("SI")
-    given = getattr(vehicle, name)
-    nominal = float(given if isinstance(given, float) else given.value)
+    if nominal is None:
+        given = getattr(vehicle, name)
+        nominal = float(given if isinstance(given, float) else given.value)
     return Parameter(
         label=QUANTITIES[name][1],
         unit=units.unit_of(name),
@@ -145,9 +150,14 @@ def effect_value(
     parameter: EffectParameter, draws: Array, site: Site, vehicle: Vehicle
 ) -> EffectValue:
     """Mean and 95 % interval of one parameter of an effect from draws (N,), SI units."""
-    factor, unit = _effect_unit(parameter.unit, Units(vehicle.units))
+    units = Units(vehicle.units)
+    factor, unit = _effect_unit(parameter.unit, units)
     if parameter.unit == "share":  # of the declared bandwidth
         factor, unit = float(vehicle.sensor(site.where).bandwidth or 1.0), "Hz"
+    if parameter.unit == "m/s^3":  # of another quantity as large a share of its offset
+        channel = vehicle.channel(site.where)
+        factor = relative_offset(channel.quantity) * units.convert(1.0, channel.dimension)
+        unit = f"{units.unit(channel.dimension)}/s"
     low, high = (float(q) * factor for q in np.quantile(draws, [0.025, 0.975]))
     return EffectValue(mean=float(draws.mean()) * factor, eti95=[low, high], unit=unit)
 
@@ -159,8 +169,6 @@ def _effect_unit(unit: str, units: Units) -> tuple[float, str]:
         return units.convert(1.0, dimension), units.unit(dimension)
     if unit == "1/m^2":
         return units.convert(1.0, "length") ** -2, f"1/{units.unit('length')}^2"
-    if unit == "m/s^3":
-        return units.convert(1.0, "acceleration"), f"{units.unit('acceleration')}/s"
     return 1.0, unit
 
 
