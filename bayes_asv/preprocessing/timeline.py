@@ -160,15 +160,25 @@ class PreparedRecording:
             for c in self.outputs
         )
 
+    @property
+    def accelerations(self) -> tuple[int, ...]:
+        """Numbers, among the outputs, of those that measure an acceleration.
+
+        They answer a force on the body at once.  An angular rate or a deflection answers one at
+        a frequency ω by a factor ω or ω² less: what shakes the body shows in accelerations.
+        """
+        return tuple(
+            y for y, c in enumerate(self.outputs) if self.channels[c].quantity == "acceleration"
+        )
+
     @cached_property
     def rigid_gain(self) -> Array:
         """Outputs (ny, nu) for wheels and body that accelerate together, at the nominal car."""
         nominal = self.car.nominal
         followed = np.linalg.pinv(self.car.heights(nominal)[0])
         out = np.zeros((len(self.outputs), len(self.inputs)))
-        for y, c in enumerate(self.outputs):
-            if self.channels[c].quantity == "acceleration":
-                out[y] = self.car.point(nominal, self.channels[c])[0] @ followed
+        for y in self.accelerations:
+            out[y] = self.car.point(nominal, self.channels[self.outputs[y]])[0] @ followed
         return out
 
     @property

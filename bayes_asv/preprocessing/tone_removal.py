@@ -1,4 +1,4 @@
-"""Tones of an engine: found by their peaks, and cut out of all four channels alike.
+"""Tones of an engine: found by their peaks, and cut out of all channels alike.
 
 An engine shakes the frame at the multiples of half its speed.  Its tones are not only noise of
 the chassis: through dampers and tyres they are in the wheels' readings as well, where no road
@@ -97,10 +97,11 @@ def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ..
 
     Parameters
     ----------
-    nu : (R, ny) array
-        Normalised innovations of one run, in time order; nan where a reading was missing.
+    nu : (R, n) array
+        Normalised innovations of the accelerations of one run, in time order; nan where a reading
+        was missing.
     rate : float
-        Pairs of readings a second, Hz.
+        Groups of readings a second, Hz.
     alarm : float
         False tones that a white record may show.
 
@@ -113,7 +114,7 @@ def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ..
 
     signal = np.nan_to_num(nu)
     notches: list[Notch] = []
-    while len(notches) < _MOST:
+    while signal.size and len(notches) < _MOST:
         left = sosfilt(notch_filter(notches, rate), signal, axis=0) if notches else signal
         frequency = _peak(left, rate, alarm)
         if frequency is None:
