@@ -5,8 +5,8 @@ Two things would correlate a sensitivity with the innovations that it is multipl
 Errors in variables.  The filter takes a wheel's noise to be independent of its reading.  Where the
 road gives nothing, the reading *is* the noise, and a derivative along it shares that noise with the
 innovations (Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).  The wheel
-signals are therefore denoised first: they lose what the chassis show to be noise, and then what
-does not stand above a sensor's noise.  The chassis readings change by what the model makes of the
+signals are therefore denoised first: they lose what the outputs show to be noise, and then what
+does not stand above a sensor's noise.  The output readings change by what the model makes of the
 difference, so that the innovations stay what they were (exactly for a linear car, to first order
 with a force law in it).
 
@@ -65,11 +65,11 @@ class FixedGainFilter:
         Coordinates of the model.
     run : int
         Index of the recording.
-    start : (6,) array
+    start : (nx + nd + ny,) array
         Initial state of the free simulation, as :func:`free_run` returns it.
-    residuals : (E, 2) array
-        Readings, as sensors as declared would have given them, minus the free simulation, m/s².
-    innovations, log_variances : (E, 2) arrays
+    residuals : (E, ny) array
+        Readings, as sensors as declared would have given them, minus the free simulation, SI units.
+    innovations, log_variances : (E, ny) arrays
         Normalised innovations and the logarithms of their variances.
     """
 
@@ -83,7 +83,7 @@ class FixedGainFilter:
 
     @property
     def has_reading(self) -> NDArray[np.bool_]:
-        """Where there is a reading (E, 2)."""
+        """Where there is a reading (E, ny)."""
         return np.asarray(self.log_variances != 0.0)
 
     def sensitivity(self, posterior: Posterior, z: Array) -> Array:

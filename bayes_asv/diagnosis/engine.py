@@ -3,9 +3,11 @@
 An engine's speed wanders and its phase is unknown, so that it is no force that a simulation could
 repeat on another drive.  Its tones are removed from measurement and simulation alike.
 
-In the band of a tone the chassis accelerations beyond a simulation from the wheels are a force
+In the band of a tone the body's accelerations beyond a simulation from the wheels are a force
 times the car's response there, and noise.  The force acts at the front axle, at the rear, or on
-both alike, wherever it explains most.  The noise is that of the bands on either side.
+both alike, wherever it explains most.  The noise is that of the bands on either side.  A deflection
+or a rate hardly answers at these frequencies: where no acceleration is measured, no engine is
+looked for.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ from bayes_asv.diagnosis.residual_tests import whiteness_test
 from bayes_asv.diagnosis.thresholds import MISSPECIFICATION_LEVEL, PRIOR_NONE
 from bayes_asv.diagnosis.tone_detection import DetectedTones, detect_tones
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.effects import EFFECTS
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.effects import BOTH, EFFECTS
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, setting
 from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import Notch, main_tones, notch_filter, notched, passing
 
@@ -51,7 +53,6 @@ _ROUNDS = 2  # of removing what a tone left beside its notch
 _BESIDE = 2.0  # half-widths of a notch
 _SAME_RATE = 1e-3  # relative difference of the clocks of two recordings of one logger
 _LOWEST_TONE = 10.0  # Hz, 600 rev/min: below it a car on an even road has tones of its own
-_PLACES = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])  # share of the force at front and rear
 # Half-widths of its notch in which a tone is measured, and distance of the bands beside it: on each
 # side the nearest that holds no other tone.  In one half-width forces of 4 to 15 N came out 2 to 9
 # % low, since the tone wanders out of it.
@@ -185,7 +186,7 @@ def _tone_energy(dataset: Dataset, model: FittedModel, tones: Sequence[Notch]) -
     """Energy of innovations that is removed with the tones, beyond what white ones lose."""
     lost = 0.0
     for run, recording in enumerate(dataset.lines):
-        nu = np.nan_to_num(recording.paired(model.target.scored(model.mode.z, run)[0]))
+        nu = np.nan_to_num(_accelerations(dataset, model, run))
         sections = notch_filter(tones, 1.0 / recording.reading_step)
         _, response = sosfreqz(sections, 2048)
         passed = float(np.mean(np.abs(response) ** 2))
@@ -199,10 +200,12 @@ def _detect(
     """Detect the tones of all runs; one engine excites each of them."""
     by_rate: list[tuple[float, list[Array]]] = []
     for run, recording in enumerate(dataset.lines):
-        nu = recording.paired(model.target.scored(model.mode.z, run)[0])
+        if not recording.accelerations:
+            continue
+        nu = _accelerations(dataset, model, run)
         rate = 1.0 / recording.reading_step
         for other, runs in by_rate:
-            if abs(rate / other - 1.0) < _SAME_RATE:
+            if abs(rate / other - 1.0) < _SAME_RATE and nu.shape[1] == runs[0].shape[1]:
                 runs.append(nu)
                 break
         else:
@@ -219,6 +222,13 @@ def _detect(
     return DetectedTones(tones, min(one.log_p for one in detected) + math.log(len(by_rate)))
 
 
+def _accelerations(dataset: Dataset, model: FittedModel, run: int) -> Array:
+    """Normalised innovations (R, n) of the accelerations of one run, nan where one is missing."""
+    recording = dataset.lines[run]
+    nu = recording.paired(model.target.scored(model.mode.z, run)[0])
+    return nu[:, list(recording.accelerations)]
+
+
 def _union(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...]:
     """Append notches that do not lie within the others."""
     return notches + tuple(
@@ -228,18 +238,21 @@ def _union(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ..
 
 
 class _ToneBand(NamedTuple):
-    """Chassis accelerations of one run beyond the simulation, in the band of a tone.
+    """Accelerations of one run beyond the simulation, in the band of a tone.
 
     Parameters
     ----------
-    signal : (R, 2) complex array
+    run : int
+        Index of the recording.
+    signal : (R, n) complex array
         Analytic signal, m/s².
-    noise : (2, 2) complex array
+    noise : (n, n) complex array
         Covariance of the noise alone.
     rate : float
-        Pairs of readings a second, Hz.
+        Groups of readings a second, Hz.
     """
 
+    run: int
     signal: Complex
     noise: Complex
     rate: float
@@ -265,10 +278,17 @@ def estimate_engine_force(
         its own.
     """
     bands = list(_tone_bands(dataset, model, tones))
-    responses = [_response(dataset, model, tones[0].frequency, place) for place in _PLACES]
-    explained = [sum(_explained(one, h) for one in bands) for h in responses]
-    h = responses[int(np.argmax(explained))]
-    return _jackknife(np.concatenate([_block_sums(one, h) for one in bands]), tones[0])
+    axles = model.space.car.axles
+    responses = [
+        [_response(model, one.run, tones[0].frequency, place) for one in bands]
+        for place in ((*axles, BOTH) if len(axles) > 1 else axles)
+    ]
+    explained = [
+        sum(_explained(one, h) for one, h in zip(bands, there, strict=True)) for there in responses
+    ]
+    best = responses[int(np.argmax(explained))]
+    blocks = [_block_sums(one, h) for one, h in zip(bands, best, strict=True)]
+    return _jackknife(np.concatenate(blocks), tones[0])
 
 
 def _tone_bands(
@@ -278,20 +298,19 @@ def _tone_bands(
     width = _MEASURED_WIDTH * tone.half_width
     for run, recording in enumerate(dataset.lines):
         rate = 1.0 / recording.reading_step
-        if tone.frequency >= 0.5 * rate:
+        if tone.frequency >= 0.5 * rate or not recording.accelerations:
             continue
         output = free_run(model.target, model.mode.z, run).output
-        residuals = np.nan_to_num(
-            recording.paired(np.where(recording.kind == VALUE, recording.reading - output, np.nan))
-        )
+        beyond = np.where(recording.kind == VALUE, recording.reading - output, np.nan)
+        residuals = np.nan_to_num(recording.paired(beyond)[:, list(recording.accelerations)])
         signal = _analytic(residuals, Notch(tone.frequency, width), rate)
         beside = [
             _analytic(residuals, Notch(f, width), rate) for f in _noise_bands(tone, others, rate)
         ]
-        noise: Complex = np.eye(2, dtype=np.complex128) * _MIN_NOISE
+        noise: Complex = np.eye(residuals.shape[1], dtype=np.complex128) * _MIN_NOISE
         for b in beside or [signal]:  # without a band beside it, all of it may be noise
             noise = np.asarray(noise + (b.T @ b.conj()) / (len(b) * max(len(beside), 1)))
-        yield _ToneBand(signal, noise, rate)
+        yield _ToneBand(run, signal, noise, rate)
 
 
 def _noise_bands(tone: Notch, others: Sequence[Notch], rate: float) -> list[float]:
@@ -312,22 +331,22 @@ def _analytic(signal: Array, tone: Notch, rate: float) -> Complex:
     return np.asarray(hilbert(sosfiltfilt(passing(tone, rate), signal, axis=0), axis=0))
 
 
-def _response(dataset: Dataset, model: FittedModel, frequency: float, place: Array) -> Complex:
-    """Chassis readings (2,) by a force of one newton, the wheels moving as measured."""
-    car = HalfCar(*model.space.cars(model.mode.z[None])[0])
-    cross = 1.0 / car.m - car.l_f * car.l_r / car.i
-    mobility = np.array(
-        [[1.0 / car.m + car.l_f**2 / car.i, cross], [cross, 1.0 / car.m + car.l_r**2 / car.i]]
+def _response(model: FittedModel, run: int, frequency: float, place: str) -> Complex:
+    """Readings (n,) of accelerations by a force of one newton, the wheels moving as measured."""
+    recording = model.space.timelines[run]
+    used = list(recording.accelerations)
+    system = model.space.state_space(model.mode.z[None], run)
+    by_forces = (
+        frequency_response(system._replace(B=system.E), np.array([frequency]))[0] + system.G[0]
     )
-    w = 2.0 * math.pi * frequency
-    strut = np.diag([car.k_f + 1j * w * car.c_f, car.k_r + 1j * w * car.c_r])
-    response = np.linalg.solve(np.eye(2) - mobility @ strut / w**2, mobility @ place)
-    pole = float(dataset.lines[0].poles[1])
-    return np.asarray(response / (1.0 + 1j * w / pole) if pole else response)
+    response = (by_forces @ model.space.car.shares(place))[used]
+    poles = recording.poles[list(recording.outputs)][used]
+    s = 2j * math.pi * frequency
+    return np.asarray(response / (1.0 + s / np.where(poles > 0.0, poles, np.inf)))
 
 
 def _weights(one: _ToneBand, h: Complex) -> tuple[Complex, float]:
-    """Weights (2,) of the two channels in the force of least variance, and that variance (N²)."""
+    """Weights (n,) of the channels in the force of least variance, and that variance (N²)."""
     weighted = np.linalg.solve(one.noise, h).conj()
     information = float((weighted @ h).real)
     return np.asarray(weighted / information), 1.0 / information

@@ -23,7 +23,7 @@ from bayes_asv.diagnosis.model_comparison import (
     evidence_without,
     fit_candidates,
     model_probabilities,
-    split_axles,
+    split_places,
     weighted_posterior,
 )
 from bayes_asv.diagnosis.results import NamedEffect
@@ -203,7 +203,7 @@ def _next_step(
     )
     if not extended:
         return None
-    extended[0] = best = split_axles(assessed.denoised, extended[0], assessed.test)
+    extended[0] = best = split_places(assessed.denoised, extended[0], assessed.test)
     without, model, evidence = evidence_without(
         assessed.model, assessed.evidence, extended, assessed.test
     )

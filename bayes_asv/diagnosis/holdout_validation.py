@@ -38,7 +38,7 @@ _AT_FLOOR = 1.03  # times the noise floor: within the uncertainty of an estimate
 
 
 class Split(NamedTuple):
-    """Fitted and held-out recordings, with the linear half car.
+    """Fitted and held-out recordings, with the linear car.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Split(NamedTuple):
     holdout : Dataset or None
         Held-out recordings.
     linear : FittedModel
-        The linear half car at its mode on the first.
+        The linear car at its mode on the first.
     """
 
     fit: Dataset
@@ -61,7 +61,7 @@ class ValidationErrors(NamedTuple):
     Parameters
     ----------
     errors : dict of str to ErrorChange
-        ``fit`` and, where there is one, ``holdout``, from the linear half car to the final model;
+        ``fit`` and, where there is one, ``holdout``, from the linear car to the final model;
         an engine is part of the error before.
     effects : list of NamedEffect
         Each with its own errors.

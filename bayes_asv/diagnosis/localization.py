@@ -1,4 +1,4 @@
-"""Localization: channel, time, frequency, axle and state at which the model disagrees.
+"""Localization: output, time, frequency, axle and state at which the model disagrees.
 
 Under the model the innovations are white with unit variance, so that the energy of a time window or
 a frequency band is χ² and a mean is normal.  Each map has a family-wise level of 1 % (Bonferroni
@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 
 __all__ = ["Cell", "Localization", "localize"]
 
 Array = NDArray[np.float64]
 Passes = list[tuple[Array, Array, Array]]
-"""Of each run innovations and their log variances (E, 2), and states (E, 4)."""
+"""Of each run innovations and their log variances (E, ny), and states (E, nx + ne)."""
 
 _WINDOW = 0.1  # s
 _LEVEL = 0.01  # family-wise, over the cells of one map
@@ -56,15 +55,17 @@ class Localization:
     Parameters
     ----------
     channel : str
-        Chassis channel with the most excess energy.
+        Output with the most excess energy.
     axle : str
-        Axle whose missing force depends most clearly on deflection and velocity.
+        Axle whose missing force depends most clearly on deflection and velocity; empty where the
+        outputs do not show forces.
     windows : tuple of (run, begin, end)
         Windows with too much energy, s on each recording's own clock.
     bands : tuple of (low, high)
         Third octaves with too much energy, Hz.
     force_maps : dict of str to tuple of Cell
-        Mean missing force over the deflection–velocity plane of each axle.
+        Mean missing force over the deflection–velocity plane of each axle; empty where fewer
+        accelerations are measured than there are axles.
     strongest : Cell or None
         The cell of that axle with the largest |t|, where it is significant.
     """
@@ -80,19 +81,21 @@ class Localization:
 def localize(dataset: Dataset, model: FittedModel) -> Localization:
     """Find where the innovations of a model have too much energy or a systematic mean."""
     passes = [model.target.scored(model.mode.z, run) for run in range(len(dataset.lines))]
-    energy, count = np.zeros(2), np.zeros(2)
+    outputs = [channel.name for channel in dataset.channels if not channel.is_input]
+    energy, count = np.zeros(len(outputs)), np.zeros(len(outputs))
     windows: list[tuple[int, float, float]] = []
     for run, (recording, (nu, logs, _)) in enumerate(zip(dataset.lines, passes, strict=True)):
         valid = logs != 0.0
-        energy += np.where(valid, nu**2, 0.0).sum(axis=0)
-        count += valid.sum(axis=0)
+        own = [outputs.index(recording.channels[c].name) for c in recording.outputs]
+        energy[own] += np.where(valid, nu**2, 0.0).sum(axis=0)
+        count[own] += valid.sum(axis=0)
         windows += [(run, a, b) for a, b in _windows(recording.instants, nu, valid)]
-    channel = ("front_chassis", "rear_chassis")[int(np.argmax(energy / np.maximum(count, 1)))]
+    channel = outputs[int(np.argmax(energy / np.maximum(count, 1)))]
     maps = _force_maps(dataset, model, passes)
     largest_t = {axle: max((abs(c.t) for c in cells), default=0.0) for axle, cells in maps.items()}
-    axle = max(largest_t, key=lambda name: largest_t[name])
-    critical_t = norm.isf(_LEVEL / 2.0 / (2 * _GRID[0] * _GRID[1]))
-    best = max(maps[axle], key=lambda c: abs(c.t), default=None)
+    axle = max(largest_t, key=lambda name: largest_t[name], default="")
+    critical_t = norm.isf(_LEVEL / 2.0 / (max(len(maps), 1) * _GRID[0] * _GRID[1]))
+    best = max(maps.get(axle, ()), key=lambda c: abs(c.t), default=None)
     strongest = best if best is not None and abs(best.t) > critical_t else None
     return Localization(channel, axle, tuple(windows), _bands(dataset, passes), maps, strongest)
 
@@ -128,7 +131,7 @@ def _bands(dataset: Dataset, passes: Passes) -> tuple[tuple[float, float], ...]:
         for k, centre in enumerate(centres):
             band = (f >= centre * 2.0 ** (-1 / 6)) & (f < centre * 2.0 ** (1 / 6))
             energy[k] += 2.0 * power[band].sum()
-            number[k] += 4.0 * np.count_nonzero(band)
+            number[k] += 2.0 * paired.shape[1] * np.count_nonzero(band)
     significant = (number > 0) & (chi2.sf(energy, np.maximum(number, 1)) < _LEVEL / len(centres))
     return tuple(
         (float(c * 2.0 ** (-1 / 6)), float(c * 2.0 ** (1 / 6))) for c in centres[significant]
@@ -138,25 +141,31 @@ def _bands(dataset: Dataset, passes: Passes) -> tuple[tuple[float, float], ...]:
 def _force_maps(
     dataset: Dataset, model: FittedModel, passes: Passes
 ) -> dict[str, tuple[Cell, ...]]:
-    """Mean force that the model lacks, over the deflection–velocity plane of each axle."""
-    _, _, i, m, l, wdf, *_ = model.space.cars(model.mode.z[None])[0]
-    l_f, l_r = l * (1.0 - wdf), l * wdf
-    # accelerations over the axles by unit forces there
-    mobility = np.array(
-        [[1.0 / m + l_f**2 / i, 1.0 / m - l_f * l_r / i], [0.0, 1.0 / m + l_r**2 / i]]
-    )
-    mobility[1, 0] = mobility[0, 1]
+    """Mean force that the model lacks, over the deflection–velocity plane of each axle.
+
+    An acceleration answers a force at once, so that as many of them as there are axles say which
+    force is missing at each, in equal parts on its elements.
+    """
+    car = model.space.car
+    shares = np.array([car.shares(axle) for axle in car.axles])
     forces, states = [], []
-    for recording, (nu, logs, state) in zip(dataset.lines, passes, strict=True):
-        both = np.all(recording.kind == VALUE, axis=1)
-        forces.append(np.linalg.solve(mobility, (nu * np.exp(0.5 * logs))[both].T).T)
-        states.append(state[both])
+    for run, (recording, (nu, logs, state)) in enumerate(zip(dataset.lines, passes, strict=True)):
+        used = list(recording.accelerations)
+        by_forces = model.space.state_space(model.mode.z[None], run).G[0][used] @ shares.T
+        if np.linalg.matrix_rank(by_forces) < len(car.axles):
+            continue
+        there = np.all(recording.kind[:, used] == VALUE, axis=1)
+        missing = (nu * np.exp(0.5 * logs))[there][:, used]
+        forces.append(np.linalg.lstsq(by_forces, missing.T, rcond=None)[0].T)
+        deflections = state[there, 0 : 2 * len(car.elements) : 2]
+        velocities = state[there, 1 : 2 * len(car.elements) : 2]
+        states.append(np.stack([deflections @ shares.T, velocities @ shares.T], axis=2))
     if not any(len(f) for f in forces):
-        return dict.fromkeys(AXLES, ())
-    force, state = np.concatenate(forces), np.concatenate(states)
+        return dict.fromkeys(car.axles, ()) if forces else {}
+    force, motion = np.concatenate(forces), np.concatenate(states)
     return {
-        axle: _force_map(state[:, 2 * k], state[:, 2 * k + 1], force[:, k])
-        for k, axle in enumerate(AXLES)
+        axle: _force_map(motion[:, a, 0], motion[:, a, 1], force[:, a])
+        for a, axle in enumerate(car.axles)
     }
 
 

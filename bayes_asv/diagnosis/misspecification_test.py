@@ -36,7 +36,6 @@ from bayes_asv.diagnosis.tolerance_prior import (
     with_offset,
 )
 from bayes_asv.diagnosis.unlisted_faults_test import free_force_evidence, unlisted_fault_scores
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.posterior.fisher_scoring import LaplaceFit, slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 from bayes_asv.posterior.likelihood import Posterior, shared_work
@@ -146,11 +145,10 @@ def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
     levels = model.space.nuisance(model.mode.z[None])
     out = []
     for run, recording in enumerate(dataset.lines):
-        for c, channel in enumerate(CHANNELS):
-            given = recording.noise[c]
-            level = levels.get(f"noise {channel} {run}")
+        for channel, given in zip(recording.channels, recording.noise, strict=True):
+            level = levels.get(f"noise {channel.name} {run}")
             if given and level is not None and float(level[0]) > EXCESS_NOISE * given:
-                out.append(channel)
+                out.append(channel.name)
     return tuple(dict.fromkeys(out))
 
 

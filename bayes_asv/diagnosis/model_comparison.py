@@ -27,7 +27,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     marginal_scores,
     tolerance_evidence,
 )
-from bayes_asv.models.effects import AXLES, BOTH, Site
+from bayes_asv.models.effects import BOTH, Site
 from bayes_asv.posterior.effect_candidates import Candidate
 from bayes_asv.posterior.effect_fit import added
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
@@ -42,7 +42,7 @@ __all__ = [
     "fit_candidates",
     "leading_candidates",
     "model_probabilities",
-    "split_axles",
+    "split_places",
     "weighted_posterior",
 ]
 
@@ -239,12 +239,15 @@ def evidence_without(
     return max(approximations, key=lambda approximation: approximation[0])
 
 
-def split_axles(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> ExtendedModel:
-    """Give each axle values of its own where the evidence gains enough over common ones."""
-    if extended.site.where != BOTH:
-        return extended
+def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> ExtendedModel:
+    """Give each axle, or each side of one, values of its own where that gains enough evidence."""
     model = extended.model
-    split = tuple(replace(extended.site, where=axle) for axle in AXLES)
+    car, effect = model.space.car, extended.site.effect
+    elements = extended.site.elements(car)
+    places = car.axles if extended.site.where == BOTH else [car.elements[e].name for e in elements]
+    if len(places) < 2 or not set(places) <= set(effect.places):
+        return extended
+    split = tuple(replace(extended.site, where=place) for place in places)
     sites = (*(s for s in model.sites if s != extended.site), *split)
     posterior = dataset.target(sites)
     start = model.carried_to(posterior.space)

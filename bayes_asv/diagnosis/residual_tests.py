@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from scipy.signal import sosfreqz
 from scipy.stats import chi2, pearson3
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 from bayes_asv.posterior.free_simulation import free_run
@@ -27,17 +27,17 @@ Array = NDArray[np.float64]
 LAGS = 12
 """Lags of the portmanteau statistic."""
 
-_MIN_PAIRS = 10 * LAGS  # of readings, from which a run is tested
+_MIN_GROUPS = 10 * LAGS  # of readings, from which a run is tested
 _REMOVED = 0.9  # power that a notch passes, below which a frequency counts as removed
 _MAX_SQUARED_SLOPE = 10.0  # in mean squares: no single reading is to decide
 
 
 def whiteness_test(model: FittedModel) -> tuple[float, float]:
-    """Multivariate portmanteau test over both channels and all runs.
+    """Multivariate portmanteau test over all outputs and all runs.
 
-    Q = Σ_l n² / (n − l) tr(C_lᵀ C₀⁻¹ C_l C₀⁻¹) over lags l = 1 … 12, χ² with 4 · 12 degrees of
-    freedom a run (Hosking 1980, J. Am. Stat. Assoc. 75:602); runs with too few pairs of readings do
-    not count.
+    Q = Σ_l n² / (n − l) tr(C_lᵀ C₀⁻¹ C_l C₀⁻¹) over lags l = 1 … 12, χ² with 12 ny² degrees of
+    freedom a run of ny outputs (Hosking 1980, J. Am. Stat. Assoc. 75:602); runs with too few groups
+    of readings do not count.
 
     Returns
     -------
@@ -48,11 +48,11 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
     for run, recording in enumerate(model.space.timelines):
         nu = model.target.scored(model.mode.z, run)[0]
         # the error of a coarse converter is autocorrelated where the signal moves slowly
-        nu[crawling(recording, 1) | crawling(recording, 3)] = np.nan
+        nu[np.any([crawling(recording, c) for c in recording.outputs], axis=0)] = np.nan
         nu = recording.paired(nu)
         nu = nu[np.all(np.isfinite(nu), axis=1)]
         n = len(nu)
-        if n < _MIN_PAIRS:
+        if n < _MIN_GROUPS:
             continue
         sections = notch_filter(
             [Notch(*notch) for notch in recording.notches], 1.0 / recording.reading_step
@@ -61,12 +61,12 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
         inverse = np.linalg.inv(covariances[0])
         for lag, c in enumerate(covariances[1:], 1):
             statistic += n**2 / (n - lag) * float(np.trace(c.T @ inverse @ c @ inverse))
-        freedom += 4 * LAGS
+        freedom += nu.shape[1] ** 2 * LAGS
     return statistic - freedom, float(chi2.sf(statistic, freedom)) if freedom else 1.0
 
 
 def _autocovariances(nu: Array, sections: Array) -> Array:
-    """Covariances (LAGS + 1, 2, 2) of innovations with later ones.
+    """Covariances (LAGS + 1, ny, ny) of innovations with later ones.
 
     A removed band carries no information: what remains in it is the edge of the notch and, where a
     force law is nonlinear, what the law makes of a signal without its tone.  It is filled with the
@@ -75,7 +75,7 @@ def _autocovariances(nu: Array, sections: Array) -> Array:
 
     Parameters
     ----------
-    nu : (N, 2) array
+    nu : (N, ny) array
         Without missing values.
     sections : (T, 6) array
         Second-order sections of the notches; T is 0 without any.
@@ -120,7 +120,7 @@ def timing_jitter_test(dataset: Dataset, model: FittedModel) -> tuple[float, str
         skew = 8.0 * float(np.sum(own**3)) / variance**1.5
         p.append(float(pearson3(skew).sf(z)))
     best = int(np.argmin(p))
-    return min(len(p) * p[best], 1.0), CHANNELS[best]
+    return min(len(p) * p[best], 1.0), dataset.channels[best].name
 
 
 def jitter_log_likelihood_ratio(
@@ -128,7 +128,7 @@ def jitter_log_likelihood_ratio(
 ) -> tuple[float, str]:
     """Nats that a variance growing with a squared slope gains, and the channel that gains most.
 
-    Level and growth are their maximum-likelihood estimates, against a level of each axle and run.
+    Level and growth are their maximum-likelihood estimates, against a level of each output and run.
 
     Parameters
     ----------
@@ -145,13 +145,14 @@ def jitter_log_likelihood_ratio(
     constant = 0.5 * len(squares)
     gains = [constant - _min_negative_log_likelihood(squares, own) for own in slopes]
     best = int(np.argmax(gains))
-    return gains[best], CHANNELS[best]
+    return gains[best], dataset.channels[best].name
 
 
 def _groups(dataset: Dataset) -> Iterator[NDArray[np.bool_]]:
-    """Yield the innovations of each axle and run, as a mask of all."""
-    axle = [np.nonzero(recording.kind == VALUE)[1] for recording in dataset.lines]
-    of = np.concatenate([2 * run + own for run, own in enumerate(axle)])
+    """Yield the innovations of each output and run, as a mask of all."""
+    output = [np.nonzero(recording.kind == VALUE)[1] for recording in dataset.lines]
+    most = max(len(recording.outputs) for recording in dataset.lines)
+    of = np.concatenate([most * run + own for run, own in enumerate(output)])
     for group in np.unique(of):
         yield of == group
 
@@ -169,24 +170,34 @@ def _min_negative_log_likelihood(squares: Array, squared_slope: Array) -> float:
 
 
 def _squared_slopes(dataset: Dataset, model: FittedModel) -> Array:
-    """Squared slopes (4, N) of the channels at the innovations of all runs."""
+    """Squared slopes (C, N) of the measured channels at the innovations of all runs."""
+    channels = dataset.channels
     return np.hstack(
-        [_run_slopes(model, recording, run) for run, recording in enumerate(dataset.lines)]
+        [
+            _run_slopes(model, recording, run, channels)
+            for run, recording in enumerate(dataset.lines)
+        ]
     )
 
 
-def _run_slopes(model: FittedModel, recording: PreparedRecording, run: int) -> Array:
-    """Squared slope (4, N) of each channel at every reading, in the order of the innovations.
+def _run_slopes(
+    model: FittedModel, recording: PreparedRecording, run: int, channels: tuple[Channel, ...]
+) -> Array:
+    """Squared slope (C, N) of each channel at every reading, in the order of the innovations.
 
-    A wheel drives both chassis channels, so that its slope counts at the readings of either.
+    An input drives all outputs, so that its slope counts at the readings of each.
     """
-    output = free_run(model.target, model.mode.z, run).output
-    instant, axle = np.nonzero(recording.kind == VALUE)
-    out = np.zeros((4, len(instant)))
-    for k in range(2):
-        wheel = recording.wheels[k].spline(recording.instants, 1)
-        chassis = CubicSpline(recording.instants, output[:, k])(recording.instants, 1)
-        out[2 * k] = wheel[instant] ** 2
-        out[2 * k + 1] = np.where(axle == k, chassis[instant] ** 2, 0.0)
+    predicted = free_run(model.target, model.mode.z, run).output
+    instant, output = np.nonzero(recording.kind == VALUE)
+    out = np.zeros((len(channels), len(instant)))
+    for c, channel in enumerate(recording.channels):
+        if c in recording.inputs:
+            wheel = recording.wheels[recording.inputs.index(c)]
+            squared = wheel.spline(recording.instants, 1)[instant] ** 2
+        else:
+            y = recording.outputs.index(c)
+            through = CubicSpline(recording.instants, predicted[:, y])
+            squared = np.where(output == y, through(recording.instants, 1)[instant] ** 2, 0.0)
+        out[channels.index(channel)] = squared
     out /= np.maximum(out.mean(axis=1, keepdims=True), 1e-30)
     return np.asarray(np.minimum(out, _MAX_SQUARED_SLOPE))

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect that was found to be missing from the linear half car.
+    """An effect that was found to be missing from the linear car.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Diagnosis:
     Parameters
     ----------
     verdict : {'agreement', 'named', 'unexplained', 'refused'}
-        Whether the linear half car agrees with the recordings, lacks named effects, disagrees for
+        Whether the linear car agrees with the recordings, lacks named effects, disagrees for
         an unknown reason, or cannot be judged by them.
     reasons, warnings : tuple of str
         Why the recordings were refused, and what limits the answer.
@@ -64,8 +64,10 @@ class Diagnosis:
         As given.
     seed : int
         Seed of all draws.
+    car : str
+        Name of the car model.
     p_value : float
-        Family-wise p-value of the linear half car.
+        Family-wise p-value of the linear car.
     named : tuple of NamedEffect
         In the order in which they were added.
     engine : Engine or None
@@ -75,15 +77,15 @@ class Diagnosis:
     unexplained : Unexplained or None
         Tests for something that no listed effect explains.
     localization : Localization or None
-        Where the linear half car disagrees, engine tones removed.
+        Where the linear car disagrees, engine tones removed.
     errors : dict of str to ErrorChange
         Simulation error on ``fit`` and, where there is one, ``holdout``.
     fit, holdout : tuples of PreparedRecording
         Recordings that were fitted, as given, and held out, engine tones removed.
     base_model, final_model : FittedModel or None
-        The linear half car, and the model with all named effects, engine tones removed.
+        The linear car, and the model with all named effects, engine tones removed.
     quantities_before, quantities_after : dict of str to (N,) array
-        Draws of the car's quantities, SI units: under the linear half car on the recordings as
+        Draws of the car's quantities, SI units: under the linear car on the recordings as
         given, and averaged over all explanations.
     effect_draws : dict of str to dict of str to (N,) array
         Draws of the parameters of each named effect, by site, SI units.
@@ -97,6 +99,7 @@ class Diagnosis:
     recording_faults: tuple[dict[str, object], ...]
     vehicle: Vehicle
     seed: int
+    car: str = "half"
     p_value: float = 1.0
     named: tuple[NamedEffect, ...] = ()
     engine: Engine | None = None

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import helmert
 from scipy.special import ndtr
 
 from bayes_asv.diagnosis.tolerance_prior import (
@@ -24,7 +25,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     ModelEvidence,
     half_normal_correction,
 )
-from bayes_asv.models.effects import BOTH, Site
+from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_candidates import Candidate
 from bayes_asv.posterior.fitted_model import FittedModel
 
@@ -45,8 +46,8 @@ class _TolerancePrior(NamedTuple):
     lower, upper : float
         Where it is truncated.
     log_factor : float
-        Logarithm of what multiplies the normal density: the truncation, and on both axles how far
-        these differ.
+        Logarithm of what multiplies the normal density: the truncation, and at several elements how
+        far these differ.
     """
 
     mean: float
@@ -64,9 +65,9 @@ def evidence_as_tolerance(
 ) -> float:
     """Log evidence of a model in which some of its effects have tolerances for priors.
 
-    The posterior of their first parameters is taken to be normal.  An effect with common values on
-    both axles is the tolerance of one and of the other: how far these differ is integrated out, as
-    if each axle knew its own equally well.
+    The posterior of their first parameters is taken to be normal.  An effect with common values at
+    several elements is the tolerance of each of them: how far these differ is integrated out, as if
+    the data knew each equally well.
 
     Parameters
     ----------
@@ -129,14 +130,14 @@ def _tolerance_prior(
     sd: float,
     scale: float,
 ) -> _TolerancePrior:
-    """Return the tolerances of an effect's axles as one prior of its coordinate ``k``.
+    """Return the tolerances of an effect's elements as one prior of its coordinate ``k``.
 
     How many tolerances the effect is, is linearised in the coordinate about the posterior mode.
     """
     moved = z.copy()
     moved[k] += _STEP
     at_mode, next_to = model.space.effects(z)[site], model.space.effects(moved)[site]
-    by_axle = []
+    parts = []
     for one in tolerances:
         count = site.effect.tolerances(at_mode, one.values)
         slope = (site.effect.tolerances(next_to, one.values) - count) / _STEP
@@ -145,25 +146,29 @@ def _tolerance_prior(
         probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))
         width = scale / abs(slope)
         lower, upper = sorted(points[1:].tolist())
-        by_axle.append(
-            _TolerancePrior(float(points[0]), width, lower, upper, -math.log(probability))
-        )
-    if site.where != BOTH:
-        return by_axle[0]
-    front, rear = by_axle
-    tightness = front.sd**-2, rear.sd**-2
-    variance = front.sd**2 + rear.sd**2
-    # what the data alone know of the common value, and of the difference of the axles
+        parts.append(_TolerancePrior(float(points[0]), width, lower, upper, -math.log(probability)))
+    return parts[0] if len(parts) == 1 else _common(parts, sd)
+
+
+def _common(parts: list[_TolerancePrior], sd: float) -> _TolerancePrior:
+    """Return the priors of n elements as one of their common value, their contrasts integrated out.
+
+    ``sd`` is the posterior standard deviation of the common value under a standard normal prior.
+    """
+    n = len(parts)
+    means, tightness = np.array([p.mean for p in parts]), np.array([p.sd for p in parts]) ** -2
+    # what the data alone know of the common value, and n times as much of a contrast of unit length
     common = 1.0 / max(sd**-2 - 1.0, 1e-12)
-    spread = 4.0 * common
-    difference = front.mean - rear.mean
+    contrasts = helmert(n)
+    variances = np.eye(n - 1) + (contrasts / tightness) @ contrasts.T / (n * common)
+    differences = contrasts @ means
+    misfit = float(differences @ np.linalg.solve(variances, differences)) / (n * common)
     return _TolerancePrior(
-        (tightness[0] * front.mean + tightness[1] * rear.mean) / sum(tightness),
-        sum(tightness) ** -0.5,
-        max(front.lower, rear.lower),
-        min(front.upper, rear.upper),
-        front.log_factor
-        + rear.log_factor
-        + 0.5 * math.log(spread / (spread + variance))
-        - 0.5 * difference**2 / (spread + variance),
+        float(tightness @ means / tightness.sum()),
+        float(tightness.sum() ** -0.5),
+        max(p.lower for p in parts),
+        min(p.upper for p in parts),
+        sum(p.log_factor for p in parts)
+        - 0.5 * float(np.linalg.slogdet(variances)[1])
+        - 0.5 * misfit,
     )

@@ -21,13 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.filters.kalman import VALUE
+from bayes_asv.models.outputs import relative_offset
 from bayes_asv.posterior.effect_candidates import Candidate
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.preprocessing.quantization import wandering
+from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["NuisanceProjection", "ScoreTest", "nuisance_projection", "score_test", "standardized"]
 
@@ -178,32 +179,39 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
 def _quantization_drifts(
     dataset: Dataset, model: FittedModel, candidates: list[Candidate], sensitivities: Array
 ) -> Array:
-    """Sensitivities (G, N) along offset drifts that coarse converters may feign, run by run.
-
-    The chassis channel of an axle stands for both: a drift of the wheel channel is one of the
-    chassis channel.
-    """
+    """Sensitivities (G, N) along offset drifts that coarse converters may feign, run by run."""
+    counts = [_reading_count(model, run) for run in range(len(dataset.lines))]
+    ends = np.cumsum(counts)
     out = []
-    for wheel, chassis in ((0, 1), (2, 3)):
-        channel = CHANNELS[chassis]
-        own = [
-            k
-            for k, c in enumerate(candidates)
-            if c.site.effect.fault == "drift" and c.site.where == channel
-        ]
-        if not own:
+    for k, candidate in enumerate(candidates):
+        if candidate.site.effect.fault != "drift":
             continue
-        begin = 0
-        for run, recording in enumerate(dataset.lines):
-            slope = float(np.hypot(wandering(recording, chassis), wandering(recording, wheel)))
-            end = begin + _reading_count(model, run)
+        one = candidate.values[candidate.site.effect.parameters[0].name]
+        for recording, end, count in zip(dataset.lines, ends, counts, strict=True):
+            slope = _feigned_slope(recording, candidate.site.where)
             if slope > 0.0:
                 drift = np.zeros(sensitivities.shape[1])
-                one = candidates[own[0]].values["slope"]
-                drift[begin:end] = sensitivities[own[0], begin:end] * slope / one
+                drift[end - count : end] = sensitivities[k, end - count : end] * slope / one
                 out.append(drift)
-            begin = end
     return np.array(out).reshape(len(out), sensitivities.shape[1])
+
+
+def _feigned_slope(recording: PreparedRecording, name: str) -> float:
+    """Slope of a channel's drift that converters may feign in a run, in units of the effect's.
+
+    A drift of an input is one of the accelerations that follow it, which stand for both.
+    """
+    names = [channel.name for channel in recording.channels]
+    if name not in names:
+        return 0.0
+    c = names.index(name)
+    slope = wandering(recording, c) / relative_offset(recording.channels[c].quantity)
+    follows = np.round(recording.rigid_gain, 12)  # what an inverse leaves of zero is no gain
+    if c in recording.inputs:
+        return 0.0 if np.any(follows[:, recording.inputs.index(c)]) else slope
+    for gain, wheel in zip(follows[recording.outputs.index(c)], recording.inputs, strict=True):
+        slope = float(np.hypot(slope, gain * wandering(recording, wheel)))
+    return slope
 
 
 def _reading_count(model: FittedModel, run: int) -> int:

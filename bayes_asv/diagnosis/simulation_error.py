@@ -1,7 +1,8 @@
-"""Simulation error: measured minus simulated chassis accelerations, and the floor by sensor noise.
+"""Simulation error: measured minus simulated outputs, and the floor by sensor noise.
 
 The model runs freely from the wheel accelerations.  On a recording it was not fitted to, everything
-but the recording's biases, initial state and noise levels is frozen.
+but the recording's biases, initial state and noise levels is frozen.  Outputs of one quantity are
+compared in its unit, those of several relative to the standard deviation of each channel.
 """
 
 from __future__ import annotations
@@ -43,21 +44,24 @@ class SimulationResiduals:
 
     Parameters
     ----------
-    residuals : tuple of (R, 2) arrays
-        m/s², nan where there is no reading.
+    residuals : tuple of (R, ny) arrays
+        In the unit of ``dimension``, nan where there is no reading.
     times : tuple of (R,) arrays
         Times, s.
     floors : tuple of float
-        Root-mean-square that sensor noise alone would leave in each run, m/s².
+        Root-mean-square that sensor noise alone would leave in each run.
+    dimension : str
+        Physical dimension of the outputs; ``dimensionless`` where they have several.
     """
 
     residuals: tuple[Array, ...]
     times: tuple[Array, ...]
     floors: tuple[float, ...]
+    dimension: str = "acceleration"
 
     @property
     def rms(self) -> float:
-        """Root-mean-square over all runs and both channels."""
+        """Root-mean-square over all runs and outputs."""
         return float(np.sqrt(np.nanmean(np.concatenate([r.ravel() for r in self.residuals]) ** 2)))
 
     @property
@@ -74,15 +78,18 @@ class ErrorChange:
     Parameters
     ----------
     before, after, floor : float
-        Root-mean-squares, m/s².
+        Root-mean-squares, SI units.
     worse : bool
         The error increased by more than its bootstrap interval allows.
+    dimension : str
+        As :class:`SimulationResiduals` has it.
     """
 
     before: float
     after: float
     floor: float
     worse: bool
+    dimension: str = "acceleration"
 
     @property
     def closed(self) -> float | None:
@@ -130,11 +137,14 @@ def simulation_residuals(
         The model was fitted to these recordings: effects of a single run act in it.
     """
     posterior, z = _frozen(dataset, model, own)
+    dimension, scales = _scales(dataset)
     residuals, times, floors = [], [], []
     for run, recording in enumerate(dataset.lines):
         output = free_run(posterior, z, run).output
         valid = recording.kind == VALUE
-        residuals.append(recording.paired(np.where(valid, recording.reading - output, np.nan)))
+        scale = np.array([scales[recording.channels[c].name] for c in recording.outputs])
+        beyond = np.where(valid, (recording.reading - output) / scale, np.nan)
+        residuals.append(recording.paired(beyond))
         times.append(recording.instants[recording.pairs.max(axis=1)])
         rng = np.random.default_rng([seed, run, 31])
         needed = normals_needed(len(recording.wheels), recording.kind.shape[1])
@@ -144,8 +154,24 @@ def simulation_residuals(
             recording.measurements._replace(spread=recording.noise_spread),
             rng.standard_normal((len(recording.step), _NOISE_RUNS, needed)),
         )
-        floors.append(float(np.sqrt(np.mean(out.transpose(0, 2, 1)[valid] ** 2))))
-    return SimulationResiduals(tuple(residuals), tuple(times), tuple(floors))
+        noise = out.transpose(0, 2, 1) / scale[:, None]
+        floors.append(float(np.sqrt(np.mean(noise[valid] ** 2))))
+    return SimulationResiduals(tuple(residuals), tuple(times), tuple(floors), dimension)
+
+
+def _scales(dataset: Dataset) -> tuple[str, dict[str, float]]:
+    """Dimension of the residuals, and what those of each output are divided by."""
+    outputs = [channel for channel in dataset.channels if not channel.is_input]
+    dimensions = {channel.dimension for channel in outputs}
+    if len(dimensions) == 1:
+        return dimensions.pop(), {channel.name: 1.0 for channel in outputs}
+    readings: dict[str, list[Array]] = {}
+    for line in dataset.lines:
+        for y, c in enumerate(line.outputs):
+            own = line.reading[line.kind[:, y] == VALUE, y]
+            readings.setdefault(line.channels[c].name, []).append(own)
+    scales = {name: float(np.std(np.concatenate(own))) for name, own in readings.items()}
+    return "dimensionless", {name: scale or 1.0 for name, scale in scales.items()}
 
 
 def error_increased(before: SimulationResiduals, after: SimulationResiduals, seed: int) -> bool:
@@ -187,4 +213,5 @@ def compare_errors(
     """
     one = simulation_residuals(dataset, before, seed, own=own)
     two = simulation_residuals(dataset, after, seed, own=own)
-    return ErrorChange(one.rms, two.rms, min(one.floor, two.floor), error_increased(one, two, seed))
+    floor, worse = min(one.floor, two.floor), error_increased(one, two, seed)
+    return ErrorChange(one.rms, two.rms, floor, worse, one.dimension)

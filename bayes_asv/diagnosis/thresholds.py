@@ -47,7 +47,7 @@ TOLERANCE_PREFERRED: Final = 0.5
 """Probability of the tolerances alone from which they are the preferred explanation."""
 
 SPLIT_EVIDENCE: Final = 5.0
-"""Log evidence (nats) that separate values at each axle have to gain over common ones."""
+"""Log evidence (nats) that separate values at each place have to gain over common ones."""
 
 NEEDED_EVIDENCE: Final = 2.0
 """Log evidence (nats) below which a named effect is removed again.

@@ -96,9 +96,9 @@ class OffsetPosterior(Posterior):
 
     Parameters
     ----------
-    offset : tuple of (E, 2) arrays
+    offset : tuple of (E, ny) arrays
         In standard deviations, as the innovations are.
-    log_variances : tuple of (E, 2) arrays
+    log_variances : tuple of (E, ny) arrays
         Log variances that these standard deviations belong to.
     cost : float
         Minus the log prior of the offset, nats.

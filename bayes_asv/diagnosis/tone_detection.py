@@ -31,9 +31,9 @@ Array = NDArray[np.float64]
 _MAX_BANDS = 16  # each tone of an engine that wanders takes several
 _SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s, how long a wandering tone may be a single line
 _OVERSAMPLING = 4  # frequencies a line: half way between two lines each has 0.4 of a tone's energy
-_DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [0.5**0.5, 0.5**0.5], [0.5**0.5, -(0.5**0.5)]])
-"""Rows: the front channel, the rear one, both in phase, both in antiphase."""
-_TESTS_PER_LINE = 6.0  # effective number: gives the intended false-alarm rate (docs/method.md)
+# Effective number of tests a line and direction: gives the intended false-alarm rate
+# (docs/method.md).
+_TESTS_PER_DIRECTION = 1.5
 _FLOOR_WIDTH = 60.0  # Hz around a line, whose median power is its floor
 _MIN_FLOOR_LINES = 17  # where there are so many
 _MAX_FLOOR_SHARE = 0.5  # of all lines
@@ -73,10 +73,10 @@ def detect_tones(
 
     Parameters
     ----------
-    runs : sequence of (R, 2) arrays
-        Normalised innovations in time order; nan where a reading is missing.
+    runs : sequence of (R, n) arrays
+        Normalised innovations of n channels in time order; nan where a reading is missing.
     rate : float
-        Pairs of readings a second, Hz.
+        Groups of readings a second, Hz.
     slowest : float
         Lowest frequency of a tone, Hz.
     alarm : float
@@ -130,13 +130,15 @@ def _persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
             continue
         power = np.sum(sosfiltfilt(band, run, axis=0) ** 2, axis=1)
         whole = power[: len(power) // length * length].reshape(-1, length)
-        moments.append(whole.mean(axis=1) / (2.0 * passed * max(float(np.mean(run**2)), 1e-12)))
+        noise = run.shape[1] * passed * max(float(np.mean(run**2)), 1e-12)
+        moments.append(whole.mean(axis=1) / noise)
     energy = np.concatenate(moments)
     if not len(energy):
         return False
-    freedom = 8.0 * _AROUND * tone.half_width * _MOMENT  # of noise in a moment, of both channels
+    # of noise in a moment, of all channels
+    freedom = 4.0 * runs[0].shape[1] * _AROUND * tone.half_width * _MOMENT
     median = float(np.median(energy)) - float(chi2(freedom).median()) / freedom
-    return median > _PERSISTENT * (float(np.mean(energy)) - 1.0)
+    return bool(median > _PERSISTENT * (float(np.mean(energy)) - 1.0))
 
 
 def _most_significant(
@@ -151,8 +153,9 @@ def _most_significant(
     """
     smallest, at = 0.0, 0.0
     lengths = _lengths(runs, rate)
+    directions = _directions(runs[0].shape[1])
     for n in lengths:
-        frequency, power, segments = _spectra([x @ _DIRECTIONS.T for x in runs], n, rate)
+        frequency, power, segments = _spectra([x @ directions.T for x in runs], n, rate)
         gain = _gain(tones, frequency, rate)
         # a line below the lowest frequency is as wide as this at its foot
         low, high = slowest + rate / n, 0.5 * rate - 1.0
@@ -162,12 +165,25 @@ def _most_significant(
         flat = power / np.maximum(gain, _MIN_GAIN / 5.0)[:, None]
         log_p = _log_p_values(flat, n, rate, segments)
         octaves = frequency[usable] * np.mean(1.0 / frequency[usable])
-        tests = _TESTS_PER_LINE * len(lengths) * np.count_nonzero(usable) / _OVERSAMPLING
+        per_line = _TESTS_PER_DIRECTION * len(directions)
+        tests = per_line * len(lengths) * np.count_nonzero(usable) / _OVERSAMPLING
         corrected = np.log(tests * octaves) + log_p[usable].min(axis=1)
         k = int(np.argmin(corrected))
         if corrected[k] < smallest:
             smallest, at = float(corrected[k]), float(frequency[usable][k])
     return at, smallest
+
+
+def _directions(count: int) -> Array:
+    """Rows: each of some channels, and each pair of them in phase and in antiphase."""
+    single = np.eye(count)
+    pairs = [
+        0.5**0.5 * (single[a] + sign * single[b])
+        for a in range(count)
+        for b in range(a + 1, count)
+        for sign in (1.0, -1.0)
+    ]
+    return np.vstack([single, *pairs])
 
 
 def _lengths(runs: Sequence[Array], rate: float) -> list[int]:

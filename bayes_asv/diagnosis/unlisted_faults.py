@@ -20,9 +20,10 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import MISSING, ORDER
-from bayes_asv.models.effects import AXLES
+from bayes_asv.models.car_model import CarModel, Output, Values, state_space
+from bayes_asv.models.effects import BOTH
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
@@ -36,14 +37,13 @@ Array = NDArray[np.float64]
 ForceLaw = Callable[[Array, Array, Array], Array]
 """From time (s), deflection (m) and velocity (m/s) to a force on the chassis (N), all (E,)."""
 Distortion = Callable[[Array, Array], Array]
-"""From the times (s) and samples (m/s²) of a channel to a change of the samples, all (n,)."""
+"""From the times (s) and samples of a channel to a change of the samples, all (n,)."""
 
 _MOUNT_TIME_CONSTANTS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
 _PLAY = (0.05, 0.2, 0.5)  # in rms deflections
 _YIELD_TRAVEL = (0.05, 0.2, 0.6)  # in rms deflections, over which friction builds up
 _SEAT_FREQUENCIES = (2.5, 3.0, 3.5, 4.2, 5.0, 6.0)  # Hz, a seat's resonance width apart
 _SEAT_DAMPING = 0.2  # damping ratio
-_SEAT_PLACES = {"the front": (1.0, 0.0), "the middle": (0.5, 0.5), "the rear": (0.0, 1.0)}
 # Hz.  A mount whose resonance f₀ is above what the car excites still reads high by f²/f₀².
 _MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
 _MOUNT_DAMPING = 0.03  # damping ratio
@@ -75,15 +75,19 @@ class _Motion(NamedTuple):
 
     Parameters
     ----------
-    readings : (E, 2) array
-        What the chassis sensors would read without noise, m/s².
-    deflection, velocity : (E, 2) arrays
-        Deflections (m) and their rates (m/s) before the sensors' filter.
+    readings : (E, ny) array
+        What the outputs would read without noise, SI units.
+    deflection, velocity : (E, ne) arrays
+        Deflections (m) and their rates (m/s) of the elements before the sensors' filter.
+    body : (E, ne) array
+        Acceleration of the body above each element behind that filter, m/s²; as the sensor above it
+        would read it, where there is one.
     """
 
     readings: Array
     deflection: Array
     velocity: Array
+    body: Array
 
 
 def unlisted_fault_sensitivities(model: DenoisedModel) -> tuple[Array, tuple[str, ...]]:
@@ -98,10 +102,10 @@ def unlisted_fault_sensitivities(model: DenoisedModel) -> tuple[Array, tuple[str
     runs = range(len(dataset.lines))
     motions = [_motion(dataset, posterior, z, run) for run in runs]
     travel = np.sqrt(np.mean([m.deflection.var(axis=0) for m in motions], axis=0))
-    car = posterior.space.cars(z[None])[0]
+    car, values = posterior.space.car, posterior.space.values(z[None])
 
     def of_run(run: int) -> list[_Fault]:
-        return list(_faults(dataset, run, motions[run], car, travel))
+        return list(_faults(dataset, run, motions[run], car, values, travel))
 
     def sensitivity(k: int) -> Array:
         # One coefficient for all runs: in each the change is as large as the motion makes it.
@@ -127,60 +131,94 @@ def _motion(dataset: Dataset, posterior: Posterior, z: Array, run: int) -> _Moti
     readings, states, _ = free_run(posterior, z, run)
     time = recording.instants - recording.instants[0]
     pole = posterior.patterns[run].pole
-    deflection, velocity = states[:, [0, 2]], states[:, [1, 3]]
+    of_elements = slice(2 * len(recording.car.elements))
+    deflection, velocity = states[:, of_elements][:, 0::2], states[:, of_elements][:, 1::2]
     acceleration = np.empty_like(velocity)
-    for axle in range(2):
-        noise = sample_noise(recording, 2 * axle)
-        derivative = CubicSpline(time, velocity[:, axle])(time, 1)
-        acceleration[:, axle] = denoised(time, derivative, noise, None)
-    return _Motion(readings, deflection + velocity / pole, velocity + acceleration / pole)
+    for e, c in enumerate(recording.inputs):
+        derivative = CubicSpline(time, velocity[:, e])(time, 1)
+        acceleration[:, e] = denoised(time, derivative, sample_noise(recording, c), None)
+    return _Motion(
+        readings,
+        deflection + velocity / pole,
+        velocity + acceleration / pole,
+        _body(recording, posterior.space.values(z[None]), readings, states),
+    )
+
+
+def _body(recording: PreparedRecording, values: Values, readings: Array, states: Array) -> Array:
+    """Accelerations (E, ne) of the body above the elements, from the outputs or else the states."""
+    tops = [
+        Channel(element.name, "acceleration", "body", element.axle, element.side)
+        for element in recording.car.elements
+    ]
+    system = state_space(recording.car, values, [Output(top) for top in tops])
+    ne = len(tops)
+    # states without an equation of their own among the tops are rates that nothing else follows
+    moved = np.hstack([states[:, : 2 * ne], states[:, len(states[0]) - ne :]])
+    out = moved @ np.hstack([system.C[0], system.G[0]]).T
+    for y in recording.accelerations:
+        place = recording.channels[recording.outputs[y]]
+        for e, top in enumerate(tops):
+            if (place.axle, place.side, place.position) == (top.axle, top.side, None):
+                out[:, e] = readings[:, y]
+    return np.asarray(out)
 
 
 def _faults(
-    dataset: Dataset, run: int, motion: _Motion, car: Array, travel: Array
+    dataset: Dataset, run: int, motion: _Motion, car: CarModel, values: Values, travel: Array
 ) -> Iterator[_Fault]:
-    """Yield every unlisted fault of one run; ``travel`` (2,) are rms deflections over all runs."""
+    """Yield every unlisted fault of one run; ``travel`` (ne,) are rms deflections over all runs."""
     recording = dataset.lines[run]
     nothing = Perturbation(
         np.zeros_like(recording.moments),
         np.zeros_like(recording.reading),
-        np.zeros_like(recording.reading),
+        np.zeros_like(motion.deflection),
     )
     time = recording.instants - recording.instants[0]
-    for axle, name in enumerate(AXLES):
-        deflection, velocity = motion.deflection[:, axle], motion.velocity[:, axle]
-        damper_power = float(car[axle] ** 2 * velocity.var())
-        for description, law in _force_laws(float(travel[axle])):
-            force = np.zeros_like(recording.reading)
-            force[:, axle] = law(time, deflection, velocity)
+    dampers = [
+        float(values[element.damping][0] ** 2 * motion.velocity[:, e].var())
+        for e, element in enumerate(car.elements)
+    ]
+    for e, element in enumerate(car.elements):
+        for description, law in _force_laws(float(travel[e])):
+            force = np.zeros_like(motion.deflection)
+            force[:, e] = law(time, motion.deflection[:, e], motion.velocity[:, e])
             yield _Fault(
-                f"{description} at the {name}",
+                f"{description} at the {element.words}",
                 nothing._replace(force=force),
-                float(force[:, axle].var()),
-                damper_power,
+                float(force[:, e].var()),
+                dampers[e],
             )
     for frequency in _SEAT_FREQUENCIES:
-        for place, shares in _SEAT_PLACES.items():
-            base = motion.readings @ np.array(shares)
-            reaction = _oscillator(time, base, frequency, _SEAT_DAMPING)
+        for place, shares in _seat_places(car).items():
+            reaction = _oscillator(time, motion.body @ shares, frequency, _SEAT_DAMPING)
             yield _Fault(
                 f"a mass on a spring near {place}",
                 nothing._replace(force=np.outer(reaction, shares)),
                 float(reaction.var()),
-                float(car[0] ** 2 * motion.velocity[:, 0].var()),
+                dampers[0],
             )
-    for c, channel in enumerate(CHANNELS):
-        for description, distortion in _distortions(recording, motion.readings, c):
-            bandwidth = dataset.vehicle.sensor(channel).bandwidth
-            perturbation, power, reference = _distorted(
-                nothing, recording, motion.readings, c, distortion, bandwidth
-            )
-            of_channel = f"{description} ({channel.replace('_', ' ')})"
-            yield _Fault(of_channel, perturbation, power, reference)
+    for channel in dataset.channels:
+        bandwidth = dataset.vehicle.sensor(channel.name).bandwidth
+        for description, distortion in _distortions(recording, motion, channel):
+            changed = nothing, 0.0, 0.0
+            if channel in recording.channels:
+                c = recording.channels.index(channel)
+                changed = _distorted(nothing, recording, motion.readings, c, distortion, bandwidth)
+            yield _Fault(f"{description} ({channel.words})", *changed)
+
+
+def _seat_places(car: CarModel) -> dict[str, Array]:
+    """Places of a seat: above each axle, and in the middle of two; shares (ne,) of its force."""
+    places = {f"the {axle}": car.shares(axle) for axle in car.axles}
+    if len(places) < 2:
+        return places
+    front, *rear = places.items()
+    return dict([front, ("the middle", car.shares(BOTH)), *rear])
 
 
 def _force_laws(travel: float) -> Iterator[tuple[str, ForceLaw]]:
-    """Yield unlisted force laws of an axle, for its rms deflection."""
+    """Yield unlisted force laws of a suspension element, for its rms deflection."""
     for time_constant in _MOUNT_TIME_CONSTANTS:
         yield "a damper in a soft mount", partial(_soft_mount, time_constant)
     for share in _PLAY:
@@ -245,22 +283,26 @@ def _oscillator(time: Array, base: Array, frequency: float, damping_ratio: float
 
 
 def _distortions(
-    recording: PreparedRecording, readings: Array, c: int
+    recording: PreparedRecording, motion: _Motion, channel: Channel
 ) -> Iterator[tuple[str, Distortion]]:
     """Yield distortions of one channel as functions of its times and samples."""
-    for frequency in _MOUNT_FREQUENCIES:
+    accelerometer = channel.quantity == "acceleration"
+    for frequency in _MOUNT_FREQUENCIES if accelerometer else ():
         resonance = partial(_oscillator, frequency=frequency, damping_ratio=_MOUNT_DAMPING)
         yield f"a sensor mount that resonates near {frequency:.0f} Hz", resonance
     yield "a sampling clock that drifts", _drifting_clock
     yield "a nonlinear sensor scale", lambda time, signal: signal**2
     yield "a nonlinear sensor scale", lambda time, signal: signal**3
-    if c % 2 == 1:
-        other = 1 if c == 1 else 0  # axle of the other chassis channel
+    if not accelerometer or channel.is_input:
+        return
+    for e, element in enumerate(recording.car.elements):
+        if (element.axle, element.side) != (channel.axle, channel.side):
+            yield "a sensor at another position", partial(_displaced, recording, motion.body[:, e])
 
-        def displaced(time: Array, signal: Array) -> Array:
-            return np.asarray(signal - np.interp(time, recording.instants, readings[:, other]))
 
-        yield "a sensor at another position", displaced
+def _displaced(recording: PreparedRecording, there: Array, time: Array, signal: Array) -> Array:
+    """How a reading differs from the acceleration of another place of the body (E,)."""
+    return np.asarray(signal - np.interp(time, recording.instants, there))
 
 
 def _drifting_clock(time: Array, signal: Array) -> Array:
@@ -276,17 +318,18 @@ def _distorted(
     bandwidth: float | None,
 ) -> tuple[Perturbation, float, float]:
     """Perturbation of a run by the distortion of one channel; mean squares of change and signal."""
-    axle = c // 2
-    if c % 2 == 0:
-        knots, samples = clear_wheel(recording, axle, bandwidth)
+    if c in recording.inputs:
+        u = recording.inputs.index(c)
+        knots, samples = clear_wheel(recording, u, bandwidth)
         change = distortion(knots, samples)
-        signal = WheelSignal(CubicSpline(knots, change), knots, recording.wheels[axle].deviation)
+        signal = WheelSignal(CubicSpline(knots, change), knots, recording.wheels[u].deviation)
         driven = np.zeros_like(recording.moments)
-        driven[:, axle] = moments(signal, recording.instants, ORDER)
+        driven[:, u] = moments(signal, recording.instants, ORDER)
         return nothing._replace(moments=driven), float(change.var()), float(samples.var())
-    valid = recording.kind[:, axle] != MISSING
-    samples = readings[valid, axle]
+    y = recording.outputs.index(c)
+    valid = recording.kind[:, y] != MISSING
+    samples = readings[valid, y]
     change = distortion(recording.instants[valid], samples)
     reading = np.zeros_like(recording.reading)
-    reading[valid, axle] = change
+    reading[valid, y] = change
     return nothing._replace(reading=reading), float(change.var()), float(samples.var())

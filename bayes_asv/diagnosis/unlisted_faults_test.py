@@ -20,12 +20,9 @@ from bayes_asv.diagnosis.score_test import NuisanceProjection
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE, UNKNOWN_SIZE_COST
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, projection_with_tolerances
 from bayes_asv.diagnosis.unlisted_faults import unlisted_fault_sensitivities
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.filters.force_laws import OUTSIDE, excess_many
-from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.likelihood import Perturbation, shared_work
-from bayes_asv.posterior.parameters import car_scale
 
 __all__ = [
     "UnlistedExplanation",
@@ -42,7 +39,7 @@ Array = NDArray[np.float64]
 # what several effects would have to share.
 _JITTER_SHARE = 0.5
 _PULSE_SPACING = 0.04  # s
-_PULSE_FORCE = 0.01  # of the axle's load
+_PULSE_FORCE = 0.01  # of an element's load
 _AMPLITUDES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # prior standard deviations, in pulse forces
 
 
@@ -120,20 +117,22 @@ def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) ->
         As :func:`unlisted_fault_scores` takes them.
     """
     by_axle = {
-        axle: _log_bayes_factor(*projection.project_out(pulse_sensitivities(model, k)))
-        for k, axle in enumerate(AXLES)
+        axle: _log_bayes_factor(*projection.project_out(pulse_sensitivities(model, axle)))
+        for axle in model.model.space.car.axles
     }
     axle = max(by_axle, key=lambda name: by_axle[name])
     return by_axle[axle], axle
 
 
-def pulse_sensitivities(model: DenoisedModel, axle: int) -> Array:
+def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
     """Sensitivities (K, N) along short force pulses at one axle, in succession through every run.
 
-    A pulse rises for as long as the next one takes to begin, so that equal pulses add up to a
-    constant force.  They are added to the model, a named pulse in the same run included.
+    The elements of the axle share the force.  A pulse rises for as long as the next one takes to
+    begin, so that equal pulses add up to a constant force.  They are added to the model, a named
+    pulse in the same run included.
     """
-    size = _PULSE_FORCE * car_scale(model.dataset.vehicle).load
+    size = _PULSE_FORCE * model.model.space.sizes.load
+    shares = model.model.space.car.shares(axle)
     runs = [(run, recording.elapsed) for run, recording in enumerate(model.dataset.lines)]
     starts = [
         (run, start) for run, time in runs for start in np.arange(time[0], time[-1], _PULSE_SPACING)
@@ -142,13 +141,15 @@ def pulse_sensitivities(model: DenoisedModel, axle: int) -> Array:
     def sensitivity(at: tuple[int, float]) -> Array:
         run, start = at
         recording = model.dataset.lines[run]
-        nothing = np.zeros_like(recording.reading)
-        force = nothing.copy()
-        pulse = np.array([[axle, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
-        rest = np.zeros(len(nothing))
+        pulse = np.array([[0, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
         time = recording.elapsed
-        force[:, axle] = excess_many(pulse, axle, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
-        perturbation = Perturbation(np.zeros_like(recording.moments), nothing, force)
+        rest = np.zeros(len(time))
+        force = excess_many(pulse, 0, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
+        perturbation = Perturbation(
+            np.zeros_like(recording.moments),
+            np.zeros_like(recording.reading),
+            np.outer(force, shares),
+        )
         return model.concatenate({run: model.filters[run].response(perturbation)})
 
     with shared_work(model.model.target) as shared:
@@ -199,10 +200,11 @@ def best_unlisted_explanation(dataset: Dataset, evidence: ModelEvidence) -> Unli
             scores.descriptions[best],
         ),
         UnlistedExplanation(
-            base + force - math.log(len(AXLES)), f"an unknown force at the {axle} axle"
+            base + force - math.log(len(evidence.model.space.car.axles)),
+            f"an unknown force at the {axle} axle",
         ),
         UnlistedExplanation(
-            base + _JITTER_SHARE * jitter - UNKNOWN_SIZE_COST - math.log(len(CHANNELS)),
+            base + _JITTER_SHARE * jitter - UNKNOWN_SIZE_COST - math.log(len(dataset.channels)),
             f"jittering time stamps ({channel.replace('_', ' ')})",
         ),
     )

@@ -1,6 +1,6 @@
-"""The discrepancy workflow: from recordings to the effects that the linear half car lacks.
+"""The discrepancy workflow: from recordings to the effects that the linear car lacks.
 
-1. Preflight, and a fit of the linear half car with noise levels near the given ones.
+1. Preflight, and a fit of the linear car with noise levels near the given ones.
 2. An engine is recognised by its tones, which are removed; where they may belong to another fault,
    only once that is named.
 3. One test over all candidate effects: is any missing?
@@ -50,6 +50,7 @@ from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
@@ -73,6 +74,7 @@ def diagnose(
     vehicle: Vehicle,
     seed: int = 0,
     progress: Progress | None = None,
+    car: str = "half",
 ) -> Diagnosis:
     """Find where simulation and measurement disagree, and which effects are missing.
 
@@ -88,6 +90,8 @@ def diagnose(
         Seed of all draws.
     progress : callable, optional
         Called with the share of the work that is done, and what follows.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
 
     Returns
     -------
@@ -96,15 +100,15 @@ def diagnose(
     clock = time.perf_counter()
     progress = progress or (lambda share, text: None)
     progress(0.0, "preparing the recordings")
-    fit_runs, holdout_runs, notes = _split(recordings, holdout, vehicle)
-    fit, reasons, warnings = lay_out(fit_runs, vehicle)
+    fit_runs, holdout_runs, notes = _split(recordings, holdout, vehicle, car)
+    fit, reasons, warnings = lay_out(fit_runs, vehicle, car=car)
     if reasons:
-        return Diagnosis("refused", reasons, warnings, (), vehicle, seed)
-    held, unusable, _ = lay_out(holdout_runs, vehicle) if holdout_runs else ((), (), ())
+        return Diagnosis("refused", reasons, warnings, (), vehicle, seed, car=car)
+    held, unusable, _ = lay_out(holdout_runs, vehicle, car=car) if holdout_runs else ((), (), ())
     if unusable:
         notes.append("the held-out recordings cannot be used: " + "; ".join(unusable))
         held = ()
-    progress(0.05, "fitting the linear half car")
+    progress(0.05, f"fitting the linear {car} car")
     dataset = setting(vehicle, fit)
     given = Split(dataset, setting(vehicle, held) if held else None, base(dataset))
     search = _search(given, held, seed, progress)
@@ -141,6 +145,7 @@ def diagnose(
         recording_faults=find_recording_faults(fit),
         vehicle=vehicle,
         seed=seed,
+        car=car,
         p_value=search.p_value,
         named=named,
         engine=engine,
@@ -169,11 +174,11 @@ class _Search(NamedTuple):
     engine : Engine or None
         Whose tones were removed.
     without_tones : Split
-        Recordings without engine tones, and the linear half car there.
+        Recordings without engine tones, and the linear car there.
     held : tuple of PreparedRecording
         The held-out recordings without engine tones.
     p_value : float
-        Family-wise p-value of the linear half car.
+        Family-wise p-value of the linear car.
     site_count : int
         Number of sites that effects were selected from.
     """
@@ -228,14 +233,15 @@ def missing_effects(
     vehicle: Vehicle,
     seed: int = 0,
     progress: Progress | None = None,
+    car: str = "half",
 ) -> tuple[Site, ...]:
     """Effects that are more probable than not, for an estimate with them in the model."""
-    diagnosis = diagnose(recordings, (), vehicle, seed, progress)
+    diagnosis = diagnose(recordings, (), vehicle, seed, progress, car)
     return tuple(e.site for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
 
 
 def _split(
-    recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle
+    recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle, car: str
 ) -> tuple[list[Recording], list[Recording], list[str]]:
     """Choose the recordings that are fitted and held out, with notes on the choice."""
     if holdout:
@@ -250,9 +256,11 @@ def _split(
         replace(whole, time=whole.time[half], values=whole.values[:, half])
         for half in (slice(0, middle), slice(middle, None))
     )
-    power = [float(np.nanvar(half.values[[0, 2]], axis=1).sum()) for half in (first, second)]
+    elements = car_model(car, vehicle).elements
+    wheels = [whole.channels.index(f"{element.name}_wheel") for element in elements]
+    power = [float(np.nanvar(half.values[wheels], axis=1).sum()) for half in (first, second)]
     usable = middle >= _MIN_ROWS and not any(
-        lay_out([half], vehicle)[1] for half in (first, second)
+        lay_out([half], vehicle, car=car)[1] for half in (first, second)
     )
     if power[1] > _MIN_EXCITATION * power[0] and usable:
         return [first], [second], [f"the second half of {name} is held out for the validation"]

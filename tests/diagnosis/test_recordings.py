@@ -19,6 +19,7 @@ from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
 from bayes_asv.diagnosis.unlisted_faults_test import pulse_sensitivities
 from bayes_asv.diagnosis.workflow import diagnose, missing_effects
 from bayes_asv.domain.recording import Recording
+from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.effect_fit import read_site, with_effects
 from bayes_asv.posterior.fitted_model import base, setting
 from tests.battery.cases import Case, case
@@ -141,7 +142,7 @@ def test_a_free_force_is_added_to_a_named_pulse() -> None:
     z[model.space.names.index(force)] = 0.0
     zero = replace(model, mode=replace(model.mode, z=z))
     without = denoised_model(assessed.denoised, zero)
-    for axle in range(2):
+    for axle in AXLES:
         one, other = pulse_sensitivities(with_pulse, axle), pulse_sensitivities(without, axle)
         largest = float(np.abs(one).max())
         assert largest > 0.0
