@@ -1,8 +1,8 @@
 """Any other table of numbers in text, as Arduino, Teensy and ESP32 sketches write it.
 
-With or without names, separated by commas, semicolons, tabs or blanks, with a decimal point or a
-decimal comma.  Time is in s, ms, µs, since 1970 or a time of day; without a column of time the user
-gives the rate.
+With or without names or labels, separated by commas, semicolons, tabs or blanks, with a decimal
+point or a decimal comma.  Time is in s, ms, µs, since 1970 or a time of day; without a column of
+time the user gives the rate.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from bayes_asv.domain.files import decode
 from bayes_asv.domain.recording import COUNTS
 from bayes_asv.io import logger_text
 from bayes_asv.io.formats.format import Format, LogBuilder
-from bayes_asv.io.formats.table import decode_text, log_of_table, read_table
+from bayes_asv.io.formats.table import decode_text, read_table
+from bayes_asv.io.formats.table_log import log_of_table
 from bayes_asv.io.text import TextFile
 
 if TYPE_CHECKING:
@@ -34,6 +35,10 @@ _OWN_HEADER: Final = re.compile(
     + rb")\s*[\[(]"
 )
 _OWN_ROW: Final = re.compile(rb"[ \t]*[+-]?\d{1,10}(?:[ \t]+[+-]?\d{1,10}){4}[ \t]*")
+_ARROW: Final = re.compile(r"\d\d:\d\d:\d\d\.\d{3} -> .*")
+_LABEL: Final = re.compile(r"([A-Za-z_]\w{0,40})[ \t]?[:=][ \t]*([+-]?[\d.]+(?:[eE][+-]?\d+)?)")
+_LABELLED: Final = re.compile(rf"(?:{_LABEL.pattern}(?:[,;\t ]+|$))+", re.ASCII)
+_MAX_LINE: Final = 1000
 _FULL_SCALE: Final = 1023
 
 
@@ -41,12 +46,40 @@ def _recognises(head: bytes) -> bool:
     """Whether it is text with a digit; every other format is asked first."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return True
-    return b"\0" not in head and re.search(rb"\d", head) is not None
+    return b"\0" not in head[:1000] and re.search(rb"\d", head) is not None
 
 
 def _read(file: LogFile) -> Log:
-    table = read_table(decode_text(file.data, file.source), file.source)
-    return log_of_table(LogBuilder(file, FORMAT.name), table)
+    builder = LogBuilder(file, FORMAT.name)
+    lines = decode_text(file.data, file.source).splitlines()
+    lines = _without_labels(_without_arrows(lines, builder))
+    return log_of_table(builder, read_table("\n".join(lines), file.source))
+
+
+def _without_arrows(lines: list[str], builder: LogBuilder) -> list[str]:
+    """Make the stamps of the Arduino monitor, ``12:34:56.789 -> ``, a cell of each line."""
+    if not _most(_ARROW, lines):
+        return lines
+    builder.warnings.append(
+        "the time is that of the computer, which reads the port later and in batches"
+    )
+    rests = [line.partition(" -> ")[2] for line in lines]
+    separator = next((one for one in ";\t," if sum(one in rest for rest in rests) > 1), " ")
+    return [line.replace(" -> ", separator, 1) for line in lines]
+
+
+def _without_labels(lines: list[str]) -> list[str]:
+    """Make names of the labels that the Arduino plotter wants, ``ax:0.01 ay:-0.02``."""
+    if not _most(_LABELLED, lines):
+        return lines
+    rows = [dict(_LABEL.findall(line)) for line in lines if _LABELLED.fullmatch(line.strip())]
+    names = list(dict.fromkeys(name for row in rows[:1000] for name in row))
+    return [",".join(names), *(",".join(row.get(name, "") for name in names) for row in rows)]
+
+
+def _most(form: re.Pattern[str], lines: list[str]) -> bool:
+    sample = [line.strip() for line in lines[-100:] if line.strip() and len(line) < _MAX_LINE]
+    return 2 * sum(form.fullmatch(line) is not None for line in sample) > len(sample)
 
 
 def _recognises_recording(head: bytes) -> bool:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from bayes_asv.io.formats.format import Format, LogBuilder
-from bayes_asv.io.formats.table import decode_text, first_cells, log_of_table, read_table
+from bayes_asv.io.formats.table import decode_text, first_cells, read_table
+from bayes_asv.io.formats.table_log import log_of_table
 
 if TYPE_CHECKING:
     from bayes_asv.domain.log import Log

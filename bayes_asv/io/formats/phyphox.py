@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Final
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.io.formats.format import Format, LogBuilder, library
-from bayes_asv.io.formats.table import add_table, decode_text, first_line, log_of_table, read_table
+from bayes_asv.io.formats.table import decode_text, first_line, read_table
+from bayes_asv.io.formats.table_log import add_table, log_of_table
 from bayes_asv.io.text import MAX_FILE_SIZE
 
 if TYPE_CHECKING:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.io.formats.format import Format, LogBuilder
-from bayes_asv.io.formats.table import Header, decode_text, log_of_table, read_table
+from bayes_asv.io.formats.header import Header
+from bayes_asv.io.formats.table import decode_text, read_table
+from bayes_asv.io.formats.table_log import log_of_table
 
 if TYPE_CHECKING:
     from bayes_asv.domain.log import Log

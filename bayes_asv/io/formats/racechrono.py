@@ -12,7 +12,8 @@ import numpy as np
 
 from bayes_asv.io.formats.format import Format, LogBuilder
 from bayes_asv.io.formats.motec_csv import COMMON_RATE
-from bayes_asv.io.formats.table import decode_text, log_of_table, read_table
+from bayes_asv.io.formats.table import decode_text, read_table
+from bayes_asv.io.formats.table_log import log_of_table
 
 if TYPE_CHECKING:
     from bayes_asv.domain.log import Log

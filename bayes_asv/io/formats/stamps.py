@@ -42,7 +42,7 @@ _COARSE: Final = 0.1
 _LARGEST: Final = 1e19  # ns since 1970 are below it
 _COUNTER: Final = 2.0**32
 _CLOCK: Final = re.compile(
-    r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[ T])?"
+    r"(?:[\w./-]{1,12}[ T]){0,3}"
     r"(?:(\d{1,3}):)?(\d{1,2}):(\d{1,2}(?:[.,]\d{1,9})?)\s*(?:Z|UTC|[+-]\d\d:?\d\d)?",
     re.ASCII,
 )
@@ -50,11 +50,24 @@ _DAY: Final = 86400.0
 
 
 class Repaired(NamedTuple):
-    """Increasing stamps, s since the first of them, the rows they belong to, and what was done."""
+    """Increasing stamps.
+
+    Attributes
+    ----------
+    time : ndarray of float, shape (M,)
+        Time since the first stamp, s.
+    rows : ndarray of int, shape (M,)
+        Rows of the stamps.
+    warnings : tuple of str
+        What was done.
+    start : float
+        First stamp, s since whatever the clock counts from.
+    """
 
     time: NDArray[np.float64]
     rows: NDArray[np.intp]
     warnings: tuple[str, ...]
+    start: float
 
 
 def time_factor(text: str, in_name: bool = False) -> float | None:
@@ -142,7 +155,7 @@ def repair(
     advancing = steps[steps > 0]
     if not advancing.size:
         if raw.size == 1:
-            return Repaired(np.zeros(1), rows, tuple(warnings))
+            return Repaired(np.zeros(1), rows, tuple(warnings), raw[0] * (factor or 1.0))
         raise _standing_still(where)
     if factor is None:
         step = float(np.median(advancing))
@@ -181,7 +194,7 @@ def repair(
         raise InputError(where, f"lasts {time[-1]:.3g} s", "check the unit of the time column")
     if (np.diff(time) <= 0).any():
         raise InputError(where, "has stamps closer than they can be told apart", "export it again")
-    return Repaired(time, rows, tuple(warnings))
+    return Repaired(time, rows, tuple(warnings), raw[0] * factor)
 
 
 def is_clock(cell: str) -> bool:

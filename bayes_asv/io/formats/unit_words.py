@@ -20,7 +20,7 @@ _LIST: Final = """
     l cc ml gal gallon gallons l/h kg/h
     t µt ut nt gauss gs tesla
     count counts raw bit bits lsb code step steps # no nr enum state bool boolean flag number
-    db dba lux lx cd dop sats satellites ratio lambda afr pulse pulses x none - --
+    db dba lux lx cd dop sats satellites ratio lambda afr pulse pulses none - --
     (null) null unitless
 """
 _WORDS: Final = frozenset(_LIST.split())

@@ -13,8 +13,10 @@ import numpy as np
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.io.formats.format import Format, LogBuilder
+from bayes_asv.io.formats.header import Header
 from bayes_asv.io.formats.stamps import past_midnight
-from bayes_asv.io.formats.table import Header, decode_text, log_of_table, read_table
+from bayes_asv.io.formats.table import decode_text, read_table
+from bayes_asv.io.formats.table_log import log_of_table
 from bayes_asv.io.formats.unit_words import is_unit
 
 if TYPE_CHECKING:

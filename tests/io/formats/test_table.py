@@ -61,8 +61,9 @@ def test_encodings_and_line_ends(read: Read, encoding: str, end: str) -> None:
     "header",
     [
         "time,front,rear\ns,g,g\n", '"time","front","rear"\n"s","g","g"\n\n\n',
-        "time (s),front (g),rear (g)\n", "time [s];front [g];rear [g]\n", "# time s, front g\n"
-        "time,front,rear\ns,g,g\n", "time,front,rear\n\ns,g,g\n", "t / s,front / g,rear / g\n",
+        "time (s),front (g),rear (g)\n", "time [s];front [g];rear [g]\n",
+        "time,front,rear\n[s],[g],[g]\n", "# time s, front g\ntime,front,rear\ns,g,g\n",
+        "time,front,rear\n\ns,g,g\n", "t / s,front / g,rear / g\n",
     ],
 )  # fmt: skip
 def test_units_in_a_row_or_behind_the_name(read: Read, header: str) -> None:
@@ -132,6 +133,32 @@ def test_rate_of_the_user_of_the_file_and_the_stamps(read: Read) -> None:
     assert "the time stamps give 200 Hz; the stamps are used" in stamped.warnings[-1]
 
 
+def test_labels_of_the_arduino_plotter(read: Read) -> None:
+    for form in ("t_ms:{} front:{} rear:{}", "t_ms: {}, front: {}, rear: {}", "t_ms={};front={}"):
+        rows = zip([5 * row for row in range(400)], FRONT, REAR, strict=True)
+        log = read("booting\n" + "".join(form.format(*row) + "\n" for row in rows))
+        check(log, unit="")
+
+
+def test_stamps_of_the_arduino_monitor(read: Read) -> None:
+    for separator in (",", "\t", " "):
+        clock = [f"23:59:{58 + second:06.3f}" for second in TIME.tolist() if second < 1.9]
+        rows = table(FRONT[: len(clock)], REAR[: len(clock)], separator=separator).splitlines()
+        log = read("\n".join(f"{one} -> {row}" for one, row in zip(clock, rows, strict=True)))
+        np.testing.assert_array_equal(log.channel("column 2").values, FRONT[: len(clock)])
+        np.testing.assert_allclose(log.channels[0].time, TIME[: len(clock)], atol=1e-6)
+        assert "the time is that of the computer" in log.warnings[0]
+
+
+def test_names_that_do_not_fit(read: Read) -> None:
+    more = read("time,front,rear,note\n" + table(SECONDS, FRONT, REAR))
+    check(more, unit="")
+    assert more.warnings[0] == "the columns note have no cells"
+    fewer = read("time,front\n" + table(SECONDS, FRONT, REAR))
+    assert fewer.names == ("column 2", "column 3")
+    assert "the line above the data does not name 3 columns" in fewer.warnings
+
+
 def test_index_shows_a_lost_row(read: Read) -> None:
     keep = np.arange(400) != 7
     log = read("sample,front\n" + table(np.arange(400)[keep], FRONT[keep]), rate=200)
@@ -162,11 +189,57 @@ def test_text_and_broken_rows_are_left_out_with_a_warning(read: Read) -> None:
     }
 
 
+def test_what_a_power_cut_leaves_behind(read: Read) -> None:
+    rows = table(SECONDS, FRONT, REAR)
+    check(read("time,front,rear\n" + rows + "\0" * 5000), unit="")
+    cut = rows.encode()[: -len(rows.splitlines()[-1]) // 2]
+    log = read("time,front,rear\n" + cut.decode() + "\0" * 5000)
+    np.testing.assert_array_equal(log.channel("front").values, FRONT[: log.channels[0].time.size])
+    assert log.channels[0].time.size >= 398
+
+
+def test_zeros_of_a_damaged_card_spoil_their_cells_only(read: Read) -> None:
+    lines = ("time,front,rear\n" + table(SECONDS, FRONT, REAR)).splitlines()
+    lines[51] = lines[51].replace(str(FRONT[50]), "1.\0\0")
+    log = read("\n".join(lines))
+    keep = np.delete(np.arange(400), 50)
+    np.testing.assert_array_equal(log.channel("front").values, FRONT[keep])
+    np.testing.assert_array_equal(log.channel("rear").values, REAR)
+
+
 def test_many_broken_rows_are_refused(read: Read) -> None:
     lines = table(SECONDS, FRONT, REAR).splitlines()
     lines[100:150] = [line.rsplit(",", 1)[0] for line in lines[100:150]]
     with pytest.raises(InputError, match=r"log.csv:102: does not have 3 cells .* like 50 of 400"):
         read("time,front,rear\n" + "\n".join(lines))
+
+
+CLOCK = [f"12:00:{second:06.3f}" for second in TIME.tolist()]
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "separator", "names"),
+    [
+        ("LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\nChannels\t1\t\n"
+         "Delta_X\t0.005\t\n***End_of_Header***\t\nX_Value\tfront\tComment\n",
+         (SECONDS, FRONT), "\t", ("front",)),
+        ("Datum;Uhrzeit;front (g)\n", (["01.06.2025"] * 400, CLOCK, FRONT), ";", ("front",)),
+        ("GPS Time, Device Time, front, rear\n",
+         (["Sun Jun 01 12:00:00 2025"] * 400, [f"01-Jun-2025 {one}" for one in CLOCK], FRONT, REAR),
+         ", ", ("front", "rear")),
+        ("ets Jun  8 2016 00:22:57\nrst:0x1 (POWERON_RESET),boot:0x13\nMPU6050 OK\ntime_s,front\n",
+         (SECONDS, FRONT), ",", ("front",)),
+        (",time,front\n", (range(400), SECONDS, FRONT), ",", ("column 1", "front")),
+        ("sep=;\nZeit [s];front [g]\n", (SECONDS, FRONT), ";", ("front",)),
+    ],
+    ids=["LabVIEW", "German clock", "Torque", "ESP32 boot", "pandas", "Excel"],
+)  # fmt: skip
+def test_tables_of_other_programs(
+    read: Read, head: str, columns: tuple[object, ...], separator: str, names: tuple[str, ...]
+) -> None:
+    log = read(head + table(*columns, separator=separator))
+    assert log.names == names
+    check(log, unit=log.channel("front").unit)
 
 
 def test_names_that_repeat_get_a_source(read: Read) -> None:
