@@ -22,6 +22,8 @@ from bayes_asv.analysis.run_consistency import (
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
@@ -29,13 +31,11 @@ from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["ANSWERS", "DERIVED", "LIKELIHOODS", "Estimate", "RunFit", "estimate"]
+__all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-ANSWERS = ("c_f", "c_r", "i")
-DERIVED = ("k_g", "zeta_f", "zeta_r")
 LIKELIHOODS = ("innovations", "output-error")
 
 _APART = (4, 2500)  # draws where runs do not agree: independent, in as many rows as ensembles
@@ -87,9 +87,11 @@ class Estimate:
         Why it was refused; what to know otherwise.
     vehicle : Vehicle
         The car as given.
+    car : CarModel
+        Its model.
     draws : dict of str to (4, S) array
-        Draws of every sampled car parameter and of k_g, zeta_f, zeta_r, SI units, one row an
-        ensemble; empty when refused.
+        Draws of every parameter of the model that is not exact and of what is derived from them,
+        SI units, one row an ensemble; empty when refused.
     nuisance : dict of str to (4, S) array
         Draws of noise deviations (m/s²) and of the filtered share of the noise's variance.
     log_posterior : (4, S) array
@@ -124,6 +126,7 @@ class Estimate:
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
     vehicle: Vehicle
+    car: CarModel
     recordings: tuple[Recording, ...]
     likelihood: str
     seed: int
@@ -147,6 +150,19 @@ class Estimate:
     def count(self) -> int:
         """Number of draws in all."""
         return int(next(iter(self.draws.values())).size) if self.draws else 0
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Names of the draws that were asked for: all but those of the given values."""
+        given = {p.name for p in self.car.parameters if p.kind != "estimated"}
+        return tuple(name for name in self.draws if name not in given)
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Nominal value of each parameter and of what is derived from them, SI units."""
+        values = self.car.nominal
+        derived = {} if self.car.derived is None else self.car.derived(values)
+        return {name: float(x[0]) for name, x in {**values, **derived}.items()}
 
 
 def estimate(
@@ -200,6 +216,7 @@ def estimate(
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
     tell = progress or (lambda share, words: None)
+    model = car_model(car, vehicle)
     lines, reasons, warnings = lay_out(recordings, vehicle, below, car)
     found, agreement = None, None
     if not reasons:
@@ -211,7 +228,7 @@ def estimate(
                 len(lines) > 1
                 and likelihood == "innovations"
                 and not sites
-                and len(lines[0].car.estimated) <= MOST_COMPARED
+                and len(model.estimated) <= MOST_COMPARED
             ):  # the other form claims too much
                 alone = [run_alone(line, vehicle, seed) for line in lines]
                 agreement = compare_runs(alone, math.prod(_APART), seed)
@@ -228,7 +245,7 @@ def estimate(
         return replace(told, seconds=time.perf_counter() - began)
     if reasons or found is None:
         return Estimate(
-            "refused", reasons, warnings, vehicle, tuple(recordings),
+            "refused", reasons, warnings, vehicle, model, tuple(recordings),
             likelihood, seed, time.perf_counter() - began, agreement=agreement, below=below,
         )  # fmt: skip
     where, target = found.space, found.target
@@ -248,7 +265,7 @@ def estimate(
             f"the ensembles had not agreed after {ensembles.draws.shape[1]} draws each "
             f"(R̂ {ensembles.rhat_max:.3f}, effective draws "
             f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
-            "intervals: the recordings may hold something the half car does not know",
+            "intervals: the recordings may hold motion that the model does not describe",
         )
     runs = tuple(
         _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
@@ -260,6 +277,7 @@ def estimate(
         reasons=(),
         warnings=warnings,
         vehicle=vehicle,
+        car=model,
         recordings=tuple(recordings),
         likelihood=where.likelihood,
         seed=seed,
@@ -301,6 +319,7 @@ def _apart(
         reasons=(),
         warnings=warnings,
         vehicle=vehicle,
+        car=agreement.space.car,
         recordings=tuple(recordings),
         likelihood=agreement.space.likelihood,
         seed=seed,

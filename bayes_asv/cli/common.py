@@ -13,7 +13,9 @@ import click
 from bayes_asv.domain.errors import InputError
 
 __all__ = [
+    "CARS",
     "EXIT_STATUS",
+    "car_option",
     "check_outputs",
     "json_option",
     "make_folder",
@@ -44,6 +46,14 @@ seed_option = click.option(
 rate_option = click.option(
     "--rate", type=float, metavar="HZ", help="Sampling rate of a recording without time stamps."
 )
+
+CARS = ("half", "quarter-front", "quarter-rear", "roll")
+"""Names of :data:`bayes_asv.models.cars.CARS`, which takes time to import."""
+car_option = click.option(
+    "--car", type=click.Choice(CARS),
+    help="Model of the car (docs/cars.md); by default the one whose wheels the first recording "
+    "has.",
+)  # fmt: skip
 
 
 def quantity(

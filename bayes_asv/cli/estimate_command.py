@@ -14,15 +14,7 @@ __all__ = ["command"]
 @click.command("estimate")
 @common.recordings_argument
 @common.vehicle_option
-@click.option(
-    "--car",
-    "which",
-    type=click.Choice(["half", "roll"]),
-    default="half",
-    show_default=True,
-    help="Model of the car; 'roll' takes seven channels and distinguishes left and right dampers "
-    "(docs/cars.md).",
-)
+@common.car_option
 @click.option(
     "--likelihood",
     type=click.Choice(["innovations", "output-error"]),
@@ -57,7 +49,7 @@ __all__ = ["command"]
 def command(
     recordings: tuple[str, ...],
     vehicle: str,
-    which: Literal["half", "roll"],
+    car: str | None,
     likelihood: Literal["innovations", "output-error"],
     below: float | None,
     effects: tuple[str, ...],
@@ -67,31 +59,23 @@ def command(
     rate: float | None,
     seed: int,
 ) -> int:
-    """Estimate damping rates and pitch inertia from one or several recordings together."""
+    """Estimate damping rates and inertias from one or several recordings together."""
     common.check_outputs((*recordings, vehicle), json_file, netcdf)
     if (effects or model == "auto") and (below is not None or likelihood != "innovations"):
         raise click.UsageError("effects need the whole band and the innovations likelihood")
-    half_only = {
-        "--likelihood": likelihood != "innovations", "--below": below is not None,
-        "--with": effects, "--model": model != "linear", "--netcdf": netcdf is not None,
-    }  # fmt: skip
-    for option, given in half_only.items():
-        if which == "roll" and given:
-            raise click.UsageError(f"{option} needs the half car; leave out {option} or --car roll")
     import bayes_asv as asv
 
     if netcdf is not None:
         from bayes_asv.library.extras import import_extra
 
         import_extra("h5netcdf", "--netcdf")
-    car = asv.read_vehicle(vehicle)
     result = asv.estimate(
         asv.read_recordings(recordings, rate=rate),
-        car,
+        asv.read_vehicle(vehicle),
         effects=(*effects, "auto") if model == "auto" else effects,
         likelihood=likelihood,
         below=below,
-        car=which,
+        car=car,
         seed=seed,
     )
     if netcdf is not None and result.parameters:

@@ -19,6 +19,7 @@ _MAX_SAVED = 3  # an estimate, a diagnosis and a track
     "--from", "saved", multiple=True, metavar="FILE",
     help="JSON that estimate, diagnose or track wrote before; once for each.",
 )  # fmt: skip
+@common.car_option
 @click.option("--no-diagnosis", is_flag=True, help="Do not diagnose the recordings.")
 @common.json_option
 @common.rate_option
@@ -28,6 +29,7 @@ def command(
     vehicle: str | None,
     output: str,
     saved: tuple[str, ...],
+    car: str | None,
     no_diagnosis: bool,
     json_file: str | None,
     rate: float | None,
@@ -55,13 +57,13 @@ def command(
     import bayes_asv as asv
     from bayes_asv.library.reports import report, short_lines
 
-    car = None if vehicle is None else asv.read_vehicle(vehicle)
     document = report(
         output,
         asv.read_recordings(recordings, rate=rate),
-        car,
+        None if vehicle is None else asv.read_vehicle(vehicle),
         saved=saved,
         diagnosis=not no_diagnosis,
+        car=car,
         seed=seed,
     )
     common.output(document.to_dict(), [*short_lines(document), output], json_file)

@@ -1,4 +1,4 @@
-"""Dimension and display name of every parameter, estimated or given."""
+"""Dimension and display name of every parameter, estimated or given, and of its unknowns."""
 
 from __future__ import annotations
 
@@ -22,4 +22,15 @@ QUANTITIES = {
     "c_rl": ("damping", "rear left damping rate"),
     "c_rr": ("damping", "rear right damping rate"),
     "i_roll": ("pitch_inertia", "roll inertia"),
+    "k_fl": ("stiffness", "front left spring rate"),
+    "k_fr": ("stiffness", "front right spring rate"),
+    "k_rl": ("stiffness", "rear left spring rate"),
+    "k_rr": ("stiffness", "rear right spring rate"),
+    "t_f": ("length", "front track"),
+    "t_r": ("length", "rear track"),
+    "s_f": ("length", "distance between the front sensors"),
+    "bar_f": ("stiffness", "front anti-roll bar rate"),
+    "bar_r": ("stiffness", "rear anti-roll bar rate"),
+    "split_f": ("dimensionless", "difference between the front springs"),
+    "split_r": ("dimensionless", "difference between the rear springs"),
 }

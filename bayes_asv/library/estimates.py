@@ -1,4 +1,4 @@
-"""``asv.estimate``: the posterior of damping rates and pitch inertia."""
+"""``asv.estimate``: the posterior of damping rates and inertias."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.library.inputs import check_inputs
-from bayes_asv.library.parameter import Parameter, from_draws, nominal_of
+from bayes_asv.library.parameter import Parameter, from_draws
 from bayes_asv.library.progress import Progress, part_of, progress_bar
 from bayes_asv.library.result import Result
 
@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from bayes_asv.library.plots import EstimatePlots
     from bayes_asv.library.tracks import Track
     from bayes_asv.models.effects import Site
-    from bayes_asv.report.schema import EstimateDocument, RollDocument
+    from bayes_asv.report.schema import EstimateDocument
 
-__all__ = ["Estimate", "check_seed", "estimate"]
+__all__ = ["Estimate", "car_of", "check_seed", "estimate"]
 
 Likelihood = Literal["innovations", "output-error"]
-Car = Literal["half", "roll"]
 
 _AUTO = "auto"
 _SHARE_OF_DIAGNOSIS = 0.6  # of the time, where effects are found before they are estimated
@@ -35,16 +34,17 @@ _SHARE_OF_DIAGNOSIS = 0.6  # of the time, where effects are found before they ar
 class Estimate(Result):
     """Posterior of one car's parameters, from :func:`bayes_asv.estimate`.
 
-    ``verdict`` is ``"ok"``, ``"not_converged"`` or ``"refused"``.  Parameters are ``c_f``,
-    ``c_r``, ``i``, ``k_g``, ``zeta_f`` and ``zeta_r``, or those of the roll car.
+    ``verdict`` is ``"ok"``, ``"not_converged"`` or ``"refused"``.  Parameters of the half car are
+    ``c_f``, ``c_r``, ``i``, ``k_g``, ``zeta_f`` and ``zeta_r``; ``docs/cars.md`` lists those of
+    other cars.
     """
 
-    document: EstimateDocument | RollDocument
+    document: EstimateDocument
 
     def __init__(
         self,
         engine: EngineEstimate,
-        document: EstimateDocument | RollDocument,
+        document: EstimateDocument,
         parameters: dict[str, Parameter],
         searched: bool = False,
     ):
@@ -60,14 +60,14 @@ class Estimate(Result):
     @property
     def effects(self) -> list[Any]:
         """Effects in the model, each with ``name``, ``where`` and ``parameters``."""
-        return list(getattr(self.document, "effects", []))
+        return list(self.document.effects)
 
     @cached_property
     def plot(self) -> EstimatePlots:
         """Figures: ``plot.posterior()``, ``plot.simulation()``, ``plot.damper_velocity()``."""
         from bayes_asv.library.plots import EstimatePlots
 
-        return EstimatePlots(self._half_car_document("plot"))
+        return EstimatePlots(self.document)
 
     def report(
         self,
@@ -96,7 +96,7 @@ class Estimate(Result):
 
         beside = {"diagnosis": diagnosis, "online": track}
         given = {key: result.document for key, result in beside.items() if result is not None}
-        write_report(self._half_car_document("report").model_copy(update=given), path)
+        write_report(self.document.model_copy(update=given), path)
 
     def to_inference_data(self) -> Any:
         """Return the draws as ArviZ inference data, all in SI units.
@@ -106,7 +106,7 @@ class Estimate(Result):
         arviz.InferenceData or xarray.DataTree
             As the installed ArviZ has it.  Groups are ``posterior`` (with noise levels and
             effects), ``sample_stats``, ``prior`` and ``observed_data``, and for runs of a linear
-            half car that are consistent with each other ``log_likelihood`` (by recording),
+            car that are consistent with each other ``log_likelihood`` (by recording),
             ``log_prior`` and ``posterior_predictive``.
 
         Raises
@@ -134,30 +134,18 @@ class Estimate(Result):
 
     def lines(self) -> list[str]:
         """State the result in sentences, as the command line prints them."""
-        from bayes_asv.report.schema import EstimateDocument
         from bayes_asv.report.sections.effects import effect_lines
-        from bayes_asv.report.sections.verdict import roll_lines, verdict_lines
+        from bayes_asv.report.sections.verdict import verdict_lines
 
-        if not isinstance(self.document, EstimateDocument):
-            return roll_lines(self.document)
         lines = [*verdict_lines(self.document), *effect_lines(self.document.effects)]
         if self._searched and not self.effects and self.verdict != "refused":
-            lines.append("No effect was named, so the model is the linear half car.")
+            lines.append("No effect was named, so the model is linear.")
         return lines
 
     @property
     def engine(self) -> EngineEstimate:
         """The value that the engine returned, in SI units."""
         return self._engine
-
-    def _half_car_document(self, purpose: str) -> EstimateDocument:
-        from bayes_asv.report.schema import EstimateDocument
-
-        if not isinstance(self.document, EstimateDocument):
-            raise InputError(
-                purpose, "is there for the half car only", "use summary() or to_json()"
-            )
-        return self.document
 
     def _drawn(self, purpose: str) -> EngineEstimate:
         if not self._engine.draws:
@@ -172,11 +160,11 @@ def estimate(
     effects: str | Sequence[str] = (),
     likelihood: Likelihood = "innovations",
     below: float | None = None,
-    car: Car | None = None,
+    car: str | None = None,
     seed: int = 0,
     progress: Progress = None,
 ) -> Estimate:
-    """Estimate damping rates and pitch inertia from one or several recordings of one car.
+    """Estimate damping rates and inertias from one or several recordings of one car.
 
     Parameters
     ----------
@@ -191,8 +179,8 @@ def estimate(
         With the noise of the wheel sensors in the covariance, or with white residuals.
     below : float, optional
         Use only the motion below this frequency, Hz.
-    car : {'half', 'roll'}, optional
-        Model of the car; by default that of the recordings' channels.
+    car : {'half', 'quarter-front', 'quarter-rear', 'roll'}, optional
+        Model of the car; by default that whose wheels the first recording has.
     seed : int
         The same seed gives the same answer.
     progress : bool or callable, optional
@@ -212,18 +200,9 @@ def estimate(
         If an option, a channel or a calibration does not fit; the message says what to do.
     """
     check_seed(seed)
-    car = car or _car_of(recordings)
-    if car not in ("half", "roll"):
-        raise InputError(f"car={car!r}", "there is no such car", "give 'half' or 'roll'")
+    car = car or car_of(recordings)
     runs, vehicle = check_inputs("estimate", recordings, vehicle, car=car)
     names = (effects,) if isinstance(effects, str) else tuple(effects)
-    if car == "roll":
-        if names or likelihood != "innovations" or below is not None:
-            raise InputError(
-                "estimate", "the roll car has no effects, other likelihood or band",
-                "leave out effects, likelihood and below, or give car='half'",
-            )  # fmt: skip
-        return _estimate_roll(runs, vehicle, seed, progress)
     if names and (below is not None or likelihood != "innovations"):
         raise InputError(
             "estimate", "effects need the whole band and the innovations likelihood",
@@ -237,17 +216,17 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
-        sites, report = _sites(names, runs, vehicle, seed, report)
+        sites, report = _sites(names, runs, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,
-            sites=sites,
+            sites=sites, car=car,
         )  # fmt: skip
     from bayes_asv.report.documents.estimate import estimate_document
 
+    nominal = result.nominal
     parameters = {
-        name: from_draws(name, result.draws[name], nominal_of(name, vehicle), vehicle.units)
-        for name in (*estimation.ANSWERS, *estimation.DERIVED)
-        if name in result.draws
+        name: from_draws(name, result.draws[name], nominal[name], vehicle.units)
+        for name in result.answers
     }
     return Estimate(result, estimate_document(result), parameters, searched=_AUTO in names)
 
@@ -260,16 +239,19 @@ def check_seed(seed: int) -> None:
         )
 
 
-def _car_of(recordings: object) -> Car:
-    """Model of the car whose wheels the recordings have."""
-    first = next(iter(recordings), None) if isinstance(recordings, Sequence) else recordings
-    return "roll" if "front_left_wheel" in getattr(first, "channels", ()) else "half"
+def car_of(recordings: object) -> str:
+    """Name of the first model of a car all of whose wheels the first recording has."""
+    from bayes_asv.models.cars import cars_with
+
+    first = recordings[0] if isinstance(recordings, Sequence) and recordings else recordings
+    return next(iter(cars_with(getattr(first, "channels", ()))), "half")
 
 
 def _sites(
     names: tuple[str, ...],
     runs: tuple[Recording, ...],
     vehicle: Vehicle,
+    car: str,
     seed: int,
     report: Any,
 ) -> tuple[tuple[Site, ...], Any]:
@@ -281,23 +263,7 @@ def _sites(
         return sites, report
     from bayes_asv.diagnosis.workflow import missing_effects
 
-    found = missing_effects(runs, vehicle, seed, part_of(report, 0.0, _SHARE_OF_DIAGNOSIS))
+    share = part_of(report, 0.0, _SHARE_OF_DIAGNOSIS)
+    found = missing_effects(runs, vehicle, seed, share, car)
     sites += tuple(site for site in found if site not in sites)
     return sites, part_of(report, _SHARE_OF_DIAGNOSIS, 1.0)
-
-
-def _estimate_roll(
-    runs: tuple[Recording, ...], vehicle: Vehicle, seed: int, progress: Progress
-) -> Estimate:
-    from bayes_asv.estimation import estimate as engine
-    from bayes_asv.report.documents.estimate import roll_document
-
-    with progress_bar(progress) as report:
-        result = engine(runs, vehicle, seed=seed, progress=report, car="roll")
-    document = roll_document(result)
-    nominal = {} if result.space is None else result.space.car.nominal
-    parameters = {
-        name: from_draws(name, result.draws[name], float(nominal[name][0]), vehicle.units)
-        for name in document.parameters
-    }
-    return Estimate(result, document, parameters)

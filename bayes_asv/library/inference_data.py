@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
+from bayes_asv.domain.channels import channel
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units
@@ -32,7 +33,6 @@ Array = NDArray[np.float64]
 _PRIOR_DRAWS = 1000
 _PREDICTIVE_DRAWS = 200
 _MAX_PREDICTIVE = 2_000_000  # readings in all: fewer draws of a long recording
-_CHASSIS = ((0, "front_chassis"), (1, "rear_chassis"))
 _DIMS = ("chain", "draw")
 
 
@@ -42,7 +42,7 @@ def inference_data(result: Estimate) -> Any:
     Parameters
     ----------
     result : Estimate
-        Of the half car.
+        Of any car.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def write_netcdf(result: Estimate, path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     result : Estimate
-        Of the half car, with draws.
+        Of any car, with draws.
     path : str or os.PathLike
         Written whole or not at all.
 
@@ -85,14 +85,14 @@ def groups(result: Estimate) -> dict[str, Any]:
     Parameters
     ----------
     result : Estimate
-        Of the half car, with draws.
+        Of any car, with draws.
 
     Returns
     -------
     dict of str to xarray.Dataset
-        ``posterior``: the car's parameters, noise levels (m/s², by recording) and parameters of
+        ``posterior``: the car's parameters, noise levels (by recording) and parameters of
         effects.  ``sample_stats``: ``lp``, the log posterior, not normalised.  ``prior``: draws of
-        the same.  ``observed_data``: chassis readings by channel and recording.  Where the
+        the same.  ``observed_data``: readings of the outputs by channel and recording.  Where the
         recordings are consistent and the model has no effects, besides: ``log_prior`` by variable
         (density of the logarithm of a positive one), ``log_likelihood`` by recording, and, unless
         residuals are modelled as coloured, ``posterior_predictive``: readings as the simulation
@@ -151,7 +151,8 @@ def _units(names: Iterable[str], sites: Iterable[Site]) -> dict[str, str]:
     """SI unit of each variable; empty for a number without one."""
     si = display_units("SI")
     units = {name: si[QUANTITIES[name][0]] for name in names if name in QUANTITIES}
-    units |= {name: si["acceleration"] for name in names if name.startswith("noise_")}
+    noises = {name: name.removeprefix("noise_").rpartition("_")[0] for name in names}
+    units |= {n: channel(c).si_unit for n, c in noises.items() if n.startswith("noise_")}
     for site in sites:
         for parameter in site.effect.parameters:
             # a share is of the declared bandwidth
@@ -249,20 +250,19 @@ def _predicted(result: Estimate, target: Posterior, z: Array) -> list[Array]:
 
 
 def _readings(result: Estimate, predicted: list[Array] | None) -> Any:
-    """Chassis readings, m/s²: as measured, or predicted (S, E, 2) for every recording."""
+    """Return the outputs, SI units: as read, or predicted (S, E, ny) for every recording."""
     xarray = import_extra("xarray", "inference data")
     variables: dict[str, Any] = {}
     coords: dict[str, Any] = {}
     for n, run in enumerate(result.runs):
-        for axle, channel in _CHASSIS:
-            there = run.line.kind[:, axle] == VALUE
-            name, time = f"{channel}_{n}", f"time_{channel}_{n}"
+        for y, c in enumerate(run.line.outputs):
+            output, there = run.line.channels[c], run.line.kind[:, y] == VALUE
+            name, time = f"{output.name}_{n}", f"time_{output.name}_{n}"
+            units = {"units": output.si_unit}
             coords[time] = run.line.instants[there]
             if predicted is None:
-                variables[name] = ((time,), run.line.reading[there, axle])
+                variables[name] = ((time,), run.line.reading[there, y], units)
             else:
-                variables[name] = (("chain", "draw", time), predicted[n][None, :, there, axle])
-    dataset = xarray.Dataset(variables, coords=coords, attrs=_about())
-    for name in variables:
-        dataset[name].attrs["units"] = display_units("SI")["acceleration"]
-    return dataset
+                shown = predicted[n][None, :, there, y]
+                variables[name] = (("chain", "draw", time), shown, units)
+    return xarray.Dataset(variables, coords=coords, attrs=_about())

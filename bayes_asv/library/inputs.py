@@ -17,7 +17,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.library.recordings import check_different
 
-__all__ = ["Vehicle", "check_inputs", "check_vehicle", "example", "read_vehicle"]
+__all__ = ["Vehicle", "check_car", "check_inputs", "check_vehicle", "example", "read_vehicle"]
 
 _NOMINAL: Final = ("c_f", "c_r", "i")
 _GIVEN: Final = ("m", "l", "wdf", "k_f", "k_r")
@@ -142,6 +142,7 @@ def check_inputs(
         If a recording has other channels or is given twice.
     """
     call = f"write asv.{function}(recordings, vehicle)"
+    check_car(car)
     car_given = check_vehicle(function, vehicle, call)
     runs: list[domain.Recording] = []
     given: Iterable[object]
@@ -174,6 +175,14 @@ def check_inputs(
     if not runs:
         raise InputError(function, "no recording was given", "give at least one")
     return tuple(runs), car_given
+
+
+def check_car(car: str | None) -> None:
+    """Refuse a name that no model of a car has."""
+    from bayes_asv.models.cars import CARS
+
+    if car is not None and car not in CARS:
+        raise InputError(f"car={car!r}", "there is no such car", f"give one of {', '.join(CARS)}")
 
 
 def check_vehicle(function: str, vehicle: object, call: str = "") -> vehicles.Vehicle:

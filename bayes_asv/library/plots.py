@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.report.sections.parameters import log_normal_prior
+from bayes_asv.report.sections.parameters import answers, log_normal_prior
 from bayes_asv.report.sections.travel import velocity_shares
-from bayes_asv.report.svg import AXLES, COLOURS, curve_array
-from bayes_asv.report.words import labelled, percent, readable_unit
+from bayes_asv.report.svg import COLOURS, axle_colour, curve_array
+from bayes_asv.report.words import LABELS, labelled, percent, readable_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,6 @@ __all__ = ["DiagnosisPlots", "EstimatePlots", "TrackPlots"]
 
 Array = NDArray[np.float64]
 
-_PAINT = {"c_f": "front", "c_r": "rear", "zeta_f": "front", "zeta_r": "rear"}
 _DASHES = (0, (5, 3))
 _WIDTH = 4.0  # inches of one panel
 _BINS = 41
@@ -44,19 +43,19 @@ class EstimatePlots:
         Parameters
         ----------
         *names : str
-            ``c_f``, ``c_r``, ``i`` and ``k_g`` by default.
+            All but the damping ratios by default.
 
         Returns
         -------
         (N,) array of matplotlib.axes.Axes
         """
         document = self._document
-        shown = [n for n in (names or ("c_f", "c_r", "i", "k_g")) if n in document.parameters]
+        shown = [n for n in (names or answers(document.parameters)) if n in document.parameters]
         if not shown:
             raise InputError("plot.posterior", "there is no such parameter", _why(document))
         axes = _row(len(shown), 2.8)
         for ax, name in zip(axes, shown, strict=True):
-            p, paint = document.parameters[name], COLOURS[_PAINT.get(name, "muted")]
+            p, paint = document.parameters[name], axle_colour(LABELS[name])
             draws = curve_array(document.draws[name])
             ax.hist(draws, bins="auto", density=True, color=paint, alpha=0.6, label="posterior")
             ax.axvspan(*p.eti95, color=paint, alpha=0.15, label="95 %")
@@ -74,7 +73,7 @@ class EstimatePlots:
         return axes
 
     def simulation(self, recording: int = 0) -> NDArray[np.object_]:
-        """Draw measured and simulated chassis acceleration of one recording.
+        """Draw the measured and simulated outputs of one recording.
 
         Parameters
         ----------
@@ -83,24 +82,23 @@ class EstimatePlots:
 
         Returns
         -------
-        (2,) array of matplotlib.axes.Axes
-            Front and rear.
+        (N,) array of matplotlib.axes.Axes
+            One an output, accelerations of the chassis first.
         """
         run = self._run(recording)
-        axes = _column(2)
+        outputs = {**run.chassis, **run.outputs}
+        axes = _column(len(outputs))
         time = curve_array(run.time)
-        for ax, axle in zip(axes, AXLES, strict=True):
-            curves = run.chassis[f"{axle}_chassis"]
+        for ax, (name, curves) in zip(axes, outputs.items(), strict=True):
+            paint = axle_colour(name)
             low, high = (curve_array(side) for side in curves.band95)
             ax.plot(
                 time, curve_array(curves.measured), color=COLOURS["ink"], alpha=0.35, linewidth=3.0,
                 label="measured",
             )  # fmt: skip
-            ax.fill_between(time, low, high, color=COLOURS[axle], alpha=0.25, linewidth=0)
-            ax.plot(
-                time, curve_array(curves.simulated), color=COLOURS[axle], label="simulated, 95 %"
-            )
-            ax.set_ylabel(f"{axle} chassis [{readable_unit(run.unit)}]")
+            ax.fill_between(time, low, high, color=paint, alpha=0.25, linewidth=0)
+            ax.plot(time, curve_array(curves.simulated), color=paint, label="simulated, 95 %")
+            ax.set_ylabel(f"{name.replace('_', ' ')} [{readable_unit(curves.unit or run.unit)}]")
             ax.legend(frameon=False, fontsize="small")
         axes[-1].set_xlabel("time [s]")
         return axes
@@ -110,25 +108,27 @@ class EstimatePlots:
 
         Returns
         -------
-        (2,) array of matplotlib.axes.Axes
-            Front and rear; compression is negative.
+        (N,) array of matplotlib.axes.Axes
+            One a damper; compression is negative.
         """
         self._run(0)
         runs = self._document.runs
-        axes = _row(2, 2.8)
-        for ax, axle in zip(axes, AXLES, strict=True):
-            curves = [getattr(run.travel, axle) for run in runs]
-            velocity = np.concatenate([curve_array(c.velocity) for c in curves if c is not None])
+        places = list(runs[0].travel.entries)
+        axes = _row(len(places), 2.8)
+        for ax, place in zip(axes, places, strict=True):
+            curves = [run.travel.entries[place] for run in runs]
+            velocity = np.concatenate([curve_array(c.velocity) for c in curves])
             reach = float(np.nanmax(np.abs(velocity))) or 1.0
             weights = np.full(len(velocity), 100.0 / len(velocity))
             edges = np.linspace(-reach, reach, _BINS).tolist()
-            ax.hist(velocity, bins=edges, weights=weights, color=COLOURS[axle])
-            compression, _, rebound = velocity_shares(runs, axle)
+            ax.hist(velocity, bins=edges, weights=weights, color=axle_colour(place))
+            compression, _, rebound = velocity_shares(runs, place)
             ax.set_title(
                 f"compression {percent(compression)}, rebound {percent(rebound)}", fontsize="medium"
             )
             unit = readable_unit(runs[0].travel.velocity_unit)
-            ax.set(yscale="log", xlabel=f"{axle} damper velocity [{unit}]", ylabel="time [%]")
+            words = place.replace("_", " ")
+            ax.set(yscale="log", xlabel=f"{words} damper velocity [{unit}]", ylabel="time [%]")
         return axes
 
     def _run(self, recording: int) -> Any:
@@ -210,7 +210,7 @@ class TrackPlots:
         axes = _column(len(curves.parameters))
         time = curve_array(curves.time)
         for ax, (name, curve) in zip(axes, curves.parameters.items(), strict=True):
-            paint = COLOURS[_PAINT.get(name, "muted")]
+            paint = axle_colour(LABELS[name])
             low, high = (curve_array(side) for side in curve.band95)
             ax.fill_between(time, low, high, color=paint, alpha=0.3, linewidth=0)
             ax.plot(time, curve_array(curve.median), color=paint)

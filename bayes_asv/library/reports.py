@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.library.progress import Progress, part_of, progress_bar
@@ -33,6 +34,7 @@ def report(
     *,
     saved: Sequence[PathLike] = (),
     diagnosis: bool = True,
+    car: str | None = None,
     seed: int = 0,
     progress: Progress = None,
 ) -> ReportDocument:
@@ -43,13 +45,15 @@ def report(
     output : str or os.PathLike
         The report, HTML or PDF by its suffix.
     recordings : sequence of Recording
-        Estimated, diagnosed and tracked, as far as this was not saved.
+        Estimated, diagnosed and tracked, as far as this was not saved and the car can be.
     vehicle : Vehicle or None
         The car; None where nothing is to be computed.
     saved : sequence of path-like
         JSON that estimate, diagnose or track wrote, at most one of each.
     diagnosis : bool
         Whether recordings are diagnosed.
+    car : str, optional
+        Model of the car, as for :func:`bayes_asv.estimate`.
     seed : int
         The same seed gives the same answer.
     progress : bool or callable, optional
@@ -74,7 +78,7 @@ def report(
     with progress_bar(progress) as bar:
         if vehicle is not None:
             parts = [part_of(bar, *span) or False for span in pairwise(_SHARES)]
-            documents = _complete(documents, recordings, vehicle, diagnosis, seed, parts)
+            documents = _complete(documents, recordings, vehicle, diagnosis, car, seed, parts)
         document = _combined(documents)
         if bar is not None:
             bar(_SHARES[-1] if vehicle is not None else 0.0, f"writing {output}")
@@ -140,19 +144,24 @@ def _complete(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     diagnosis: bool,
+    car: str | None,
     seed: int,
     parts: Sequence[Progress],
 ) -> dict[str, Any]:
-    """Compute the documents that were not saved."""
+    """Compute the documents that were not saved.
+
+    Only the half car with its four accelerations is diagnosed and tracked.
+    """
     from bayes_asv.library.diagnoses import diagnose
     from bayes_asv.library.estimates import estimate
     from bayes_asv.library.tracks import track
 
     found = dict(documents)
     if "estimate" not in found:
-        result = estimate(recordings, vehicle, car="half", seed=seed, progress=parts[0])
+        result = estimate(recordings, vehicle, car=car, seed=seed, progress=parts[0])
         found["estimate"] = result.document
-    if found["estimate"].verdict == "refused":
+    usual = all(set(run.channels) == set(CHANNELS) for run in recordings)
+    if found["estimate"].verdict == "refused" or found["estimate"].car != "half" or not usual:
         return found
     if diagnosis and "diagnosis" not in found and found["estimate"].diagnosis is None:
         missing = diagnose(recordings, vehicle, seed=seed, progress=parts[1])

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.library.estimates import check_seed
-from bayes_asv.library.inputs import check_vehicle
+from bayes_asv.library.inputs import check_car, check_vehicle
 from bayes_asv.library.quantities import positive_quantity
 from bayes_asv.library.recordings import Recording, as_recording
 
@@ -81,8 +81,8 @@ def simulate(
         What is measured, such as ``["front_wheel", "rear_wheel", "front_travel"]``; by default
         the accelerations of all wheel hubs and of the body above them.
     skew : str, optional
-        For the roll car: how much later the right wheels meet the road, such as ``"20 in"``; by
-        default half a metre, and a track of its own on a random road.
+        For a car with left and right wheels: how much later the right ones meet the road, such as
+        ``"20 in"``; by default half a metre, and a track of its own on a random road.
     seed : int
         The same seed gives the same recording.
 
@@ -117,7 +117,8 @@ def simulate_drive(
     """Simulate as :func:`simulate` does, and return the parameters of the car with it."""
     check_seed(seed)
     check_vehicle("simulate", vehicle)
-    from bayes_asv.models.cars import CARS, car_model
+    check_car(car)
+    from bayes_asv.models.cars import car_model
     from bayes_asv.simulation import ROADS
     from bayes_asv.simulation import simulate as engine
     from bayes_asv.simulation.roads import road as profile
@@ -128,17 +129,18 @@ def simulate_drive(
         raise InputError(f"rate={rate!r}", "is not possible", "give 10 to 10000 Hz")
     if not 0.1 <= seconds <= _MAX_SECONDS:
         raise InputError(f"seconds={seconds!r}", "is not possible", "give 0.1 to 600 s")
-    if car not in CARS:
-        raise InputError(f"car={car!r}", "there is no such car", f"give one of {', '.join(CARS)}")
-    if skew is not None and car != "roll":
-        raise InputError("skew", "belongs to the roll car", "give car='roll'")
     pace = positive_quantity("speed", speed, "velocity", "8 mph", SPEED_LIMITS)
     apart = positive_quantity("skew", skew, "length", "20 in", _SKEW_LIMITS)
     ground = profile(road, np.random.default_rng([seed, 0]), pace)
     model = car_model(car, vehicle)
+    two_tracks = any(element.side == "right" for element in model.elements)
+    if skew is not None and not two_tracks:
+        raise InputError(
+            "skew", f"the {car} car has no right wheels", "leave it out, or choose the roll car"
+        )
     values = _changed(model, change or {})
     right = None
-    if car == "roll" and apart is None:
+    if two_tracks and apart is None:
         right = profile(road, np.random.default_rng([seed, 2]), pace)
         apart = 0.0 if road in ("rough", "noise") else _DEFAULT_SKEW
     drive = engine.simulate(

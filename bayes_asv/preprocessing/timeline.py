@@ -24,6 +24,7 @@ from bayes_asv.models.car_model import (
     start_covariance,
     state_space,
 )  # fmt: skip
+from bayes_asv.models.cars import cars_with
 from bayes_asv.preprocessing.missing_band import MissingBand
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, equalised, moments, wheel_signal
 
@@ -261,10 +262,13 @@ def used_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> tupl
     for element in car.elements:
         name = f"{element.name}_wheel"
         if name not in recording.channels:
+            fitting = " or ".join(f"--car {other}" for other in cars_with(recording.channels))
             raise InputError(
                 where,
                 f"lacks the channel {name}, which the {car.name} car needs",
-                "choose the car that fits these channels with --car",
+                f"choose the car that fits these channels: {fitting}"
+                if fitting
+                else "record the acceleration of every wheel hub of the car",
             )
     used = tuple(c for c, channel in enumerate(channels) if car.explains(channel))
     if all(channels[c].is_input for c in used):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -21,6 +21,7 @@ __all__ = [
     "AXLES",
     "COLOURS",
     "Panel",
+    "axle_colour",
     "axle_panels",
     "canvas",
     "curve_array",
@@ -196,26 +197,38 @@ def power_of_ten(value: float) -> str:
 
 
 def axle_panels(
-    key: str, draw: Callable[[Axes, str], str | None], height: float = HEIGHT
+    key: str,
+    draw: Callable[[Axes, str], str | None],
+    height: float = HEIGHT,
+    places: Iterable[str] = AXLES,
 ) -> tuple[Panel, ...]:
-    """Draw one panel an axle.
+    """Draw one panel an axle, or one for each of other places.
 
     Parameters
     ----------
     key : str
-        With braces for the axle, such as ``wheel-{}-0``.
+        With braces for the place, such as ``wheel-{}-0``.
     draw : callable
-        From axes and axle to a description for screen readers; None where there is nothing to draw.
+        From axes and place to a description for screen readers; None where there is nothing to
+        draw.
     height : float
         Inches.
+    places : iterable of str
+        Names such as ``front_left``.
     """
     panels = []
-    for axle in AXLES:
+    for place in places:
         figure = canvas(height=height)
-        alt = draw(figure.subplots(), axle)
+        alt = draw(figure.subplots(), place)
         if alt is not None:
-            panels.append(panel(figure, key.format(axle), alt))
+            panels.append(panel(figure, key.format(place.replace("_", "-")), alt))
     return tuple(panels)
+
+
+def axle_colour(name: str) -> str:
+    """Colour of the axle that a name begins with, as ``front_left`` or ``rear damping rate``."""
+    axle = re.split("[ _]", name, maxsplit=1)[0]
+    return COLOURS[axle if axle in AXLES else "muted"]
 
 
 def legend_above(axes: Axes, columns: int = 3) -> None:

@@ -181,7 +181,7 @@ wrong: Any = asv  # calls that a type checker would not let pass
         (lambda run, car: wrong.estimate([], car), asv.InputError, "give at least one"),
         (lambda run, car: wrong.estimate([run, run], car), asv.InputError, "each recording once"),
         (lambda run, car: wrong.estimate(run, car, seed=-1), asv.InputError, "whole number from 0"),
-        (lambda run, car: wrong.estimate(run, car, car="bus"), asv.InputError, "'half' or 'roll'"),
+        (lambda run, car: wrong.estimate(run, car, car="bus"), asv.InputError, "quarter-front"),
         (
             lambda run, car: wrong.estimate(run, car, car="roll"),
             asv.InputError,
@@ -229,21 +229,30 @@ def test_progress_is_reported_to_a_function_and_to_nobody_in_a_batch(
     assert capsys.readouterr() == ("", "")
 
 
-def test_the_roll_car_is_recognised_by_its_channels(tmp_path: Path) -> None:
-    car = asv.read_vehicle(asv.example("baja2008_roll.toml"))
-    run = asv.simulate(
-        car, "bump", car="roll", change={"c_rr": 0.8}, seconds=2.0, skew="24 in", seed=1
-    )
-    assert len(run.channels) == 7
-    result = asv.estimate(run, car)
-    low, high = result["c_rr"].interval()
-    assert low < 4.0 < high
-    assert result["c_rr"].probability_below_nominal > 0.999
-    assert result.summary().loc["i_roll", "unit"] == "lbf*s^2*in"
-    assert len(repr(result)) < 500
-    table: Any = json.loads(result.to_json())["parameters"]["c_rr"]
-    assert result["c_rr"].interval() == pytest.approx(table["eti95"], rel=1e-6)
-    assert result["c_rr"].mean == pytest.approx(table["mean"], rel=1e-9)
-    for call in (lambda: result.plot, lambda: result.report(tmp_path / "r.html")):
-        with pytest.raises(asv.InputError, match="half car only"):
-            call()
+def test_a_car_is_recognised_by_its_channels(car: asv.Vehicle, tmp_path: Path) -> None:
+    runs = [
+        asv.simulate(car, road, car="quarter-rear", change={"c_r": 0.8}, seconds=1.5, seed=seed)
+        for seed, road in enumerate(("bump", "stops"))
+    ]
+    assert runs[0].channels == ("rear_wheel", "rear_chassis")
+    result = asv.estimate(runs, car)
+    assert list(result) == ["c_r", "zeta_r"]
+    low, high = result["c_r"].interval()
+    assert low < 8.0 < high
+    assert result["c_r"].probability_below_nominal > 0.999
+    assert result.summary().loc["c_r", "unit"] == "lbf*s/in"
+    assert str(result).startswith("Rear damper: 20 % softer than nominal.")
+    table: Any = json.loads(result.to_json())["parameters"]["c_r"]
+    assert result["c_r"].interval() == pytest.approx(table["eti95"], rel=1e-6)
+    for axes in (
+        result.plot.posterior(), result.plot.simulation(1), result.plot.damper_velocity(),
+    ):  # fmt: skip
+        assert len(axes) == 1
+    result.report(tmp_path / "r.html")
+    text = (tmp_path / "r.html").read_text("utf-8")
+    assert "own values beside the answer of all runs" in text
+    assert "front" not in "".join(result.document.runs[0].travel.entries)
+    assert asv.estimate(runs[0], car, below=30.0).verdict == "ok"
+    assert list(result.to_inference_data()["log_likelihood"]["recording"].values) == [
+        "simulated bump", "simulated stops",
+    ]  # fmt: skip

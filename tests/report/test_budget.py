@@ -97,9 +97,8 @@ def test_the_next_step_is_the_measure_that_halves(document: EstimateDocument) ->
     assert step in next_steps(document)
     assert document.width is not None
     needed = min(
-        budget.halve[0].measures[0].needed_sd_percent
-        for budget in (document.width.c_f, document.width.c_r, document.width.i)
-        if budget is not None
+        document.width.entries[name].halve[0].measures[0].needed_sd_percent
+        for name in ("c_f", "c_r", "i")
     )
     assert sd_text(needed) in step  # the tightest of the three
 
@@ -206,7 +205,7 @@ def test_with_coloured_residuals_the_recordings_are_one_source() -> None:
     names = [row[0] for row in budget.rows]
     assert "Recordings" in names
     assert not any("wheel" in name for name in names)
-    assert "Motion that the half car does not explain causes 100 % of the variance of the " in (
+    assert "Motion that the model does not explain causes 100 % of the variance of the " in (
         " ".join(budget_limits(document))
     )
     assert figures(document)["width"].panels[0].wide

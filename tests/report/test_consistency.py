@@ -166,7 +166,7 @@ def test_a_recording_that_the_model_would_not_produce_limits_the_answer(
     (sentence,) = check_limits(with_residual(alike))
     assert sentence.startswith(
         "Posterior predictive check: the front chassis residual is larger in 1 of 2 recordings "
-        "than the half car and its sensors produce, most clearly in the body band (0.5 to 5 Hz) "
+        "than the model and its sensors produce, most clearly in the body band (0.5 to 5 Hz) "
         "of bump.csv: "
     )
     assert sentence.endswith("(p = 0.0013, corrected for all checks of a run).")

@@ -43,12 +43,13 @@ def test_a_travel_sensor_is_in_the_document(document: EstimateDocument, tmp_path
     assert list(run.outputs) == ["front_travel"]
     assert run.outputs["front_travel"].unit == "in"
     travel = np.array(run.outputs["front_travel"].measured, dtype=float)
-    assert run.travel.front is not None
-    assert np.allclose(travel, np.array(run.travel.front.deflection, dtype=float), atol=0.05)
+    assert np.allclose(
+        travel, np.array(run.travel.entries["front"].deflection, dtype=float), atol=0.05
+    )
     assert "front_travel" in run.missing
-    assert document.fit.front_travel is not None
-    assert document.fit.front_travel.nrmse_percent is not None
-    assert 0.0 < document.fit.front_travel.nrmse_percent < 10.0
+    fit = document.fit.entries["front_travel"].nrmse_percent
+    assert fit is not None
+    assert 0.0 < fit < 10.0
     file = tmp_path / "saved.json"
     file.write_text(json.dumps(document.to_dict()), encoding="utf-8")
     assert read_saved(file) == document

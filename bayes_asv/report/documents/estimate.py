@@ -1,4 +1,4 @@
-"""Documents of the half car's and the roll car's estimates."""
+"""Document of an estimate."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from bayes_asv import __version__
 from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimation import ANSWERS, DERIVED, Estimate, RunFit
-from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.estimation import Estimate
+from bayes_asv.models.car_model import CarModel, CarParameter
 from bayes_asv.report.documents.quantities import (
     Z95,
     Units,
@@ -26,34 +25,24 @@ from bayes_asv.report.documents.quantities import (
     summary,
 )
 from bayes_asv.report.documents.runs import pooled_fit, run_consistency, run_document
-from bayes_asv.report.schema import EstimateDocument, RollDocument
+from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema import estimate as schema
-from bayes_asv.report.schema.parts import (
-    Known,
-    Parameter,
-    Quantity,
-    Summary,
-    TravelLimits,
-    VehicleInfo,
-)
+from bayes_asv.report.schema.parts import Known, Summary, TravelLimits, VehicleInfo
 from bayes_asv.report.sections.uncertainty_budget import remedy_sentence
 
-__all__ = ["estimate_document", "roll_document"]
+__all__ = ["estimate_document"]
 
 Array = NDArray[np.float64]
 
-_GIVEN: Final = ("m", "l", "wdf", "k_f", "k_r")
 _MAX_DRAWS: Final = 1000  # of a parameter
 _PACKAGES: Final = ("numpy", "scipy", "emcee", "numba", "arviz-stats")
 _STOPS: Final = ("front_bump", "front_droop", "rear_bump", "rear_droop")
-_SIDES: Final = {"front": ("c_fl", "c_fr"), "rear": ("c_rl", "c_rr")}
 
 
 def estimate_document(result: Estimate) -> EstimateDocument:
-    """Document of an estimate from :func:`bayes_asv.estimate.estimate`, of any verdict."""
-    vehicle, agreement = result.vehicle, result.agreement
-    names = [n for n in (*ANSWERS, *DERIVED) if n in result.draws]
-    units = Units(vehicle.units)
+    """Document of an estimate from :func:`bayes_asv.estimation.estimate`, of any verdict."""
+    vehicle, agreement, car = result.vehicle, result.agreement, result.car
+    units, nominal = Units(vehicle.units), result.nominal
     origin = provenance(
         ((r.source, r.sha256) for r in result.recordings), vehicle, _PACKAGES, result.seed
     )
@@ -62,9 +51,21 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         verdict=result.verdict,
         reasons=list(result.reasons),
         warnings=list(result.warnings),
-        parameters={n: parameter(n, result.draws[n], vehicle) for n in names},
-        known={n: _known(n, result) for n in _GIVEN},
-        prior={n: _prior(n, result) for n in ANSWERS} if names else {},
+        car=car.name,
+        elements={
+            e.name: schema.Element(axle=e.axle, side=e.side, damping=e.damping, spring=e.spring)
+            for e in car.elements
+        },
+        parameters={
+            n: parameter(n, result.draws[n], vehicle, nominal[n]) for n in result.answers
+        },
+        left_over_right=_side_ratios(car, result.draws),
+        known={
+            p.name: _known(p, result)
+            for p in car.parameters
+            if p.kind != "estimated" and p.nominal != 0.0  # a bar that is not there
+        },
+        prior={n: _prior(n, result) for n in car.estimated} if result.draws else {},
         diagnostics=schema.Diagnostics(
             rhat_max=result.rhat_max,
             ess_bulk_min=result.ess_bulk_min,
@@ -79,7 +80,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         ),
         width=None
         if result.width is None
-        else _uncertainty_budget(result.width, result.draws, vehicle),
+        else _uncertainty_budget(result.width, result),
         agreement=run_consistency(result),
         effects=effects(result.effects, vehicle),
         fit=pooled_fit(result.runs),
@@ -90,20 +91,41 @@ def estimate_document(result: Estimate) -> EstimateDocument:
             n: units.curve(_thinned(x), QUANTITIES[n][0]) for n, x in result.draws.items()
         },
         vehicle=_vehicle(vehicle),
-        provenance=origin.model_copy(update={"order": list(HalfCar._fields)}),
+        provenance=origin.model_copy(update={"order": list(car.names)}),
         seconds=result.seconds,
         version=__version__,
         seed=result.seed,
     )  # fmt: skip
 
 
-def _known(name: str, result: Estimate) -> Known:
-    units, given = Units(result.vehicle.units), getattr(result.vehicle, name)
+def _side_ratios(car: CarModel, draws: Mapping[str, Array]) -> dict[str, schema.SideRatio]:
+    """Ratio of left to right damping rate of each axle with two dampers."""
+    rates = {(e.axle, e.side): draws[e.damping] for e in car.elements if e.damping in draws}
+    ratios = {}
+    for (axle, side), left in rates.items():
+        if side == "left":
+            ratio = left / rates[axle, "right"]
+            p = float(np.mean(ratio < 1.0))
+            ratios[str(axle)] = schema.SideRatio(**summary(ratio), p_left_softer=p)
+    return ratios
+
+
+def _sd(given: CarParameter) -> float:
+    """Prior standard deviation, SI units; of a positive value that of its log-normal prior."""
+    variance = sum((coefficient * sd) ** 2 for _, coefficient, sd in given.terms)
+    if given.kind == "fraction":
+        return math.sqrt(variance)
+    sd = given.nominal * math.sqrt(math.exp(variance) * math.expm1(variance))
+    return float(f"{sd:.12g}")  # the prior was rounded as a logarithm
+
+
+def _known(given: CarParameter, result: Estimate) -> Known:
+    units, name = Units(result.vehicle.units), given.name
     known = Known(
         label=QUANTITIES[name][1],
         unit=units.unit_of(name),
-        value=units.convert_parameter(given.value, name),
-        sd=units.convert_parameter(given.sd, name),
+        value=units.convert_parameter(given.nominal, name),
+        sd=units.convert_parameter(_sd(given), name),
     )
     if name in result.draws:
         known.posterior = Summary(**summary(units.convert_parameter(result.draws[name], name)))
@@ -126,7 +148,7 @@ def _noise(result: Estimate) -> list[schema.Noise]:
     """Posterior of each run's noise levels, and the share of the noise that passed the filter."""
     units, entries = Units(result.vehicle.units), []
     for n, fit in enumerate(result.runs):
-        noise = schema.Noise(source=fit.line.source, unit=units.unit("acceleration"))
+        levels = {}
         for channel, given in zip(fit.line.channels, fit.line.noise, strict=True):
             draws = result.nuisance.get(f"noise {channel.name} {n}")
             if draws is None:
@@ -138,11 +160,14 @@ def _noise(result: Estimate) -> list[schema.Noise]:
             )
             if dimension != "acceleration":
                 level.unit = units.unit(dimension)
-            setattr(noise, channel.name, level)
+            levels[channel.name] = level
+        noise = schema.Noise(
+            source=fit.line.source, unit=units.unit("acceleration"),
+            colour_order=int(fit.colour.order), **levels,
+        )  # fmt: skip
         share = result.nuisance.get(f"filtered share {n}")
         if share is not None:
             noise.filtered_share = Summary(**summary(share))
-        noise.colour_order = int(fit.colour.order)
         entries.append(noise)
     return entries
 
@@ -168,12 +193,9 @@ def _vehicle(vehicle: Vehicle) -> VehicleInfo:
     )
 
 
-def _uncertainty_budget(
-    width: UncertaintyBudget, draws: Mapping[str, Array], vehicle: Vehicle
-) -> schema.UncertaintyBudget:
+def _uncertainty_budget(width: UncertaintyBudget, result: Estimate) -> schema.UncertaintyBudget:
     answers = {
-        name: _answer_budget(name, answer, width, draws[name], vehicle)
-        for name, answer in width.answers.items()
+        name: _answer_budget(name, answer, width, result) for name, answer in width.answers.items()
     }
     faults = {}
     for shift in width.shifts:
@@ -193,11 +215,11 @@ def _uncertainty_budget(
 
 
 def _answer_budget(
-    name: str, answer: Answer, width: UncertaintyBudget, draws: Array, vehicle: Vehicle
+    name: str, answer: Answer, width: UncertaintyBudget, result: Estimate
 ) -> schema.AnswerBudget:
     halve = []
     for remedy in answer.remedies:
-        measures = [_measure(source, remedy.times, width, vehicle) for source in remedy.sources]
+        measures = [_measure(source, remedy.times, width, result) for source in remedy.sources]
         halve.append(
             schema.Remedy(
                 what=" + ".join(measure.what for measure in measures),
@@ -207,7 +229,7 @@ def _answer_budget(
         )
     return schema.AnswerBudget(
         sd_percent=100.0 * answer.sd,
-        posterior_sd_percent=100.0 * float(np.log(draws).std(ddof=1)),
+        posterior_sd_percent=100.0 * float(np.log(result.draws[name]).std(ddof=1)),
         shares=answer.shares,
         noises=answer.noises,
         exact_sd_percent={source: 100.0 * sd for source, sd in answer.exact.items()},
@@ -219,20 +241,21 @@ def _answer_budget(
 
 
 def _measure(
-    source: int, times: float, width: UncertaintyBudget, vehicle: Vehicle
+    source: int, times: float, width: UncertaintyBudget, result: Estimate
 ) -> schema.Measure:
     """How well a source has to be known for `times` as much information."""
     if source < 0:
         further = max(math.ceil((times - 1.0) * width.runs - 1e-2), 1)
         return schema.Measure(what="runs", further=further)
     name = width.parameters[source]
-    if name.startswith("gain "):
+    given = next((p for p in result.car.parameters if p.name == name), None)
+    if given is None:  # the scale of a sensor, or what several parameters have in common
         now = percent = 100.0 * float(width.given_sd[source])
         unit = ""
     else:
-        given, units = getattr(vehicle, name), Units(vehicle.units)
-        percent, unit = 100.0 * given.sd / given.value, units.unit_of(name)
-        now = units.convert_parameter(given.sd, name)
+        units = Units(result.vehicle.units)
+        percent, unit = 100.0 * _sd(given) / given.nominal, units.unit_of(name)
+        now = units.convert_parameter(_sd(given), name)
     return schema.Measure(
         what=name,
         now_sd_percent=percent,
@@ -240,73 +263,4 @@ def _measure(
         now_sd=now,
         needed_sd=now / math.sqrt(times),
         unit=unit,
-    )
-
-
-def roll_document(result: Estimate) -> RollDocument:
-    """Document of an estimate of the roll car, of any verdict.
-
-    ``left_over_right`` holds the ratio of the two dampers of each axle, which does not depend on
-    the error of the mass.
-    """
-    vehicle, draws = result.vehicle, result.draws
-    parameters, ratios = {}, {}
-    if draws and result.space is not None:
-        nominal = {p.name: p.nominal for p in result.space.car.parameters}
-        parameters = {
-            name: _roll_parameter(name, draws[name], nominal[name], vehicle)
-            for name in result.space.car.estimated
-        }
-        for axle, (left, right) in _SIDES.items():
-            ratio = draws[left] / draws[right]
-            ratios[axle] = schema.SideRatio(
-                **summary(ratio), p_left_softer=float(np.mean(ratio < 1.0))
-            )
-    effective = min(result.ess_bulk_min, result.ess_tail_min)
-    return RollDocument(
-        schema="bayes_asv/estimate_roll/1",
-        verdict=result.verdict,
-        reasons=list(result.reasons),
-        warnings=list(result.warnings),
-        parameters=parameters,
-        left_over_right=ratios,
-        diagnostics=schema.RollDiagnostics(
-            likelihood=result.likelihood,
-            sampler="ensembles",
-            draws=result.count,
-            effective_draws=effective if draws else None,
-        ),
-        fit_by_run=[_roll_fit(run) for run in result.runs],
-        vehicle=VehicleInfo(name=vehicle.name, sha256=vehicle.sha256),
-        recordings=[
-            schema.RollRecording(source=r.source, sha256=r.sha256, rows=len(r.time))
-            for r in result.recordings
-        ],
-        seconds=result.seconds,
-        version=__version__,
-        seed=result.seed,
-    )
-
-
-def _roll_fit(run: RunFit) -> schema.RollFits:
-    """Rms of what a free run leaves of each output over the output's own."""
-    line = run.line
-    fits = {}
-    for y, c in enumerate(line.outputs):
-        use = line.kind[:, y] == VALUE
-        reading = line.reading[use, y]
-        share = math.sqrt(float(np.mean((reading - run.free.output[use, y]) ** 2) / reading.var()))
-        fits[line.channels[c].name] = schema.Fit(nrmse_percent=100.0 * share)
-    return schema.RollFits(source=run.recording.source, **fits)
-
-
-def _roll_parameter(name: str, draws: Array, nominal: float, vehicle: Vehicle) -> Parameter:
-    units, si = Units(vehicle.units), Units("SI")
-    return Parameter(
-        label=QUANTITIES[name][1],
-        unit=units.unit_of(name),
-        **summary(units.convert_parameter(draws, name)),
-        nominal=units.convert_parameter(nominal, name),
-        p_below_nominal=float(np.mean(draws < nominal)),
-        si=Quantity(unit=si.unit_of(name), **summary(draws), nominal=nominal),
     )

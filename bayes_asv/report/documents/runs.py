@@ -26,12 +26,10 @@ Array = NDArray[np.float64]
 
 _MAX_POINTS: Final = 1500  # of a curve
 _LAGS: Final = 20
-_CHASSIS: Final = ("front_chassis", "rear_chassis")
 
 
 def pooled_fit(runs: Sequence[RunFit], source: str | None = None) -> schema.Fits:
     """Normalised rms error of the simulation driven by the wheels, pooled over runs."""
-    fits = schema.Fits() if source is None else schema.Fits(source=source)
     error: dict[str, float] = {}
     power: dict[str, float] = {}
     for run in runs:
@@ -41,16 +39,22 @@ def pooled_fit(runs: Sequence[RunFit], source: str | None = None) -> schema.Fits
             left = float(np.sum((reading - run.free.output[use, y]) ** 2))
             error[name] = error.get(name, 0.0) + left
             power[name] = power.get(name, 0.0) + float(np.sum((reading - reading.mean()) ** 2))
+    fits = {}
     for name in error:
         if power[name] > 0.0:
             nrmse = 100.0 * math.sqrt(error[name] / power[name])
-            setattr(fits, name, schema.Fit(nrmse_percent=nrmse, fit_percent=100.0 - nrmse))
-    return fits
+            fits[name] = schema.Fit(nrmse_percent=nrmse, fit_percent=100.0 - nrmse)
+    return schema.Fits.model_validate(fits if source is None else {"source": source, **fits})
 
 
 def _outputs(fit: RunFit) -> list[Channel]:
     """Channels of the outputs, in the order of the columns of their arrays."""
     return [fit.line.channels[c] for c in fit.line.outputs]
+
+
+def _on_chassis(channel: Channel) -> bool:
+    """Whether a channel is the acceleration of the chassis above a wheel or an axle."""
+    return channel.part == "body" and channel.axle is not None
 
 
 def run_document(fit: RunFit, system: str) -> schema.Run:
@@ -62,10 +66,9 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
     pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, _MAX_POINTS).astype(int))]
     rows = np.unique(np.linspace(0, prepared.times.shape[1] - 1, _MAX_POINTS).astype(int))
     start, at = prepared.times[0, 0], np.where(pairs[:, 0] >= 0, pairs[:, 0], pairs.max(axis=1))
-    front, rear = prepared.inputs[:2]
     outputs = _outputs(fit)
     curves = {c.name: _output(fit, y, pairs, units) for y, c in enumerate(outputs)}
-    further = {name: curve for name, curve in curves.items() if name not in _CHASSIS}
+    chassis = {c.name: curves.pop(c.name) for c in outputs if _on_chassis(c)}
     names = [channel.name for channel in prepared.channels]
     run = schema.Run(
         source=prepared.source,
@@ -78,33 +81,38 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
         bias=_bias(fit, units),
         unit=units.unit("acceleration"),
         time=units.curve(prepared.instants[at] - start),
-        chassis={name: curve for name, curve in curves.items() if name in _CHASSIS},
+        chassis=chassis,
         wheels=schema.WheelCurves(
             time=units.curve(prepared.times[0, rows] - start),
-            front_wheel=units.curve(prepared.values[front, rows], "acceleration"),
-            rear_wheel=units.curve(prepared.values[rear, rows], "acceleration"),
+            **{
+                names[c]: units.curve(prepared.values[c, rows], "acceleration")
+                for c in prepared.inputs
+            },
         ),
         travel=schema.Travel(
             unit=units.unit("deflection"),
-            front=_travel(fit, 0, at, units),
-            rear=_travel(fit, 1, at, units),
             velocity_unit=units.unit("velocity"),
+            **{
+                element.name: _travel(fit, e, at, units)
+                for e, element in enumerate(prepared.car.elements)
+            },
         ),
         checks=[_check(check, outputs[check.axle], units) for check in fit.checks],
     )
-    if further:
-        run.outputs = further
+    if curves:
+        run.outputs = curves
     return run
 
 
 def _bias(fit: RunFit, units: Units) -> schema.Bias:
     """Biases of the chassis channels; those of the outputs are the last of the beginning."""
-    bias = schema.Bias(unit=units.unit("acceleration"))
     outputs = _outputs(fit)
-    for value, channel in zip(fit.free.begin[-len(outputs) :], outputs, strict=True):
-        if channel.name in _CHASSIS:
-            setattr(bias, str(channel.axle), units.convert(float(value), "acceleration"))
-    return bias
+    biases = {
+        channel.name.removesuffix("_chassis"): units.convert(float(value), "acceleration")
+        for value, channel in zip(fit.free.begin[-len(outputs) :], outputs, strict=True)
+        if _on_chassis(channel)
+    }
+    return schema.Bias(unit=units.unit("acceleration"), **biases)
 
 
 def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> schema.OutputCurves:
@@ -136,7 +144,7 @@ def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> sc
             prepared.reading[read, y], residual, prepared.reading_step, channel, units
         ),
     )
-    if channel.name not in _CHASSIS:
+    if not _on_chassis(channel):
         curves.unit = units.unit(channel.dimension)
     return curves
 
@@ -158,9 +166,11 @@ def _spectrum(
     )
 
 
-def _travel(fit: RunFit, axle: int, keep: NDArray[np.integer], units: Units) -> schema.TravelCurves:
-    low, high = np.quantile(fit.travel[:, :, axle], [0.025, 0.975], axis=0)
-    deflection, velocity = fit.free.states[:, 2 * axle], fit.free.states[:, 2 * axle + 1]
+def _travel(
+    fit: RunFit, element: int, keep: NDArray[np.integer], units: Units
+) -> schema.TravelCurves:
+    low, high = np.quantile(fit.travel[:, :, element], [0.025, 0.975], axis=0)
+    deflection, velocity = fit.free.states[:, 2 * element], fit.free.states[:, 2 * element + 1]
     return schema.TravelCurves(
         deflection=units.curve(deflection[keep], "deflection"),
         band95=[units.curve(low[keep], "deflection"), units.curve(high[keep], "deflection")],
@@ -200,7 +210,7 @@ def run_consistency(result: Estimate) -> schema.RunConsistency | None:
             name: Quantity(
                 unit=units.unit_of(name), **summary(units.convert_parameter(draws[name], name))
             )
-            for name in (*comparison.compared, "k_g")
+            for name in (*comparison.compared, *comparison.space.car.ratios)
             if name in draws
         }
 
@@ -240,9 +250,7 @@ def _own_values(
     run = comparison.runs[n]
     draws = run.fit.space.quantities(run.z, seed)
     values = {}
-    for name in (*comparison.compared, "k_g"):
-        if name not in draws:
-            continue
+    for name in (*comparison.compared, *comparison.space.car.ratios):
         value = schema.OwnValue(
             unit=units.unit_of(name), **summary(units.convert_parameter(draws[name], name))
         )

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Final
+from typing import Any, Final
 
 from pydantic import ValidationError
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, decode, read_bytes
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
-from bayes_asv.report.schema.estimate import EstimateDocument, RollDocument
+from bayes_asv.report.schema.estimate import EstimateDocument, half_car
 from bayes_asv.report.schema.parts import Model
 from bayes_asv.report.schema.track import TrackDocument, WatchDocument
 
@@ -24,9 +24,9 @@ __all__ = [
     "DiagnoseDocument",
     "EstimateDocument",
     "ReportDocument",
-    "RollDocument",
     "TrackDocument",
     "WatchDocument",
+    "half_car",
     "read_saved",
 ]
 
@@ -35,7 +35,6 @@ ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument
 
 DOCUMENTS: Final[dict[str, type[Model]]] = {
     "bayes_asv/estimate/1": EstimateDocument,
-    "bayes_asv/estimate_roll/1": RollDocument,
     "bayes_asv/diagnose/1": DiagnoseDocument,
     "bayes_asv/track/1": TrackDocument,
     "bayes_asv/watch/1": WatchDocument,
@@ -52,6 +51,7 @@ _FIX: Final = (
     "'bayes-asv track --json' wrote"
 )
 _MAX_BYTES: Final = 200_000_000
+_ROLL: Final = "bayes_asv/estimate_roll/1"
 
 
 def read_saved(path: PathLike) -> ReportDocument:
@@ -65,7 +65,8 @@ def read_saved(path: PathLike) -> ReportDocument:
     Returns
     -------
     EstimateDocument, DiagnoseDocument or TrackDocument
-        Keys of later versions are kept.
+        Keys of later versions are kept.  An estimate of the roll car of an earlier version, which
+        had a schema of its own, ``bayes_asv/estimate_roll/1``, is converted.
 
     Raises
     ------
@@ -83,6 +84,8 @@ def read_saved(path: PathLike) -> ReportDocument:
     except (ValueError, RecursionError):
         raise InputError(where, "is not JSON", _FIX) from None
     name = data.get("schema") if isinstance(data, dict) else None
+    if name == _ROLL:
+        data, name = _converted(data), "bayes_asv/estimate/1"
     schema = _REPORTED.get(name) if isinstance(name, str) else None
     if schema is None:
         known = " or ".join(_REPORTED)
@@ -96,6 +99,27 @@ def read_saved(path: PathLike) -> ReportDocument:
         what = first["msg"].removeprefix("Value error, ")
         what = what[:1].lower() + what[1:]
         raise InputError(f"{where}: {key}" if key else where, what, _FIX) from None
+
+
+def _converted(data: dict[str, Any]) -> dict[str, Any]:
+    """Write the data of ``bayes_asv/estimate_roll/1`` as those of ``bayes_asv/estimate/1``."""
+    files = data.get("recordings")
+    if isinstance(files, list):
+        known = [file for file in files if isinstance(file, dict)]
+        files = [{"file": f.get("source", ""), "sha256": f.get("sha256", "")} for f in known]
+    elements = {
+        f"{axle}_{side}": {
+            "axle": axle, "side": side,
+            "damping": f"c_{axle[0]}{side[0]}", "spring": f"k_{axle[0]}{side[0]}",
+        }
+        for axle in ("front", "rear")
+        for side in ("left", "right")
+    }  # fmt: skip
+    kept = {key: value for key, value in data.items() if key != "recordings"}
+    return {
+        **kept, "schema": "bayes_asv/estimate/1", "car": "roll", "elements": elements,
+        "fit": {}, "provenance": {"recordings": files or []},
+    }  # fmt: skip
 
 
 def _reject_constant(name: str) -> float:

@@ -1,4 +1,4 @@
-"""``bayes_asv/estimate/1`` and ``bayes_asv/estimate_roll/1``."""
+"""``bayes_asv/estimate/1``."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from bayes_asv.domain.channels import KNOWN_CHANNELS
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
 from bayes_asv.report.schema.parts import (
-    AnswerName,
     Axle,
     Band,
+    ByName,
     Channel,
-    ChassisChannel,
     Count,
     Curve,
     Effect,
+    ElementName,
     Finite,
     Interval,
     Known,
@@ -29,6 +30,7 @@ from bayes_asv.report.schema.parts import (
     Positive,
     Provenance,
     Quantity,
+    QuantityName,
     Share,
     Summary,
     Text,
@@ -42,6 +44,7 @@ from bayes_asv.report.schema.track import TrackDocument
 __all__ = [
     "AnswerBudget",
     "Check",
+    "Element",
     "EstimateDocument",
     "Fault",
     "Measure",
@@ -50,8 +53,6 @@ __all__ = [
     "UncertaintyBudget",
 ]
 
-_GIVEN = ("m", "l", "wdf", "k_f", "k_r")
-ParameterName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r", *_GIVEN)]
 Percents = dict[Text, NonNegative]
 
 
@@ -83,7 +84,7 @@ class Diagnostics(Model):
 class Measure(Model):
     """A value to be known better, or further runs to be recorded."""
 
-    what: Annotated[str, OneOf("runs", *_GIVEN, *(f"gain {channel}" for channel in KNOWN_CHANNELS))]
+    what: Annotated[str, OneOf("runs", *QUANTITIES, *(f"gain {c}" for c in KNOWN_CHANNELS))]
     further: Count = 0
     """Number of further runs."""
     now_sd_percent: Positive = 1.0
@@ -133,21 +134,18 @@ class Fault(Model):
     """A fault that the vehicle file does not declare, of a size the residuals would not show."""
 
     kind: Annotated[str, OneOf("given", "gain", "delay", "bandwidth", "place")]
-    where: Annotated[str, OneOf(*KNOWN_CHANNELS, "c_f", "c_r", "i", *_GIVEN)]
+    where: Annotated[str, OneOf(*KNOWN_CHANNELS, *QUANTITIES)]
     size: Positive
     """SI units, or a share."""
     larger_shows: bool
     """Whether a larger fault would show in the residuals."""
-    shift: dict[AnswerName, Shift]
+    shift: dict[QuantityName, Shift]
 
 
-class UncertaintyBudget(Model):
-    """Uncertainty budget of every answer."""
+class UncertaintyBudget(ByName[AnswerBudget]):
+    """Uncertainty budget of every answer, by its name."""
 
-    c_f: AnswerBudget | None = None
-    c_r: AnswerBudget | None = None
-    i: AnswerBudget | None = None
-    k_g: AnswerBudget | None = None
+    __pydantic_extra__: dict[QuantityName, AnswerBudget]
     faults: Annotated[dict[Text, Fault], Field(max_length=100)] = Field(default_factory=dict)
     white: bool
     """Whether the residuals are as white as the sensors' noise."""
@@ -166,7 +164,7 @@ class SingleRun(Model):
 
     source: Text
     effective_draws: NonNegative | None = None
-    parameters: dict[AnswerName, OwnValue]
+    parameters: dict[QuantityName, OwnValue]
 
 
 class Spread(Model):
@@ -192,22 +190,22 @@ class RunConsistency(Model):
     contrasts: Count = 0
     disagree_below: Share = 0.0
     """p-value below which the verdict is ``disagree``."""
-    each: dict[AnswerName, Test]
+    each: dict[QuantityName, Test]
     differing: Texts = Field(default_factory=list)
-    spread_percent: dict[AnswerName, Spread]
-    own_percent: dict[AnswerName, MaybeNumber] = Field(default_factory=dict)
+    spread_percent: dict[QuantityName, Spread]
+    own_percent: dict[QuantityName, MaybeNumber] = Field(default_factory=dict)
     runs: Annotated[list[SingleRun], Field(max_length=1000)]
-    joint: dict[AnswerName, Quantity]
+    joint: dict[QuantityName, Quantity]
     """Posterior if all runs are of one car."""
-    mean_car: dict[AnswerName, Quantity]
+    mean_car: dict[QuantityName, Quantity]
     """Posterior of the mean over runs that differ."""
-    next_run: dict[AnswerName, Quantity]
+    next_run: dict[QuantityName, Quantity]
     """Prediction for a further run."""
 
     @model_validator(mode="after")
     def _check_complete(self) -> Self:
-        for name in ("c_f", "c_r", "i"):
-            if any(name not in part for part in (self.each, self.spread_percent, self.mean_car)):
+        for name in self.each:
+            if name not in self.spread_percent or name not in self.mean_car:
                 raise ValueError(f"it compares runs but not their {name}")
             if self.verdict == "disagree" and not (name in self.next_run and name in self.joint):
                 raise ValueError("its runs disagree but it does not say how")
@@ -221,16 +219,11 @@ class Fit(Model):
     fit_percent: MaybeNumber = None
 
 
-class Fits(Model):
-    """Fit of each output."""
+class Fits(ByName[Fit]):
+    """Fit of each output, by channel."""
 
+    __pydantic_extra__: dict[Channel, Fit]
     source: Text = ""
-    front_chassis: Fit | None = None
-    rear_chassis: Fit | None = None
-    front_travel: Fit | None = None
-    rear_travel: Fit | None = None
-    body_vertical: Fit | None = None
-    body_pitch_rate: Fit | None = None
 
 
 class NoiseLevel(Summary):
@@ -241,19 +234,12 @@ class NoiseLevel(Summary):
     """Where it is not an acceleration."""
 
 
-class Noise(Model):
-    """Sensor noise in one run."""
+class Noise(ByName[NoiseLevel]):
+    """Sensor noise in one run, by channel."""
 
+    __pydantic_extra__: dict[Channel, NoiseLevel]
     source: Text
     unit: Unit
-    front_wheel: NoiseLevel | None = None
-    front_chassis: NoiseLevel | None = None
-    rear_wheel: NoiseLevel | None = None
-    rear_chassis: NoiseLevel | None = None
-    front_travel: NoiseLevel | None = None
-    rear_travel: NoiseLevel | None = None
-    body_vertical: NoiseLevel | None = None
-    body_pitch_rate: NoiseLevel | None = None
     filtered_share: Summary | None = None
     """Share of the noise variance that passed the sensor's filter."""
     colour_order: Count = 0
@@ -294,21 +280,20 @@ class OutputCurves(Model):
     spectrum: Spectrum | None = None
 
 
-class WheelCurves(Model):
-    """Wheel accelerations."""
+class WheelCurves(ByName[Curve]):
+    """Wheel accelerations, by channel."""
 
+    __pydantic_extra__: dict[Channel, Curve]
     time: Curve
-    front_wheel: Curve
-    rear_wheel: Curve
 
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
-        check_lengths(len(self.time), self.front_wheel, self.rear_wheel)
+        check_lengths(len(self.time), *self.entries.values())
         return self
 
 
 class TravelCurves(Model):
-    """Suspension travel from rest and its velocity at one axle; extension is positive."""
+    """Suspension travel from rest and its velocity; extension is positive."""
 
     deflection: Curve
     band95: Band
@@ -317,12 +302,11 @@ class TravelCurves(Model):
     largest_droop: NonNegative
 
 
-class Travel(Model):
-    """Suspension travel of both axles."""
+class Travel(ByName[TravelCurves]):
+    """Travel of each suspension element, by its name."""
 
+    __pydantic_extra__: dict[ElementName, TravelCurves]
     unit: Unit
-    front: TravelCurves | None = None
-    rear: TravelCurves | None = None
     velocity_unit: Unit = ""
 
 
@@ -352,12 +336,11 @@ class Check(Model):
     """Corrected for the number of checks of the run."""
 
 
-class Bias(Model):
-    """Bias of the chassis channels."""
+class Bias(ByName[MaybeNumber]):
+    """Bias of the chassis channels, by their place."""
 
+    __pydantic_extra__: dict[ElementName, MaybeNumber]
     unit: Unit
-    front: MaybeNumber = None
-    rear: MaybeNumber = None
 
 
 class Run(Model):
@@ -374,9 +357,10 @@ class Run(Model):
     bias: Bias | None = None
     unit: Unit
     time: Curve
-    chassis: dict[ChassisChannel, OutputCurves]
+    chassis: dict[Channel, OutputCurves]
+    """Accelerations of the chassis above the wheels."""
     outputs: dict[Channel, OutputCurves] = Field(default_factory=dict)
-    """Further outputs: suspension travel, vertical acceleration and pitch rate of the body."""
+    """Further outputs, such as suspension travel and the pitch rate of the body."""
     wheels: WheelCurves
     travel: Travel
     checks: Annotated[list[Check], Field(max_length=200)] = Field(default_factory=list)
@@ -384,23 +368,53 @@ class Run(Model):
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
         n = len(self.time)
-        for part in (*self.chassis.values(), *self.outputs.values()):
-            check_lengths(n, part.measured, part.simulated, *part.band95)
-        for side in (self.travel.front, self.travel.rear):
-            if side is not None:
-                check_lengths(n, side.deflection, side.velocity, *side.band95)
+        for output in (*self.chassis.values(), *self.outputs.values()):
+            check_lengths(n, output.measured, output.simulated, *output.band95)
+        for part in self.travel.entries.values():
+            check_lengths(n, part.deflection, part.velocity, *part.band95)
         return self
 
 
+class Element(Model):
+    """A spring and a damper between body and wheel: of one axle, or of one side of it."""
+
+    axle: Axle
+    side: Annotated[str, OneOf("left", "right")] | None = None
+    damping: QuantityName
+    """Name of the parameter that is its damping rate."""
+    spring: QuantityName
+    """Name of the parameter that is its spring rate."""
+
+
+def half_car() -> dict[str, Element]:
+    """Suspension elements of the half car, the model of documents that name none."""
+    return {
+        "front": Element(axle="front", damping="c_f", spring="k_f"),
+        "rear": Element(axle="rear", damping="c_r", spring="k_r"),
+    }
+
+
+class SideRatio(Summary):
+    """Ratio of the damping rates of the left and the right damper of an axle."""
+
+    p_left_softer: Share
+
+
 class EstimateDocument(Model):
-    """Posterior of damping rates and pitch inertia; written by ``bayes-asv estimate``."""
+    """Posterior of damping rates and inertias; written by ``bayes-asv estimate``."""
 
     schema_name: Literal["bayes_asv/estimate/1"] = Field(alias="schema")
     verdict: Annotated[str, OneOf("ok", "not_converged", "refused")]
     reasons: Texts
     """Why it was refused."""
     warnings: Texts
-    parameters: dict[ParameterName, Parameter]
+    car: Text = "half"
+    """Model of the car, as ``--car`` takes it."""
+    elements: dict[ElementName, Element] = Field(default_factory=half_car)
+    """Its suspension elements."""
+    parameters: dict[QuantityName, Parameter]
+    left_over_right: dict[Axle, SideRatio] = Field(default_factory=dict)
+    """By axle, where each side has a damper; does not depend on the error of the mass."""
     known: dict[Text, Known] = Field(default_factory=dict)
     prior: dict[Text, Prior] = Field(default_factory=dict)
     diagnostics: Diagnostics
@@ -432,58 +446,8 @@ class EstimateDocument(Model):
         if self.verdict == "refused" and not self.reasons:
             raise ValueError("it is refused without a reason")
         if self.verdict != "refused":
-            missing = [n for n in ("c_f", "c_r", "i", "k_g") if n not in self.parameters]
-            if missing:
-                raise ValueError(f"it has a verdict but no parameter {missing[0]}")
+            for element in self.elements.values():
+                if element.damping not in self.parameters:
+                    raise ValueError(f"it has a verdict but no parameter {element.damping}")
         check_lengths(None, *self.draws.values())
         return self
-
-
-class SideRatio(Summary):
-    """Ratio of the left damper of an axle to the right one."""
-
-    p_left_softer: Share
-
-
-class RollDiagnostics(Model):
-    """Draws of the estimate of the roll car."""
-
-    likelihood: Text
-    sampler: Text
-    draws: Count
-    effective_draws: MaybeNumber = None
-
-
-class RollRecording(Model):
-    """A recording of the roll car."""
-
-    source: Text
-    sha256: Text
-    rows: Count
-
-
-class RollFits(Model):
-    """Fit of the three chassis channels of the roll car."""
-
-    source: Text
-    front_left_chassis: Fit | None = None
-    front_right_chassis: Fit | None = None
-    rear_chassis: Fit | None = None
-
-
-class RollDocument(Model):
-    """Posterior of the roll car; written by ``bayes-asv estimate --car roll``."""
-
-    schema_name: Literal["bayes_asv/estimate_roll/1"] = Field(alias="schema")
-    verdict: Annotated[str, OneOf("ok", "not_converged", "refused")]
-    reasons: Texts
-    warnings: Texts
-    parameters: dict[Text, Parameter]
-    left_over_right: dict[Axle, SideRatio]
-    diagnostics: RollDiagnostics
-    fit_by_run: list[RollFits]
-    vehicle: VehicleInfo
-    recordings: list[RollRecording]
-    seconds: NonNegative
-    version: Text
-    seed: Count

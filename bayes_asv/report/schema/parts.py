@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final, Generic, Self, TypeVar, cast
 
 from pydantic import (
     BaseModel,
@@ -16,19 +16,20 @@ from pydantic import (
 from pydantic_core import core_schema
 
 from bayes_asv.domain.channels import KNOWN_CHANNELS
+from bayes_asv.domain.quantities import QUANTITIES
 
 __all__ = [
     "MAX_POINTS",
-    "AnswerName",
     "Axle",
     "Band",
+    "ByName",
     "Channel",
-    "ChassisChannel",
     "Count",
     "Curve",
     "Effect",
     "EffectName",
     "EffectValue",
+    "ElementName",
     "Finite",
     "Interval",
     "Known",
@@ -93,10 +94,11 @@ class OneOf:
 
 Axle = Annotated[str, OneOf("front", "rear")]
 Channel = Annotated[str, OneOf(*KNOWN_CHANNELS)]
-ChassisChannel = Annotated[str, OneOf("front_chassis", "rear_chassis")]
-EffectPlace = Annotated[str, OneOf("front", "rear", "both", *KNOWN_CHANNELS)]
-AnswerName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g")]
-QuantityName = Annotated[str, OneOf("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r")]
+_ELEMENTS: Final = tuple(n.removesuffix("_wheel") for n in KNOWN_CHANNELS if n.endswith("_wheel"))
+ElementName = Annotated[str, OneOf(*_ELEMENTS)]
+"""A suspension element: an axle, or one side of it."""
+EffectPlace = Annotated[str, OneOf("both", *_ELEMENTS, *KNOWN_CHANNELS)]
+QuantityName = Annotated[str, OneOf(*QUANTITIES)]
 
 
 class Model(BaseModel):
@@ -107,6 +109,21 @@ class Model(BaseModel):
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON, with the keys that were given."""
         return self.model_dump(by_alias=True, exclude_unset=True)
+
+
+Entry = TypeVar("Entry")
+
+
+class ByName(Model, Generic[Entry]):
+    """An object that has, beside its own fields, one entry for each of several names.
+
+    A subclass annotates ``__pydantic_extra__`` with the types of names and entries.
+    """
+
+    @property
+    def entries(self) -> dict[str, Entry]:
+        """Entries in the order of the document."""
+        return cast("dict[str, Entry]", self.__pydantic_extra__)
 
 
 class _Interval(Model):

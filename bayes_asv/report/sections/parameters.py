@@ -9,8 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
+from bayes_asv.report.schema.estimate import SideRatio
 from bayes_asv.report.schema.parts import Known, Parameter
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
 from bayes_asv.report.words import (
@@ -25,18 +27,12 @@ from bayes_asv.report.words import (
     readable_unit,
 )
 
-__all__ = ["ANSWERS", "SECTION", "given_table", "log_normal_prior", "parameter_table"]
+__all__ = [
+    "SECTION", "answers", "given_table", "log_normal_prior", "parameter_table", "short_label",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-ANSWERS: Final = ("c_f", "c_r", "i", "k_g")
-"""Parameters that the first page shows, in this order."""
-
-_PAINT: Final = {"c_f": "front", "c_r": "rear", "i": "muted", "k_g": "muted"}
-_SHORT: Final = {
-    "c_f": "front\ndamping", "c_r": "rear\ndamping", "i": "pitch\ninertia",
-    "k_g": "radius of\ngyration",
-}  # fmt: skip
 _POSTERIOR: Final = (
     "The dashed line is the nominal value: where it is outside the shaded 95 % interval, the car "
     "differs from its data sheet. The prior (brown) should be flat over the posterior; then the "
@@ -49,6 +45,16 @@ _CORNER: Final = (
 )
 
 
+def answers(parameters: Mapping[str, Parameter]) -> list[str]:
+    """Names of the parameters that the first page shows: all but the damping ratios."""
+    return [n for n in parameters if QUANTITIES[n][0] != "dimensionless"]
+
+
+def short_label(name: str) -> str:
+    """Name of a parameter without ``rate``, for a narrow place."""
+    return LABELS[name].removesuffix(" rate")
+
+
 def _content(document: EstimateDocument) -> Iterator[Block]:
     parameters = document.parameters
     if parameters:
@@ -56,6 +62,8 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
         yield parameter_table(parameters, title)
         if document.vehicle.units != "SI" and all(p.si is not None for p in parameters.values()):
             yield parameter_table(parameters, f"{title}, in SI units", si=True)
+    if document.left_over_right:
+        yield _side_table(document.left_over_right)
     if document.known:
         yield given_table(document.known)
     if document.draws:
@@ -83,6 +91,22 @@ def parameter_table(parameters: Mapping[str, Parameter], title: str, *, si: bool
         )
     columns = ["parameter", "mean", "sd", "95 % interval", "nominal", "P(below nominal)"]
     return Table(title, columns, rows)
+
+
+def _side_table(ratios: Mapping[str, SideRatio]) -> Table:
+    """Ratio of left to right damping rate of each axle."""
+    return Table(
+        "Left damper over right damper",
+        ["axle", "ratio", "sd", "95 % interval", "P(left softer)"],
+        [
+            [
+                capitalized(axle), number(ratio.mean, ratio.sd), number(ratio.sd, ratio.sd),
+                interval(ratio), probability(ratio.p_left_softer),
+            ]
+            for axle, ratio in ratios.items()
+        ],
+        "The ratio does not depend on the mass of the car, whose error changes both rates alike.",
+    )  # fmt: skip
 
 
 def given_table(known: Mapping[str, Known]) -> Table:
@@ -123,27 +147,28 @@ def log_normal_prior(name: str, document: EstimateDocument) -> tuple[float, floa
     if name in document.prior:
         return document.prior[name].median, document.prior[name].log_sd
     inertia, p = document.prior.get("i"), document.parameters
-    if name != "k_g" or inertia is None or not p["k_g"].nominal or not p["i"].nominal:
+    nominal = p["i"].nominal if "i" in p else None
+    if name != "k_g" or inertia is None or not p["k_g"].nominal or not nominal:
         return None
     mass = document.known.get("m")
     relative = (mass.sd or 0.0) / mass.value if mass is not None and mass.value else 0.0
-    median = p["k_g"].nominal * math.sqrt(inertia.median / p["i"].nominal)
+    median = p["k_g"].nominal * math.sqrt(inertia.median / nominal)
     return median, 0.5 * math.hypot(inertia.log_sd, relative)
 
 
 def _posteriors(document: EstimateDocument) -> tuple[svg.Panel, ...]:
     """Draw the densities of posterior and prior with the nominal value, one panel a parameter."""
     panels = []
-    for name in ANSWERS:
-        draws, p = _draws(document, name), document.parameters.get(name)
-        if p is None or len(draws) < 3 or not p.sd:
+    for name in answers(document.parameters):
+        draws, p = _draws(document, name), document.parameters[name]
+        if len(draws) < 3 or not p.sd:
             continue
         centres = [p.mean] if p.nominal is None else [p.mean, p.nominal]
         margin = max(4.5 * p.sd, 0.12 * (max(centres) - min(centres)))
         start, stop = float(min(centres) - margin), float(max(centres) + margin)
         figure = svg.canvas(height=2.2)
         axes = figure.subplots()
-        paint = svg.COLOURS[_PAINT[name]]
+        paint = svg.axle_colour(LABELS[name])
         fine = p.mean + p.sd * np.linspace(-4.5, 4.5, 200)
         grid = np.unique(np.concatenate([np.linspace(start, stop, 200), fine]))
         density = _density(draws, grid)
@@ -172,12 +197,13 @@ def _posteriors(document: EstimateDocument) -> tuple[svg.Panel, ...]:
 
 def _corner(document: EstimateDocument) -> tuple[svg.Panel, ...]:
     """Draw every pair of parameters against each other, with correlations above the diagonal."""
-    names = [n for n in ANSWERS if len(_draws(document, n)) > 2 and document.parameters[n].sd]
+    p = document.parameters
+    names = [n for n in answers(p) if len(_draws(document, n)) > 2 and p[n].sd]
     if len(names) < 2:
         return ()
     count = len(names)
     draws = {n: _draws(document, n) for n in names}
-    figure = svg.canvas(5.4, 4.7)
+    figure = svg.canvas(*(size * max(1.0, count / 4) for size in (5.4, 4.7)))
     grid = figure.subplots(count, count, squeeze=False)
     for row, down in enumerate(names):
         for column, across in enumerate(names):
@@ -212,7 +238,7 @@ def _cell(
     p, q = document.parameters[across], document.parameters[down]
     dashed = {"color": svg.COLOURS["ink"], "linestyle": (0, (4, 3)), "linewidth": 0.8}
     if across == down:
-        axes.hist(x, bins=24, color=svg.COLOURS[_PAINT[across]], alpha=0.75)
+        axes.hist(x, bins=24, color=svg.axle_colour(LABELS[across]), alpha=0.75)
         axes.set_yticks([])
     else:
         # A thousand dots a cell as paths would weigh megabytes.
@@ -245,4 +271,5 @@ def _density(draws: Array, grid: Array) -> Array:
 
 
 def _short_label(name: str, document: EstimateDocument) -> str:
-    return f"{_SHORT[name]}\n[{readable_unit(document.parameters[name].unit)}]"
+    words = "\n".join(short_label(name).rsplit(" ", 1))
+    return f"{words}\n[{readable_unit(document.parameters[name].unit)}]"

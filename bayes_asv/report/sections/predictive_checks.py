@@ -27,7 +27,7 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
 
 
 def _check_limits(document: EstimateDocument) -> list[str]:
-    """State where recordings hold more or less motion than the half car and its sensors produce.
+    """State where recordings hold more or less motion than the model and its sensors produce.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def _sentence(significant: Sequence[tuple[Run, Check]], count: int) -> str:
     some = f" in {len(sources)} of {count} recordings" if count > 1 else ""
     which = f" of {plain(run.source)}" if count > 1 else ""
     return (
-        f"Posterior predictive check: {what}{some} than the half car and its sensors produce, most "
+        f"Posterior predictive check: {what}{some} than the model and its sensors produce, most "
         f"clearly in the {_band_text(worst).removeprefix('rms, ')}{which}: "
         f"{number(worst.observed, sd)} {readable_unit(worst.unit)} against {number(low, sd)} to "
         f"{number(high, sd)} ({p_value(worst.p_family)}, corrected for all checks of a run)."

@@ -25,5 +25,6 @@ def provenance(document: ReportDocument) -> Iterator[Block]:
         f"Seed {document.seed}: the same files, versions and seed give the same numbers.",
     ]
     if isinstance(document, EstimateDocument) and document.diagnostics.likelihood:
-        lines.append(f"Likelihood: {plain(document.diagnostics.likelihood)}.")
+        car, likelihood = plain(document.car), plain(document.diagnostics.likelihood)
+        lines.append(f"Model of the car: {car}. Likelihood: {likelihood}.")
     yield Text("", lines)

@@ -9,7 +9,9 @@ from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import OwnValue, RunConsistency, Spread
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
+from bayes_asv.report.sections.parameters import short_label
 from bayes_asv.report.words import (
+    LABELS,
     MISSING,
     interval,
     number,
@@ -26,11 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["SECTION", "consistency_headline", "consistency_lines", "consistency_steps"]
 
-_COMPARED: Final = {
-    "c_f": ("front damping", "front"),
-    "c_r": ("rear damping", "rear"),
-    "i": ("pitch inertia", "muted"),
-}
 _MAX_ROWS: Final = 40  # runs that a page has room for
 _MAX_NAME: Final = 22  # letters of a file's name
 _NEAR: Final = 0.35  # of the range: a nominal value farther away is written and not drawn
@@ -50,7 +47,7 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
     lines = consistency_lines(document)
     if lines:
         yield Text("", lines)
-    if document.parameters:
+    if document.parameters and consistency.each:
         yield Figure("agreement", "Comparison of the runs", _FOREST, (_forest(document),))
 
 
@@ -99,13 +96,15 @@ def _spread_text(spread: Spread) -> str:
 
 def _consistency_table(consistency: RunConsistency) -> Table:
     """Each run's own values, the answers of all runs, and the spread from run to run."""
-    names = [n for n in _COMPARED if any(n in run.parameters for run in consistency.runs)]
+    names = list(consistency.each)
     rows = [
         [plain(run.source), *(_own_text(run.parameters.get(n)) for n in names)]
         for run in consistency.runs
     ]
-    if consistency.joint:
-        rows.append(["all, if consistent", *(interval(consistency.joint[n]) for n in names)])
+    joint = consistency.joint
+    if joint:
+        cells = (interval(joint[n]) if n in joint else MISSING for n in names)
+        rows.append(["all, if consistent", *cells])
     if consistency.verdict == "disagree":
         rows.append(["mean car", *(interval(consistency.mean_car[n]) for n in names)])
         rows.append(["prediction for a run", *(interval(consistency.next_run[n]) for n in names)])
@@ -113,7 +112,7 @@ def _consistency_table(consistency: RunConsistency) -> Table:
         rows.append(["spread from run to run", *(_spread_text(spread[n]) for n in names)])
     rows.append(["p-value", *(probability(consistency.each[n].p) for n in names)])
     units = [readable_unit(consistency.mean_car[n].unit) for n in names]
-    titles = [f"{_COMPARED[n][0]} [{unit}]" for n, unit in zip(names, units, strict=True)]
+    titles = [f"{short_label(n)} [{unit}]" for n, unit in zip(names, units, strict=True)]
     return Table(
         "Consistency of the runs",
         ["recording", *titles],
@@ -130,7 +129,7 @@ def _own_text(value: OwnValue | None) -> str:
 
 
 def _forest(document: EstimateDocument) -> svg.Panel:
-    """Draw every run's interval of c_f, c_r and i, with the answer of all and nominal."""
+    """Draw every run's interval of each parameter, with the answer of all and nominal."""
     consistency = document.agreement
     assert consistency is not None
     runs = consistency.runs[:_MAX_ROWS]
@@ -138,8 +137,8 @@ def _forest(document: EstimateDocument) -> svg.Panel:
     labels = [_shortened(plain(run.source)) for run in runs]
     labels += ["mean car", "prediction for a run"] if apart else ["all runs"]
     figure = svg.canvas(6.0, 0.23 * len(labels) + 1.45)
-    columns = figure.subplots(1, len(_COMPARED), sharey=True)
-    for axes, (name, (words, colour)) in zip(columns, _COMPARED.items(), strict=True):
+    columns = figure.subplots(1, len(consistency.each), sharey=True, squeeze=False)[0]
+    for axes, name in zip(columns, consistency.each, strict=True):
         answer = (consistency.mean_car if apart else consistency.joint).get(name)
         values = [run.parameters.get(name) for run in runs]
         ends = [end for value in values if value is not None for end in _ends(value)]
@@ -147,7 +146,7 @@ def _forest(document: EstimateDocument) -> svg.Panel:
             axes.axis("off")
             continue
         ends += answer.eti95
-        paint = svg.COLOURS[colour]
+        paint = svg.axle_colour(LABELS[name])
         axes.axvspan(*answer.eti95, color=paint, alpha=0.14, linewidth=0)
         for row, value in enumerate(values):
             if value is None or value.own is None:
@@ -164,7 +163,7 @@ def _forest(document: EstimateDocument) -> svg.Panel:
                 axes.plot(p.median, at, "D", color=svg.COLOURS["ink"], markersize=5.0)
         nominal = document.parameters[name].nominal if name in document.parameters else None
         _set_range(axes, ends, nominal)
-        axes.set_xlabel(f"{words}\n[{readable_unit(answer.unit)}]")
+        axes.set_xlabel(f"{short_label(name)}\n[{readable_unit(answer.unit)}]")
         axes.set(yticks=range(len(labels)), yticklabels=labels, ylim=(len(labels) - 0.4, -0.6))
         axes.axhline(len(runs) - 0.5, color=svg.COLOURS["grid"], linewidth=0.8)
         axes.grid(visible=False, axis="y")

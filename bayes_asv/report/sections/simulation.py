@@ -9,7 +9,7 @@ import numpy as np
 
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
-from bayes_asv.report.schema.estimate import Fit, Noise, NoiseLevel, OutputCurves, Run
+from bayes_asv.report.schema.estimate import Fit, Noise, OutputCurves, Run
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
 from bayes_asv.report.words import (
     MISSING,
@@ -33,7 +33,6 @@ MAX_RUNS: Final = 6
 _COLOURED: Final = 0.01  # whiteness p-value below which the intervals are called too narrow
 _MOVING: Final = 0.05  # of the largest wheel acceleration: the motion is above it
 _BEFORE, _AFTER = 0.1, 0.4  # s shown around the motion
-_FURTHER: Final = ("front_travel", "rear_travel", "body_vertical", "body_pitch_rate")
 
 _SIGNS: Final = (
     "Signs: up is positive for accelerations, extension is positive for travel, and compression is "
@@ -45,10 +44,10 @@ _MOTION: Final = (
 )
 _WHEELS: Final = (
     "Flat tops, spikes and steps are faults of a sensor and not of the road. All else is computed "
-    "from these two curves."
+    "from these curves."
 )
 _SPECTRUM: Final = (
-    "A peak of the residual is a motion that the half car does not describe, such as an engine or "
+    "A peak of the residual is a motion that the model does not describe, such as an engine or "
     "a loose mount. Without peaks the residual is sensor noise, with that of the wheel sensors "
     "rising towards low frequencies."
 )
@@ -75,15 +74,16 @@ class _Output(NamedTuple):
 
     @property
     def colour(self) -> str:
-        axle = self.name.partition("_")[0]
-        return svg.COLOURS[axle if axle in svg.AXLES else "muted"]
+        return svg.axle_colour(self.name)
 
     @property
     def sign(self) -> str:
         """Direction of positive values."""
         if self.name.endswith("travel"):
             return "extension +"
-        return "nose-up +" if self.name.endswith("rate") else "up +"
+        if self.name.endswith("rate"):
+            return "nose-up +" if "pitch" in self.name else "left side up +"
+        return "up +"
 
 
 def _outputs(run: Run) -> list[_Output]:
@@ -114,14 +114,14 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
     if len(runs) > MAX_RUNS:
         further = len(runs) - MAX_RUNS
         yield Text("", [f"Figures of {further} further recordings are left out; tables have all."])
-    if any(isinstance(level, NoiseLevel) for noise in document.noise for _, level in noise):
+    if any(noise.entries for noise in document.noise):
         yield _noise_table(document.noise)
 
 
 def _limits(document: EstimateDocument) -> list[str]:
     return [
         f"The {output.label.removesuffix(' chassis')} residuals of {plain(run.source)} are not "
-        f"white ({p_value(p)}): something moves that the half car does not describe, and the "
+        f"white ({p_value(p)}): something moves that the model does not describe, and the "
         "intervals are too narrow."
         for run in document.runs
         for output in _outputs(run)
@@ -137,12 +137,14 @@ def _fit_table(document: EstimateDocument) -> Table:
     entries = [(plain(fits.source), fits) for fits in document.fit_by_run]
     if len(entries) > 1:
         entries.append(("All together", document.fit))
-    names = ["front_chassis", "rear_chassis"]
-    names += [n for n in _FURTHER if any(getattr(fits, n) is not None for _, fits in entries)]
+    names = list(dict.fromkeys(name for _, fits in entries for name in fits.entries))
     return Table(
         "Fit of the simulation",
-        ["recording", *(f"{name.replace('_', ' ')}, rms error" for name in names)],
-        [[source, *(_fit_text(getattr(fits, name)) for name in names)] for source, fits in entries],
+        ["recording", *(f"{plain(name.replace('_', ' '))}, rms error" for name in names)],
+        [
+            [source, *(_fit_text(fits.entries.get(name)) for name in names)]
+            for source, fits in entries
+        ],
         "The simulation is driven by the measured wheel accelerations. Its error is in percent of "
         "the measured motion (NRMSE); 0 % is a perfect fit.",
     )
@@ -158,7 +160,7 @@ def motion_window(run: Run) -> tuple[float, float]:
     """First and last time that figures show: the motion of the wheels with a margin."""
     time = svg.curve_array(run.wheels.time)
     moving = np.zeros(len(time), dtype=bool)
-    for curve in (run.wheels.front_wheel, run.wheels.rear_wheel):
+    for curve in run.wheels.entries.values():
         size = np.abs(svg.curve_array(curve))
         if np.isfinite(size).any():
             moving |= size > _MOVING * np.nanmax(size)
@@ -206,16 +208,17 @@ def _wheels(run: Run, n: int) -> tuple[svg.Panel, ...]:
         motion_window(run),
         svg.curve_array(run.wheels.time),
     )
-    curves = {"front": run.wheels.front_wheel, "rear": run.wheels.rear_wheel}
+    curves = {name.removesuffix("_wheel"): curve for name, curve in run.wheels.entries.items()}
     limits = svg.shared_limits([*curves.values()])
 
-    def draw(axes: Axes, axle: str) -> str:
-        axes.plot(time, svg.curve_array(curves[axle]), color=svg.COLOURS[axle], linewidth=0.9)
-        axes.set(xlabel="time [s]", ylabel=f"{axle} wheel [{unit}]\nup +", xlim=window)
+    def draw(axes: Axes, place: str) -> str:
+        curve, words = svg.curve_array(curves[place]), place.replace("_", " ")
+        axes.plot(time, curve, color=svg.axle_colour(place), linewidth=0.9)
+        axes.set(xlabel="time [s]", ylabel=f"{words} wheel [{unit}]\nup +", xlim=window)
         axes.set_ylim(*limits)
-        return f"{axle} wheel acceleration against time"
+        return f"{words} wheel acceleration against time"
 
-    return svg.axle_panels(f"wheel-{{}}-{n}", draw, 2.1)
+    return svg.axle_panels(f"wheel-{{}}-{n}", draw, 2.1, curves)
 
 
 def _spectra(run: Run, n: int) -> tuple[svg.Panel, ...]:
@@ -261,9 +264,7 @@ def _noise_table(entries: Sequence[Noise]) -> Table:
     """Noise of each sensor as estimated, and as declared in the vehicle file."""
     rows, unit = [], readable_unit(entries[0].unit)
     for entry in entries:
-        for channel, level in entry:
-            if not isinstance(level, NoiseLevel):
-                continue
+        for channel, level in entry.entries.items():
             label = capitalized(channel.replace("_", " "))
             label += f" [{readable_unit(level.unit)}]" if level.unit else ""
             label += f", {plain(entry.source)}" if len(entries) > 1 else ""
@@ -273,6 +274,6 @@ def _noise_table(entries: Sequence[Noise]) -> Table:
         "Sensor noise",
         ["sensor", f"estimated, rms [{unit}]", "declared"],
         rows,
-        "A level far above the declared one means a loose mount, or a motion that the half car "
+        "A level far above the declared one means a loose mount, or a motion that the model "
         "does not describe.",
     )

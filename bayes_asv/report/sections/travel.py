@@ -29,7 +29,7 @@ _REACHED: Final = 0.95  # share of a travel limit that counts as reached
 _STOPS: Final = ((-1.0, "bump"), (1.0, "droop"))
 
 _TRAVEL: Final = (
-    "Reconstructed from the accelerations. A stop that was reached biases the answer. The shading, "
+    "Reconstructed from the recording. A stop that was reached biases the answer. The shading, "
     "where it is wide enough to be seen, is the 95 % interval."
 )
 _VELOCITY: Final = (
@@ -53,13 +53,12 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
 def _limits(document: EstimateDocument) -> list[str]:
     limits = document.vehicle.travel or TravelLimits()
     return [
-        f"The {axle} suspension reached its {stop} limit in {plain(run.source)}; the half car has "
-        "no stops, so drive over a lower bump or more slowly, or use another run."
+        f"The {_words(place)} suspension reached its {stop} limit in {plain(run.source)}; the "
+        "model has no stops, so drive over a lower bump or more slowly, or use another run."
         for run in document.runs
-        for axle in svg.AXLES
-        if (curves := _axle(run, axle)) is not None
+        for place, curves in run.travel.entries.items()
         for _, stop in _STOPS
-        if (limit := _limit(limits, axle, stop)) is not None
+        if (limit := _limit(limits, place, stop)) is not None
         and _largest(curves, stop) >= _REACHED * limit
     ]
 
@@ -67,12 +66,13 @@ def _limits(document: EstimateDocument) -> list[str]:
 SECTION: Final = Section(_content, _limits)
 
 
-def _axle(run: Run, axle: str) -> TravelCurves | None:
-    return run.travel.front if axle == "front" else run.travel.rear
+def _words(place: str) -> str:
+    return plain(place.replace("_", " "))
 
 
-def _limit(limits: TravelLimits, axle: str, stop: str) -> float | None:
-    value: float | None = getattr(limits, f"{axle}_{stop}")
+def _limit(limits: TravelLimits, place: str, stop: str) -> float | None:
+    """Travel to a stop of a suspension element, which is that of its axle."""
+    value: float | None = getattr(limits, f"{place.partition('_')[0]}_{stop}", None)
     return value
 
 
@@ -84,15 +84,12 @@ def _travel_table(runs: Sequence[Run], limits: TravelLimits) -> Table:
     """Extremes of travel and velocity, and the share of the limits that was used."""
     rows = []
     for run in runs:
-        for axle in svg.AXLES:
-            curves = _axle(run, axle)
-            if curves is None:
-                continue
+        for place, curves in run.travel.entries.items():
             speeds = [v for v in curves.velocity if v is not None] or [0.0]
             of = f", {plain(run.source)}" if len(runs) > 1 else ""
-            row = [f"{capitalized(axle)}{of}"]
+            row = [f"{capitalized(_words(place))}{of}"]
             for sign, stop in _STOPS:
-                most, limit = _largest(curves, stop), _limit(limits, axle, stop)
+                most, limit = _largest(curves, stop), _limit(limits, place, stop)
                 row += [_digits(sign * most), percent(most / limit) if limit else MISSING]
             row += [_digits(v) for v in (_sd(curves.deflection), min(speeds), max(speeds))]
             rows.append(row)
@@ -101,8 +98,9 @@ def _travel_table(runs: Sequence[Run], limits: TravelLimits) -> Table:
     return Table(
         "Suspension travel and damper velocity",
         [
-            "axle", f"largest bump [{unit}]", "of limit", f"largest droop [{unit}]", "of limit",
-            f"sd [{unit}]", f"fastest compression [{velocity}]", f"fastest rebound [{velocity}]",
+            "suspension", f"largest bump [{unit}]", "of limit", f"largest droop [{unit}]",
+            "of limit", f"sd [{unit}]", f"fastest compression [{velocity}]",
+            f"fastest rebound [{velocity}]",
         ],
         rows,
         "Extension is positive; travel is from rest. The limits are those of the vehicle file.",
@@ -127,39 +125,38 @@ def _travels(run: Run, limits: TravelLimits, n: int) -> tuple[svg.Panel, ...]:
         motion_window(run),
         readable_unit(run.travel.unit),
     )
+    elements = run.travel.entries
     stops = {
-        (axle, stop): sign * limit
-        for axle in svg.AXLES
+        (place, stop): sign * limit
+        for place in elements
         for sign, stop in _STOPS
-        if (limit := _limit(limits, axle, stop)) is not None
+        if (limit := _limit(limits, place, stop)) is not None
     }
-    both = [c.deflection for c in (run.travel.front, run.travel.rear) if c is not None]
-    y_limits = svg.shared_limits([*both, [*stops.values()]])
+    drawn = [curves.deflection for curves in elements.values()]
+    y_limits = svg.shared_limits([*drawn, [*stops.values()]])
 
-    def draw(axes: Axes, axle: str) -> str | None:
-        curves = _axle(run, axle)
-        if curves is None:
-            return None
+    def draw(axes: Axes, place: str) -> str:
+        curves, words, paint = elements[place], _words(place), svg.axle_colour(place)
         low, high = (svg.curve_array(side) for side in curves.band95)
-        axes.fill_between(time, low, high, color=svg.COLOURS[axle], alpha=0.3, linewidth=0)
-        axes.plot(time, svg.curve_array(curves.deflection), color=svg.COLOURS[axle])
+        axes.fill_between(time, low, high, color=paint, alpha=0.3, linewidth=0)
+        axes.plot(time, svg.curve_array(curves.deflection), color=paint)
         axes.axhline(0.0, color=svg.COLOURS["muted"], linewidth=0.8)
         for (of, stop), at in stops.items():
-            if of == axle:
+            if of == place:
                 svg.draw_level(axes, at, f"{stop} limit {number(abs(at))} {unit}", above=at < 0.0)
-        axes.set(xlabel="time [s]", ylabel=f"{axle} travel [{unit}]\nextension +", xlim=window)
+        axes.set(xlabel="time [s]", ylabel=f"{words} travel [{unit}]\nextension +", xlim=window)
         axes.set_ylim(*y_limits)
-        return f"{axle} suspension travel against time"
+        return f"{words} suspension travel against time"
 
-    return svg.axle_panels(f"travel-{{}}-{n}", draw, 2.3)
+    return svg.axle_panels(f"travel-{{}}-{n}", draw, 2.3, elements)
 
 
 def _velocities(runs: Sequence[Run]) -> tuple[svg.Panel, ...]:
     """Draw the histogram of damper velocity, all runs together."""
     unit = readable_unit(runs[0].travel.velocity_unit)
 
-    def draw(axes: Axes, axle: str) -> str | None:
-        velocity = _pooled_velocity(runs, axle)
+    def draw(axes: Axes, place: str) -> str | None:
+        velocity, words = _pooled_velocity(runs, place), _words(place)
         if not velocity.any():
             return None
         largest = float(np.abs(velocity).max())
@@ -168,29 +165,32 @@ def _velocities(runs: Sequence[Run]) -> tuple[svg.Panel, ...]:
         for sign, hatch in ((-1.0, "////"), (1.0, None)):
             side = sign * velocity > 0.0
             axes.hist(
-                velocity[side], bins=edges, weights=weights[side], facecolor=svg.COLOURS[axle],
+                velocity[side], bins=edges, weights=weights[side], facecolor=svg.axle_colour(place),
                 alpha=0.55 if hatch else 0.85, hatch=hatch, edgecolor=svg.COLOURS["ink"],
                 linewidth=0.4,
             )  # fmt: skip
         axes.set_yscale("log")  # the time at rest would dwarf the rest
         axes.axvline(0.0, color=svg.COLOURS["ink"], linewidth=0.8)
-        axes.set(xlabel=f"{axle} damper velocity [{unit}], extension +", ylabel="share of time [%]")
+        axes.set(
+            xlabel=f"{words} damper velocity [{unit}], extension +", ylabel="share of time [%]"
+        )
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         shares = zip(
-            ("compression", "at rest", "rebound"), velocity_shares(runs, axle), strict=True
+            ("compression", "at rest", "rebound"), velocity_shares(runs, place), strict=True
         )
         texts = [f"{name} {percent(share)}" for name, share in shares]
         axes.set_title(texts[0], loc="left", fontsize=9)
         axes.set_title(texts[1], loc="center", fontsize=9)
         axes.set_title(texts[2], loc="right", fontsize=9)
-        return f"{axle} damper velocity: {', '.join(texts)} of the time"
+        return f"{words} damper velocity: {', '.join(texts)} of the time"
 
-    return svg.axle_panels("velocity-{}", draw, 2.4)
+    places = dict.fromkeys(place for run in runs for place in run.travel.entries)
+    return svg.axle_panels("velocity-{}", draw, 2.4, places)
 
 
-def velocity_shares(runs: Sequence[Run], axle: str) -> tuple[float, float, float]:
+def velocity_shares(runs: Sequence[Run], place: str) -> tuple[float, float, float]:
     """Shares of the time in compression (negative velocity), at rest and in rebound; sum 1."""
-    velocity = _pooled_velocity(runs, axle)
+    velocity = _pooled_velocity(runs, place)
     if not velocity.any():
         return 0.0, 1.0, 0.0
     edge = _AT_REST * float(np.abs(velocity).max())
@@ -198,11 +198,11 @@ def velocity_shares(runs: Sequence[Run], axle: str) -> tuple[float, float, float
     return compression, 1.0 - compression - rebound, rebound
 
 
-def _pooled_velocity(runs: Sequence[Run], axle: str) -> Array:
-    """Velocities of all runs at equal time steps."""
+def _pooled_velocity(runs: Sequence[Run], place: str) -> Array:
+    """Velocities of one damper in all runs, at equal time steps."""
     parts = []
     for run in runs:
-        curves = _axle(run, axle)
+        curves = run.travel.entries.get(place)
         if curves is None:
             continue
         time, velocity = svg.curve_array(run.time), svg.curve_array(curves.velocity)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import from_si, to_si
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
@@ -36,14 +37,12 @@ _MAX_RATIO: Final = 1.25
 _ADVICE_FROM: Final = 0.5  # percent: smaller standard deviations get no advice on the first page
 _MIN_SHARE: Final = 0.005  # of a variance, and
 _MIN_GAIN: Final = 0.02  # of a standard deviation, for a source to have a row or a bar
+_MOST_LISTED: Final = 2  # damping rates that are named one by one
 _MIN_WRITTEN: Final = 0.07  # share whose number is written over its bar
 
 _MEASURES: Final = {
     "m": "weigh the car to",
-    "l": "measure the wheelbase to",
     "wdf": "weigh both axles, so that the front weight fraction is known to",
-    "k_f": "measure the front spring rate to",
-    "k_r": "measure the rear spring rate to",
 }
 _COUNTS: Final = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _SOURCES: Final = {
@@ -61,9 +60,11 @@ _BARS: Final = {
     "wdf": (LABELS["wdf"], "good", ""),
     "k_f": (LABELS["k_f"], "front", ""),
     "k_r": (LABELS["k_r"], "rear", ""),
+    "given": ("other given values", "grid", "////"),
     "prior": ("prior", "prior", ""),
     "wheel": ("wheel sensors", "muted", ""),
     "chassis": ("chassis sensors", "muted", "////"),
+    "sensors": ("other sensors", "muted", "...."),
     "other": ("other, in the recordings", "grid", ""),
 }
 
@@ -122,10 +123,8 @@ def usable_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:
 
 
 def _all_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:
-    if width is None:
-        return {}
-    budgets = {"c_f": width.c_f, "c_r": width.c_r, "i": width.i, "k_g": width.k_g}
-    return {name: b for name, b in budgets.items() if b is not None and b.sd_percent > 0.0}
+    budgets = {} if width is None else width.entries
+    return {name: budget for name, budget in budgets.items() if budget.sd_percent > 0.0}
 
 
 def sd_text(value: float, sign: str = "±") -> str:
@@ -135,7 +134,20 @@ def sd_text(value: float, sign: str = "±") -> str:
 
 def answers_text(names: Sequence[str]) -> str:
     """Enumerate answers, ``the front damping rate and the pitch inertia``."""
-    return enumerated([f"the {LABELS[name]}" for name in names])
+    rates = [name for name in names if QUANTITIES[name][0] == "damping"]
+    if len(rates) <= _MOST_LISTED:
+        return enumerated([f"the {LABELS[name]}" for name in names])
+    places = enumerated([LABELS[name].removesuffix(" damping rate") for name in rates])
+    others = [f"the {LABELS[name]}" for name in names if name not in rates]
+    return enumerated([f"the {places} damping rates", *others])
+
+
+def _sds_text(values: Sequence[float]) -> str:
+    """Write standard deviations in percent, their range where there are many."""
+    if len(values) <= _MOST_LISTED + 1:  # with the inertia
+        return enumerated([sd_text(value) for value in values])
+    low, high = sd_text(min(values)), sd_text(max(values))
+    return low if low == high else f"{low.removesuffix(' %')} to {high}"
 
 
 def _source_name(source: str) -> str:
@@ -176,7 +188,7 @@ def _measure_text(measure: Measure, runs: int) -> str:
     what = (
         f"calibrate the {channel.replace('_', ' ')} sensor to"
         if kind == "gain"
-        else _MEASURES[measure.what]
+        else _MEASURES.get(measure.what, f"measure the {LABELS[measure.what]} to")
     )
     return (
         f"{what} {sd_text(measure.needed_sd_percent)} ({size}now {sd_text(measure.now_sd_percent)})"
@@ -243,7 +255,7 @@ def _cause_sentence(
     variance = f"{much} of the variance of {answers_text(names)}"
     if source == "data":
         if document.width is not None and not document.width.white:
-            return f"Motion that the half car does not explain causes {variance}."
+            return f"Motion that the model does not explain causes {variance}."
         if not sensor:
             return f"Noise in the recordings causes {variance}."
         parts = [_by_sensor(budgets[n].noises)[sensor] / budgets[n].shares["data"] for n in names]
@@ -258,14 +270,14 @@ def _cause_sentence(
     if known is not None and known.sd and known.value:
         given = f", given to {sd_text(100.0 * known.sd / abs(known.value))},"
     exact = [budgets[n].exact_sd_percent.get(source) for n in names]
-    left = [sd_text(value) for value in exact if value is not None]
+    left = [value for value in exact if value is not None]
     if len(left) < len(names):
         return f"The {_source_name(source)}{given} causes {variance}."
-    now = enumerated([sd_text(budgets[n].sd_percent) for n in names])
+    now = _sds_text([budgets[n].sd_percent for n in names])
     they = "it" if len(names) == 1 else "they"
     return (
         f"The {_source_name(source)}{given} causes {variance}: if it were exact, {they} would be "
-        f"known to {enumerated(left)} instead of {now}."
+        f"known to {_sds_text(left)} instead of {now}."
     )
 
 
@@ -366,9 +378,15 @@ def _budget_bars(budgets: Mapping[str, AnswerBudget]) -> svg.Panel:
 
 
 def _bar_parts(budget: AnswerBudget) -> dict[str, float]:
-    parts = {name: share for name, share in budget.shares.items() if name in _BARS}
-    for place in ("wheel", "chassis"):
-        parts[place] = sum(s for name, s in budget.noises.items() if name.endswith(place))
-    data = budget.shares.get("data", 0.0)
-    parts["other"] = max(data - parts["wheel"] - parts["chassis"], 0.0)
+    parts = dict.fromkeys(("given", "wheel", "chassis", "sensors"), 0.0)
+    for name, share in budget.shares.items():
+        if name != "data":
+            part = name if name in _BARS else "given"
+            parts[part] = parts.get(part, 0.0) + share
+    for name, share in budget.noises.items():
+        if name.partition(" ")[0] in ("noise", "steps"):
+            place = name.rpartition("_")[2]
+            parts[place if place in ("wheel", "chassis") else "sensors"] += share
+    sensors = sum(parts[place] for place in ("wheel", "chassis", "sensors"))
+    parts["other"] = max(budget.shares.get("data", 0.0) - sensors, 0.0)
     return parts

@@ -13,7 +13,6 @@ from bayes_asv.report.words import LABELS, capitalized, number, two_digits
 
 __all__ = ["SECTION", "fault_text"]
 
-_REPORTED: Final = ("c_f", "c_r", "i")  # answers that the first page speaks of
 _MIN_SHIFT: Final = 0.1  # standard deviations that a fault must move an answer to be mentioned
 
 _NOTE: Final = (
@@ -41,7 +40,7 @@ def _fault_limits(document: EstimateDocument) -> list[str]:
             (abs(fault.shift[name].sd), key, name)
             for key, fault in faults.items()
             if (fault.kind == "given") == given
-            for name in _REPORTED
+            for name in document.prior  # what was asked for
             if name in budgets and name in fault.shift
         ]
         deviations, key, name = max(shifts, default=(0.0, "", ""))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
-from bayes_asv.report.schema import EstimateDocument, RollDocument, TrackDocument
+from bayes_asv.report.schema import EstimateDocument, TrackDocument, half_car
 from bayes_asv.report.schema.estimate import SideRatio
 from bayes_asv.report.schema.parts import Parameter
 from bayes_asv.report.sections.online_filter import (
@@ -17,7 +18,7 @@ from bayes_asv.report.sections.online_filter import (
     is_inconsistent,
     last_state,
 )
-from bayes_asv.report.sections.parameters import ANSWERS
+from bayes_asv.report.sections.parameters import answers
 from bayes_asv.report.sections.run_consistency import consistency_headline, consistency_steps
 from bayes_asv.report.sections.run_consistency import consistency_lines as run_consistency_lines
 from bayes_asv.report.sections.uncertainty_budget import budget_steps
@@ -43,7 +44,6 @@ __all__ = [
     "cards",
     "headline",
     "next_steps",
-    "roll_lines",
     "split_reason",
     "tone",
     "track_headline",
@@ -52,13 +52,10 @@ __all__ = [
     "verdict_lines",
 ]
 
-_DAMPERS: Final = {"front": "c_f", "rear": "c_r"}
-_ROLL_DAMPERS: Final = {
-    "c_fl": "front left", "c_fr": "front right", "c_rl": "rear left", "c_rr": "rear right",
-}  # fmt: skip
 _ORDER: Final = ("below", "above", "unclear", "agrees")  # senses of dampers in the headline
 _TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear": "muted"}
 _MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
+_COUNTS: Final = {2: "two", 3: "three", 4: "four"}
 _SCALES: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ends of a gauge, share of nominal
 _DISTINCT: Final = 0.95  # probability from which left and right dampers are called different
 
@@ -74,34 +71,47 @@ def headline(document: EstimateDocument | TrackDocument) -> str:
         return f"No answer: {_NO_ANSWER} {'these recordings' if several else 'this recording'}."
     if document.verdict == "not_converged":
         return _NOT_CONVERGED
-    dampers = _damper_sentences(document.parameters)
+    dampers = _damper_sentences(document)
     if isinstance(document, TrackDocument):
         return dampers
     return f"{consistency_headline(document)} {dampers}".strip()
 
 
-def _damper_sentences(parameters: Mapping[str, Parameter]) -> str:
+def _dampers(document: EstimateDocument | TrackDocument) -> dict[str, str]:
+    """Place of each damper in words, by the name of its damping rate."""
+    elements = document.elements if isinstance(document, EstimateDocument) else half_car()
+    return {element.damping: name.replace("_", " ") for name, element in elements.items()}
+
+
+def _damper_sentences(document: EstimateDocument | TrackDocument) -> str:
     compared = {
-        axle: comparison
-        for axle, name in _DAMPERS.items()
-        if name in parameters
-        if (comparison := compare_parameter(name, parameters[name])) is not None
+        place: comparison
+        for name, place in _dampers(document).items()
+        if name in document.parameters
+        if (comparison := compare_parameter(name, document.parameters[name])) is not None
     }
     if not compared:
         return "The damping rates were estimated; there are no nominal values to compare them with."
     senses = {c.sense for c in compared.values()}
-    if len(compared) == 2 and len(senses) == 1:
+    count = len(compared)
+    if count > 1 and len(senses) == 1:
         sense = senses.pop()
+        every = "Both" if count == 2 else f"All {_COUNTS.get(count, count)}"
         if sense == "agrees":
-            return "Both dampers agree with nominal."
+            return f"{every} dampers agree with nominal."
         if sense == "unclear":
-            return "Both dampers are too uncertain to compare with nominal."
+            return f"{every} dampers are too uncertain to compare with nominal."
         word = "softer" if sense == "below" else "stiffer"
-        sizes = ", ".join(f"{axle} {difference(c.share)}" for axle, c in compared.items())
-        return f"Both dampers are {word} than nominal: {sizes}."
+        sizes = ", ".join(f"{place} {difference(c.share)}" for place, c in compared.items())
+        return f"{every} dampers are {word} than nominal: {sizes}."
     # The softer damper first: most users look for a worn one.
     order = sorted(compared.items(), key=lambda item: _ORDER.index(item[1].sense))
-    return " ".join(f"{axle.capitalize()} damper: {c.words}." for axle, c in order)
+    agreeing = sum(c.sense == "agrees" for c in compared.values())
+    told = order[: count - agreeing] if agreeing > 1 else order
+    sentences = [f"{place.capitalize()} damper: {c.words}." for place, c in told]
+    if agreeing > 1:
+        sentences.append(f"The other {_COUNTS.get(agreeing, agreeing)} agree with nominal.")
+    return " ".join(sentences)
 
 
 def split_reason(reason: str) -> tuple[str, str]:
@@ -123,16 +133,17 @@ def next_steps(document: EstimateDocument | TrackDocument) -> list[str]:
     if document.verdict == "not_converged":
         return [
             "See in the figures where measurement and simulation differ: the car may do something "
-            "that the half car does not describe (a stop reached, a loose sensor, a worn bush).",
+            "that the model does not describe (a stop reached, a loose sensor, a worn bush).",
             "Record again over a single, smooth bump and give both files to the same command.",
             "Run again with another --seed; an answer that changes is not reliable.",
         ]
     if isinstance(document, TrackDocument):
-        return _steps(document.parameters, [])
-    return [*consistency_steps(document), *_steps(document.parameters, budget_steps(document))]
+        return _steps(document, [])
+    return [*consistency_steps(document), *_steps(document, budget_steps(document))]
 
 
-def _steps(parameters: Mapping[str, Parameter], narrowing: list[str]) -> list[str]:
+def _steps(document: EstimateDocument | TrackDocument, narrowing: list[str]) -> list[str]:
+    parameters, dampers = document.parameters, _dampers(document)
     compared = {
         name: comparison
         for name, parameter in parameters.items()
@@ -143,22 +154,23 @@ def _steps(parameters: Mapping[str, Parameter], narrowing: list[str]) -> list[st
         ("below", "Inspect the {} first: oil, seals, gas charge, mounts and adjuster setting."),
         ("above", "At the {}, check the adjuster setting, the oil and the nominal rate itself."),
     ):
-        axles = [a for a, n in _DAMPERS.items() if n in compared and compared[n].sense == sense]
-        if axles:
-            plural = "s" if len(axles) > 1 else ""
-            steps.append(advice.format(f"{enumerated(axles)} damper{plural}"))
+        places = [w for n, w in dampers.items() if n in compared and compared[n].sense == sense]
+        if places:
+            plural = "s" if len(places) > 1 else ""
+            steps.append(advice.format(f"{enumerated(places)} damper{plural}"))
     if not steps:
         steps.append("The dampers need no attention; keep this file to compare the next run with.")
-    inertia = compared.get("i")
-    if inertia is not None and inertia.sense != "agrees" and abs(inertia.share) >= SMALL_DIFFERENCE:
-        steps.append(
-            f"The pitch inertia is {difference(inertia.share)} {inertia.side} nominal: check "
-            "driver, fuel and ballast, or enter the estimate in the vehicle file."
-        )
+    for name, c in compared.items():
+        large = c.sense != "agrees" and abs(c.share) >= SMALL_DIFFERENCE
+        if large and QUANTITIES[name][0] == "pitch_inertia":
+            steps.append(
+                f"The {LABELS[name]} is {difference(c.share)} {c.side} nominal: check "
+                "driver, fuel and ballast, or enter the estimate in the vehicle file."
+            )
     steps += narrowing
-    for name in ("c_f", "c_r", "i"):
-        p = parameters.get(name)
-        if not narrowing and p is not None and p.mean and p.sd / abs(p.mean) > WIDE:
+    for name, p in parameters.items():
+        asked = QUANTITIES[name][0] in ("damping", "pitch_inertia")
+        if not narrowing and asked and p.mean and p.sd / abs(p.mean) > WIDE:
             steps.append(
                 f"The {LABELS[name]} is known only to ±{percent(p.sd / abs(p.mean))}: add a "
                 "recording over a higher or faster bump and give all files to the same command."
@@ -175,7 +187,8 @@ def verdict_lines(document: EstimateDocument) -> list[str]:
     parameters = document.parameters
     prefix = _PROVISIONAL if document.verdict == "not_converged" else ""
     lines = [headline(document)]
-    lines += [prefix + parameter_sentence(n, parameters[n]) for n in ANSWERS if n in parameters]
+    lines += [prefix + parameter_sentence(n, parameters[n]) for n in answers(parameters)]
+    lines += [_side_sentence(axle, ratio) for axle, ratio in document.left_over_right.items()]
     lines += run_consistency_lines(document)
     lines += [f"Why: {plain(reason)}." for reason in document.reasons]
     lines += [f"Note: {plain(warning)}." for warning in document.warnings]
@@ -205,35 +218,13 @@ def track_lines(document: TrackDocument) -> list[str]:
     """State the verdict of the online filter, its parameters, consistency and warnings."""
     if document.verdict == "refused":
         return [track_headline(document), *(f"Why: {plain(r)}." for r in document.reasons)]
-    parameters = {n: document.parameters[n] for n in ANSWERS if n in document.parameters}
+    parameters = {n: document.parameters[n] for n in answers(document.parameters)}
     # Probabilities of an inconsistent filter would be wrong.
     sentence = last_state if is_inconsistent(document) else parameter_sentence
     lines = [track_headline(document), *(sentence(n, p) for n, p in parameters.items())]
     lines += consistency_lines(document)
     if is_inconsistent(document):
         lines += [f"Next: {step}" for step in INCONSISTENT_STEPS]
-    return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
-
-
-def roll_lines(document: RollDocument) -> list[str]:
-    """State the verdict on a roll car, the headline first."""
-    parameters = document.parameters
-    if document.verdict == "refused":
-        lines = [f"No answer: {_NO_ANSWER} these recordings."]
-    elif document.verdict == "not_converged":
-        lines = [_NOT_CONVERGED]
-    else:
-        dampers = [
-            f"{place} {comparison.words}"
-            for name, place in _ROLL_DAMPERS.items()
-            if (comparison := compare_parameter(name, parameters[name])) is not None
-        ]
-        lines = [f"Dampers: {'; '.join(dampers)}."]
-    if document.verdict != "refused":
-        prefix = _PROVISIONAL if document.verdict == "not_converged" else ""
-        lines += [prefix + parameter_sentence(name, p) for name, p in parameters.items()]
-        lines += [_side_sentence(axle, r) for axle, r in document.left_over_right.items()]
-    lines += [f"Why: {plain(reason)}." for reason in document.reasons]
     return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
 
 
@@ -256,7 +247,7 @@ def cards(
 
     Plain data for the templates, and the pictures that they name.
     """
-    shown = {name: parameters[name] for name in ANSWERS if name in parameters}
+    shown = {name: parameters[name] for name in answers(parameters)}
     compared = {name: compare_parameter(name, p) for name, p in shown.items()}
     spans = [
         abs(v / p.nominal - 1.0) for p in shown.values() if p.nominal for v in (*p.eti95, p.mean)
@@ -298,5 +289,5 @@ def tone(verdict: str, made: list[dict[str, Any]]) -> str:
     """Colour of the verdict: that of the most conspicuous damper."""
     if verdict != "ok":
         return "stop"
-    tones = [card["tone"] for card in made if card["name"] in _DAMPERS.values()]
+    tones = [card["tone"] for card in made if QUANTITIES[card["name"]][0] == "damping"]
     return next((t for t in ("below", "above", "muted") if t in tones), "good")
