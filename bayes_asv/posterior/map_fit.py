@@ -226,9 +226,9 @@ def _without_tones(
     """Cut the tones of an engine out of every run; None where there are none.
 
     They are looked for in accelerations alone.  What is left of a deflection or a rate that is
-    read exactly is no noise but the error of an approximation, whose spectrum falls by a factor of
-    a hundred from 5 to 20 Hz: a line on that slope stands out of the median of its neighbours as a
-    tone does.
+    read next to exactly is no noise: a fit that is off by a ten-thousandth of a prior deviation
+    leaves the spectrum of the car's own motion, which falls by a factor of a hundred from 5 to
+    20 Hz, and a line on that slope stands out of the median of its neighbours as a tone does.
     """
     out, any_found = [], False
     for run, line in enumerate(target.space.timelines):

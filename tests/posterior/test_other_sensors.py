@@ -12,6 +12,7 @@ from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
+from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.posterior.parameters import space
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
@@ -28,9 +29,14 @@ CASES = {
 }
 
 
+def baja() -> Vehicle:
+    """The baja with its four accelerometers."""
+    return read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
+
+
 def vehicle() -> Vehicle:
     """The baja with potentiometers and an inertial unit 0.9 m ahead of its rear axle."""
-    car = read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
+    car = baja()
     sensors = {
         "front_travel": Sensor(noise=0.0005),
         "rear_travel": Sensor(noise=0.0005),
@@ -76,6 +82,20 @@ def test_simulated_parameters_are_recovered(name: str, seed: int) -> None:
         sd = float(logs.std())
         assert sd < 0.15, parameter  # measured, not merely known a priori
         assert abs(float(logs.mean()) - np.log(true[parameter])) < 3.5 * sd, parameter
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_spectrum_of_the_motion_is_no_engine(seed: int) -> None:
+    """Exact deflections and rates show what a fit is off by, on a slope through 5 Hz (seed 2)."""
+    given = replace(vehicle(), sensors=baja().sensors)
+    channels = (*WHEELS, "front_travel", "rear_travel", "body_pitch_rate")
+    ground = road("stops", np.random.default_rng([seed, 0]))
+    drive = simulate(given, ground, rate=200.0, seconds=2.0, seed=seed, channels=channels)
+    lines, reasons, _ = lay_out([drive.recording], given)
+    assert not reasons
+    found = best_fit(lines, given)
+    assert not [text for text in found.warnings if "shakes" in text]
+    assert found.space.timelines[0].notches == ()
 
 
 def test_accelerations_identify_five_of_seven_logarithms() -> None:
