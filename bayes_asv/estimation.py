@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.analysis.input_mistakes import Doubt, doubt_about
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
 from bayes_asv.analysis.run_consistency import (
     MOST_COMPARED,
@@ -116,6 +117,9 @@ class Estimate:
         Upper edge of the band that was used, Hz; None at full band.
     effects : dict of Site to dict of str to array
         Draws of the parameters of every effect in the model, SI units.
+    doubt : Doubt or None
+        Why the input is probably wrong or the model does not hold, so that no verdict on a damper
+        may rest on this estimate; None where nothing speaks against it.
     seconds : float
         Time it took.
     seed : int
@@ -145,6 +149,7 @@ class Estimate:
     joint: dict[str, Array] = field(default_factory=dict)
     below: float | None = None
     effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
+    doubt: Doubt | None = None
 
     @property
     def count(self) -> int:
@@ -238,16 +243,25 @@ def estimate(
                 found = best_fit(lines, vehicle, likelihood, sites)
                 reasons, warnings = found.reasons, warnings + found.warnings
             run_ensembles = loading.result().run_ensembles
+    doubt = None
+    if below is None and not sites:
+        tell(0.05, "checking the input")
+        doubt = doubt_about(recordings, vehicle, car, refused=bool(reasons))
     if agreement is not None and found is None and not reasons:
         tell(0.9, "the runs do not agree")
         told = _apart(agreement, recordings, vehicle, warnings, seed)
         tell(1.0, "done")
-        return replace(told, seconds=time.perf_counter() - began)
+        return replace(told, doubt=doubt, seconds=time.perf_counter() - began)
     if reasons or found is None:
+        if doubt is not None and doubt.mistakes:
+            reasons = (doubt.sentence, *reasons)
         return Estimate(
             "refused", reasons, warnings, vehicle, model, tuple(recordings),
             likelihood, seed, time.perf_counter() - began, agreement=agreement, below=below,
+            doubt=doubt,
         )  # fmt: skip
+    if doubt is not None:
+        warnings = (doubt.sentence, *warnings)
     where, target = found.space, found.target
     tell(0.1, "sampling")
     ensembles = run_ensembles(
@@ -294,6 +308,7 @@ def estimate(
         width=width,
         agreement=agreement,
         below=below,
+        doubt=doubt,
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}
             for site, values in where.effect_draws(flat).items()

@@ -3,8 +3,9 @@
 Cars are drawn about the baja of the rig and driven there; wheel hubs carry the accelerometers of
 the rig's logger.  The first set measures both suspension deflections, the second vertical
 acceleration and pitch rate at one place of the body.  Given values are exact on every other drive
-and have the deviations that the vehicle file declares on the others.  ``python -m benchmarks.other_sensors`` writes
-``benchmarks/results/other_sensors.json``; it resumes where it was stopped.
+and have the deviations that the vehicle file declares on the others.
+``python -m benchmarks.other_sensors`` writes ``benchmarks/results/other_sensors.json``; it resumes
+where it was stopped.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ Array = NDArray[np.float64]
 
 
 def travel(run: RigRun, car: RigCar, rng: np.random.Generator) -> Array:
-    """Readings (2, n) of potentiometers at both suspensions, m, each with a zero of its own."""
+    """Read potentiometers at both suspensions (2, n), m, each with a zero of its own."""
     noise = float(POTENTIOMETER.noise or 0.0) * rng.standard_normal(run.deflection.shape)
     zero = 0.03 * rng.standard_normal((2, 1))
     step = float(POTENTIOMETER.resolution or 0.0)
@@ -68,7 +69,7 @@ def travel(run: RigRun, car: RigCar, rng: np.random.Generator) -> Array:
 
 
 def inertial_unit(run: RigRun, car: RigCar, rng: np.random.Generator) -> Array:
-    """Readings (2, n): vertical acceleration at `PLACE`, m/s², and pitch rate, rad/s."""
+    """Read vertical acceleration at `PLACE`, m/s², and pitch rate, rad/s, (2, n)."""
     motion = run.motion
     assert motion is not None
     front, rear = motion.acceleration[1], motion.acceleration[3]

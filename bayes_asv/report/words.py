@@ -253,9 +253,12 @@ def compare(
 
 
 def compare_parameter(name: str, parameter: Parameter) -> Comparison | None:
-    """Compare a parameter of a document with nominal; None where it has no nominal value."""
+    """Compare a parameter of a document with nominal.
+
+    None where it has no nominal value, or where the comparison is withheld.
+    """
     p = parameter
-    if not p.nominal or p.p_below_nominal is None:
+    if not p.nominal or p.p_below_nominal is None or p.withheld:
         return None
     return compare(name, p.mean, p.sd, p.eti95, p.nominal, p.p_below_nominal)
 

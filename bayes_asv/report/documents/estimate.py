@@ -43,6 +43,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
     """Document of an estimate from :func:`bayes_asv.estimation.estimate`, of any verdict."""
     vehicle, agreement, car = result.vehicle, result.agreement, result.car
     units, nominal = Units(vehicle.units), result.nominal
+    withheld = {"withheld": result.doubt is not None}
     origin = provenance(
         ((r.source, r.sha256) for r in result.recordings), vehicle, _PACKAGES, result.seed
     )
@@ -51,13 +52,15 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         verdict=result.verdict,
         reasons=list(result.reasons),
         warnings=list(result.warnings),
+        doubt="" if result.doubt is None else result.doubt.sentence,
         car=car.name,
         elements={
             e.name: schema.Element(axle=e.axle, side=e.side, damping=e.damping, spring=e.spring)
             for e in car.elements
         },
         parameters={
-            n: parameter(n, result.draws[n], vehicle, nominal[n]) for n in result.answers
+            n: parameter(n, result.draws[n], vehicle, nominal[n]).model_copy(update=withheld)
+            for n in result.answers
         },
         left_over_right=_side_ratios(car, result.draws),
         known={

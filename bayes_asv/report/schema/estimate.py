@@ -408,6 +408,8 @@ class EstimateDocument(Model):
     reasons: Texts
     """Why it was refused."""
     warnings: Texts
+    doubt: Text = ""
+    """Why the input is probably wrong or the model does not hold; no verdict is given then."""
     car: Text = "half"
     """Model of the car, as ``--car`` takes it."""
     elements: dict[ElementName, Element] = Field(default_factory=half_car)

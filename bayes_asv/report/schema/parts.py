@@ -165,6 +165,8 @@ class Parameter(Quantity):
     unit: Unit
     p_below_nominal: MaybeShare = None
     """Posterior probability that it is below nominal."""
+    withheld: bool = False
+    """Whether the comparison with nominal is withheld, see ``doubt`` of the document."""
     si: Quantity | None = None
     """The same in SI units."""
 

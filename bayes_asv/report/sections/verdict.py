@@ -71,6 +71,8 @@ def headline(document: EstimateDocument | TrackDocument) -> str:
         return f"No answer: {_NO_ANSWER} {'these recordings' if several else 'this recording'}."
     if document.verdict == "not_converged":
         return _NOT_CONVERGED
+    if isinstance(document, EstimateDocument) and document.doubt:
+        return f"No verdict on the dampers: {split_reason(document.doubt)[0]}."
     dampers = _damper_sentences(document)
     if isinstance(document, TrackDocument):
         return dampers
@@ -139,6 +141,9 @@ def next_steps(document: EstimateDocument | TrackDocument) -> list[str]:
         ]
     if isinstance(document, TrackDocument):
         return _steps(document, [])
+    if document.doubt:
+        what, fix = split_reason(document.doubt)
+        return [f"{capitalized(fix or what)}.", "Then run the same command again."]
     return [*consistency_steps(document), *_steps(document, budget_steps(document))]
 
 

@@ -1,0 +1,138 @@
+"""Mistakes in the input are named, and right inputs raise no doubt, on drives of the rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayes_asv.analysis.input_mistakes import doubt_about, rear_leads, screening_fit
+from bayes_asv.analysis.nominal_mistakes import nominal_mistakes
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
+from bayes_asv.estimation import estimate
+from bayes_asv.models.cars import car_model
+from tests.posterior.cases import DECLARED, case, vehicle
+
+Input = tuple[Recording, Vehicle]
+
+
+def worn(seed: int, terrain: str = "stops") -> Input:
+    """A right input: the drive of a car within what is declared."""
+    return case(terrain, seed, DECLARED, seconds=1.5)[2], vehicle(DECLARED)
+
+
+def columns(*order: int) -> Callable[[Recording, Vehicle], Input]:
+    return lambda recording, car: (
+        replace(recording, values=recording.values[list(order)]),
+        car,
+    )
+
+
+def rear_chassis_late(recording: Recording, car: Vehicle) -> Input:
+    values = recording.values.copy()
+    values[3] = np.interp(recording.time - 0.007, recording.time, values[3])
+    return replace(recording, values=values), car
+
+
+def front_chassis_scaled(recording: Recording, car: Vehicle) -> Input:
+    values = recording.values.copy()
+    values[1] *= 1.15
+    return replace(recording, values=values), car
+
+
+def halved_springs(recording: Recording, car: Vehicle) -> Input:
+    front, rear = (Given(k.value / 2.0, k.sd / 2.0) for k in (car.k_f, car.k_r))
+    return recording, replace(car, k_f=front, k_r=rear)
+
+
+def rear_damping_in_si(recording: Recording, car: Vehicle) -> Input:
+    return recording, with_nominal(car, c_r=175.127)
+
+
+MISTAKES = {
+    "exchanged axles": (columns(2, 3, 0, 1), "front wheel and rear wheel, and front chassis and"),
+    "exchanged wheel and chassis": (columns(0, 1, 3, 2), "rear wheel and rear chassis are exch"),
+    "late sensor": (rear_chassis_late, "rear chassis is 7.0 ms late"),
+    "scaled sensor": (front_chassis_scaled, "readings of front chassis are 1.1"),
+    "unit of a damper": (rear_damping_in_si, "a number in N·s/m stands with lbf·s/in"),
+    "springs of one side": (halved_springs, "one side of an axle is given"),
+}
+
+
+@pytest.mark.parametrize("kind", MISTAKES)
+def test_a_mistake_is_named(kind: str) -> None:
+    make, words = MISTAKES[kind]
+    recording, car = make(*worn(3))
+    doubt = doubt_about([recording], car)
+    assert doubt is not None
+    assert words in doubt.mistakes[0].words
+    assert doubt.mistakes[0].probability > 0.5
+    assert doubt.sentence.startswith("the input is probably wrong: ")
+
+
+@pytest.mark.parametrize("terrain", ["bump", "stops", "rough"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_right_input_raises_no_doubt(terrain: str, seed: int) -> None:
+    recording, car = worn(seed, terrain)
+    assert doubt_about([recording], car) is None
+
+
+def test_an_estimate_says_its_doubt_first_and_a_refusal_its_cause() -> None:
+    recording, car = halved_springs(*worn(4))
+    result = estimate([recording], car, seed=1)
+    assert result.doubt is not None
+    assert result.warnings[0] == result.doubt.sentence
+    values = recording.values.copy()
+    values[1] *= -1.0
+    refused = estimate([replace(recording, values=values)], worn(4)[1], seed=1)
+    assert refused.verdict == "refused"
+    assert "front chassis is upside down" in refused.reasons[0]
+
+
+def test_the_order_of_the_wheels_is_that_of_the_road() -> None:
+    recording, _ = worn(5)
+    assert not rear_leads([recording])
+    assert rear_leads([replace(recording, values=recording.values[[2, 3, 0, 1]])])
+    still = replace(recording, values=np.zeros_like(recording.values))
+    assert not rear_leads([still])
+
+
+def with_nominal(car: Vehicle, **factors: float) -> Vehicle:
+    changed = {n: Nominal(getattr(car, n).value * f) for n, f in factors.items()}
+    return replace(car, **changed)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ({"c_f": 0.5, "c_r": 0.5}, "one side of an axle only"),
+        ({"c_f": 2.78, "c_r": 2.78}, "at the damper instead of at the wheel"),
+        ({"c_f": 1.0 / 12.0, "c_r": 1.0 / 12.0}, "a number in lbf·s/in stands with lbf·s/ft"),
+        ({"c_f": 1.0 / 175.127, "c_r": 1.0 / 175.127}, "a number in lbf·s/in stands with N·s/m"),
+        ({"c_f": 1.0, "c_r": 12.0}, "nominal c_r has a wrong unit"),
+        ({"i": 1.0 / 6.6}, "nominal pitch inertia means"),
+    ],
+)
+def test_a_mistake_in_nominal_values_is_named(factors: dict[str, float], words: str) -> None:
+    recording, car = worn(6)
+    wrong = with_nominal(car, **factors)
+    fit = screening_fit([recording], wrong)
+    assert fit is not None
+    model = car_model("half", wrong)
+    mistakes = nominal_mistakes(wrong, model, fit.values)
+    # 12 and 14.6 are one factor, given how much a damper may be worn
+    assert any(words in mistake.words for mistake in mistakes[:2])
+
+
+@pytest.mark.parametrize("loss", [0.6, 0.75, 1.0, 1.15])
+def test_wear_is_no_mistake(loss: float) -> None:
+    car = vehicle(DECLARED)
+    model = car_model("half", car)
+    values = {p.name: p.nominal for p in model.parameters}
+    values["c_f"] *= loss
+    values["c_r"] *= math.sqrt(loss)
+    assert nominal_mistakes(car, model, values) == []
