@@ -156,8 +156,10 @@ def _sensitivity(
 def _sizes(car: CarModel) -> Scale:
     """Sizes of a car that the priors of effects are given in: those of its mean element."""
     nominal, count = car.nominal, len(car.elements)
+    # The mass that an element feels in the first coordinate: all of it in heave.
+    mass = float(car.inertia(nominal)[0, 0] / car.heights(nominal)[0, 0, 0] ** 2)
     return Scale(
-        load=float(car.inertia(nominal)[0, car.coordinates.index("heave")]) * 9.80665 / count,
+        load=mass * 9.80665 / count,
         spring=sum(float(nominal[element.spring][0]) for element in car.elements) / count,
     )
 
