@@ -77,7 +77,7 @@ _ALIKE = 0.6  # correlation of front and rear wheels from which on their order m
 _AHEAD = 0.2  # by which it has to be larger than with the other order
 
 _SPRING_FACTORS = {
-    2.0: "one side of an axle is given; both springs of an axle together are meant",
+    2.0: "one spring of an axle is given instead of both",
     0.5: "both sides are counted twice",
     5.71015: "a number in N/mm stands with lbf/in",
     1.0 / 5.71015: "a number in lbf/in stands with N/mm",
@@ -604,14 +604,14 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[_Hypothesis]:
         share = vehicle.wdf.value
         yield _Hypothesis(
             lambda size: (
-                f"the front weight fraction is that of the rear; {1.0 - share:.3f} would fit",
+                f"the front weight fraction is that of the rear ({1.0 - share:.3f} would fit)",
                 "give the front share of the sprung weight",
             ),
             lambda recording, vehicle, size: (recording, _with_share(vehicle, 1.0 - share)),
         )
         yield _Hypothesis(
             lambda size: (
-                f"the front weight fraction is off; {share + size:.3f} would fit",
+                f"the front weight fraction is off ({share + size:.3f} would fit)",
                 "weigh both axles",
             ),
             lambda recording, vehicle, size: (recording, _with_share(vehicle, share + size)),

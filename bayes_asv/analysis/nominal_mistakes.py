@@ -167,7 +167,7 @@ def _inertia(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> li
         return [
             Mistake(
                 "the estimated pitch inertia means a radius of gyration of "
-                f"{_gyration(values):.2f} m on a wheelbase of {values['l']:.2f} m; no car has it",
+                f"{_gyration(values):.2f} m on a wheelbase of {values['l']:.2f} m, as no car has",
                 "check channels, places of the sensors and wheelbase; drive something that "
                 "pitches the car",
                 1.0,

@@ -72,7 +72,7 @@ def headline(document: EstimateDocument | TrackDocument) -> str:
     if document.verdict == "not_converged":
         return _NOT_CONVERGED
     if isinstance(document, EstimateDocument) and document.doubt:
-        return f"No verdict on the dampers: {split_reason(document.doubt)[0]}."
+        return f"No verdict on the dampers. {capitalized(split_reason(document.doubt)[0])}."
     dampers = _damper_sentences(document)
     if isinstance(document, TrackDocument):
         return dampers
