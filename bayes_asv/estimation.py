@@ -356,24 +356,19 @@ def _apart(
     )
 
 
-def _simulated(target: Posterior, z: Array, run: int) -> FreeRun:
-    """Run the car at coordinates (D,) over one recording."""
-    return free_run(target, z, run)
-
-
 def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, seed: int) -> RunFit:
     """Simulate one recording at the posterior's centre and at a few of its draws."""
     line = target.space.timelines[run]
     centre = flat.mean(axis=0)
     picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
     elements = len(line.car.elements)
-    each = [_simulated(target, z, run) for z in picked]
+    each = [free_run(target, z, run) for z in picked]
     innovations = target.innovations(centre, run)
     innovations[line.kind != 1] = np.nan
     return RunFit(
         recording=recording,
         line=line,
-        free=_simulated(target, centre, run),
+        free=free_run(target, centre, run),
         ensemble=np.stack([one.output for one in each]),
         travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),
         innovations=innovations,

@@ -61,8 +61,6 @@ def command(
 ) -> int:
     """Estimate damping rates and inertias from one or several recordings together."""
     common.check_outputs((*recordings, vehicle), json_file, netcdf)
-    if (effects or model == "auto") and (below is not None or likelihood != "innovations"):
-        raise click.UsageError("effects need the whole band and the innovations likelihood")
     import bayes_asv as asv
 
     if netcdf is not None:

@@ -202,19 +202,18 @@ def axle_panels(
     height: float = HEIGHT,
     places: Iterable[str] = AXLES,
 ) -> tuple[Panel, ...]:
-    """Draw one panel an axle, or one for each of other places.
+    """Draw one panel an axle, or one for each of other places such as ``front_left``.
 
     Parameters
     ----------
     key : str
         With braces for the place, such as ``wheel-{}-0``.
     draw : callable
-        From axes and place to a description for screen readers; None where there is nothing to
-        draw.
+        From axes and place to a description for screen readers; None where nothing is to draw.
     height : float
         Inches.
     places : iterable of str
-        Names such as ``front_left``.
+        Names of the places.
     """
     panels = []
     for place in places:

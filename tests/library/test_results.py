@@ -152,7 +152,7 @@ def test_a_simulated_drive_is_a_recording(car: asv.Vehicle) -> None:
         ({"change": {"k": 2.0}}, "give one of c_f"),
         ({"change": {"wdf": 3.0}}, "no weight on one of the axles"),
         ({"car": "bus"}, "give one of half"),
-        ({"skew": "20 in"}, "car='roll'"),
+        ({"skew": "20 in"}, "the half car has no right wheels"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused(

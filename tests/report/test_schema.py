@@ -75,7 +75,7 @@ def test_an_estimate_of_the_roll_car_of_an_earlier_version_becomes_one_of_any_ca
     page, _ = report_page(read)
     assert page["headline"] == ["All four dampers agree with nominal."]
     titles = [section["title"] for section in page["sections"]]
-    assert titles[:2] == ["Parameters", "Left damper over right damper"]
+    assert titles[:2] == ["Parameters", "Left and right dampers"]
     assert "Fit of the simulation" in titles
 
 

@@ -14,13 +14,15 @@ from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import SideRatio
 from bayes_asv.report.schema.parts import Known, Parameter
-from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
+from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
 from bayes_asv.report.words import (
     LABELS,
     MISSING,
     capitalized,
+    estimate_text,
     interval,
     labelled,
+    likelihood_words,
     number,
     plus_minus,
     probability,
@@ -29,10 +31,12 @@ from bayes_asv.report.words import (
 
 __all__ = [
     "SECTION", "answers", "given_table", "log_normal_prior", "parameter_table", "short_label",
+    "side_lines",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
+_DISTINCT: Final = 0.95  # probability from which left and right dampers are called different
 _POSTERIOR: Final = (
     "The dashed line is the nominal value: where it is outside the shaded 95 % interval, the car "
     "differs from its data sheet. The prior (brown) should be flat over the posterior; then the "
@@ -63,7 +67,7 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
         if document.vehicle.units != "SI" and all(p.si is not None for p in parameters.values()):
             yield parameter_table(parameters, f"{title}, in SI units", si=True)
     if document.left_over_right:
-        yield _side_table(document.left_over_right)
+        yield Text("Left and right dampers", side_lines(document))
     if document.known:
         yield given_table(document.known)
     if document.draws:
@@ -93,20 +97,21 @@ def parameter_table(parameters: Mapping[str, Parameter], title: str, *, si: bool
     return Table(title, columns, rows)
 
 
-def _side_table(ratios: Mapping[str, SideRatio]) -> Table:
-    """Ratio of left to right damping rate of each axle."""
-    return Table(
-        "Left damper over right damper",
-        ["axle", "ratio", "sd", "95 % interval", "P(left softer)"],
-        [
-            [
-                capitalized(axle), number(ratio.mean, ratio.sd), number(ratio.sd, ratio.sd),
-                interval(ratio), probability(ratio.p_left_softer),
-            ]
-            for axle, ratio in ratios.items()
-        ],
-        "The ratio does not depend on the mass of the car, whose error changes both rates alike.",
-    )  # fmt: skip
+def side_lines(document: EstimateDocument) -> list[str]:
+    """Compare the left with the right damper of each axle that has two."""
+    return [_side_sentence(axle, ratio) for axle, ratio in document.left_over_right.items()]
+
+
+def _side_sentence(axle: str, ratio: SideRatio) -> str:
+    p = max(ratio.p_left_softer, 1.0 - ratio.p_left_softer)
+    start = (
+        f"The {axle} left damper has {estimate_text(ratio, '')} times the rate of the right one "
+        f"(95 %: {interval(ratio, 1)})"
+    )
+    if p < _DISTINCT:
+        return f"{start}; the sides cannot be distinguished."
+    softer = "softer" if ratio.p_left_softer > 0.5 else "stiffer"
+    return f"{start}; it is {likelihood_words(p)} that it is the {softer} one."
 
 
 def given_table(known: Mapping[str, Known]) -> Table:

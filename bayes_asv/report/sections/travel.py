@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -112,11 +111,9 @@ def _digits(value: float) -> str:
 
 
 def _sd(curve: Curve) -> float:
-    values = [v for v in curve if v is not None]
-    if len(values) < 2:
-        return 0.0
-    mean = math.fsum(values) / len(values)
-    return math.sqrt(math.fsum((v - mean) ** 2 for v in values) / (len(values) - 1))
+    values = svg.curve_array(curve)
+    values = values[np.isfinite(values)]
+    return float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
 def _travels(run: Run, limits: TravelLimits, n: int) -> tuple[svg.Panel, ...]:

@@ -8,7 +8,6 @@ from typing import Any, Final
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument, TrackDocument, half_car
-from bayes_asv.report.schema.estimate import SideRatio
 from bayes_asv.report.schema.parts import Parameter
 from bayes_asv.report.sections.online_filter import (
     INCONSISTENT,
@@ -18,7 +17,7 @@ from bayes_asv.report.sections.online_filter import (
     is_inconsistent,
     last_state,
 )
-from bayes_asv.report.sections.parameters import answers
+from bayes_asv.report.sections.parameters import answers, side_lines
 from bayes_asv.report.sections.run_consistency import consistency_headline, consistency_steps
 from bayes_asv.report.sections.run_consistency import consistency_lines as run_consistency_lines
 from bayes_asv.report.sections.uncertainty_budget import budget_steps
@@ -57,7 +56,6 @@ _TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear"
 _MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
 _COUNTS: Final = {2: "two", 3: "three", 4: "four"}
 _SCALES: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ends of a gauge, share of nominal
-_DISTINCT: Final = 0.95  # probability from which left and right dampers are called different
 
 _NO_ANSWER: Final = "the suspension parameters cannot be determined from"
 _NOT_CONVERGED: Final = "No reliable answer: the sampling did not converge."
@@ -193,7 +191,7 @@ def verdict_lines(document: EstimateDocument) -> list[str]:
     prefix = _PROVISIONAL if document.verdict == "not_converged" else ""
     lines = [headline(document)]
     lines += [prefix + parameter_sentence(n, parameters[n]) for n in answers(parameters)]
-    lines += [_side_sentence(axle, ratio) for axle, ratio in document.left_over_right.items()]
+    lines += side_lines(document)
     lines += run_consistency_lines(document)
     lines += [f"Why: {plain(reason)}." for reason in document.reasons]
     lines += [f"Note: {plain(warning)}." for warning in document.warnings]
@@ -231,18 +229,6 @@ def track_lines(document: TrackDocument) -> list[str]:
     if is_inconsistent(document):
         lines += [f"Next: {step}" for step in INCONSISTENT_STEPS]
     return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
-
-
-def _side_sentence(axle: str, ratio: SideRatio) -> str:
-    p = max(ratio.p_left_softer, 1.0 - ratio.p_left_softer)
-    start = (
-        f"The {axle} left damper has {estimate_text(ratio, '')} times the rate of the right one "
-        f"(95 %: {interval(ratio, 1)})"
-    )
-    if p < _DISTINCT:
-        return f"{start}; the sides cannot be distinguished."
-    softer = "softer" if ratio.p_left_softer > 0.5 else "stiffer"
-    return f"{start}; it is {likelihood_words(p)} that it is the {softer} one."
 
 
 def cards(
