@@ -44,7 +44,8 @@ them.""",
     "sensor_lag": r"""The channel samples later than declared; a negative lag is earlier.""",
     "sensor_bandwidth": r"""The corner frequency of the channel's one-pole filter is not the declared one.
 This effect needs a `bandwidth` in the vehicle file.""",
-    "sensor_drift": r"""The zero of the channel drifts linearly.""",
+    "sensor_drift": r"""The zero of the channel drifts linearly. For a deflection or an angular rate prior and
+tolerance are the same share of the sensor's offset: 0.07 and 0.0007 m/s or rad/s².""",
 }
 """Law of every effect: the force of an axle in N, upward on the chassis, extension positive."""
 
@@ -97,9 +98,13 @@ _ABOUT = """\
 # Effects
 
 This page lists the effects that `bayes-asv diagnose` tests and that
-`bayes-asv estimate --with NAME@WHERE` adds to the linear half car. Each effect is one file under
+`bayes-asv estimate --with NAME@WHERE` adds to the linear car. Each effect is one file under
 `bayes_asv/models/effects`; `python -m tests.effects_page` generates this page from them. Extension is
 positive, and so is a force upward on the chassis.
+
+On the roll car an effect at the front or the rear acts alike on both sides. Except for a push, it may also be
+at one corner, such as `bound_rebound@front_left`; tolerances are those of the corners, and "the mean axle's
+load" is the mean corner's.
 
 A **named** effect has the wide prior given below. An effect that is not named has a **tolerance
 prior**: a narrow prior whose scale is the deviation that data sheets leave open and that

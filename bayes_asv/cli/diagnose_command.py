@@ -18,6 +18,7 @@ __all__ = ["command"]
     metavar="REC",
     help="A recording that is not fitted, for validation; may be given several times.",
 )
+@common.car_option
 @common.json_option
 @common.rate_option
 @common.seed_option
@@ -25,19 +26,20 @@ def command(
     recordings: tuple[str, ...],
     vehicle: str,
     holdout: tuple[str, ...],
+    car: str | None,
     json_file: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
-    """Find where simulation and measurement disagree, and which effects the half car lacks.
+    """Find where simulation and measurement disagree, and which effects the car lacks.
 
     Without --holdout the last recording is held out, or the second half of the only one.
     """
     common.check_outputs((*recordings, *holdout, vehicle), json_file)
     import bayes_asv as asv
 
-    car = asv.read_vehicle(vehicle)
+    described = asv.read_vehicle(vehicle)
     runs, held = (asv.read_recordings(paths, rate=rate) for paths in (recordings, holdout))
-    result = asv.diagnose(runs, car, holdout=held, seed=seed)
+    result = asv.diagnose(runs, described, holdout=held, car=car, seed=seed)
     common.output(result.document.to_dict(), result.lines(), json_file)
     return common.EXIT_STATUS["refused" if result.verdict == "refused" else "ok"]

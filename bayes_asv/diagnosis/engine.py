@@ -332,7 +332,7 @@ def _analytic(signal: Array, tone: Notch, rate: float) -> Complex:
 
 
 def _response(model: FittedModel, run: int, frequency: float, place: str) -> Complex:
-    """Readings (n,) of accelerations by a force of one newton, the wheels moving as measured."""
+    """Return what accelerations read (n,) by a force of one newton, wheels moving as measured."""
     recording = model.space.timelines[run]
     used = list(recording.accelerations)
     system = model.space.state_space(model.mode.z[None], run)

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from bayes_asv.library.estimates import check_seed
+from bayes_asv.library.estimates import car_of, check_seed
 from bayes_asv.library.inputs import check_inputs
-from bayes_asv.library.parameter import Parameter, from_draws, nominal_of
+from bayes_asv.library.parameter import Parameter, from_draws
 from bayes_asv.library.progress import Progress, progress_bar
 from bayes_asv.library.result import Result
 
@@ -23,11 +23,11 @@ __all__ = ["Diagnosis", "diagnose"]
 
 
 class Diagnosis(Result):
-    """What the linear half car lacks, from :func:`bayes_asv.diagnose`.
+    """What the linear car lacks, from :func:`bayes_asv.diagnose`.
 
     ``verdict`` is ``"agreement"``, ``"named"``, ``"unexplained"`` or ``"refused"``.
     ``result["c_f"]`` and the other parameters are those of the model with the named effects;
-    ``result.before`` holds those of the linear half car.
+    ``result.before`` holds those of the linear car.
     """
 
     document: DiagnoseDocument
@@ -78,10 +78,11 @@ def diagnose(
     vehicle: Vehicle,
     *,
     holdout: Recording | Iterable[Recording] = (),
+    car: str | None = None,
     seed: int = 0,
     progress: Progress = None,
 ) -> Diagnosis:
-    """Find where the linear half car and the recordings disagree, and which effects it lacks.
+    """Find where the linear car and the recordings disagree, and which effects it lacks.
 
     Parameters
     ----------
@@ -92,6 +93,8 @@ def diagnose(
     holdout : Recording or iterable of Recording, optional
         Runs on which what was found is validated; by default the last of several recordings, or
         the second half of a single one.
+    car : {'half', 'quarter-front', 'quarter-rear', 'roll'}, optional
+        Model of the car; by default that whose wheels the first recording has.
     seed : int
         The same seed gives the same answer.
     progress : bool or callable, optional
@@ -107,29 +110,28 @@ def diagnose(
         As :func:`bayes_asv.estimate`.
     """
     check_seed(seed)
-    runs, car = check_inputs("diagnose", recordings, vehicle, car="half")
+    car = car or car_of(recordings)
+    runs, vehicle = check_inputs("diagnose", recordings, vehicle, car=car)
     held: tuple[Recording, ...] = ()
     if not isinstance(holdout, tuple | list) or holdout:
-        held = check_inputs("diagnose", holdout, vehicle, car="half")[0]
-        check_inputs("diagnose", (*runs, *held), vehicle, car="half")  # none may be given twice
+        held = check_inputs("diagnose", holdout, vehicle, car=car)[0]
+        check_inputs("diagnose", (*runs, *held), vehicle, car=car)  # none may be given twice
     from bayes_asv.diagnosis import workflow
 
     with progress_bar(progress) as report:
-        found = workflow.diagnose(runs, held, car, seed, report)
+        found = workflow.diagnose(runs, held, vehicle, seed, report, car)
     return diagnosis_of(found, (*runs, *held))
 
 
 def diagnosis_of(found: EngineDiagnosis, recordings: tuple[Recording, ...]) -> Diagnosis:
     """Wrap what the workflow found in these recordings."""
-    from bayes_asv.report.documents.diagnose import diagnose_document
+    from bayes_asv.report.documents.diagnose import diagnose_document, nominal_quantities
 
     document, vehicle = diagnose_document(found, recordings), found.vehicle
+    nominal = nominal_quantities(found)
 
     def parameters(draws: Any, names: Iterable[str]) -> dict[str, Parameter]:
-        return {
-            name: from_draws(name, draws[name], nominal_of(name, vehicle), vehicle.units)
-            for name in names
-        }
+        return {name: from_draws(name, draws[name], nominal[name], vehicle.units) for name in names}
 
     return Diagnosis(
         document,

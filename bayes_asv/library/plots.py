@@ -168,8 +168,10 @@ class DiagnosisPlots:
 
     def parameters(self) -> Axes:
         """Draw each parameter before and after, relative to nominal, with its 95 % interval."""
+        from bayes_asv.report.sections.simulation_error import asked
+
         before, after = self._document.parameters_before, self._document.parameters_after
-        names = [n for n in ("c_f", "c_r", "i") if n in before and after[n].nominal]
+        names = [n for n in asked(self._document) if n in before and after[n].nominal]
         if not names:
             raise InputError("plot", "there are no parameters", _why(self._document))
         ax = _single()

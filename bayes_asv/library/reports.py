@@ -150,7 +150,7 @@ def _complete(
 ) -> dict[str, Any]:
     """Compute the documents that were not saved.
 
-    Only the half car with its four accelerations is diagnosed and tracked.
+    Only the half car with its four accelerations is tracked.
     """
     from bayes_asv.library.diagnoses import diagnose
     from bayes_asv.library.estimates import estimate
@@ -160,13 +160,14 @@ def _complete(
     if "estimate" not in found:
         result = estimate(recordings, vehicle, car=car, seed=seed, progress=parts[0])
         found["estimate"] = result.document
-    usual = all(set(run.channels) == set(CHANNELS) for run in recordings)
-    if found["estimate"].verdict == "refused" or found["estimate"].car != "half" or not usual:
+    which = found["estimate"].car
+    if found["estimate"].verdict == "refused":
         return found
     if diagnosis and "diagnosis" not in found and found["estimate"].diagnosis is None:
-        missing = diagnose(recordings, vehicle, seed=seed, progress=parts[1])
+        missing = diagnose(recordings, vehicle, car=which, seed=seed, progress=parts[1])
         found["diagnosis"] = missing.document
-    if "track" not in found:
+    usual = which == "half" and all(set(run.channels) == set(CHANNELS) for run in recordings)
+    if usual and "track" not in found:
         tracked = track(recordings[:1], vehicle, seed=seed, progress=parts[2])
         found["track"] = tracked.document
     return found

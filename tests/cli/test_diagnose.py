@@ -141,7 +141,8 @@ def test_a_report_asks_what_it_is_not_given(
     """The wiring alone: what a diagnosis finds is asked above."""
     asked: list[tuple[int, int]] = []
 
-    def quick(runs: Any, holdout: Any, car: Any, seed: int, progress: Any) -> Diagnosis:
+    def quick(runs: Any, holdout: Any, car: Any, seed: int, progress: Any, which: str) -> Diagnosis:
+        assert which == "half"
         asked.append((len(runs), len(holdout)))
         return Diagnosis("refused", ("it was asked; ask no more",), (), (), car, seed)
 
@@ -153,6 +154,24 @@ def test_a_report_asks_what_it_is_not_given(
     assert invoke(*words, "--no-diagnosis").status == 0
     assert asked == [(1, 0)]
     assert "it was asked" not in (tmp_path / "x.html").read_text(encoding="utf-8")
+
+
+def test_one_axle_is_diagnosed_and_reported(
+    invoke: Command, refuse: Check, baja: Path, tmp_path: Path
+) -> None:
+    drive, answer, page = (tmp_path / name for name in ("drive.csv", "d.json", "x.html"))
+    words = ("simulate", "--car", "quarter-front", "-v", baja, "--seconds", "1.5", "-o", drive)
+    assert invoke(*words).status == 0
+    said = invoke("diagnose", drive, "-v", baja, "--json", answer)
+    assert (said.status, said.err) == (0, "")
+    assert "The linear quarter-front car agrees with the measurement" in said.out
+    document = json.loads(answer.read_text(encoding="utf-8"))
+    assert (document["schema"], document["car"]) == ("bayes_asv/diagnose/1", "quarter-front")
+    assert set(document["parameters_after"]) == {"c_f", "zeta_f"}
+    assert invoke("report", "--from", answer, "-o", page).status == 0
+    assert "Missing force of the linear quarter-front car" in page.read_text(encoding="utf-8")
+    said = invoke("diagnose", drive, "--car", "half", "-v", baja)
+    assert refuse(said, "rear_wheel", "--car")
 
 
 def test_two_of_a_kind_are_refused(diagnosed: Diagnosed, invoke: Command, refuse: Check) -> None:

@@ -14,9 +14,11 @@ from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Cell
 from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.workflow import Diagnosis, NamedEffect
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.report.documents.force_curves import force_curves
 from bayes_asv.report.documents.quantities import Units, effect_value, parameter
@@ -31,13 +33,11 @@ from bayes_asv.report.schema.parts import (
     VehicleInfo,
 )
 
-__all__ = ["diagnose_document"]
+__all__ = ["diagnose_document", "nominal_quantities"]
 
 Array = NDArray[np.float64]
 
-_SHOWN: Final = ("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r")
 _MAX_POINTS: Final = 1200  # of a curve
-_CHASSIS: Final = ("front_chassis", "rear_chassis")
 
 
 def diagnose_document(
@@ -53,7 +53,9 @@ def diagnose_document(
         The fitted and the held-out recordings, for the provenance.
     """
     vehicle = diagnosis.vehicle
+    other: dict[str, str] = {} if diagnosis.car == "half" else {"car": diagnosis.car}
     return DiagnoseDocument(
+        **other,
         schema="bayes_asv/diagnose/1",
         verdict=diagnosis.verdict,
         reasons=list(diagnosis.reasons),
@@ -63,8 +65,8 @@ def diagnose_document(
         unexplained=_unexplained(diagnosis),
         disagreement=_disagreement(diagnosis),
         gap=_gap(diagnosis.errors or {}, vehicle),
-        parameters_before=_parameters(diagnosis.quantities_before, vehicle),
-        parameters_after=_parameters(diagnosis.quantities_after, vehicle),
+        parameters_before=_parameters(diagnosis.quantities_before, diagnosis),
+        parameters_after=_parameters(diagnosis.quantities_after, diagnosis),
         p_value=diagnosis.p_value,
         p_none=diagnosis.p_none,
         map=None
@@ -156,20 +158,25 @@ def _effect(named: NamedEffect, diagnosis: Diagnosis) -> schema.NamedEffect:
 
 def _gap(gaps: Mapping[str, ErrorChange], vehicle: Vehicle) -> schema.Gap:
     units = Units(vehicle.units)
+    dimension = next((gap.dimension for gap in gaps.values()), "acceleration")
+    # outputs of several quantities are compared relative to the deviation of their readings
+    relative = dimension == "dimensionless"
+    factor = 100.0 if relative else units.convert(1.0, dimension)
 
     def error(name: str) -> schema.SimulationError | None:
         if name not in gaps:
             return None
         gap = gaps[name]
         return schema.SimulationError(
-            before=units.convert(gap.before, "acceleration"),
-            after=units.convert(gap.after, "acceleration"),
-            floor=units.convert(gap.floor, "acceleration"),
+            before=factor * gap.before,
+            after=factor * gap.after,
+            floor=factor * gap.floor,
             closed=gap.closed,
             worse=bool(gap.worse),
         )
 
-    return schema.Gap(fit=error("fit"), holdout=error("holdout"), unit=units.unit("acceleration"))
+    unit = "%" if relative else units.unit(dimension)
+    return schema.Gap(fit=error("fit"), holdout=error("holdout"), unit=unit)
 
 
 def _unexplained(diagnosis: Diagnosis) -> schema.Unexplained:
@@ -198,7 +205,7 @@ def _disagreement(diagnosis: Diagnosis) -> schema.Disagreement | None:
         return None
     return schema.Disagreement(
         channel=seen.channel,
-        axle=seen.axle,
+        axle=seen.axle or None,
         time=[[float(a), float(b)] for _, a, b in seen.windows],
         time_run=[diagnosis.fit[run].source for run, _, _ in seen.windows],
         frequency=[[float(a), float(b)] for a, b in seen.bands],
@@ -217,12 +224,24 @@ def _cell(cell: Cell, vehicle: Vehicle) -> schema.Cell:
     )
 
 
-def _parameters(draws: dict[str, Array] | None, vehicle: Vehicle) -> dict[str, Parameter]:
-    return {n: parameter(n, draws[n], vehicle) for n in _SHOWN if draws and n in draws}
+def nominal_quantities(diagnosis: Diagnosis) -> dict[str, float]:
+    """Nominal values of the parameters that are asked for and of what is derived, SI units."""
+    car = car_model(diagnosis.car, diagnosis.vehicle)
+    derived = {} if car.derived is None else car.derived(car.nominal)
+    asked = {name: car.nominal[name] for name in car.estimated}
+    return {name: float(value[0]) for name, value in (asked | derived).items()}
+
+
+def _parameters(draws: dict[str, Array] | None, diagnosis: Diagnosis) -> dict[str, Parameter]:
+    return {
+        name: parameter(name, draws[name], diagnosis.vehicle, nominal)
+        for name, nominal in nominal_quantities(diagnosis).items()
+        if draws and name in draws
+    }
 
 
 def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
-    """Measured less simulated acceleration of every fitted run, before and after.
+    """Measured less simulated readings of every fitted run, before and after.
 
     The simulation is driven by the wheels alone.  An engine's tones are removed from both.
     """
@@ -237,14 +256,14 @@ def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
         time = prepared.instants[prepared.pairs.max(axis=1)]
         keep = np.unique(np.linspace(0, len(time) - 1, _MAX_POINTS).astype(int))
-        columns = {prepared.channels[c].name: y for y, c in enumerate(prepared.outputs)}
-        chassis: dict[str, int] = {n: columns[n] for n in _CHASSIS if n in columns}
+        outputs = [prepared.channels[c] for c in prepared.outputs]
         curves = {
-            name: schema.BeforeAfter(
-                before=units.curve(residuals[0][keep, y], "acceleration"),
-                after=units.curve(residuals[1][keep, y], "acceleration"),
+            channel.name: _before_after(
+                [units.curve(residual[keep, y], channel.dimension) for residual in residuals],
+                units.unit(channel.dimension),
+                units.unit("acceleration"),
             )
-            for name, y in chassis.items()
+            for y, channel in enumerate(outputs)
         }
         entries.append(
             schema.Residual(
@@ -252,29 +271,45 @@ def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
                 unit=units.unit("acceleration"),
                 time=units.curve(time[keep]),
                 seconds=[float(time[0]), float(time[-1])],
-                spectrum=_spectrum(residuals, chassis, prepared.reading_step, units),
+                spectrum=_spectrum(residuals, outputs, prepared.reading_step, units),
                 **curves,
             )
         )
     return entries
 
 
+def _before_after(
+    curves: Sequence[list[float | None]], unit: str, usual: str
+) -> schema.BeforeAfter:
+    """Return curves before and after, with their unit where it is not the usual one."""
+    before, after = curves
+    if unit == usual:
+        return schema.BeforeAfter(before=before, after=after)
+    return schema.BeforeAfter(unit=unit, before=before, after=after)
+
+
 def _spectrum(
-    residuals: Sequence[Array], chassis: Mapping[str, int], step: float, units: Units
+    residuals: Sequence[Array], outputs: Sequence[Channel], step: float, units: Units
 ) -> schema.ResidualSpectrum:
     from scipy.signal import welch
 
-    factor = units.convert(1.0, "acceleration") ** 2
     length = min(256, len(residuals[0]))
     frequency = np.asarray(np.fft.rfftfreq(length, step), dtype=float)
+    usual = _density_unit(units.unit("acceleration"))
     curves = {}
-    for channel, y in chassis.items():
+    for y, channel in enumerate(outputs):
+        factor = units.convert(1.0, channel.dimension) ** 2
         spectra = [
             welch(np.nan_to_num(residual[:, y]), 1.0 / step, nperseg=length)[1][1:]
             for residual in residuals
         ]
-        before, after = (units.curve(factor * spectrum) for spectrum in spectra)
-        curves[channel] = schema.BeforeAfter(before=before, after=after)
-    return schema.ResidualSpectrum(
-        unit=f"({units.unit('acceleration')})^2/Hz", frequency=units.curve(frequency[1:]), **curves
-    )
+        curves[channel.name] = _before_after(
+            [units.curve(factor * spectrum) for spectrum in spectra],
+            _density_unit(units.unit(channel.dimension)),
+            usual,
+        )
+    return schema.ResidualSpectrum(unit=usual, frequency=units.curve(frequency[1:]), **curves)
+
+
+def _density_unit(unit: str) -> str:
+    return f"({unit})^2/Hz"

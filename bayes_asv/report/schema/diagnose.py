@@ -9,12 +9,14 @@ from pydantic import Field, model_validator
 from bayes_asv.report.schema.parts import (
     Axle,
     Band,
+    ByName,
     Channel,
     Count,
     Curve,
     Effect,
     EffectName,
     EffectValue,
+    ElementName,
     Finite,
     Interval,
     MaybeNumber,
@@ -48,10 +50,10 @@ Intervals = Annotated[list[Interval], Field(max_length=10_000)]
 
 
 class SimulationError(Model):
-    """RMS difference between measured and simulated chassis acceleration."""
+    """RMS difference between measured and simulated outputs."""
 
     before: NonNegative
-    """Of the linear half car."""
+    """Of the linear car."""
     after: NonNegative
     """With the named effects."""
     floor: NonNegative
@@ -94,7 +96,7 @@ class Unexplained(Model):
     axle: Text = ""
     p_memory: MaybeShare = None
     """p-value of the whiteness test."""
-    swollen: Annotated[list[Text], Field(max_length=4)] = Field(default_factory=list)
+    swollen: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
     """Channels whose noise is far above the given level."""
     p_decoy: MaybeShare = None
     """p-value of the test for unlisted faults."""
@@ -125,7 +127,7 @@ class Cell(Model):
 
 
 class Disagreement(Model):
-    """Where the linear half car and the measurement disagree."""
+    """Where the linear car and the measurement disagree."""
 
     channel: Text | None = None
     axle: Axle | None = None
@@ -202,31 +204,33 @@ class ForceCurves(Model):
 
 
 class BeforeAfter(Model):
-    """A curve of the linear half car and of the model with the named effects."""
+    """A curve of the linear car and of the model with the named effects."""
 
+    unit: Unit = ""
+    """Where it is not that of the others."""
     before: Curve
     after: Curve
 
 
-class ResidualSpectrum(Model):
-    """Power spectral densities of the residuals (Welch)."""
+class ResidualSpectrum(ByName[BeforeAfter | None]):
+    """Power spectral densities of the residuals (Welch), by output."""
 
+    __pydantic_extra__: dict[Channel, BeforeAfter | None]
     unit: Unit
     frequency: Annotated[Curve, Field(min_length=1)]
-    front_chassis: BeforeAfter | None = None
-    rear_chassis: BeforeAfter | None = None
 
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
-        for part in (self.front_chassis, self.rear_chassis):
+        for part in self.entries.values():
             if part is not None:
                 check_lengths(len(self.frequency), part.before, part.after)
         return self
 
 
-class Residual(Model):
-    """Measured less simulated chassis acceleration of one run."""
+class Residual(ByName[BeforeAfter | None]):
+    """Measured less simulated readings of one run, by output."""
 
+    __pydantic_extra__: dict[Channel, BeforeAfter | None]
     source: Text
     unit: Unit
     time: Annotated[Curve, Field(min_length=2)]
@@ -234,12 +238,10 @@ class Residual(Model):
     seconds: Interval | None = None
     """First and last instant."""
     spectrum: ResidualSpectrum
-    front_chassis: BeforeAfter | None = None
-    rear_chassis: BeforeAfter | None = None
 
     @model_validator(mode="after")
     def _check_curves(self) -> Self:
-        for part in (self.front_chassis, self.rear_chassis):
+        for part in self.entries.values():
             if part is not None:
                 check_lengths(len(self.time), part.before, part.after)
         return self
@@ -264,13 +266,15 @@ class FittedRuns(Model):
 
 
 class DiagnoseDocument(Model):
-    """What the linear half car lacks; written by ``bayes-asv diagnose``."""
+    """What the linear car lacks; written by ``bayes-asv diagnose``."""
 
     schema_name: Literal["bayes_asv/diagnose/1"] = Field(alias="schema")
     verdict: Annotated[str, OneOf("agreement", "named", "unexplained", "refused")]
     reasons: Texts
     """Why it was refused."""
     warnings: Texts
+    car: Text = "half"
+    """Model of the car, as ``--car`` takes it."""
     preflight: Annotated[list[RecordingFault], Field(max_length=1000)] = Field(default_factory=list)
     effects: Annotated[list[NamedEffect], Field(max_length=50)]
     """In the order in which they were added."""
@@ -281,12 +285,12 @@ class DiagnoseDocument(Model):
     parameters_before: dict[QuantityName, Parameter]
     parameters_after: dict[QuantityName, Parameter]
     p_value: Share
-    """Family-wise p-value of the test of the linear half car."""
+    """Family-wise p-value of the test of the linear car."""
     p_none: MaybeShare = None
     """Probability that nothing beyond the tolerances is missing."""
     map: dict[Axle, Annotated[list[Cell], Field(max_length=1000)]] | None = None
     """Missing force over the deflection–velocity plane."""
-    laws: dict[Axle, ForceCurves] = Field(default_factory=dict)
+    laws: dict[ElementName, ForceCurves] = Field(default_factory=dict)
     """Force curves that an effect changes."""
     residuals: Annotated[list[Residual], Field(max_length=1000)] = Field(default_factory=list)
     runs: FittedRuns = FittedRuns()
@@ -305,8 +309,9 @@ class DiagnoseDocument(Model):
             return self
         if self.verdict == "named" and not self.effects:
             raise ValueError("it has named something but does not say what")
-        for name in ("c_f", "c_r", "i"):
-            if name not in self.parameters_before or name not in self.parameters_after:
+        before, after = self.parameters_before, self.parameters_after
+        for name in ("c_f", "c_r", "i") if self.car == "half" else {**before, **after}:
+            if name not in before or name not in after:
                 raise ValueError(f"it has a verdict but no parameter {name} before and after")
         if self.gap.fit is None:
             raise ValueError("it has a verdict but no gap")

@@ -1,4 +1,4 @@
-"""What the linear half car lacks: headline, findings, next steps, and faults of the recordings."""
+"""What the linear car lacks: headline, findings, next steps, and faults of the recordings."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ from bayes_asv.diagnosis.thresholds import (
 from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema.diagnose import RecordingFault, Unexplained
 from bayes_asv.report.sections.blocks import Block, Section, Table, Text
-from bayes_asv.report.sections.effects import effect_name, effect_sentence, rate_lines
+from bayes_asv.report.sections.effects import (
+    car_words,
+    effect_name,
+    effect_sentence,
+    rate_lines,
+)
 from bayes_asv.report.sections.localization import where_to_look
 from bayes_asv.report.sections.simulation_error import (
+    asked,
     error_numbers,
     error_sentences,
     shift_sentence,
@@ -111,7 +117,7 @@ def _missing(document: DiagnoseDocument) -> list[str]:
         shown.setdefault(lacks, []).append(effect_name(effect))
     sentences: list[str] = []
     for lacks, names in shown.items():
-        subject = "It" if sentences else "The linear half car"
+        subject = "It" if sentences else f"The linear {car_words(document)}"
         sentences.append(f"{subject} {lacks} {enumerated(names)}.")
     further = len(document.effects) - _MAX_IN_HEADLINE
     if further > 0:
@@ -130,8 +136,8 @@ def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
         return [_REFUSED, *(f"Why: {plain(reason)}." for reason in document.reasons)]
     if verdict == "agreement":
         lines = [
-            "The linear half car agrees with the measurement: these recordings show no missing "
-            f"effect ({p})."
+            f"The linear {car_words(document)} agrees with the measurement: these recordings show "
+            f"no missing effect ({p})."
         ]
     elif verdict == "named":
         lines = [effect_sentence(effect) for effect in document.effects]
@@ -151,7 +157,7 @@ def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
     lines += rate_lines(document)
     lines += error_sentences(document.gap)
     if verdict == "named":
-        lines += [shift_sentence(name, document) for name in ("c_f", "c_r", "i")]
+        lines += [shift_sentence(name, document) for name in asked(document)]
     return lines + [f"Note: {plain(note)}." for note in document.warnings]
 
 

@@ -1,4 +1,4 @@
-"""Effects beside the linear half car: sentences, tables, and force curves of damper and spring."""
+"""Effects beside the linear car: sentences, tables, and force curves of damper and spring."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "MODEL_SECTION",
     "SECTION",
+    "car_words",
     "effect_lines",
     "effect_name",
     "effect_sentence",
@@ -65,7 +66,7 @@ _NAMES: Final = {"bound_rebound": "unequal compression and rebound damping"}
 _PROBABLE, _POSSIBLE = 0.95, 0.7  # probabilities below which a finding is qualified
 
 _FORCES: Final = (
-    "The linear half car lacked the difference between the coloured and the grey curve. Bands are "
+    "The linear {car} lacked the difference between the coloured and the grey curve. Bands are "
     "95 %, over the range that the fitted runs covered. Compression is a negative velocity, bump a "
     "negative deflection; a force that resists extension is positive."
 )
@@ -74,7 +75,8 @@ _FORCES: Final = (
 def _content(document: DiagnoseDocument) -> Iterator[Block]:
     if document.effects:
         yield _effect_table(document.effects)
-    yield Figure("laws", "Force of damper and spring", _FORCES, _force_curves(document))
+    caption = _FORCES.format(car=car_words(document))
+    yield Figure("laws", "Force of damper and spring", caption, _force_curves(document))
 
 
 def _model_content(document: EstimateDocument) -> Iterator[Block]:
@@ -93,8 +95,9 @@ def _model_limits(document: EstimateDocument) -> list[str]:
         return []
     missing = enumerated(names) if names else "something that no listed effect explains"
     return [
-        f"The model of this estimate is a {'' if document.effects else 'linear '}half car, but the "
-        f"recordings show {missing}. The parameters with it are under 'What is missing?'."
+        f"The model of this estimate is a {'' if document.effects else 'linear '}"
+        f"{car_words(document)}, but the recordings show {missing}. The parameters with it are "
+        "under 'What is missing?'."
     ]
 
 
@@ -103,6 +106,11 @@ SECTION: Final = Section(_content)
 
 MODEL_SECTION: Final = Section(_model_content, _model_limits)
 """Effects in the model of an estimate."""
+
+
+def car_words(document: DiagnoseDocument | EstimateDocument) -> str:
+    """Name the model of the car."""
+    return f"{plain(document.car)} car"
 
 
 def effect_name(effect: EffectName) -> str:
@@ -115,6 +123,8 @@ def effect_name(effect: EffectName) -> str:
         return f"{name} at both axles"
     if where in svg.AXLES:
         return f"{name} at the {where} axle"
+    if where.endswith(("_left", "_right")):
+        return f"{name} at the {where.replace('_', ' ')} corner"
     return f"{name} of the {where.replace('_', ' ')} sensor"
 
 
@@ -214,7 +224,7 @@ def _parameter_rows(effect: Effect) -> list[list[str]]:
 def rate_lines(document: DiagnoseDocument) -> list[str]:
     """State compression and rebound rate of each damper in which they differ."""
     lines = []
-    for axle, curves in document.laws.items():
+    for place, curves in document.laws.items():
         if curves.rates is None:
             continue
         unit = readable_unit(curves.rates.unit)
@@ -226,40 +236,39 @@ def rate_lines(document: DiagnoseDocument) -> list[str]:
                 f"{side} {number(value.mean, sd)} {unit} "
                 f"(95 %: {number(low, sd)} to {number(high, sd)})"
             )
-        lines.append(f"{axle.capitalize()} damper: {', '.join(parts)}.")
+        lines.append(f"{place.replace('_', ' ').capitalize()} damper: {', '.join(parts)}.")
     return lines
 
 
 def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
     """Draw the force of each damper over velocity and of each spring over deflection."""
     curves = [
-        (axle, part, curve)
-        for axle in svg.AXLES
-        if axle in document.laws
-        for part, curve in (
-            ("damper", document.laws[axle].damper), ("spring", document.laws[axle].spring),
-        )
+        (place, part, curve)
+        for place, laws in document.laws.items()
+        for part, curve in (("damper", laws.damper), ("spring", laws.spring))
         if curve is not None
-    ]  # fmt: skip
+    ]
     panels = []
-    for axle, part, curve in curves:
+    for place, part, curve in curves:
+        words = place.replace("_", " ")
         alone = len(curves) == 1
         figure = svg.canvas(6.0, 3.4) if alone else svg.canvas(height=3.2)
         axes = figure.subplots()
         along = "velocity" if part == "damper" else "deflection"
-        _draw_force(axes, curve, axle, along)
+        _draw_force(axes, curve, svg.axle_colour(place), along)
         unit, force = readable_unit(curve.unit), readable_unit(curve.force_unit)
         axes.set(
             xlabel=f"suspension {along} [{unit}], extension +",
-            ylabel=f"{axle} {part} force [{force}]\nagainst extension +",
+            ylabel=f"{words} {part} force [{force}]\nagainst extension +",
         )
-        alt = f"{axle} {part}: force against {along}, before and after"
-        panels.append(svg.panel(figure, f"law-{axle}-{part}", alt, wide=alone))
+        alt = f"{words} {part}: force against {along}, before and after"
+        key = f"law-{place.replace('_', '-')}-{part}"
+        panels.append(svg.panel(figure, key, alt, wide=alone))
     return tuple(panels)
 
 
-def _draw_force(axes: Axes, curve: ForceCurve, axle: str, along: str) -> None:
-    ink, muted, paint = svg.COLOURS["ink"], svg.COLOURS["muted"], svg.COLOURS[axle]
+def _draw_force(axes: Axes, curve: ForceCurve, paint: str, along: str) -> None:
+    ink, muted = svg.COLOURS["ink"], svg.COLOURS["muted"]
     grid = svg.curve_array(curve.grid)
     axes.axhline(0.0, color=muted, linewidth=0.8)
     axes.axvline(0.0, color=muted, linewidth=0.8)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bayes_asv.domain.channels import channel
 from bayes_asv.report import svg
 from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema.diagnose import Cell, Disagreement, Residual
 from bayes_asv.report.sections.blocks import Block, Figure, Section
+from bayes_asv.report.sections.effects import car_words
 from bayes_asv.report.words import plain, readable_unit
 
 if TYPE_CHECKING:
@@ -19,15 +21,18 @@ if TYPE_CHECKING:
 __all__ = ["SECTION", "where_to_look"]
 
 _MAX_RUNS: Final = 3  # runs whose residuals are drawn
+_POSITIVE: Final = {
+    "acceleration": "up", "deflection": "extension", "pitch": "nose up", "roll": "left up",
+}  # fmt: skip
 _FULL_COLOUR: Final = 12.0  # t-value of a cell in full colour
 
 _FORCE: Final = (
-    "Mean force that the linear half car lacks in each cell, upward on the chassis, with its "
+    "Mean force that the linear {car} lacks in each cell, upward on the chassis, with its "
     "t-value in brackets. A column of one colour points to travel (spring, stop), a row to "
     "velocity (damper, friction). A frame marks the strongest cell, if it is significant."
 )
 _RESIDUAL: Final = (
-    "In the shaded windows the linear half car leaves more than chance; the coloured curve should "
+    "In the shaded windows the linear {car} leaves more than chance; the coloured curve should "
     "have no pattern there."
 )
 _SPECTRUM: Final = (
@@ -37,13 +42,17 @@ _SPECTRUM: Final = (
 
 
 def _content(document: DiagnoseDocument) -> Iterator[Block]:
-    seen = document.disagreement or Disagreement()
-    yield Figure("plane", "Missing force of the linear half car", _FORCE, _missing_force(document))
+    seen, car = document.disagreement or Disagreement(), car_words(document)
+    yield Figure(
+        "plane", f"Missing force of the linear {car}", _FORCE.format(car=car),
+        _missing_force(document),
+    )  # fmt: skip
     for n, run in enumerate(document.residuals[:_MAX_RUNS]):
         of = f", {plain(run.source)}" if len(document.residuals) > 1 else ""
         yield Figure(
-            f"left-{n}", f"Residuals before and after{of}", _RESIDUAL, _residuals(run, seen, n)
-        )
+            f"left-{n}", f"Residuals before and after{of}", _RESIDUAL.format(car=car),
+            _residuals(run, seen, n),
+        )  # fmt: skip
         yield Figure(
             f"leftband-{n}", f"Spectrum of the residuals{of}", _SPECTRUM,
             _residual_spectra(run, seen, n),
@@ -133,47 +142,67 @@ def _signed(value: float) -> str:
 
 def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
     """Draw the residuals of a run against time, before and after."""
-    time, unit = svg.curve_array(run.time), readable_unit(run.unit)
+    time = svg.curve_array(run.time)
     spans = zip(seen.time, seen.time_run, strict=False)
     windows = [window for window, source in spans if source == run.source]
-    curves = {"front": run.front_chassis, "rear": run.rear_chassis}
 
-    def draw(axes: Axes, axle: str) -> str | None:
-        curve = curves[axle]
+    def draw(axes: Axes, name: str) -> str | None:
+        curve = run.entries[name]
         if curve is None or all(v is None for v in curve.before):
             return None
         before, after = svg.curve_array(curve.before), svg.curve_array(curve.after)
         _shade(axes, windows)
         axes.plot(time, before, color=svg.COLOURS["muted"], linewidth=0.9, label="before")
-        axes.plot(time, after, color=svg.COLOURS[axle], linewidth=0.8, label="after")
+        axes.plot(time, after, color=svg.axle_colour(name), linewidth=0.8, label="after")
         axes.axhline(0.0, color=svg.COLOURS["ink"], linewidth=0.6)
-        axes.set(xlabel="time [s]", ylabel=f"{axle}: measured − simul.\n[{unit}], up +")
+        unit, measured = readable_unit(curve.unit or run.unit), channel(name)
+        sign = _POSITIVE[measured.axis or measured.quantity]
+        label = f"{_place(name)}: measured − simul.\n[{unit}], {sign} +"
+        axes.set(xlabel="time [s]", ylabel=label)
         axes.set_xlim(float(time[0]), float(time[-1]))
         svg.legend_above(axes)
-        return f"{plain(run.source)}, {axle}: residuals against time, before and after"
+        return f"{plain(run.source)}, {_place(name)}: residuals against time, before and after"
 
-    return svg.axle_panels(f"left-{{}}-{n}", draw, 2.5)
+    return _output_panels(f"left-{{}}-{n}", draw, run)
 
 
 def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
     """Draw the power spectral densities of the residuals of a run, before and after."""
     spectrum = run.spectrum
-    curves = {"front": spectrum.front_chassis, "rear": spectrum.rear_chassis}
 
-    def draw(axes: Axes, axle: str) -> str | None:
-        curve = curves[axle]
+    def draw(axes: Axes, name: str) -> str | None:
+        curve = spectrum.entries.get(name)
         if curve is None:
             return None
         _shade(axes, seen.frequency)
-        muted, paint = svg.COLOURS["muted"], svg.COLOURS[axle]
+        muted, paint = svg.COLOURS["muted"], svg.axle_colour(name)
         spectra = [("before", muted, curve.before), ("after", paint, curve.after)]
         if not svg.draw_spectra(axes, spectrum.frequency, spectra):
             return None
-        axes.set_ylabel(f"{axle}, spectral\ndensity [{readable_unit(spectrum.unit)}]")
+        unit = readable_unit(curve.unit or spectrum.unit)
+        axes.set_ylabel(f"{_place(name)}, spectral\ndensity [{unit}]")
         axes.set_xlim(*svg.curve_array(spectrum.frequency)[[0, -1]].tolist())
-        return f"{plain(run.source)}, {axle}: spectrum of the residuals, before and after"
+        return f"{plain(run.source)}, {_place(name)}: spectrum of the residuals, before and after"
 
-    return svg.axle_panels(f"leftband-{{}}-{n}", draw, 2.5)
+    return _output_panels(f"leftband-{{}}-{n}", draw, run)
+
+
+def _output_panels(
+    key: str, draw: Callable[[Axes, str], str | None], run: Residual
+) -> tuple[svg.Panel, ...]:
+    """Draw one panel an output."""
+    panels = []
+    for name in run.entries:
+        figure = svg.canvas(height=2.5)
+        alt = draw(figure.subplots(), name)
+        if alt is not None:
+            panels.append(svg.panel(figure, key.format(_place(name).replace(" ", "-")), alt))
+    return tuple(panels)
+
+
+def _place(name: str) -> str:
+    """Name an output in words; a chassis channel by its place alone."""
+    return name.removesuffix("_chassis").replace("_", " ")
 
 
 def _shade(axes: Any, intervals: Sequence[Sequence[float]]) -> None:

@@ -6,15 +6,17 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
 from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema.diagnose import Gap, SimulationError
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
-from bayes_asv.report.sections.effects import effect_name
+from bayes_asv.report.sections.effects import car_words, effect_name
 from bayes_asv.report.words import (
     LABELS,
     MISSING,
     capitalized,
+    enumerated,
     interval,
     labelled,
     number,
@@ -23,20 +25,26 @@ from bayes_asv.report.words import (
     readable_unit,
 )
 
-__all__ = ["SECTION", "error_numbers", "error_sentences", "reduction_text", "shift_sentence"]
+__all__ = [
+    "SECTION",
+    "asked",
+    "error_numbers",
+    "error_sentences",
+    "reduction_text",
+    "shift_sentence",
+]
 
-_SHOWN: Final = ("c_f", "c_r", "i", "k_g", "zeta_f", "zeta_r")
-_PAINT: Final = {"c_f": "front", "c_r": "rear", "i": "good"}
+_ASKED: Final = ("damping", "pitch_inertia")  # dimensions
 _MAX_RATIO: Final = 3.0  # times nominal: the end of the axis
 _BARS: Final = (("before", "muted"), ("after", "good"), ("sensor noise alone", "prior"))
 
 _ERROR: Final = (
-    "RMS difference between measured chassis acceleration and a simulation driven by the measured "
+    "RMS difference between measured {measured} and a simulation driven by the measured "
     "wheel accelerations. On held-out runs only initial state and biases are fitted: there the "
     "green bar should come down to the brown one, which sensor noise alone would leave."
 )
 _CHANGES: Final = (
-    "The distance from circle to diamond is the error that the linear half car would have made. "
+    "The distance from circle to diamond is the error that the linear {car} would have made. "
     "Bars are 95 % intervals."
 )
 
@@ -44,16 +52,32 @@ _CHANGES: Final = (
 def _content(document: DiagnoseDocument) -> Iterator[Block]:
     if document.gap.fit is not None:
         yield _error_table(document)
+        caption = _ERROR.format(measured=_measured(document))
         yield Figure(
-            "gap", "Simulation error before and after", _ERROR, (_error_bars(document.gap),)
+            "gap", "Simulation error before and after", caption, (_error_bars(document.gap),)
         )
     if document.parameters_before and document.parameters_after:
         yield _parameters_table(document)
     if document.verdict == "named":
-        yield Figure("moved", "Parameters before and after", _CHANGES, _parameter_changes(document))
+        caption = _CHANGES.format(car=car_words(document))
+        yield Figure("moved", "Parameters before and after", caption, _parameter_changes(document))
 
 
 SECTION: Final = Section(_content)
+
+
+def asked(document: DiagnoseDocument) -> list[str]:
+    """Names of the parameters that are asked for: damping rates and inertias."""
+    return [n for n in document.parameters_after if QUANTITIES[n][0] in _ASKED]
+
+
+def _measured(document: DiagnoseDocument) -> str:
+    """Say what is compared with the simulation, and relative to what."""
+    names = dict.fromkeys(name for run in document.residuals for name in run.entries)
+    if all(name.endswith("_chassis") for name in names):
+        return "chassis acceleration"
+    relative = ", each relative to its standard deviation," if document.gap.unit == "%" else ""
+    return f"{enumerated([name.replace('_', ' ') for name in names])}{relative}"
 
 
 def _runs(gap: Gap) -> list[tuple[str, SimulationError]]:
@@ -107,9 +131,9 @@ def _error_table(document: DiagnoseDocument) -> Table:
         "Simulation error",
         ["", f"before [{unit}]", f"after [{unit}]", f"noise alone [{unit}]", "reduction"],
         rows,
-        "RMS of measured less simulated chassis acceleration. Noise alone: what the sensors would "
-        "leave if the model were right. Reduction: of the mean square above that. On held-out runs "
-        "everything is fixed but initial state, biases and noise levels.",
+        f"RMS of measured less simulated {_measured(document)}. Noise alone: what the sensors "
+        "would leave if the model were right. Reduction: of the mean square above that. On "
+        "held-out runs everything is fixed but initial state, biases and noise levels.",
     )
 
 
@@ -150,7 +174,7 @@ def _error_bars(gap: Gap) -> svg.Panel:
 
 
 def _parameters_table(document: DiagnoseDocument) -> Table:
-    """Parameters of the linear half car and of the model with the named effects."""
+    """Parameters of the linear car and of the model with the named effects."""
     before, after = document.parameters_before, document.parameters_after
     rows = [
         [
@@ -160,15 +184,22 @@ def _parameters_table(document: DiagnoseDocument) -> Table:
             number(after[name].nominal),
             probability(after[name].p_below_nominal),
         ]
-        for name in _SHOWN
-        if name in before and name in after
+        for name in before
+        if name in after
     ]
     return Table(
         "Parameters before and after",
         ["parameter", "before, 95 %", "after, 95 %", "nominal", "P(below nominal) after"],
         rows,
-        "Before: linear half car. After: with the named effects and the tolerances of all others. "
-        "Both are approximations near the most probable values.",
+        f"Before: linear {car_words(document)}. After: with the named effects and the tolerances "
+        "of all others. Both are approximations near the most probable values.",
+    )
+
+
+def _colour(name: str) -> str:
+    """Colour of the axle of a damping rate, or that of the inertias."""
+    return (
+        svg.axle_colour(LABELS[name]) if QUANTITIES[name][0] == "damping" else svg.COLOURS["good"]
     )
 
 
@@ -177,7 +208,7 @@ def _parameter_changes(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
     before, after = document.parameters_before, document.parameters_after
     rows = [
         (name, nominal)
-        for name in _PAINT
+        for name in asked(document)
         if name in before and name in after and (nominal := after[name].nominal or 0.0) > 0.0
     ]
     if not rows:
@@ -188,7 +219,7 @@ def _parameter_changes(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
     for row, (name, nominal) in enumerate(rows):
         for at, parameter, paint, marker in (
             (row - 0.15, before[name], svg.COLOURS["muted"], "o"),
-            (row + 0.15, after[name], svg.COLOURS[_PAINT[name]], "D"),
+            (row + 0.15, after[name], _colour(name), "D"),
         ):
             low, high = (min(v / nominal, _MAX_RATIO) for v in parameter.eti95)
             mean = min(parameter.mean / nominal, _MAX_RATIO)
