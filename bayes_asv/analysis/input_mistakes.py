@@ -42,7 +42,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.data_checks import dead_channels, least_rate
-from bayes_asv.preprocessing.timeline import prepare
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
 __all__ = [
     "Doubt",
@@ -66,7 +66,7 @@ _NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviat
 _REFINED = 3  # hypotheses with a size that are refined, the best ones
 _RUNS = 3  # recordings that are looked at
 _MOVED = 3.0  # deviations: once in 370 right inputs for each given value
-_HOLDS = 3.0  # dispersion; 72 right inputs of the rig had 1 to 2.1
+_HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
 _NEARLY_HOLDS = 30.0  # dispersion up to which a mistake explains enough to be named
 _DEAD = 0.05  # gain below which a sensor is called dead
 # Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
@@ -108,6 +108,8 @@ class Fit(NamedTuple):
         At the mode, not normalised.
     dispersion : float
         Long-run variance of the normalised innovations, at least one.
+    holds : bool
+        Whether that is no more than noise makes of it.
     moved : dict of str to float
         Given values at the mode, in deviations from what was given.
     values : dict of str to float
@@ -116,6 +118,7 @@ class Fit(NamedTuple):
 
     log_posterior: float
     dispersion: float
+    holds: bool
     moved: dict[str, float]
     values: dict[str, float]
 
@@ -222,7 +225,17 @@ def screening_fit(
         _long_run_variance(target.innovations(z, run), line.kind == VALUE, line.instants)
         for run, line in enumerate(lines)
     ]
-    return Fit(value, max(1.0, *spread), moved, values)
+    dispersion = max(1.0, *spread)
+    filtered = max(_of_filtered_noise(line) for line in lines)
+    return Fit(value, dispersion, dispersion < _HOLDS * filtered, moved, values)
+
+
+def _of_filtered_noise(line: PreparedRecording) -> float:
+    """Long-run variance of noise that passed the outputs' filters, over that of white noise."""
+    step = float(np.median(np.diff(line.times[0])))
+    poles = line.poles[list(line.outputs)]
+    left = np.exp(-poles[poles > 0.0] * step)
+    return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
 
 
 def _long_run_variance(innovations: Array, use: NDArray[np.bool_], instants: Array) -> float:
@@ -258,8 +271,8 @@ def doubt_about(
     """Check the input of an estimate and look for a mistake where something is wrong.
 
     Something is wrong where the data move a given value by more than `_MOVED` of its deviations,
-    where the rear wheels lead, where the innovations at the sensors' declared noise have a
-    dispersion above `_HOLDS`, or where the recordings were refused.
+    where the rear wheels lead, or where the innovations have a long-run variance that noise as
+    declared cannot explain.
 
     Parameters
     ----------
@@ -279,11 +292,11 @@ def doubt_about(
     except InputError:
         fit = None
     moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
-    holds = fit is not None and fit.dispersion < _HOLDS
+    holds = fit is not None and fit.holds
     mistakes: list[Mistake] = []
-    if refused or moved or not holds or rear_leads(recordings):
+    if moved or not holds or rear_leads(recordings):
         mistakes = likely_mistakes(recordings, vehicle, car)
-    if not mistakes and fit is not None:
+    if not mistakes and fit is not None and not refused:
         mistakes = nominal_mistakes(vehicle, car_model(car, vehicle), fit.values)
     if mistakes:
         return Doubt(tuple(mistakes), _sentence(mistakes))
@@ -292,7 +305,7 @@ def doubt_about(
         text = f"the recording contradicts what is given for {names}"
         return Doubt((), f"{text}; check value, unit and its sd before any verdict on a damper")
     if refused or holds:
-        return None
+        return None  # a refusal has reasons of its own
     return Doubt(
         (),
         "the linear car does not explain the recording down to the noise of the sensors, so the "

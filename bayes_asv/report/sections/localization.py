@@ -153,7 +153,7 @@ def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ..
         before, after = svg.curve_array(curve.before), svg.curve_array(curve.after)
         _shade(axes, windows)
         axes.plot(time, before, color=svg.COLOURS["muted"], linewidth=0.9, label="before")
-        axes.plot(time, after, color=svg.axle_colour(name), linewidth=0.8, label="after")
+        axes.plot(time, after, color=_colour(name), linewidth=0.8, label="after")
         axes.axhline(0.0, color=svg.COLOURS["ink"], linewidth=0.6)
         unit, measured = readable_unit(curve.unit or run.unit), channel(name)
         sign = _POSITIVE[measured.axis or measured.quantity]
@@ -175,7 +175,7 @@ def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Pa
         if curve is None:
             return None
         _shade(axes, seen.frequency)
-        muted, paint = svg.COLOURS["muted"], svg.axle_colour(name)
+        muted, paint = svg.COLOURS["muted"], _colour(name)
         spectra = [("before", muted, curve.before), ("after", paint, curve.after)]
         if not svg.draw_spectra(axes, spectrum.frequency, spectra):
             return None
@@ -198,6 +198,11 @@ def _output_panels(
         if alt is not None:
             panels.append(svg.panel(figure, key.format(_place(name).replace(" ", "-")), alt))
     return tuple(panels)
+
+
+def _colour(name: str) -> str:
+    """Colour of an output's axle, or of the body as a whole."""
+    return svg.COLOURS["good"] if channel(name).axle is None else svg.axle_colour(name)
 
 
 def _place(name: str) -> str:
