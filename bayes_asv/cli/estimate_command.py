@@ -60,6 +60,11 @@ def command(
     seed: int,
 ) -> int:
     """Estimate damping rates and inertias from one or several recordings together."""
+    if (effects or model != "linear") and (below is not None or likelihood != "innovations"):
+        raise click.UsageError(
+            "effects need the whole band and the innovations likelihood; leave out --below and "
+            "--likelihood, or --with and --model"
+        )
     common.check_outputs((*recordings, vehicle), json_file, netcdf)
     import bayes_asv as asv
 
