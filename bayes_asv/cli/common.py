@@ -16,6 +16,7 @@ __all__ = [
     "CARS",
     "EXIT_STATUS",
     "car_option",
+    "channels_option",
     "check_outputs",
     "json_option",
     "make_folder",
@@ -42,6 +43,11 @@ json_option = click.option(
 seed_option = click.option(
     "--seed", type=click.IntRange(min=0, max=2**32 - 1), default=0, show_default=True,
     help="The same seed gives the same answer.",
+)  # fmt: skip
+channels_option = click.option(
+    "--channels", "channel_map", metavar="MAP.toml",
+    help="Channel map of a foreign log, as 'inspect' writes it; by default that of the vehicle "
+    "file.",
 )  # fmt: skip
 rate_option = click.option(
     "--rate", type=float, metavar="HZ", help="Sampling rate of a recording without time stamps."

@@ -19,6 +19,7 @@ _STATUS = {"changed": 0, "consistent": 0, "refused": 3}
 )  # fmt: skip
 @common.vehicle_option
 @common.json_option
+@common.channels_option
 @common.rate_option
 @common.seed_option
 def command(
@@ -26,6 +27,7 @@ def command(
     after: tuple[str, ...],
     vehicle: str,
     json_file: str | None,
+    channel_map: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
@@ -33,12 +35,14 @@ def command(
 
     Errors of mass, springs and weight distribution are common to both and do not count.
     """
-    common.check_outputs((*before, *after, vehicle), json_file)
+    common.check_outputs((*before, *after, vehicle, channel_map), json_file)
     import bayes_asv as asv
     from bayes_asv.library.inputs import check_inputs
 
-    car = asv.read_vehicle(vehicle)
-    first, second = (asv.read_recordings(paths, rate=rate) for paths in (before, after))
+    car = asv.read_vehicle(vehicle, channels=channel_map)
+    first, second = (
+        asv.read_recordings(paths, rate=rate, channels=car.channel_map) for paths in (before, after)
+    )
     check_inputs("compare", (*first, *second), car)
     result = asv.compare(*(asv.estimate(runs, car, seed=seed) for runs in (first, second)))
     common.output(result.to_dict(), result.lines(), json_file)

@@ -20,6 +20,7 @@ __all__ = ["command"]
 )
 @common.car_option
 @common.json_option
+@common.channels_option
 @common.rate_option
 @common.seed_option
 def command(
@@ -28,6 +29,7 @@ def command(
     holdout: tuple[str, ...],
     car: str | None,
     json_file: str | None,
+    channel_map: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
@@ -35,11 +37,14 @@ def command(
 
     Without --holdout the last recording is held out, or the second half of the only one.
     """
-    common.check_outputs((*recordings, *holdout, vehicle), json_file)
+    common.check_outputs((*recordings, *holdout, vehicle, channel_map), json_file)
     import bayes_asv as asv
 
-    described = asv.read_vehicle(vehicle)
-    runs, held = (asv.read_recordings(paths, rate=rate) for paths in (recordings, holdout))
+    described = asv.read_vehicle(vehicle, channels=channel_map)
+    runs, held = (
+        asv.read_recordings(paths, rate=rate, channels=described.channel_map)
+        for paths in (recordings, holdout)
+    )
     result = asv.diagnose(runs, described, holdout=held, car=car, seed=seed)
     common.output(result.document.to_dict(), result.lines(), json_file)
     return common.EXIT_STATUS["refused" if result.verdict == "refused" else "ok"]

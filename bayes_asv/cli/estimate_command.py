@@ -44,6 +44,7 @@ __all__ = ["command"]
 )
 @click.option("--netcdf", metavar="FILE", help="Write the draws as ArviZ InferenceData.")
 @common.json_option
+@common.channels_option
 @common.rate_option
 @common.seed_option
 def command(
@@ -56,6 +57,7 @@ def command(
     model: str,
     netcdf: str | None,
     json_file: str | None,
+    channel_map: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
@@ -65,16 +67,17 @@ def command(
             "effects need the whole band and the innovations likelihood; leave out --below and "
             "--likelihood, or --with and --model"
         )
-    common.check_outputs((*recordings, vehicle), json_file, netcdf)
+    common.check_outputs((*recordings, vehicle, channel_map), json_file, netcdf)
     import bayes_asv as asv
 
     if netcdf is not None:
         from bayes_asv.library.extras import import_extra
 
         import_extra("h5netcdf", "--netcdf")
+    described = asv.read_vehicle(vehicle, channels=channel_map)
     result = asv.estimate(
-        asv.read_recordings(recordings, rate=rate),
-        asv.read_vehicle(vehicle),
+        asv.read_recordings(recordings, rate=rate, channels=described.channel_map),
+        described,
         effects=(*effects, "auto") if model == "auto" else effects,
         likelihood=likelihood,
         below=below,

@@ -31,6 +31,7 @@ __all__ = ["command"]
     "--hold", type=click.Choice(("held", "straight")), default="held", show_default=True,
     help="Integrated inputs between samples: constant or linear.",
 )  # fmt: skip
+@common.channels_option
 @common.rate_option
 @common.json_option
 @common.seed_option
@@ -41,19 +42,20 @@ def command(
     initial: str,
     remove: str,
     hold: str,
+    channel_map: str | None,
     rate: float | None,
     json_file: str | None,
     seed: int,
 ) -> int:
     """Estimate the parameters by prediction errors, the reference's own method."""
-    common.check_outputs((recording, vehicle), json_file)
+    common.check_outputs((recording, vehicle, channel_map), json_file)
     import bayes_asv as asv
     from bayes_asv.library.reference import greybox
     from bayes_asv.reference.text import greybox_lines
 
-    car = asv.read_vehicle(vehicle)
+    car = asv.read_vehicle(vehicle, channels=channel_map)
     document = greybox(
-        asv.read_recording(recording, rate=rate),
+        asv.read_recording(recording, rate=rate, channels=car.channel_map),
         car,
         coordinates=coordinates,
         initial=initial,

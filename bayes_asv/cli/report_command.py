@@ -22,6 +22,7 @@ _MAX_SAVED = 3  # an estimate, a diagnosis and a track
 @common.car_option
 @click.option("--no-diagnosis", is_flag=True, help="Do not diagnose the recordings.")
 @common.json_option
+@common.channels_option
 @common.rate_option
 @common.seed_option
 def command(
@@ -32,6 +33,7 @@ def command(
     car: str | None,
     no_diagnosis: bool,
     json_file: str | None,
+    channel_map: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
@@ -53,14 +55,16 @@ def command(
         raise click.UsageError("--vehicle needs recordings; a saved document names its car")
     if recordings and vehicle is None and len(saved) < _MAX_SAVED:
         raise click.UsageError("recordings need --vehicle")
-    common.check_outputs((*recordings, vehicle, *saved), output, json_file)
+    common.check_outputs((*recordings, vehicle, channel_map, *saved), output, json_file)
     import bayes_asv as asv
     from bayes_asv.library.reports import report, short_lines
 
+    described = None if vehicle is None else asv.read_vehicle(vehicle, channels=channel_map)
+    mapped = None if described is None else described.channel_map
     document = report(
         output,
-        asv.read_recordings(recordings, rate=rate),
-        None if vehicle is None else asv.read_vehicle(vehicle),
+        asv.read_recordings(recordings, rate=rate, channels=mapped),
+        described,
         saved=saved,
         diagnosis=not no_diagnosis,
         car=car,

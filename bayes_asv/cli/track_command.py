@@ -30,6 +30,7 @@ engine_option = click.option(
 @click.option("--trace", metavar="FILE.csv", help="Write the state after each row.")
 @live_options
 @common.json_option
+@common.channels_option
 @common.rate_option
 @common.seed_option
 def command(
@@ -39,6 +40,7 @@ def command(
     engine: Literal["compiled", "filterpy"],
     trace: str | None,
     json_file: str | None,
+    channel_map: str | None,
     rate: float | None,
     seed: int,
     **shown: Any,
@@ -46,12 +48,16 @@ def command(
     """Track c_f, c_r and i row by row, through a recording or live from the logger."""
     settings = live_settings(recording, **shown)
     keep = None if settings.port is None else settings.port.keep
-    common.check_outputs((recording, vehicle), json_file, trace, settings.gif, keep)
+    common.check_outputs((recording, vehicle, channel_map), json_file, trace, settings.gif, keep)
     import bayes_asv as asv
     from bayes_asv.library.live import track_live
 
-    car = asv.read_vehicle(vehicle)
-    run = None if recording is None else asv.read_recording(recording, rate=rate)
+    car = asv.read_vehicle(vehicle, channels=channel_map)
+    run = (
+        None
+        if recording is None
+        else asv.read_recording(recording, rate=rate, channels=car.channel_map)
+    )
     if run is not None and not (settings.shown or settings.gif):
         result = asv.track(run, car, forget=forget, engine=engine, seed=seed)
     else:

@@ -43,6 +43,7 @@ _STATUS = {**common.EXIT_STATUS, "alarm": 5}
     help="File for every byte of the port.  [default: watch-DATE-TIME.txt]",
 )  # fmt: skip
 @common.json_option
+@common.channels_option
 @common.rate_option
 @common.seed_option
 def command(
@@ -57,6 +58,7 @@ def command(
     baud: int,
     keep: str | None,
     json_file: str | None,
+    channel_map: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
@@ -70,13 +72,15 @@ def command(
         raise click.UsageError("--keep belongs to --port")
     if port is not None and keep is None:
         keep = time.strftime("watch-%Y%m%d-%H%M%S.txt")
-    common.check_outputs((recording, vehicle), json_file, keep)
+    common.check_outputs((recording, vehicle, channel_map), json_file, keep)
     import bayes_asv as asv
     from bayes_asv.library.live import SerialPort, watch
 
-    car = asv.read_vehicle(vehicle)
+    car = asv.read_vehicle(vehicle, channels=channel_map)
     result = watch(
-        None if recording is None else asv.read_recording(recording, rate=rate),
+        None
+        if recording is None
+        else asv.read_recording(recording, rate=rate, channels=car.channel_map),
         car,
         port=None if port is None or keep is None else SerialPort(port, keep, baud),
         below=below,

@@ -210,8 +210,18 @@ def accelerations(recording: Recording, vehicle: Vehicle) -> NDArray[np.float64]
 
 
 def nominal_rate(recording: Recording) -> float:
-    """Return the sampling rate, Hz, from the median time step, which gaps do not change."""
-    return 1.0 / max(float(np.median(np.diff(recording.time))), 1e-300)
+    """Return the sampling rate of the fastest channel, Hz.
+
+    It comes from the median time step, which gaps do not change.  Channels of different rates have
+    rows of their own, so that the rows together say nothing about a rate.
+    """
+    present = np.isfinite(recording.values)
+    steps = [
+        float(np.median(np.diff(recording.time[there])))
+        for there in present
+        if np.count_nonzero(there) > 1
+    ]
+    return 1.0 / max(min(steps, default=0.0), 1e-300)
 
 
 def declared_rate(recording: Recording) -> float | None:

@@ -12,8 +12,9 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, Self
 
+from bayes_asv.domain.channel_map import ChannelMap
 from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, Channel
 from bayes_asv.domain.channels import channel as known_channel
 from bayes_asv.domain.errors import InputError
@@ -189,6 +190,8 @@ class Vehicle:
         Declared sensors by channel; see :meth:`sensor` for those of other channels.
     channels : tuple of Channel
         Channels that the vehicle file describes; others are as their name says.
+    channel_map : ChannelMap or None
+        Where the channels stand in the files of the car's logger.
     unsprung : Unsprung or None
         Wheels and tyres.
     roll : Roll or None
@@ -215,6 +218,7 @@ class Vehicle:
     travel: Travel = field(default_factory=Travel)
     sensors: Mapping[str, Sensor] = field(default_factory=dict, hash=False)
     channels: tuple[Channel, ...] = ()
+    channel_map: ChannelMap | None = None
     unsprung: Unsprung | None = None
     roll: Roll | None = None
     source: str = field(default="", compare=False)
@@ -277,6 +281,17 @@ class Vehicle:
             )
         return found
 
+    def with_channel_map(self, channel_map: ChannelMap) -> Self:
+        """Return the vehicle with a channel map, and its sensors where the map places them."""
+        placed = tuple(
+            replace(known_channel(one.channel), position=one.position)
+            for one in channel_map.channels
+            if one.position is not None
+        )
+        names = {one.name for one in placed}
+        kept = tuple(one for one in self.channels if one.name not in names)
+        return replace(self, channels=(*kept, *placed), channel_map=channel_map)
+
     @property
     def l_f(self) -> float:
         """Distance from the centre of gravity to the front axle, m."""
@@ -334,6 +349,7 @@ def read_vehicle(path: PathLike) -> Vehicle:
         implausible; the message names the file, the key and the fix.
     """
     from bayes_asv.domain.vehicle_file import (
+        mapped_channels,
         parse_vehicle,
     )  # deferred: importing pydantic takes 0.1 s
 
@@ -341,6 +357,7 @@ def read_vehicle(path: PathLike) -> Vehicle:
     data = read_bytes(path, _MAX_FILE_SIZE)
     tables = parse_vehicle(data, source)
     known, nominal, travel = tables.known, tables.nominal, tables.travel
+    mapped = mapped_channels(tables.channels, source)
     vehicle = Vehicle(
         name=tables.name or os.path.splitext(os.path.basename(source))[0],
         units=tables.units,
@@ -362,8 +379,9 @@ def read_vehicle(path: PathLike) -> Vehicle:
         channels=tuple(
             replace(known_channel(name), position=table.position.value)
             for name, table in tables.channels
-            if table is not None
+            if table is not None and getattr(table, "position", None)
         ),
+        channel_map=ChannelMap(mapped, source=source) if mapped else None,
         unsprung=None if tables.unsprung is None else _to_unsprung(tables.unsprung),
         roll=None if tables.roll is None else _to_roll(tables.roll),
         source=source,

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from bayes_asv.domain.channel_map import ChannelMap, MappedChannel
 from bayes_asv.domain.channels import KNOWN_CHANNELS, channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, decode
+from bayes_asv.domain.units import si_factor
 from bayes_asv.domain.vehicle_numbers import (
     Measured,
     RangeSI,
@@ -26,8 +28,11 @@ from bayes_asv.domain.vehicle_numbers import (
 
 __all__ = [
     "Measured", "RangeSI", "RollTable", "SensorTable", "UnsprungTable", "VehicleTables",
-    "parse_vehicle",
+    "mapped_channels", "parse_channel_map", "parse_vehicle",
 ]  # fmt: skip
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
 
 
 class _Table(BaseModel):
@@ -73,10 +78,33 @@ class SensorTable(_Table):
     delay: Annotated[Measured | None, without_sd("time", "delay")] = None
 
 
-class ChannelTable(_Table):
-    """``[channels.<channel>]``: where on the body a sensor sits."""
+class MotionRatioTable(_Table):
+    """``motion_ratio`` that varies with the travel of the wheel from rest."""
 
-    position: Annotated[Measured, without_sd("deflection", "position")]
+    travel: list[float]
+    ratio: list[float]
+    unit: str
+
+
+class ChannelTable(_Table):
+    """``[channels.<channel>]``: columns of a foreign log, see ``MappedChannel``."""
+
+    column: str | list[str] | None = None
+    group: str = ""
+    unit: str = ""
+    axis: list[float] = []
+    offset: float = 0.0
+    sign: Literal[1, -1] = 1
+    scale: float = 1.0
+    curve: list[tuple[float, float]] = []
+    motion_ratio: float | MotionRatioTable = 1.0
+    delay: Annotated[Measured | None, without_sd("time", "delay")] = None
+
+
+class PlacedChannelTable(ChannelTable):
+    """``[channels.<channel>]`` of a sensor that may sit anywhere on the body."""
+
+    position: Annotated[Measured | None, without_sd("deflection", "position")] = None
 
 
 class UnsprungTable(_Table):
@@ -124,7 +152,11 @@ _SENSORS_TABLE: Final = _optional_tables(
     "SensorsTable", {known.name: _SENSORS[known.dimension] for known in _KNOWN}
 )
 _CHANNELS_TABLE: Final = _optional_tables(
-    "ChannelsTable", {known.name: ChannelTable for known in _KNOWN if known.has_own_position}
+    "ChannelsTable",
+    {
+        known.name: PlacedChannelTable if known.has_own_position else ChannelTable
+        for known in _KNOWN
+    },
 )
 
 
@@ -150,6 +182,18 @@ _FILE: Final = create_model(
 )
 
 
+class ChannelMapTables(_Table):
+    """A channel map by itself; `_MAP_FILE` adds the tables of the channels."""
+
+    rate: Annotated[Measured | None, without_sd("frequency")] = None
+    channels: _Table = _Table()
+
+
+_MAP_FILE: Final = create_model(
+    "ChannelMapTables", __base__=ChannelMapTables, channels=(_CHANNELS_TABLE, _CHANNELS_TABLE())
+)
+
+
 def parse_vehicle(data: bytes, where: str) -> VehicleTables:
     """Read the bytes of a vehicle file.
 
@@ -170,6 +214,91 @@ def parse_vehicle(data: bytes, where: str) -> VehicleTables:
     InputError
         With the key at fault and the fix.
     """
+    return _validated(_FILE, data, where)
+
+
+def parse_channel_map(data: bytes, where: str) -> ChannelMap:
+    """Read the bytes of a channel map.
+
+    Parameters
+    ----------
+    data : bytes
+        TOML text, UTF-8: ``rate`` and the tables ``[channels.<channel>]``.
+    where : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ChannelMap
+
+    Raises
+    ------
+    InputError
+        With the key at fault and the fix.
+    """
+    tables = _validated(_MAP_FILE, data, where)
+    mapped = mapped_channels(tables.channels, where)
+    unmapped = [name for name, table in tables.channels if table and table.column is None]
+    if unmapped:
+        raise InputError(
+            f"{where}: [channels.{unmapped[0]}]", "names no column",
+            'add column = "name in the file"',
+        )  # fmt: skip
+    return ChannelMap(mapped, tables.rate.value if tables.rate else None, where)
+
+
+def mapped_channels(tables: _Table, where: str) -> tuple[MappedChannel, ...]:
+    """Return the channels whose table names a column.
+
+    Raises
+    ------
+    InputError
+        If keys of a table contradict each other.
+    """
+    result = []
+    for name, table in tables:
+        if table is None or table.column is None:
+            continue
+        columns = (table.column,) if isinstance(table.column, str) else tuple(table.column)
+        position = getattr(table, "position", None)
+        try:
+            result.append(
+                MappedChannel(
+                    channel=name,
+                    columns=columns,
+                    group=table.group,
+                    unit=table.unit,
+                    axis=tuple(table.axis),
+                    offset=table.offset,
+                    scale=table.sign * table.scale,
+                    curve=tuple(table.curve),
+                    motion_ratio=_motion_ratio(table.motion_ratio),
+                    delay=None if table.delay is None else table.delay.value,
+                    position=None if position is None else position.value,
+                )
+            )
+        except InputError as exc:
+            raise InputError(f"{where}: {exc.where}", exc.what, exc.fix) from None
+    return tuple(result)
+
+
+def _motion_ratio(table: float | MotionRatioTable) -> float | tuple[tuple[float, float], ...]:
+    if not isinstance(table, MotionRatioTable):
+        return float(table)
+    factor = si_factor(table.unit, "deflection")
+    if len(table.travel) != len(table.ratio):
+        raise InputError(
+            "motion_ratio",
+            "has unequal numbers of travels and ratios",
+            "give one ratio for each travel",
+        )
+    return tuple(
+        (travel * factor, ratio) for travel, ratio in zip(table.travel, table.ratio, strict=True)
+    )
+
+
+def _validated(model: type[_Model], data: bytes, where: str) -> _Model:
+    """Parse TOML text and check it against its tables."""
     text = decode(data, where)
     try:
         raw = tomllib.loads(text.replace("\r\n", "\n"))
@@ -178,17 +307,18 @@ def parse_vehicle(data: bytes, where: str) -> VehicleTables:
     except (ValueError, RecursionError):  # numbers of thousands of digits, brackets without end
         raise InputError(where, "is not TOML that can be parsed", "write the file again") from None
     try:
-        return _FILE.model_validate(raw)
+        return model.model_validate(raw)
     except ValidationError as exc:
-        raise _first_error(exc, where) from None
+        raise _first_error(exc, where, model) from None
 
 
-def _first_error(error: ValidationError, where: str) -> InputError:
+def _first_error(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
     """Report all faults in one line, the first in full and the others by name."""
     # A misspelt key is reported as unknown and as missing; the first helps more.
     faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     first, others = faults[0], [_key_path(fault["loc"]) for fault in faults[1:]]
-    what, fix = _explain(first["type"], first["loc"], first["msg"], first.get("ctx", {}))
+    context = {"model": model, **first.get("ctx", {})}
+    what, fix = _explain(first["type"], first["loc"], first["msg"], context)
     if others:
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
         what += f" (also at fault: {', '.join(others[:3])}{more})"
@@ -201,7 +331,7 @@ def _explain(
     if kind == "quantity":
         return str(context["what"]), str(context["fix"])
     if kind == "extra_forbidden":
-        return "unknown key", _suggest_place(place)
+        return "unknown key", _suggest_place(place, context["model"])
     if kind == "missing":
         return "is missing", f"add {place[-1]}" + (" = ..." if len(place) > 1 else "")
     if place[-1:] == ("units",):
@@ -211,8 +341,7 @@ def _explain(
     return message, "see the examples in data/vehicles"
 
 
-def _suggest_place(place: tuple[int | str, ...]) -> str:
-    table: type[BaseModel] = _FILE
+def _suggest_place(place: tuple[int | str, ...], table: type[BaseModel]) -> str:
     for part in place[:-1]:
         inner = table.model_fields[str(part)].annotation
         for choice in (inner, *get_args(inner)):  # a table, or an optional one

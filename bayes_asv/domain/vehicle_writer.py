@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from bayes_asv.domain.channels import channel
+from bayes_asv.domain.channels import KNOWN_CHANNELS, channel
 from bayes_asv.domain.units import display_units, si_factor
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from bayes_asv.domain.channel_map import MappedChannel
     from bayes_asv.domain.vehicle import Vehicle
 
-__all__ = ["to_toml"]
+__all__ = ["channel_table", "to_toml"]
 
 
 def to_toml(vehicle: Vehicle) -> str:
@@ -76,10 +79,11 @@ def to_toml(vehicle: Vehicle) -> str:
             lines += [line(key, bar, "stiffness")] if bar else []
         if roll.front_sensors is not None:
             lines.append(line("front_sensors", roll.front_sensors, "length"))
-    for placed in vehicle.channels:
-        if placed.position is not None:
-            entry = line("position", placed.position, "length")
-            lines += ["", f"[channels.{placed.name}]", entry]
+    mapped = {} if vehicle.channel_map is None else vehicle.channel_map.by_name
+    placed = {one.name: one.position for one in vehicle.channels if one.position is not None}
+    for name in sorted({*mapped, *placed}, key=KNOWN_CHANNELS.index):
+        position = line("position", placed[name], "length") if name in placed else ""
+        lines += ["", *channel_table(name, mapped.get(name), position)]
     for name, sensor in vehicle.sensors.items():
         table = []
         dimension = channel(name).dimension
@@ -106,6 +110,53 @@ def to_toml(vehicle: Vehicle) -> str:
                 table.append(line(key, value, of))
         lines += ["", f"[sensors.{name}]", *table]
     return "\n".join(lines) + "\n"
+
+
+def channel_table(name: str, mapped: MappedChannel | None, position: str = "") -> list[str]:
+    """Return the lines of ``[channels.<channel>]``.
+
+    Parameters
+    ----------
+    name : str
+        The channel.
+    mapped : MappedChannel or None
+        Its place in the file.
+    position : str
+        The line of its position, empty for none.
+    """
+    lines = [f"[channels.{name}]"]
+    if mapped is not None:
+        columns = [_quoted(column) for column in mapped.columns]
+        lines.append(f"column = {columns[0] if len(columns) == 1 else '[' + ', '.join(columns)}")
+        lines[-1] += "]" if len(columns) > 1 else ""
+        lines += [f"group = {_quoted(mapped.group)}"] if mapped.group else []
+        lines += [f"unit = {_quoted(mapped.unit)}"] if mapped.unit else []
+        lines += [f"axis = [{_numbers(mapped.axis)}]"] if mapped.axis else []
+        lines += [f"offset = {_number(mapped.offset)}"] if mapped.offset else []
+        lines += ["sign = -1"] if mapped.scale < 0.0 else []
+        lines += [f"scale = {_number(abs(mapped.scale))}"] if abs(mapped.scale) != 1.0 else []
+        if mapped.curve:
+            pairs = ", ".join(f"[{_numbers(pair)}]" for pair in mapped.curve)
+            lines.append(f"curve = [{pairs}]")
+        ratio = mapped.motion_ratio
+        if not isinstance(ratio, float):
+            travels, ratios = zip(*ratio, strict=True)
+            lines.append(
+                f"motion_ratio = {{ travel = [{_numbers(travels)}], ratio = [{_numbers(ratios)}], "
+                'unit = "m" }'
+            )
+        elif ratio != 1.0:
+            lines.append(f"motion_ratio = {_number(ratio)}")
+        lines += [f'delay = "{_number(mapped.delay)} s"'] if mapped.delay is not None else []
+    return [*lines, position] if position else lines
+
+
+def _number(value: float) -> str:
+    return repr(float(value)).removesuffix(".0")
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(map(_number, values))
 
 
 def _shortest(si: float, factor: float) -> str:

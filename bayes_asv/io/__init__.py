@@ -6,6 +6,8 @@ import hashlib
 import os
 from typing import TYPE_CHECKING
 
+from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import decode, read_bytes
 from bayes_asv.domain.recording import check_rate
 from bayes_asv.io import csv
@@ -15,17 +17,21 @@ from bayes_asv.io.logger_text import write_logger
 from bayes_asv.io.text import MAX_FILE_SIZE, TextFile
 
 if TYPE_CHECKING:
+    from bayes_asv.domain.channel_map import ChannelMap
     from bayes_asv.domain.files import PathLike
+    from bayes_asv.domain.log import Log
     from bayes_asv.domain.recording import Recording
 
-__all__ = ["read_recording", "write_csv", "write_logger", "write_recording"]
+__all__ = ["read_log", "read_recording", "write_csv", "write_logger", "write_recording"]
 
 write_recording = write_csv
 """CSV is the format that stores all properties of a recording."""
 
 
-def read_recording(path: PathLike, rate: float | None = None) -> Recording:
-    """Read a recording in any supported format, detected from its first lines.
+def read_recording(
+    path: PathLike, rate: float | None = None, channels: ChannelMap | None = None
+) -> Recording:
+    """Read a recording: a file of ours, or with a channel map a log of any known format.
 
     Parameters
     ----------
@@ -34,6 +40,8 @@ def read_recording(path: PathLike, rate: float | None = None) -> Recording:
     rate : float, optional
         Sampling rate, Hz, for formats without time stamps; it takes precedence over ``sample_rate``
         in the metadata.  For a file with stamps it is only a check.
+    channels : ChannelMap, optional
+        Which column of a foreign log is which channel.
 
     Returns
     -------
@@ -49,6 +57,44 @@ def read_recording(path: PathLike, rate: float | None = None) -> Recording:
     if rate is not None:
         check_rate(rate, f"rate for {source}")
     data = read_bytes(path, MAX_FILE_SIZE)
+    if channels is not None and not _is_own(data, channels):
+        return channels.recording(read_log(path, channels.rate if rate is None else rate))
+    _check_not_foreign(data, source)
     text = TextFile(decode(data, source), source, hashlib.sha256(data).hexdigest())
     reader = logger.read if logger.is_logger_text(text) else csv.read
     return reader(text, rate)
+
+
+def read_log(path: PathLike, rate: float | None = None) -> Log:
+    """Read the log of any known format, see :func:`bayes_asv.io.formats.read_log`."""
+    from bayes_asv.io.formats import read_log as read  # seventeen modules that few files need
+
+    return read(path, rate)
+
+
+def _is_own(data: bytes, channels: ChannelMap) -> bool:
+    """Whether a file has the channels by our names, and not by those of a channel map."""
+    from bayes_asv.io.formats import bare, detect
+
+    if detect(data) not in (bare.RECORDING, bare.LOGGER):
+        return False
+    head = data[:20_000]
+    return not all(column.encode() in head for one in channels.channels for column in one.columns)
+
+
+def _check_not_foreign(data: bytes, source: str) -> None:
+    """Refuse a log whose channels have names of their own, and say what to do."""
+    from bayes_asv.io.formats import bare, detect
+
+    form = detect(data)
+    own = (bare.RECORDING, bare.LOGGER)
+    if form is None or form in own:
+        return
+    if form is bare.FORMAT and any(name.encode() in data[:20_000].lower() for name in CHANNELS):
+        return  # one of ours with a fault, which its reader names
+    raise InputError(
+        source,
+        f"is a {form.name}, not a recording with channels of this package",
+        f"make a channel map (bayes-asv inspect {source} -o channels.toml) and give it by "
+        "--channels channels.toml",
+    )

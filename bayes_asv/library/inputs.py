@@ -11,11 +11,12 @@ from typing import Final
 
 from bayes_asv.domain import recording as domain
 from bayes_asv.domain import vehicle as vehicles
+from bayes_asv.domain.channel_map import ChannelMap
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
-from bayes_asv.library.recordings import check_different
+from bayes_asv.library.recordings import as_channel_map, check_different
 
 __all__ = ["Vehicle", "check_car", "check_inputs", "check_vehicle", "example", "read_vehicle"]
 
@@ -63,13 +64,16 @@ class Vehicle(vehicles.Vehicle):
         return f"{100.0 * given.sd / given.value:.2g} %" if given.sd else "exact"
 
 
-def read_vehicle(path: PathLike) -> Vehicle:
+def read_vehicle(path: PathLike, *, channels: PathLike | ChannelMap | None = None) -> Vehicle:
     """Read a vehicle file.
 
     Parameters
     ----------
     path : str or os.PathLike
         A TOML file, described in ``docs/vehicle.md``.
+    channels : str, os.PathLike or ChannelMap, optional
+        A channel map or its file, instead of that of the vehicle file; it says where sensors on the
+        body sit.
 
     Returns
     -------
@@ -81,6 +85,9 @@ def read_vehicle(path: PathLike) -> Vehicle:
         If the file cannot be read or a value is implausible; the message names key and fix.
     """
     car = vehicles.read_vehicle(path)
+    mapped = as_channel_map(channels)
+    if mapped is not None:
+        car = car.with_channel_map(mapped)
     return Vehicle(**{f.name: getattr(car, f.name) for f in fields(car)})
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from bayes_asv.domain import recording as domain
+from bayes_asv.domain.channel_map import ChannelMap, read_channel_map
 from bayes_asv.domain.channels import KNOWN_CHANNELS, channel, missing_inputs
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
@@ -23,7 +24,10 @@ from bayes_asv.library.extras import import_extra
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Recording", "as_recording", "check_different", "read_recording", "read_recordings"]
+__all__ = [
+    "Recording", "as_channel_map", "as_recording", "check_different", "read_recording",
+    "read_recordings",
+]  # fmt: skip
 
 _COLUMN: Final = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
 _TIME: Final = "time"
@@ -169,7 +173,12 @@ class Recording(domain.Recording):
         )
 
 
-def read_recording(path: PathLike, *, rate: float | None = None) -> Recording:
+def read_recording(
+    path: PathLike,
+    *,
+    rate: float | None = None,
+    channels: PathLike | ChannelMap | Mapping[str, str] | None = None,
+) -> Recording:
     """Read one recording, in any format that the command line reads.
 
     Parameters
@@ -178,6 +187,9 @@ def read_recording(path: PathLike, *, rate: float | None = None) -> Recording:
         The file, described in ``docs/recording.md``.
     rate : float, optional
         Sampling rate, Hz, of a file without time stamps.
+    channels : str, os.PathLike, ChannelMap or mapping, optional
+        Which column of a foreign log is which channel: a channel map (``docs/channel-map.md``), its
+        file, or names alone, ``{"front_wheel": "Acc FL", …}``.
 
     Returns
     -------
@@ -190,11 +202,25 @@ def read_recording(path: PathLike, *, rate: float | None = None) -> Recording:
     """
     from bayes_asv.io import read_recording as read
 
-    return as_recording(read(path, rate=rate))
+    return as_recording(read(path, rate, as_channel_map(channels)))
+
+
+def as_channel_map(
+    channels: PathLike | ChannelMap | Mapping[str, str] | None,
+) -> ChannelMap | None:
+    """Return a channel map that is given as such, as a file or as names of columns."""
+    if channels is None or isinstance(channels, ChannelMap):
+        return channels
+    if isinstance(channels, Mapping):
+        return ChannelMap.from_names(channels)
+    return read_channel_map(channels)
 
 
 def read_recordings(
-    paths: PathLike | Iterable[PathLike], *, rate: float | None = None
+    paths: PathLike | Iterable[PathLike],
+    *,
+    rate: float | None = None,
+    channels: PathLike | ChannelMap | Mapping[str, str] | None = None,
 ) -> list[Recording]:
     """Read several recordings of one car.
 
@@ -203,7 +229,7 @@ def read_recordings(
     paths : str, os.PathLike or iterable of them
         Files; one that does not exist may be a pattern such as ``"run*.csv"``, whose files are
         read in the order of their names.
-    rate : float, optional
+    rate, channels : optional
         As for :func:`read_recording`.
 
     Returns
@@ -217,8 +243,9 @@ def read_recordings(
     """
     patterns = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     runs: list[Recording] = []
+    mapped = as_channel_map(channels)
     for path in [path for pattern in patterns for path in _expanded(pattern)]:
-        runs.append(read_recording(path, rate=rate))
+        runs.append(read_recording(path, rate=rate, channels=mapped))
         check_different(runs[:-1], runs[-1])
     return runs
 
