@@ -48,6 +48,7 @@ _HEADER: Final = (
 _COUNT_UNITS: Final = frozenset({"counts", "count", "raw"})
 _MAX_COLUMNS: Final = 10_000
 _MAX_LISTED: Final = 8
+_BLOCK: Final = 50_000  # rows that are split into cells at a time
 
 
 class _Column(NamedTuple):
@@ -76,28 +77,20 @@ def read(text: TextFile, rate: float | None) -> Recording:
     InputError
         With the line and the fix.
     """
-    if not text.lines:
+    if not text.header:
         raise InputError(text.source, "contains no data", "export it again")
-    separator = _separator(text.lines[0])
-    header = _split(text.lines[0], separator, text.at(0))
+    separator = _separator(text.header)
+    header = _split(text.header, separator, text.at(0))
     columns, ignored = _columns(header, text.at(0))
     channels = tuple(name for name in columns if name != "time")
     units = _units(columns, text.at(0))
-    rows = len(text.lines) - 1
-    if rows < 2:
-        raise InputError(text.source, f"has {rows} rows of data", "a recording needs at least two")
-    check_table_size(rows, len(header), text.source)
-    cells = _cells(text, separator, len(header))
-    if separator == ";":
-        used = {column.position for column in columns.values()}
-        cells = [
-            [cell.replace(",", ".") for cell in in_column] if index in used else in_column
-            for index, in_column in enumerate(cells)
-        ]
-    values = np.empty((len(channels), rows))
-    for row, name in enumerate(channels):
-        values[row] = parse_column(cells[columns[name].position], text, 1, name)
-    time = _time(columns, cells, text, rate, rows)
+    # The stamps come last: of several faults that of a reading is reported.
+    wanted = [columns[name] for name in (*channels, "time") if name in columns]
+    table = text.table(separator, len(header), [column.position for column in wanted])
+    if table is None or table.shape[1] < 2:
+        table = _row_by_row(text, separator, len(header), wanted)
+    values = table[: len(channels)]
+    time = _time(columns.get("time"), table[-1], text, rate)
     warnings = []
     if ignored:
         more = f" and {len(ignored) - _MAX_LISTED} more" if len(ignored) > _MAX_LISTED else ""
@@ -198,15 +191,35 @@ def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:
     return tuple(units)
 
 
-def _cells(text: TextFile, separator: str, width: int) -> list[Sequence[str]]:
-    """Return the cells of the data rows by column."""
-    lines = text.lines[1:]
+def _row_by_row(
+    text: TextFile, separator: str, width: int, wanted: Sequence[_Column]
+) -> NDArray[np.float64]:
+    """Parse columns (len(wanted), N) from the lines; an error names the line."""
+    rows = len(text.lines) - 1
+    if rows < 2:
+        raise InputError(text.source, f"has {rows} rows of data", "a recording needs at least two")
+    check_table_size(rows, width, text.source)
+    table = np.empty((len(wanted), rows))
+    for first in range(1, rows + 1, _BLOCK):
+        cells = _cells(text, separator, width, first)
+        for out, column in zip(table, wanted, strict=True):
+            own = cells[column.position]
+            if separator == ";":
+                own = [cell.replace(",", ".") for cell in own]
+            out[first - 1 : first - 1 + len(own)] = parse_column(own, text, first, column.name)
+    return table
+
+
+def _cells(text: TextFile, separator: str, width: int, first: int) -> list[Sequence[str]]:
+    """Return the cells of a block of rows by column."""
+    lines = text.lines[first : first + _BLOCK]
     body = separator.join(lines)
     if '"' not in body and all(line.count(separator) == width - 1 for line in lines):
         flat = body.split(separator)
         return [flat[index::width] for index in range(width)]
     rows = [
-        _split_ragged_row(line, separator, width, text.at(row)) for row, line in enumerate(lines, 1)
+        _split_ragged_row(line, separator, width, text.at(row))
+        for row, line in enumerate(lines, first)
     ]
     return list(zip(*rows, strict=True))
 
@@ -223,14 +236,9 @@ def _split_ragged_row(line: str, separator: str, width: int, where: str) -> list
 
 
 def _time(
-    columns: dict[str, _Column],
-    cells: Sequence[Sequence[str]],
-    text: TextFile,
-    rate: float | None,
-    rows: int,
+    stamp: _Column | None, stamps: NDArray[np.float64], text: TextFile, rate: float | None
 ) -> NDArray[np.float64]:
-    """Time stamps in s, from the time column or else from the sampling rate."""
-    stamp = columns.get("time")
+    """Time in s from the stamps of the time column, or else from the sampling rate."""
     if stamp is None:
         declared = [value for key, value in text.metadata if key.strip() == "sample_rate"]
         if rate is None and declared:
@@ -239,7 +247,7 @@ def _time(
             raise InputError(
                 text.at(0), "there is no column time [s]", "add it, or give the rate (--rate)"
             )
-        return np.arange(rows) / rate
+        return np.arange(len(stamps)) / rate
     if stamp.unit is None or not stamp.unit.strip():
         raise InputError(text.at(0), "column time has no unit", "write time [s]")
     try:
@@ -248,6 +256,6 @@ def _time(
         raise InputError(
             f"{text.at(0)}: time", f"{exc.where} {exc.what}", "write time [s]"
         ) from None
-    time = parse_column(cells[stamp.position], text, 1, "time") * factor
+    time = stamps * factor
     check_time(time, text, 1)
     return time

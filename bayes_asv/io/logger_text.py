@@ -37,7 +37,7 @@ _UNITS: Final = (COUNTS, COUNTS, COUNTS, COUNTS)
 
 def is_logger_text(text: TextFile) -> bool:
     """Whether the first line of data is five integers between white space."""
-    return bool(text.lines) and _ROW.fullmatch(text.lines[0]) is not None
+    return _ROW.fullmatch(text.header) is not None
 
 
 def read(text: TextFile, rate: float | None) -> Recording:

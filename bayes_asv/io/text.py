@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
+from array import array
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -36,6 +39,7 @@ __all__ = [
 
 MAX_FILE_SIZE: Final = 1_000_000_000
 MAX_CELLS: Final = MAX_SAMPLES
+_CHUNK: Final = 1 << 22  # characters that are parsed at once
 _RATE_TOLERANCE: Final = 0.01
 _TYPICAL_RATES: Final = (1.0, 1e5)  # Hz; outside this range the unit of time is probably wrong
 
@@ -43,41 +47,150 @@ _TYPICAL_RATES: Final = (1.0, 1e5)  # Hz; outside this range the unit of time is
 class TextFile:
     """Lines of a text file, metadata separate from data.
 
+    A file of a million rows is split into lines only where somebody asks for them.
+
     Attributes
     ----------
-    lines : list of str
-        Lines that are neither blank nor metadata.
-    numbers : list of int
-        Line number of each of them in the file, from 1.
-    metadata : list of (str, str)
-        Lines ``# key = value``; a remark without ``=`` has the key ``comment``.
+    source, sha256 : str
+        Name and hash of the file.
+    header : str
+        First line of data; empty without one.
     """
 
     def __init__(self, text: str, source: str, sha256: str) -> None:
         self.source = source
         self.sha256 = sha256
-        self.lines: list[str] = []
-        self.numbers: list[int] = []
-        self.metadata: list[tuple[str, str]] = []
         # splitlines() would also break lines at form feeds and other characters in a remark.
-        unified = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
-        for number, line in enumerate(unified.split("\n"), 1):
+        self._text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+        self._top: list[tuple[str, str]] = []
+        self.header = ""
+        self._above = 0  # lines above the header
+        self._body = 0  # where the line after the header begins
+        while self._body < len(self._text):
+            end = self._text.find("\n", self._body)
+            end = len(self._text) if end < 0 else end
+            line, self._body = self._text[self._body : end], end + 1
+            if line.strip() and line.lstrip()[0] != "#":
+                self.header = line
+                break
+            self._above += 1
+            if line.strip():
+                _read_metadata(line, self._top)
+
+    @property
+    def metadata(self) -> list[tuple[str, str]]:
+        """Lines ``# key = value``; a remark without ``=`` has the key ``comment``."""
+        return self._split[2] if self._text.find("#", self._body) >= 0 else self._top
+
+    @property
+    def lines(self) -> list[str]:
+        """Lines that are neither blank nor metadata."""
+        return self._split[0]
+
+    @cached_property
+    def _split(self) -> tuple[list[str], array[int], list[tuple[str, str]]]:
+        """Lines of data, the number of each in the file, from 1, and the metadata."""
+        lines, numbers, metadata = [], array("l"), list[tuple[str, str]]()
+        for number, line in enumerate(self._text.split("\n"), 1):
             stripped = line.strip()
             if not stripped:
                 continue
             if stripped[0] == "#":
-                key, equals, value = stripped[1:].partition("=")
-                if equals and key.strip():
-                    self.metadata.append((key, value))
-                elif stripped[1:].strip():
-                    self.metadata.append(("comment", stripped[1:].replace("=", " ").strip()))
+                _read_metadata(line, metadata)
             else:
-                self.lines.append(line)
-                self.numbers.append(number)
+                lines.append(line)
+                numbers.append(number)
+        return lines, numbers, metadata
 
     def at(self, row: int) -> str:
         """Return ``file:line`` of one of `lines`."""
-        return f"{self.source}:{self.numbers[row]}"
+        number = self._above + 1 if row == 0 else self._split[1][row]
+        return f"{self.source}:{number}"
+
+    def table(
+        self, separator: str, width: int, columns: Sequence[int]
+    ) -> NDArray[np.float64] | None:
+        """Parse the rows below the header at once, where all their cells are plain numbers.
+
+        Parameters
+        ----------
+        separator : str
+            Between cells; a semicolon implies decimal commas.
+        width : int
+            Cells in a row.
+        columns : sequence of int
+            Columns to return.
+
+        Returns
+        -------
+        (len(columns), N) array or None
+            Bit for bit what `parse_column` makes of the cells.  None for anything unusual, from
+            remarks between the rows to a fault: then the lines have to be read one by one.
+        """
+        end = len(self._text)
+        while end > self._body and self._text[end - 1] == "\n":
+            end -= 1
+        rows = self._text.count("\n", self._body, end) + 1
+        if end <= self._body or rows * width > MAX_CELLS:
+            return None
+        out = np.empty((len(columns), rows))
+        begin, row = self._body, 0
+        while begin < end:
+            stop = end
+            if end - begin > _CHUNK:
+                stop = self._text.find("\n", begin + _CHUNK, end)
+                stop = end if stop < 0 else stop
+            cells = _numbers(self._text[begin:stop], separator, width)
+            if cells is None:
+                return None
+            out[:, row : row + len(cells)] = cells[:, columns].T
+            begin, row = stop + 1, row + len(cells)
+        with np.errstate(invalid="ignore"):
+            return out if row == rows and not (np.abs(out) > MAX_MAGNITUDE).any() else None
+
+
+def _read_metadata(line: str, metadata: list[tuple[str, str]]) -> None:
+    """Append what a line that begins with ``#`` says."""
+    remark = line.strip()[1:]
+    key, equals, value = remark.partition("=")
+    if equals and key.strip():
+        metadata.append((key, value))
+    elif remark.strip():
+        metadata.append(("comment", remark.replace("=", " ").strip()))
+
+
+def _numbers(text: str, separator: str, width: int) -> NDArray[np.float64] | None:
+    """Parse whole rows of plain numbers (N, width); None where a cell or a row is anything else."""
+    try:
+        data = text.encode("ascii")
+    except UnicodeEncodeError:
+        return None
+    plain = b"0123456789+-.eEnaN\n " + separator.encode()
+    if data.translate(None, plain + (b"," if separator == ";" else b"")):
+        return None
+    if separator == ";":
+        data = data.replace(b",", b".")
+    data = data.replace(separator.encode(), b",").replace(b", ", b",")
+    if b" " in data:
+        return None
+    marks = np.frombuffer(data, np.uint8)
+    breaks = np.append(np.flatnonzero(marks == ord("\n")), len(marks))
+    commas = np.flatnonzero(marks == ord(","))
+    rows = len(breaks)
+    # the cells of every row, not of all rows together
+    if not np.array_equal(np.searchsorted(commas, breaks), (width - 1) * np.arange(1, rows + 1)):
+        return None
+    data = data.replace(b"\n", b",")
+    if b",," in data or data.startswith(b",") or data.endswith(b","):
+        data = b"," + data + b","
+        data = data.replace(b",,", b",nan,").replace(b",,", b",nan,")[1:-1]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # how older versions of NumPy say it
+            cells = np.fromstring(data, sep=",")
+    except (ValueError, DeprecationWarning):
+        return None
+    return cells.reshape(rows, width) if cells.size == rows * width else None
 
 
 def parse_column(
@@ -162,7 +275,7 @@ def build_recording(
     units: tuple[str, ...],
     metadata: Sequence[tuple[str, str]],
     rate: float | None,
-    warnings: Sequence[str],
+    notes: Sequence[str],
     channels: tuple[str, ...] = CHANNELS,
 ) -> Recording:
     """Build the recording and check it as a whole.
@@ -177,7 +290,7 @@ def build_recording(
             raise InputError(
                 text.source, f"{channel} has no readings", "check the wiring of the sensor"
             )
-    notes = list(warnings)
+    notes = list(notes)
     recording = Recording(
         time, values, units, tuple(metadata), text.source, text.sha256, channels=channels
     )

@@ -16,6 +16,7 @@ from bayes_asv.domain.channels import channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.io import read_recording, write_recording
+from bayes_asv.io.text import TextFile, parse_column
 
 HEADER = (
     "time [s],front_wheel [in/s^2],front_chassis [in/s^2],rear_wheel [in/s^2],rear_chassis [in/s^2]"
@@ -254,6 +255,49 @@ def test_large_file_is_read_fast(tmp_path: Path) -> None:
     again = read_recording(tmp_path / "long.csv")
     assert time.process_time() - start < 1.5  # 0.3 s on a laptop; room for a loaded machine
     assert same(again, recording)
+
+
+spellings = st.one_of(
+    st.floats(-1e13, 1e13).map(repr),
+    st.floats(allow_nan=False).map("{:.17e}".format),
+    st.decimals(-1000, 1000, places=20).map(str),
+    st.sampled_from(["", "nan", "NaN", "-0", "+1.", ".5", "1E3", " 7", "1 2", "1e", "--1", "1_0"]),
+    st.text('0123456789.eE+-nai_, \t;"', max_size=4),
+)
+
+
+@given(
+    rows=st.lists(st.lists(spellings, min_size=3, max_size=3), min_size=1, max_size=6),
+    separator=st.sampled_from(",;\t"),
+    chunk=st.sampled_from([1, 20, 1 << 22]),
+)
+@per_test
+def test_cells_parsed_at_once_equal_those_parsed_one_by_one(
+    monkeypatch: pytest.MonkeyPatch, rows: list[list[str]], separator: str, chunk: int
+) -> None:
+    """Bit for bit; what is unusual is left to the careful path, never read as something else."""
+    monkeypatch.setattr("bayes_asv.io.text._CHUNK", chunk)
+    lines = [separator.join(row) for row in rows]
+    text = TextFile("\n".join(["a", *lines, ""]), "table", "")
+    table = text.table(separator, 3, [2, 0])
+    if table is None:
+        return
+    cells = [line.split(separator) for line in lines]
+    assert all(len(row) == 3 for row in cells)
+    for found, column in zip(table, (2, 0), strict=True):
+        own = [row[column] for row in cells]
+        own = [cell.replace(",", ".") for cell in own] if separator == ";" else own
+        careful = parse_column(own, text, 1, "cell")
+        assert np.array_equal(found.view(np.int64), careful.view(np.int64))
+
+
+def test_plain_tables_are_parsed_at_once() -> None:
+    for separator, comma in ((",", "."), (";", ","), ("\t", ".")):
+        rows = [separator.join((f"{k}{comma}5", "", f"-{k}e-3")) for k in range(9)]
+        table = TextFile("\n".join(["a", *rows]), "table", "").table(separator, 3, [0, 1, 2])
+        assert table is not None
+        assert np.array_equal(table[0], np.arange(9) + 0.5)
+        assert np.isnan(table[1]).all()
 
 
 finite = st.floats(-1e12, 1e12)
