@@ -21,6 +21,9 @@ __all__ = ["COMMANDS", "cli", "main"]
 
 # Name, and what it does; the module is bayes_asv.cli.NAME_command.
 COMMANDS = {
+    "inspect": "Show what a log of any logger holds, and propose its channel map.",
+    "convert": "Write a log as a recording (CSV), by its channel map.",
+    "calibrate": "Calibrate a sensor from a log in which it was held still.",
     "estimate": "Estimate damping rates and pitch inertia from recordings.",
     "track": "Track the parameters row by row, from a recording or live from a port.",
     "watch": "Track, and raise an alarm when a damper has become too soft.",

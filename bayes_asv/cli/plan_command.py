@@ -9,7 +9,6 @@ from bayes_asv.domain.errors import InputError
 
 __all__ = ["command"]
 
-_PARAMETERS = ("c_f", "c_r", "i", "k_g")
 _ROADS = ("bump", "stops", "rollers", "rough")
 
 
@@ -19,6 +18,12 @@ _ROADS = ("bump", "stops", "rollers", "rough")
     "--want", "wanted", multiple=True, metavar="PERCENT",
     help="Wanted standard deviation in percent of the value, of every parameter or of one: "
     "--want 5 --want c_f=2.  [default: 5]",
+)  # fmt: skip
+@common.car_option
+@click.option(
+    "--channels", metavar="NAMES",
+    help="Sensors at hand, separated by commas, such as front_wheel,rear_wheel,front_travel; by "
+    "default accelerometers on wheel hubs and body.",
 )  # fmt: skip
 @click.option(
     "--rate", "rates", type=click.FloatRange(10.0, 10_000.0), multiple=True, metavar="HZ",
@@ -50,6 +55,8 @@ _ROADS = ("bump", "stops", "rollers", "rough")
 def command(
     vehicle: str,
     wanted: tuple[str, ...],
+    car: str | None,
+    channels: str | None,
     rates: tuple[float, ...],
     roads: tuple[str, ...],
     speed_limit: str | None,
@@ -61,12 +68,17 @@ def command(
 ) -> int:
     """Find the road, speed, rate and passes that determine the parameters as well as wanted."""
     common.check_outputs((vehicle,), json_file)
-    want = _percentages(wanted)
+    alike, named = _percentages(wanted)
     import bayes_asv as asv
+    from bayes_asv.library.plans import answers_of
 
+    given = asv.read_vehicle(vehicle)
+    sensors = None if channels is None else [n.strip() for n in channels.split(",")]
     result = asv.plan(
-        asv.read_vehicle(vehicle),
-        want=want,
+        given,
+        want={**dict.fromkeys(answers_of(given, car, sensors), alike), **named},
+        car=car,
+        channels=sensors,
         rates=rates,
         roads=roads,
         speed_limit=speed_limit,
@@ -79,25 +91,24 @@ def command(
     return common.EXIT_STATUS[result.verdict]
 
 
-def _percentages(texts: tuple[str, ...]) -> dict[str, float]:
-    """Wanted percentages by parameter: ``5``, ``5 %`` and ``c_f=2`` are understood."""
-    from bayes_asv.library.plans import wanted_deviations
+def _percentages(texts: tuple[str, ...]) -> tuple[float, dict[str, float]]:
+    """Wanted percentage of all parameters, and of some: ``5``, ``5 %`` and ``c_f=2``."""
+    from bayes_asv.library.plans import DEFAULT_PERCENT, check_percentage
 
-    common_to_all: dict[str, float] = {}
+    alike = DEFAULT_PERCENT
     named: dict[str, float] = {}
     for text in texts:
         name, equals, number = text.rpartition("=")
         try:
             percent = float(number.strip().removesuffix("%"))
-            given = {name.strip(): percent} if equals else dict.fromkeys(_PARAMETERS, percent)
-            wanted_deviations(given)
+            check_percentage(text, percent)
         except (InputError, ValueError):
             raise click.UsageError(
-                f"--want {text}: write a percentage between 0.0001 and 100, alone or after one of "
-                f"{', '.join(_PARAMETERS)} and an equals sign"
+                f"--want {text}: write a percentage between 0.0001 and 100, alone or after the "
+                "name of a parameter and an equals sign"
             ) from None
         if equals:
-            named |= given
+            named[name.strip()] = percent
         else:
-            common_to_all = given
-    return {**common_to_all, **named}
+            alike = percent
+    return alike, named
