@@ -28,7 +28,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, foreseen, lay_out
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
@@ -224,7 +224,10 @@ def estimate(
     model = car_model(car, vehicle)
     lines, reasons, warnings = lay_out(recordings, vehicle, below, car)
     found, agreement = None, None
+    untold: tuple[str, ...] = ()
     if not reasons:
+        tell(0.0, "checking what the recordings can tell")
+        untold = foreseen(lines, vehicle)
         tell(0.0, "looking for the best fit")
         with ThreadPoolExecutor(1) as other:
             # emcee takes a second to load, most of it while compiled code climbs to the mode
@@ -242,7 +245,10 @@ def estimate(
             else:
                 found = best_fit(lines, vehicle, likelihood, sites)
                 reasons, warnings = found.reasons, warnings + found.warnings
+                # At the mode the same is known better than at nominal values.
+                untold = () if found.mode.converged else untold
             run_ensembles = loading.result().run_ensembles
+    warnings += untold
     doubt = None
     if below is None and not sites:
         tell(0.05, "checking the input")

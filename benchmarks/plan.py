@@ -36,17 +36,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
+from bayes_asv.domain.channels import CHANNELS, channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.cars import car_model
 from bayes_asv.planning.drives import KINDS, RATES, Drive, RoadProfile
-from bayes_asv.planning.evaluation import evaluate
-from bayes_asv.planning.information import fisher_information
+from bayes_asv.planning.evaluation import MeasuredCar, evaluate, measured_car
 from bayes_asv.planning.measurement import with_default_noise
 from bayes_asv.planning.plan import plan
-from bayes_asv.planning.predicted_sd import PARAMETERS, predicted_sd, prior_sd
+from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.planning.ride_simulation import Pass, default_tyres, simulate_passes
 from bayes_asv.posterior.importance import importance
+from bayes_asv.posterior.information import fisher_information
 from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
 from benchmarks.plan_cars import CARS, chance_car
 from benchmarks.plan_picture import draw_picture
@@ -82,6 +83,7 @@ Row = dict[str, Any]
 RESULTS = Path(__file__).parent / "results" / "plan.json"
 EXACT = dict.fromkeys(DECLARED_SDS, 0.0)
 KNOWLEDGE: Mapping[str, Mapping[str, float]] = {"exact": EXACT, "declared": DECLARED_SDS}
+PARAMETERS = ("c_f", "c_r", "i", "k_g")
 WANT = dict.fromkeys(PARAMETERS, 0.05)
 _DRAWS = 512
 _INCH = 0.0254
@@ -145,25 +147,33 @@ def posterior(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int
     return np.asarray(sd / mean)
 
 
+def half_car(vehicle: Vehicle) -> MeasuredCar:
+    """Half car of a vehicle with its four accelerometers."""
+    channels = [channel(name) for name in CHANNELS]
+    noisy, _ = with_default_noise(vehicle, channels)
+    return measured_car(noisy, car_model("half", vehicle), channels)
+
+
+def predicted(information: Array, passes: int, vehicle: Vehicle) -> Array:
+    """Predicted sd (4,) of a half car."""
+    found = predicted_sd(information, passes, half_car(vehicle).about)
+    return np.array([found[name] for name in PARAMETERS])
+
+
 def predict(
     vehicle: Vehicle, planned: Drive, passes: int, seed: int, tyres: RigCar | None = None
 ) -> Array | None:
     """Predicted sd (4,) of one drive, with a car's tyres if given; None when not usable."""
-    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    noisy, _ = with_default_noise(vehicle)
+    measured = half_car(vehicle)
     roads = 2 if planned.road.kind == "rough" else 1
     passes_ = [Pass(planned.road, planned.speed, planned.seconds, seed + k) for k in range(roads)]
-    below = default_tyres(car)
+    below = default_tyres(measured.car)
     if tyres is not None:
         rate, unsprung = 0.5 * (tyres.k_tf + tyres.k_tr), 0.5 * (tyres.m_uf + tyres.m_ur)
-        below = default_tyres(car, rate, unsprung)
-    motions = simulate_passes(car, below, passes_)
-    (evaluation,) = evaluate(noisy, [planned], motions, seed)
-    return (
-        predicted_sd(evaluation.information, passes, prior_sd(vehicle))
-        if evaluation.usable
-        else None
-    )
+        below = default_tyres(measured.car, rate, unsprung)
+    motions = simulate_passes(measured.car, below, passes_, measured.channels)
+    (evaluation,) = evaluate(measured, [planned], motions, seed)
+    return predicted(evaluation.information, passes, vehicle) if evaluation.usable else None
 
 
 def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
@@ -190,7 +200,6 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
         usable = [one for one in made.rated if one.evaluation.usable]
         for knowledge, sds in KNOWLEDGE.items():
             vehicle = vehicle_of(nominal, sds)
-            prior = prior_sd(vehicle)
             for kind in KINDS:
                 count = each if knowledge == "exact" else (each + 1) // 2
                 cell = [one for one in usable if one.evaluation.drive.road.kind == kind]
@@ -207,7 +216,7 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
                     if got is None:
                         refused += 1
                         continue
-                    predicted = predicted_sd(one.evaluation.information, passes, prior)
+                    promised = predicted(one.evaluation.information, passes, vehicle)
                     informed = predict(vehicle, drive, passes, seed, nominal)
                     rows.append(
                         {
@@ -215,8 +224,8 @@ def width_rows(each: int, cars: int, seed: int) -> tuple[list[Row], int, int]:
                             "height": drive.road.height, "length": drive.road.length,
                             "iso": drive.road.iso, "speed": drive.speed, "rate": drive.rate,
                             "passes": passes, "gentle": one.evaluation.gentle, "seed": first,
-                            "promised": predicted.tolist(), "posterior": got.tolist(),
-                            "ratio": (got / predicted).tolist(),
+                            "promised": promised.tolist(), "posterior": got.tolist(),
+                            "ratio": (got / promised).tolist(),
                             "ratio_told": None if informed is None else (got / informed).tolist(),
                         }
                     )  # fmt: skip
@@ -239,8 +248,8 @@ def error_rows(runs: int, seed: int) -> list[Row]:
     for knowledge, sds in KNOWLEDGE.items():
         vehicle = vehicle_of(baja(), sds)
         for kind, planned in _CLASSIC.items():
-            predicted = predict(vehicle, planned, 1, seed)
-            assert predicted is not None, kind
+            promised = predict(vehicle, planned, 1, seed)
+            assert promised is not None, kind
             errors = []
             for k in range(runs):
                 rng = np.random.default_rng([seed, k, KINDS.index(kind)])
@@ -252,8 +261,8 @@ def error_rows(runs: int, seed: int) -> list[Row]:
             rows.append(
                 {
                     "knowledge": knowledge, "road": kind, "runs": len(errors), "tried": runs,
-                    "promised": predicted.tolist(), "rms_error": rms.tolist(),
-                    "ratio": (rms / predicted).tolist(),
+                    "promised": promised.tolist(), "rms_error": rms.tolist(),
+                    "ratio": (rms / promised).tolist(),
                 }
             )  # fmt: skip
             print(rows[-1], file=sys.stderr, flush=True)
@@ -276,7 +285,8 @@ def information_rows(runs: int, seed: int) -> list[Row]:
                     continue
                 true = vehicle_of(car, EXACT)
                 lines, _, _ = lay_out([rig_recording(car, at, first)], true)
-                formula = predicted_sd(fisher_information(lines[0], true), 1, prior_sd(true))
+                about = half_car(true).about
+                formula = predicted(fisher_information(lines[0], true, about), 1, true)
                 ratios.append(got / formula)
         found = np.array(ratios)
         rows.append(

@@ -40,7 +40,7 @@ def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
     for one in made.rated:
         if one.evaluation.usable:
             width = float(
-                predicted_sd(one.evaluation.information, 1, made.prior.with_exact_given())[0]
+                predicted_sd(one.evaluation.information, 1, made.prior.with_exact_given())["c_f"]
             )
             point = (one.evaluation.drive.speed / 0.44704, 100.0 * width, one.evaluation.gentle)
             lines.setdefault(one.evaluation.drive.road, []).append(point)

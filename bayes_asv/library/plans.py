@@ -10,7 +10,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.library.estimates import check_seed
 from bayes_asv.library.extras import import_extra
-from bayes_asv.library.inputs import check_vehicle
+from bayes_asv.library.inputs import check_car, check_vehicle
 from bayes_asv.library.progress import Progress, progress_bar
 from bayes_asv.library.quantities import positive_quantity
 from bayes_asv.library.result import html_table, json_text
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.planning.plan import Plan as EnginePlan
 
-__all__ = ["Plan", "plan", "wanted_deviations"]
+__all__ = [
+    "DEFAULT_PERCENT", "Plan", "answers_of", "check_percentage", "plan", "wanted_deviations",
+]  # fmt: skip
 
-_ANSWERS = ("c_f", "c_r", "i", "k_g")
-_DEFAULT_PERCENT = 5.0
+DEFAULT_PERCENT = 5.0
+"""Wanted standard deviation where none is given."""
 
 
 class Plan:
@@ -54,6 +56,11 @@ class Plan:
     def warnings(self) -> tuple[str, ...]:
         """What was assumed."""
         return tuple(self.document["warnings"])
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """What the sensors at hand cannot tell, one sentence a parameter; empty if nothing."""
+        return tuple(self.document["untold"])
 
     @property
     def recommended(self) -> dict[str, Any] | None:
@@ -124,7 +131,9 @@ class Plan:
 def plan(
     vehicle: Vehicle,
     *,
-    want: float | Mapping[str, float] = _DEFAULT_PERCENT,
+    want: float | Mapping[str, float] = DEFAULT_PERCENT,
+    car: str | None = None,
+    channels: Sequence[str] | None = None,
     rates: Sequence[float] | None = None,
     roads: Sequence[str] | None = None,
     speed_limit: str | None = None,
@@ -141,8 +150,13 @@ def plan(
     vehicle : Vehicle
         Its nominal values are taken as true, its sensors as declared.
     want : float or mapping
-        Wanted standard deviation in percent of the value, of c_f, c_r, i and k_g alike or of some
-        of them: ``{"c_f": 2}``; 5 % of the others.
+        Wanted standard deviation in percent of the value, of all answers of the car alike or of
+        some of them: ``{"c_f": 2}``; 5 % of the others.  The half car answers c_f, c_r, i and k_g.
+    car : {'half', 'quarter-front', 'quarter-rear', 'roll'}, optional
+        Model of the car; by default that whose wheels are among the channels, or the half car.
+    channels : sequence of str, optional
+        Sensors at hand, such as ``["front_wheel", "rear_wheel", "front_travel"]``; by default
+        accelerometers on all wheel hubs and on the body above them.
     rates : sequence of float, optional
         Sampling rates, Hz; 100, 200, 400 and 800 by default.
     roads : sequence of str, optional
@@ -169,10 +183,11 @@ def plan(
     """
     check_seed(seed)
     check_vehicle("plan", vehicle)
+    check_car(car)
     from bayes_asv.planning import plan as engine
     from bayes_asv.planning.drives import KINDS, RATES, speeds
 
-    wanted = wanted_deviations(want)
+    wanted = wanted_deviations(want, answers_of(vehicle, car, channels))
     unknown = [road for road in roads or () if road not in KINDS]
     if unknown:
         raise InputError(f"road '{unknown[0]}'", "is unknown", f"give one of {', '.join(KINDS)}")
@@ -188,6 +203,8 @@ def plan(
         result = engine.plan(
             vehicle,
             wanted,
+            car=_car_of(car, channels),
+            channels=None if channels is None else tuple(dict.fromkeys(channels)),
             rates=sorted(set(rates)) if rates else RATES,
             kinds=[kind for kind in KINDS if kind in (roads or KINDS)],
             speed_limit=limit,
@@ -200,17 +217,46 @@ def plan(
     return Plan(result)
 
 
-def wanted_deviations(want: float | Mapping[str, float]) -> dict[str, float]:
-    """Wanted standard deviations as shares of the values, from percentages."""
-    given = dict(want) if isinstance(want, Mapping) else dict.fromkeys(_ANSWERS, want)
+def answers_of(
+    vehicle: Vehicle, car: str | None, channels: Sequence[str] | None
+) -> tuple[str, ...]:
+    """Names of the parameters that a plan of a car predicts."""
+    from bayes_asv.models.cars import car_model
+
+    model = car_model(_car_of(car, channels), vehicle)
+    return (*model.estimated, *model.ratios)
+
+
+def _car_of(car: str | None, channels: Sequence[str] | None) -> str:
+    """Model of the car: as given, or the one whose wheels are among the channels."""
+    from bayes_asv.domain.channels import KNOWN_CHANNELS
+    from bayes_asv.models.cars import cars_with
+
+    strange = [name for name in channels or () if name not in KNOWN_CHANNELS]
+    if strange:
+        raise InputError(
+            f"channel {strange[0]!r}", "is unknown", f"give some of {', '.join(KNOWN_CHANNELS)}"
+        )
+    return car or next(iter(cars_with(channels or ())), "half")
+
+
+def wanted_deviations(
+    want: float | Mapping[str, float], answers: Sequence[str]
+) -> dict[str, float]:
+    """Wanted standard deviations of answers as shares of the values, from percentages."""
+    given = dict(want) if isinstance(want, Mapping) else dict.fromkeys(answers, want)
     for name, percent in given.items():
-        if name not in _ANSWERS:
+        if name not in answers:
             raise InputError(
-                f"want {name!r}", "is not a planned parameter", f"name {', '.join(_ANSWERS)}"
+                f"want {name!r}", "is not a planned parameter", f"name {', '.join(answers)}"
             )
-        if not 1e-4 <= percent <= 100.0:
-            raise InputError(
-                f"want {name}", f"{percent:g} % is not possible",
-                "give a percentage between 0.0001 and 100",
-            )  # fmt: skip
-    return {name: given.get(name, _DEFAULT_PERCENT) / 100.0 for name in _ANSWERS}
+        check_percentage(f"want {name}", percent)
+    return {name: given.get(name, DEFAULT_PERCENT) / 100.0 for name in answers}
+
+
+def check_percentage(where: str, percent: float) -> None:
+    """Raise an InputError if a wanted deviation is not a percentage."""
+    if not 1e-4 <= percent <= 100.0:
+        raise InputError(
+            where, f"{percent:g} % is not possible", "give a percentage between 0.0001 and 100"
+        )

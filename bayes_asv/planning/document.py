@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.planning.drives import RoadProfile
-from bayes_asv.planning.information import UNIDENTIFIABLE, correlated_pairs
+from bayes_asv.planning.information import correlated_pairs, inseparable_groups
 from bayes_asv.planning.plan import Plan, RatedDrive
-from bayes_asv.planning.predicted_sd import GIVEN, PARAMETERS
 from bayes_asv.planning.text import (
     assumption_lines,
     common_reasons,
@@ -29,6 +27,7 @@ from bayes_asv.planning.text import (
     times_text,
     unidentifiable_lines,
     unreachable_reason,
+    untold_lines,
 )
 
 __all__ = ["PASSES", "SCHEMA", "plan_document"]
@@ -65,6 +64,8 @@ def plan_document(plan: Plan) -> Document:
         "verdict": plan.verdict,
         "reasons": _reasons(plan),
         "warnings": assumption_lines(plan),
+        "car": plan.measured.car.name,
+        "channels": [channel.name for channel in plan.measured.channels],
         "vehicle": {
             "name": plan.vehicle.name,
             "units": plan.vehicle.units,
@@ -81,7 +82,8 @@ def plan_document(plan: Plan) -> Document:
         "recommended": _recommendation(plan, indices, plan.chosen),
         "nearest": None if plan.chosen else _recommendation(plan, indices, plan.best),
         "floor_percent": _percent(plan.sd_floor),
-        "given_percent": {n: 100.0 * plan.prior.log_sd[n] for n in GIVEN},
+        "given_percent": {n: 100.0 * plan.prior.sd(n) for n in plan.prior.given},
+        "untold": untold_lines(plan),
         "limits": [
             {
                 "parameter": limiting.parameter,
@@ -91,8 +93,10 @@ def plan_document(plan: Plan) -> Document:
             for limiting in plan.limits
         ],
         "inseparable": [
-            {"of": list(names), "words": words}
-            for (names, _), words in zip(UNIDENTIFIABLE, unidentifiable_lines(), strict=True)
+            {"of": list(group.names), "words": words}
+            for group, words in zip(
+                inseparable_groups(plan.prior), unidentifiable_lines(plan), strict=True
+            )
         ],
         "drives": [_drive_document(plan, one) for one in plan.rated],
         "version": __version__,
@@ -122,7 +126,7 @@ def _recommendation(
 
 def _drive_document(plan: Plan, one: RatedDrive) -> Document:
     evaluation, units = one.evaluation, plan.vehicle.units
-    required = dict(zip(PARAMETERS, one.required_passes, strict=True))
+    required = dict(one.required_passes)
     out: Document = {
         "road": _road_document(evaluation.drive.road, units),
         "speed": _quantity(evaluation.drive.speed, speed(evaluation.drive.speed, units)),
@@ -134,23 +138,20 @@ def _drive_document(plan: Plan, one: RatedDrive) -> Document:
         "gentle": evaluation.gentle,
         "passes_needed": required,
         "why_never": {
-            n: unreachable_reason(plan, one, n) for n in PARAMETERS if required[n] is None
+            n: unreachable_reason(plan, one, n) for n in plan.answers if required[n] is None
         },
         "width_percent": None,
         "inseparable": [],
         "largest_reading": _largest_readings(plan, one),
         "travel": _travel(one, units),
-        "off_the_ground_seconds": {
-            axle: float(time)
-            for axle, time in zip(("front", "rear"), evaluation.airborne, strict=True)
-        },
+        "off_the_ground_seconds": evaluation.airborne,
     }  # fmt: skip
     if evaluation.usable:
         out["width_percent"] = {str(n): _percent(plan.sd_after(one, n)) for n in PASSES}
         out["inseparable"] = [
             {"pair": list(p.names), "correlation": p.correlation, "times_wider": p.sd_inflation,
              "words": pair_text(p)}
-            for p in correlated_pairs(evaluation.information)
+            for p in correlated_pairs(evaluation.information, plan.prior)
         ]  # fmt: skip
     return out
 
@@ -173,28 +174,31 @@ def _quantity(si: float, shown: tuple[float, str]) -> Document:
 
 
 def _largest_readings(plan: Plan, one: RatedDrive) -> Document:
-    unit = display_units(plan.vehicle.units)["acceleration"]
-    values = {
-        name: from_si(float(value), unit, "acceleration")
-        for name, value in zip(CHANNELS, one.evaluation.largest, strict=True)
-    }
-    return {"unit": unit, **values}
+    """Largest reading of each channel, in one unit for accelerations and another for the others."""
+    units = display_units(plan.vehicle.units)
+    out: Document = {"unit": units["acceleration"]}
+    others: dict[str, Document] = {}
+    for channel, value in zip(plan.measured.channels, one.evaluation.largest, strict=True):
+        unit = units[channel.dimension]
+        shown = from_si(float(value), unit, channel.dimension)
+        if channel.quantity == "acceleration":
+            out[channel.name] = shown
+        else:
+            others[channel.name] = {"value": shown, "unit": unit}
+    return {**out, "others": others} if others else out
 
 
 def _travel(one: RatedDrive, units: str) -> Document:
     unit = display_units(units)["deflection"]
-    names = ("front_bump", "front_droop", "rear_bump", "rear_droop")
-    values = {
-        name: from_si(float(value), unit, "deflection")
-        for name, value in zip(names, one.evaluation.travel, strict=True)
-    }
+    values = {n: from_si(x, unit, "deflection") for n, x in one.evaluation.travel.items()}
     return {"unit": unit, **values}
 
 
 def _axles(plan: Plan, values: NDArray[np.float64], dimension: str) -> Document:
-    unit = display_units(plan.vehicle.units)[dimension]
-    front, rear = (from_si(float(value), unit, dimension) for value in values)
-    return {"unit": unit, "front": front, "rear": rear}
+    """Add up the elements of each axle."""
+    unit, car = display_units(plan.vehicle.units)[dimension], plan.measured.car
+    sums = {a: float(values[list(car.elements_at(a))].sum()) for a in car.axles}
+    return {"unit": unit, **{a: from_si(x, unit, dimension) for a, x in sums.items()}}
 
 
 def _percent(fractions: Mapping[str, float]) -> dict[str, float | None]:

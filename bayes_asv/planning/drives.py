@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.modes import modes
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.modes import nominal_modes
 
 __all__ = [
     "ISO_8608",
@@ -236,7 +236,7 @@ def speeds(kind: str, units: str) -> tuple[float, ...]:
 
 
 def candidate_drives(
-    car: HalfCar,
+    car: CarModel,
     units: str,
     rates: Sequence[float] = RATES,
     kinds: Sequence[str] = KINDS,
@@ -246,7 +246,7 @@ def candidate_drives(
 
     Parameters
     ----------
-    car : HalfCar
+    car : CarModel
         Its wheelbase and slowest mode determine the length of the recordings.
     units : str
         ``US`` or ``SI``, for round numbers.
@@ -260,9 +260,10 @@ def candidate_drives(
     list of Drive
         Sorted by road, speed and rate.
     """
-    slowest = modes(car)[0].natural
+    slowest = nominal_modes(car)[0].natural
+    wheelbase = float(car.nominal["l"][0]) if "l" in car.names else 0.0
     return [
-        Drive(road, speed, rate, _seconds(road, speed, car.l, slowest))
+        Drive(road, speed, rate, _seconds(road, speed, wheelbase, slowest))
         for road in road_profiles(units)
         if road.kind in kinds
         for speed in speeds(road.kind, units)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS, channel
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.car_model import CarModel, Output
 from bayes_asv.planning.drives import Drive
-from bayes_asv.planning.information import IDENTIFIABLE, fisher_information
 from bayes_asv.planning.measurement import (
     FilteredMotion,
     filter_motion,
@@ -19,9 +19,10 @@ from bayes_asv.planning.measurement import (
     simulate_recording,
 )
 from bayes_asv.planning.ride_simulation import Motion
+from bayes_asv.posterior.information import Unknowns, fisher_information, unknowns
 from bayes_asv.posterior.map_fit import lay_out
 
-__all__ = ["Evaluation", "evaluate"]
+__all__ = ["Evaluation", "MeasuredCar", "evaluate", "measured_car"]
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,34 @@ Array = NDArray[np.float64]
 _MAX_AIRBORNE = 0.15  # s
 _NOTICEABLE_AIRBORNE = 0.02  # s
 _MAX_RANGE_USE = 0.8  # fraction of a sensor's range, with a margin for errors of the prediction
+
+
+@dataclass(frozen=True)
+class MeasuredCar:
+    """A car and the sensors at hand.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        With noise for every sensor; its values are taken as true.
+    car : CarModel
+        Its model.
+    channels : tuple of Channel
+        What is measured, C channels.
+    about : Unknowns
+        Unknowns of the car, and what these channels can tell of them.
+    """
+
+    vehicle: Vehicle
+    car: CarModel
+    channels: tuple[Channel, ...]
+    about: Unknowns
+
+
+def measured_car(vehicle: Vehicle, car: CarModel, channels: Sequence[Channel]) -> MeasuredCar:
+    """Put a car and its channels together."""
+    outputs = [Output(channel) for channel in channels if not channel.is_input]
+    return MeasuredCar(vehicle, car, tuple(channels), unknowns(car, outputs))
 
 
 @dataclass(frozen=True)
@@ -46,15 +75,15 @@ class Evaluation:
         Remarks about a usable drive.
     gentle : bool
         Whether no wheel leaves the ground and no sensor comes near the end of its range.
-    information : (6, 6) array
-        Fisher information of one pass about the logarithms of
-        :data:`~bayes_asv.planning.information.IDENTIFIABLE`; zero if the drive cannot be used.
-    largest : (4,) array
-        Largest absolute reading of each channel, m/s².
-    travel : (4,) array
-        Required front bump, front droop, rear bump and rear droop, m.
-    airborne : (2,) array
-        Longest uninterrupted time of the front and rear wheels off the ground, s.
+    information : (nT, nT) array
+        Fisher information of one pass about the logarithms of the car's unknowns; zero if the
+        drive cannot be used.
+    largest : (C,) array
+        Largest absolute reading of each channel, SI units.
+    travel : dict of str to float
+        Required ``front_bump``, ``front_droop`` and so on of each axle, m.
+    airborne : dict of str to float
+        Longest uninterrupted time of the wheels of each axle off the ground, s.
     """
 
     drive: Drive
@@ -63,8 +92,8 @@ class Evaluation:
     gentle: bool
     information: Array
     largest: Array
-    travel: Array
-    airborne: Array
+    travel: dict[str, float]
+    airborne: dict[str, float]
 
     @property
     def usable(self) -> bool:
@@ -73,14 +102,14 @@ class Evaluation:
 
 
 def evaluate(
-    vehicle: Vehicle, drives: Sequence[Drive], motions: Sequence[Motion], seed: int
+    measured: MeasuredCar, drives: Sequence[Drive], motions: Sequence[Motion], seed: int
 ) -> list[Evaluation]:
     """Evaluate drives over one road at one speed that differ in sampling rate.
 
     Parameters
     ----------
-    vehicle : Vehicle
-        With noise for every sensor; its values are taken as true.
+    measured : MeasuredCar
+        The car and its sensors.
     drives : sequence of Drive
         The drives.
     motions : sequence of Motion
@@ -93,22 +122,26 @@ def evaluate(
     list of Evaluation
         One per drive.
     """
-    filtered = [filter_motion(vehicle, motion) for motion in motions]
-    travel = np.max([_travel(motion) for motion in motions], axis=0)
-    airborne = np.max([motion.airborne for motion in motions], axis=0)
+    vehicle, car, channels = measured.vehicle, measured.car, measured.channels
+    filtered = [filter_motion(vehicle, motion, channels) for motion in motions]
+    travel = _travel(car, motions)
+    airborne = {
+        axle: max(float(motion.airborne[e]) for motion in motions for e in car.elements_at(axle))
+        for axle in car.axles
+    }
     rate_independent = [*_travel_reasons(vehicle, travel), *_airborne_reasons(airborne)]
     jumps = _airborne_notes(airborne)
     evaluations = []
     for drive in drives:
         extremes = np.array([reading_extremes(one, drive.seconds) for one in filtered])
-        range_use = _range_used(vehicle, extremes)
+        range_use = _range_used(vehicle, channels, extremes)
         # a drive that exceeds the limits of the car needs no Fisher information
         reasons, notes, information = _evaluate_recordings(
-            vehicle, drive, () if rate_independent else filtered, seed
+            measured, drive, () if rate_independent else filtered, seed
         )
         near_limit = [
-            channel(n).words
-            for n, used in zip(CHANNELS, range_use, strict=True)
+            channel.words
+            for channel, used in zip(channels, range_use, strict=True)
             if used > _MAX_RANGE_USE
         ]
         if near_limit and not notes:
@@ -133,22 +166,23 @@ def evaluate(
 
 
 def _evaluate_recordings(
-    vehicle: Vehicle, drive: Drive, filtered: Sequence[FilteredMotion], seed: int
+    measured: MeasuredCar, drive: Drive, filtered: Sequence[FilteredMotion], seed: int
 ) -> tuple[list[str], list[str], Array]:
     """Return reasons against a drive's recordings, notes on clipping, and mean information."""
-    clipped = np.zeros(len(CHANNELS), np.int64)
-    information = np.zeros((len(IDENTIFIABLE), len(IDENTIFIABLE)))
+    vehicle, about = measured.vehicle, measured.about
+    clipped = np.zeros(len(measured.channels), np.int64)
+    information = np.zeros((len(about.names), len(about.names)))
     for number, one in enumerate(filtered):
         recording = simulate_recording(vehicle, one, drive.rate, drive.seconds, seed + number)
-        prepared, reasons, _ = lay_out([recording], vehicle)
+        prepared, reasons, _ = lay_out([recording], vehicle, None, measured.car.name)
         if reasons:
             return list(reasons), [], information
-        information += fisher_information(prepared[0], vehicle) / len(filtered)
+        information += fisher_information(prepared[0], vehicle, about) / len(filtered)
         clipped = np.maximum(clipped, prepared[0].clipped.sum(axis=1))
     notes = [
-        f"the {channel(name).words} sensor would reach the end of its range in {count} of "
+        f"the {channel.words} sensor would reach the end of its range in {count} of "
         f"{round(drive.seconds * drive.rate)} samples"
-        for name, count in zip(CHANNELS, clipped, strict=True)
+        for channel, count in zip(measured.channels, clipped, strict=True)
         if count
     ]
     return [], notes, information
@@ -159,54 +193,58 @@ def _join(names: Sequence[str]) -> str:
     return f"{' and the '.join(names)} sensor"
 
 
-def _travel(motion: Motion) -> Array:
-    """Return front bump, front droop, rear bump and rear droop of one motion, m."""
-    low, high = motion.deflection.min(axis=1), motion.deflection.max(axis=1)
-    return np.asarray(np.maximum([-low[0], high[0], -low[1], high[1]], 0.0))
+def _travel(car: CarModel, motions: Sequence[Motion]) -> dict[str, float]:
+    """Return bump and droop of each axle, the largest of all motions, m."""
+    out: dict[str, float] = {}
+    for axle in car.axles:
+        own = list(car.elements_at(axle))
+        low = min(float(motion.deflection[own].min()) for motion in motions)
+        high = max(float(motion.deflection[own].max()) for motion in motions)
+        out |= {f"{axle}_bump": max(-low, 0.0), f"{axle}_droop": max(high, 0.0)}
+    return out
 
 
-def _travel_reasons(vehicle: Vehicle, travel: Array) -> list[str]:
+def _travel_reasons(vehicle: Vehicle, travel: dict[str, float]) -> list[str]:
     """Return a reason for each declared stop that the suspension would reach."""
-    given = (
-        ("front", "bump", vehicle.travel.front_bump),
-        ("front", "droop", vehicle.travel.front_droop),
-        ("rear", "bump", vehicle.travel.rear_bump),
-        ("rear", "droop", vehicle.travel.rear_droop),
-    )
-    return [
-        f"the {axle} suspension would need {_length(needed, vehicle)} of {direction} and has "
-        f"{_length(available, vehicle)}; drive slower or over something lower"
-        for (axle, direction, available), needed in zip(given, travel, strict=True)
-        if available is not None and needed > available
-    ]
+    reasons = []
+    for name, needed in travel.items():
+        axle, direction = name.split("_")
+        available = getattr(vehicle.travel, name)
+        if available is not None and needed > available:
+            reasons.append(
+                f"the {axle} suspension would need {_length(needed, vehicle)} of {direction} and "
+                f"has {_length(available, vehicle)}; drive slower or over something lower"
+            )
+    return reasons
 
 
 def _length(value: float, vehicle: Vehicle) -> str:
     return f"{value / 0.0254:.1f} in" if vehicle.units == "US" else f"{1e3 * value:.0f} mm"
 
 
-def _airborne_reasons(airborne: Array) -> list[str]:
+def _airborne_reasons(airborne: dict[str, float]) -> list[str]:
     return [
         f"the {axle} wheels would be off the ground for {time:.2f} s without a break; drive slower "
         "or over something lower"
-        for axle, time in zip(("front", "rear"), airborne, strict=True)
+        for axle, time in airborne.items()
         if time > _MAX_AIRBORNE
     ]
 
 
-def _airborne_notes(airborne: Array) -> list[str]:
+def _airborne_notes(airborne: dict[str, float]) -> list[str]:
     return [
         f"the {axle} wheels would leave the ground for {time:.2f} s"
-        for axle, time in zip(("front", "rear"), airborne, strict=True)
+        for axle, time in airborne.items()
         if time > _NOTICEABLE_AIRBORNE
     ]
 
 
-def _range_used(vehicle: Vehicle, extremes: Array) -> Array:
-    """Return the fraction (4,) of each sensor's range used; 0 without a declared range."""
+def _range_used(vehicle: Vehicle, channels: Sequence[Channel], extremes: Array) -> Array:
+    """Return the fraction (C,) of each sensor's range used; 0 without a declared range."""
     low, high = extremes[:, :, 0].min(axis=0), extremes[:, :, 1].max(axis=0)
-    used = np.zeros(len(CHANNELS))
-    for c, sensor in enumerate(vehicle.sensors_of(CHANNELS)):
+    used = np.zeros(len(channels))
+    for c, channel in enumerate(channels):
+        sensor = vehicle.sensor(channel.name)
         if np.isfinite(sensor.high) and sensor.high > 0.0:
             used[c] = max(used[c], high[c] / sensor.high)
         if np.isfinite(sensor.low) and sensor.low < 0.0:

@@ -1,115 +1,47 @@
-"""Fisher information of one recording about the logarithms of the car's parameters.
+"""What drives cannot separate: groups of parameters that none does, and pairs that one hardly does.
 
-For normalised innovations ν with unit covariance, the information about parameters θ that change
-their mean is J = Σ (∂ν/∂θ)(∂ν/∂θ)ᵀ, the expected negative Hessian of the log-likelihood.  The noise
-levels are held at their true values.  Compared with the curvature of the full posterior with free
-noise levels, J errs by 2 % on average and by 4 to 9 % in a single recording
-(``benchmarks/plan.py``).
-
-Mass and wheelbase are held fixed: accelerations depend on the ratios c/m, k/m and i/(m l²) only.
-:mod:`bayes_asv.planning.predicted_sd` adds the uncertainty of both.
+Accelerations depend on the ratios c/m, k/m and i/(m l²) only.  Which such groups there are follows
+from the car and its measured outputs (:class:`bayes_asv.posterior.information.Unknowns`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
-from bayes_asv.domain.vehicle import Given, Vehicle
-from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.posterior.information import Unknowns
 
-__all__ = [
-    "IDENTIFIABLE",
-    "MIN_CORRELATION",
-    "UNIDENTIFIABLE",
-    "CorrelatedPair",
-    "correlated_pairs",
-    "fisher_information",
-]
+__all__ = ["MIN_CORRELATION", "CorrelatedPair", "Group", "correlated_pairs", "inseparable_groups"]
 
 Array = NDArray[np.float64]
-
-IDENTIFIABLE = ("c_f", "c_r", "i", "k_f", "k_r", "wdf")
-"""Parameters of the information matrix, in its order."""
-
-_LOG_PARAMETERS = IDENTIFIABLE[:5]
-_STEP = 0.02  # of a coordinate, for central differences: 2 % of a damping rate, 0.1 % of a spring
-_SPRING_SD, _WDF_SD = 0.05, 0.01  # relative; scale of the coordinates only, it cancels out
-# Share of the noise that passes the sensor's filter; exactly one has no probit.
-_FILTERED_SHARE = 0.98
-
-
-def fisher_information(recording: PreparedRecording, vehicle: Vehicle) -> Array:
-    """Compute the information of one recording about the logarithms of :data:`IDENTIFIABLE`.
-
-    Parameters
-    ----------
-    recording : PreparedRecording
-        One pass.
-    vehicle : Vehicle
-        The car; its values and the noise of its sensors are taken as true.
-
-    Returns
-    -------
-    (6, 6) array
-        Positive semi-definite.  The information of independent passes adds up.
-    """
-    # every identifiable parameter needs a prior deviation to become a coordinate
-    free = replace(
-        vehicle,
-        m=Given(vehicle.m.value),
-        l=Given(vehicle.l.value),
-        k_f=_with_sd(vehicle.k_f, _SPRING_SD),
-        k_r=_with_sd(vehicle.k_r, _SPRING_SD),
-        wdf=_with_sd(vehicle.wdf, _WDF_SD),
-    )
-    wide = replace(recording, car=car_model(recording.car.name, free))
-    parameters = space(free, (wide,))
-    posterior = Posterior(parameters, (WHITE,))
-    z = np.zeros(parameters.dimension)
-    if "filtered share 0" in parameters.names:
-        z[parameters.names.index("filtered share 0")] = ndtri(_FILTERED_SHARE)
-    d = parameters.car_dimension
-    jacobian = np.empty((recording.kind.size, d))
-    for k in range(d):
-        dz = np.zeros(parameters.dimension)
-        dz[k] = _STEP
-        above, below = posterior.innovations(z + dz, 0), posterior.innovations(z - dz, 0)
-        jacobian[:, k] = (above - below).ravel() / (2.0 * _STEP)
-    # ∂z/∂ln θ: coordinates are in units of prior deviations
-    to_coordinates = np.zeros((d, len(IDENTIFIABLE)))
-    for a, name in enumerate(_LOG_PARAMETERS):
-        to_coordinates[:, a] = parameters.from_logs({name: 1.0})[:d]
-    to_coordinates[d - 1] = 0.0
-    to_coordinates[d - 1, 5] = free.wdf.value / free.wdf.sd
-    jacobian = jacobian @ to_coordinates
-    return np.asarray(jacobian.T @ jacobian)
-
-
-def _with_sd(given: Given, relative_sd: float) -> Given:
-    """Return the value with another standard deviation."""
-    return Given(given.value, relative_sd * given.value)
-
 
 MIN_CORRELATION = 0.9
 """Correlation beyond which two parameters are reported: 1/√(1 − 0.9²) = 2.3, so the standard
 deviation of each is more than twice what it would be with the other one known."""
 
-UNIDENTIFIABLE = (
-    (("m", "c_f", "c_r", "i", "k_f", "k_r"), "a heavier car with every rate in proportion"),
-    (("i", "l"), "pitch inertia in proportion to the square of the wheelbase"),
-)
-"""Groups of parameters that no acceleration separates, each with a description."""
-
 _WEAK_PRIOR = 1.0  # standard deviation of a logarithm; regularises an uninformative drive
+_ABSENT = 1e-3  # share of a direction in the identified ones below which no reading depends on it
+
+
+class Group(NamedTuple):
+    """Parameters that no drive separates.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Unknowns of the car; the first is a given value.
+    words : str
+        The change of them that leaves every reading as it is.
+    along : (nT,) array
+        That change of the logarithms of all unknowns.
+    """
+
+    names: tuple[str, ...]
+    words: str
+    along: Array
 
 
 class CorrelatedPair(NamedTuple):
@@ -118,7 +50,7 @@ class CorrelatedPair(NamedTuple):
     Parameters
     ----------
     names : tuple of 2 str
-        Of :data:`IDENTIFIABLE`, at fixed mass and wheelbase.
+        Unknowns of the car, with the first unknown of every inseparable group held fixed.
     correlation : float
         Correlation of their logarithms, from the drive alone.
     sd_inflation : float
@@ -130,29 +62,57 @@ class CorrelatedPair(NamedTuple):
     sd_inflation: float
 
 
-def correlated_pairs(information: Array) -> list[CorrelatedPair]:
+def inseparable_groups(about: Unknowns) -> tuple[Group, ...]:
+    """Find the groups of parameters that no drive separates with what is measured."""
+    springs = {about.names[int(np.argmax(about.parameters[e.spring] != 0.0))]
+               for e in about.car.elements}  # fmt: skip
+    heavier = {"m", *about.car.estimated, *springs}
+    candidates = [
+        ({name: 1.0 for name in about.names if name in heavier},
+         "a heavier car with every rate in proportion"),
+        ({"l": 1.0, "i": 2.0}, "pitch inertia in proportion to the square of the wheelbase"),
+        ({"t_f": 1.0, "t_r": 1.0, "i_roll": 2.0},
+         "roll inertia in proportion to the square of the track"),
+    ]  # fmt: skip
+    found = []
+    for powers, words in candidates:
+        if not set(powers) <= set(about.names):
+            continue
+        along = np.array([powers.get(name, 0.0) for name in about.names])
+        if np.linalg.norm(about.identified.T @ along) < _ABSENT * np.linalg.norm(along):
+            # the given values first: one of them has to be known
+            names = sorted(powers, key=lambda name: name in about.car.estimated)
+            found.append(Group(tuple(names), words, along))
+    return tuple(found)
+
+
+def correlated_pairs(information: Array, about: Unknowns) -> list[CorrelatedPair]:
     """Find the strongly correlated pairs of parameters of one drive.
 
     Parameters
     ----------
-    information : (6, 6) array
+    information : (nT, nT) array
         Of one pass; the correlations do not depend on the number of passes.
+    about : Unknowns
+        Its unknowns.
 
     Returns
     -------
     list of CorrelatedPair
         In decreasing order of correlation.
     """
-    covariance = np.linalg.inv(information + np.eye(len(IDENTIFIABLE)) / _WEAK_PRIOR**2)
+    held = {group.names[0] for group in inseparable_groups(about)}
+    held |= {"t_r"} if "t_f" in held else set()
+    kept = [k for k, name in enumerate(about.names) if name not in held]
+    names = [about.names[k] for k in kept]
+    own = information[np.ix_(kept, kept)]
+    covariance = np.linalg.inv(own + np.eye(len(kept)) / _WEAK_PRIOR**2)
     sd = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sd, sd)
     correlated = []
-    for a, b in combinations(range(len(IDENTIFIABLE)), 2):
+    for a, b in combinations(range(len(kept)), 2):
         r = float(correlation[a, b])
         if abs(r) > MIN_CORRELATION:
-            correlated.append(
-                CorrelatedPair(
-                    (IDENTIFIABLE[a], IDENTIFIABLE[b]), r, float(1.0 / np.sqrt(1.0 - r**2))
-                )
-            )
+            inflation = float(1.0 / np.sqrt(1.0 - r**2))
+            correlated.append(CorrelatedPair((names[a], names[b]), r, inflation))
     return sorted(correlated, key=lambda pair: -abs(pair.correlation))

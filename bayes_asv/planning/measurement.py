@@ -1,17 +1,18 @@
-"""Simulated recordings of candidate drives: accelerations measured with the vehicle's sensors."""
+"""Simulated recordings of candidate drives, measured with the vehicle's sensors."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.signal import lfilter
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel, Quantity
 from bayes_asv.domain.recording import COUNTS, Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.ride_simulation import Motion
@@ -27,21 +28,31 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-# Without declared noise and resolution: 5 mg, for an ADXL320 behind a 50 Hz filter (250 µg/√Hz in
-# the data sheet, 2.2 mg rms) and a 10-bit converter over ±5 g (steps of 10 mg, 2.8 mg rms), with a
-# margin for the mounting.
-DEFAULT_NOISE = 0.05  # m/s²
+DEFAULT_NOISE: Final[Mapping[Quantity, float]] = {
+    # 5 mg, for an ADXL320 behind a 50 Hz filter (250 µg/√Hz in the data sheet, 2.2 mg rms) and a
+    # 10-bit converter over ±5 g (steps of 10 mg, 2.8 mg rms), with a margin for the mounting.
+    "acceleration": 0.05,
+    # 0.1 °/s: 0.01 °/s/√Hz over 50 Hz is 0.09 °/s in a data sheet of a small gyro.
+    "angular_rate": 2e-3,
+    # 0.1 mm: a 10-bit converter over 250 mm has steps of 0.24 mm, 0.07 mm rms.
+    "deflection": 1e-4,
+}
+"""Noise of a sensor without declared noise and resolution, SI units."""
 # With a declared resolution but no declared noise: the sensor alone.
-_DEFAULT_SENSOR_NOISE = 0.02  # m/s²
+_SENSOR_SHARE = 0.4
 
 
-def with_default_noise(vehicle: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
+def with_default_noise(
+    vehicle: Vehicle, channels: Sequence[Channel]
+) -> tuple[Vehicle, tuple[str, ...]]:
     """Fill in a default noise for sensors without a declared one.
 
     Parameters
     ----------
     vehicle : Vehicle
         As read.
+    channels : sequence of Channel
+        What is measured.
 
     Returns
     -------
@@ -52,27 +63,30 @@ def with_default_noise(vehicle: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
     """
     sensors = dict(vehicle.sensors)
     missing: list[str] = []
-    for name in CHANNELS:
-        sensor = vehicle.sensor(name)
+    for channel in channels:
+        sensor = vehicle.sensor(channel.name)
         if sensor.noise is None:
-            missing.append(name)
-            quantized = sensor.resolution or sensor.counts_scale
-            sensor = replace(sensor, noise=_DEFAULT_SENSOR_NOISE if quantized else DEFAULT_NOISE)
-        sensors[name] = sensor
+            missing.append(channel.name)
+            share = _SENSOR_SHARE if sensor.resolution or sensor.counts_scale else 1.0
+            sensor = replace(sensor, noise=share * DEFAULT_NOISE[channel.quantity])
+        sensors[channel.name] = sensor
     return replace(vehicle, sensors=sensors), tuple(missing)
 
 
 class FilteredMotion(NamedTuple):
-    """Accelerations behind the sensors' filters, before noise, saturation and quantization.
+    """Signals behind the sensors' filters, before noise, saturation and quantization.
 
     Parameters
     ----------
+    channels : tuple of Channel
+        What is measured.
     curves : CubicSpline
-        Accelerations of the four channels, m/s², over time, s.
+        Signals of the channels, SI units, over time, s.
     span : tuple of 2 float
         Beginning and end of the curves, s.
     """
 
+    channels: tuple[Channel, ...]
     curves: CubicSpline
     span: tuple[float, float]
 
@@ -83,22 +97,22 @@ class FilteredMotion(NamedTuple):
         return np.asarray(curve(inside))
 
 
-def filter_motion(vehicle: Vehicle, motion: Motion) -> FilteredMotion:
+def filter_motion(vehicle: Vehicle, motion: Motion, channels: Sequence[Channel]) -> FilteredMotion:
     """Filter a motion with the one-pole filters of the vehicle's sensors.
 
-    A sensor without a bandwidth is taken to be like the slowest of the others, as in the estimator.
+    An accelerometer without a bandwidth is taken to be like the slowest of the others, another
+    sensor without one to have no filter, as in the estimator.
     """
-    sensors = vehicle.sensors_of(CHANNELS)
+    sensors = vehicle.sensors_of([channel.name for channel in channels])
     bandwidths = [sensor.bandwidth for sensor in sensors if sensor.bandwidth is not None]
     step = float(motion.time[1] - motion.time[0])
-    signals = [
-        _one_pole_filter(signal, step, sensor.bandwidth or min(bandwidths))
-        if bandwidths
-        else signal
-        for signal, sensor in zip(motion.acceleration, sensors, strict=True)
-    ]
+    signals = []
+    for signal, sensor, channel in zip(motion.signals, sensors, channels, strict=True):
+        alike = bandwidths and channel.quantity == "acceleration"
+        corner = sensor.bandwidth or (min(bandwidths) if alike else None)
+        signals.append(signal if corner is None else _one_pole_filter(signal, step, corner))
     curves = CubicSpline(motion.time, np.stack(signals, axis=1))
-    return FilteredMotion(curves, (float(motion.time[0]), float(motion.time[-1])))
+    return FilteredMotion(tuple(channels), curves, (float(motion.time[0]), float(motion.time[-1])))
 
 
 def simulate_recording(
@@ -113,7 +127,7 @@ def simulate_recording(
     vehicle : Vehicle
         Its sensors are used.
     filtered : FilteredMotion
-        Accelerations behind their filters.
+        Signals behind their filters.
     rate : float
         Sampling rate, Hz.
     seconds : float
@@ -124,13 +138,14 @@ def simulate_recording(
     Returns
     -------
     Recording
-        In counts for sensors with zero and scale, in m/s² otherwise.
+        In counts for sensors with zero and scale, in SI units otherwise.
     """
     rng = np.random.default_rng([seed, 400])
     rows = np.arange(round(seconds * rate)) / rate
-    values = np.empty((4, len(rows)))
+    names = tuple(channel.name for channel in filtered.channels)
+    values = np.empty((len(names), len(rows)))
     units = []
-    for c, sensor in enumerate(vehicle.sensors_of(CHANNELS)):
+    for c, sensor in enumerate(vehicle.sensors_of(names)):
         reading = filtered.channel(c, rows + sensor.delay)
         reading = reading + (sensor.noise or 0.0) * _unit_noise(
             rng, len(rows), rate, sensor.bandwidth
@@ -142,12 +157,12 @@ def simulate_recording(
         else:
             step = sensor.resolution
             values[c] = np.rint(reading / step) * step if step else reading
-            units.append("m/s^2")
-    return Recording(rows, values, tuple(units), source="this drive")
+            units.append(filtered.channels[c].si_unit)
+    return Recording(rows, values, tuple(units), source="this drive", channels=names)
 
 
 def reading_extremes(filtered: FilteredMotion, seconds: float) -> Array:
-    """Return the extreme readings of each channel (4, 2), m/s², without saturation."""
+    """Return the extreme readings of each channel (C, 2), SI units, without saturation."""
     value = filtered.curves(np.arange(0.0, seconds, 1e-3))
     return np.stack([value.min(axis=0), value.max(axis=0)], axis=1)
 

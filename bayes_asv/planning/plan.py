@@ -7,29 +7,27 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.cars import car_model
 from bayes_asv.planning.drives import KINDS, RATES, Drive, RoadProfile, candidate_drives
-from bayes_asv.planning.evaluation import Evaluation, evaluate
+from bayes_asv.planning.evaluation import Evaluation, MeasuredCar, evaluate, measured_car
 from bayes_asv.planning.measurement import with_default_noise
 from bayes_asv.planning.predicted_sd import (
-    PARAMETERS,
     LimitingValues,
-    PriorSd,
     limiting_values,
     predicted_sd,
-    prior_sd,
     required_passes,
     sd_floors,
 )
 from bayes_asv.planning.ride_simulation import Motion, Pass, Tyres, default_tyres, simulate_passes
+from bayes_asv.posterior.information import Unknowns
+from bayes_asv.simulation.simulate import usual_channels
 
 __all__ = ["Plan", "RatedDrive", "plan"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 RoadAndSpeed = tuple[RoadProfile, float]
 
@@ -50,23 +48,22 @@ class RatedDrive:
     ----------
     evaluation : Evaluation
         The drive and its Fisher information.
-    required_passes : tuple of 4 int or None
-        Passes that reach the wanted standard deviation of each of
-        :data:`~bayes_asv.planning.predicted_sd.PARAMETERS`; None where no number does or the drive
-        cannot be used.
+    required_passes : dict of str to int or None
+        Passes that reach the wanted standard deviation of each answer; None where no number does
+        or the drive cannot be used.
     worst_ratio : float
         Largest ratio of predicted to wanted standard deviation after one pass, with all given
         values exact, which measures the drive alone.
     """
 
     evaluation: Evaluation
-    required_passes: tuple[int | None, ...]
+    required_passes: Mapping[str, int | None]
     worst_ratio: float
 
     @property
     def passes(self) -> int | None:
         """Passes that reach all wanted standard deviations, None where no number does."""
-        required = [n for n in self.required_passes if n is not None]
+        required = [n for n in self.required_passes.values() if n is not None]
         return max(required) if len(required) == len(self.required_passes) else None
 
 
@@ -78,6 +75,8 @@ class Plan:
     ----------
     vehicle : Vehicle
         As read.
+    measured : MeasuredCar
+        Model of the car, and the sensors at hand.
     assumed_noise : tuple of str
         Channels whose noise the vehicle file does not give.
     tyres : Tyres
@@ -88,8 +87,6 @@ class Plan:
         Wanted relative standard deviation of each parameter.
     max_passes : int
         Largest number of passes to recommend.
-    prior : PriorSd
-        Prior standard deviations.
     rated : tuple of RatedDrive
         All candidate drives.
     chosen : RatedDrive or None
@@ -108,12 +105,12 @@ class Plan:
     """
 
     vehicle: Vehicle
+    measured: MeasuredCar
     assumed_noise: tuple[str, ...]
     tyres: Tyres
     tyres_given: bool
     want: Mapping[str, float]
     max_passes: int
-    prior: PriorSd
     rated: tuple[RatedDrive, ...]
     chosen: RatedDrive | None
     best: RatedDrive | None
@@ -123,20 +120,31 @@ class Plan:
     seed: int
 
     @property
+    def prior(self) -> Unknowns:
+        """Unknowns of the car with their prior standard deviations."""
+        return self.measured.about
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Names of the parameters whose standard deviations are predicted."""
+        return tuple(self.prior.answers)
+
+    @property
     def verdict(self) -> str:
         """``ok``, or ``refused`` if no candidate drive suffices."""
         return "ok" if self.chosen is not None else "refused"
 
     def sd_after(self, drive: RatedDrive, passes: int) -> Mapping[str, float]:
         """Predict the relative standard deviations after a number of passes of a drive."""
-        sd = predicted_sd(drive.evaluation.information, passes, self.prior)
-        return dict(zip(PARAMETERS, sd.tolist(), strict=True))
+        return predicted_sd(drive.evaluation.information, passes, self.prior)
 
 
 def plan(
     vehicle: Vehicle,
     want: Mapping[str, float],
     *,
+    car: str = "half",
+    channels: Sequence[str] | None = None,
     rates: Sequence[float] = RATES,
     kinds: Sequence[str] = KINDS,
     speed_limit: float = math.inf,
@@ -153,7 +161,11 @@ def plan(
     vehicle : Vehicle
         Its nominal values are taken as true, its sensors as declared.
     want : Mapping of str to float
-        Wanted posterior standard deviations of c_f, c_r, i and k_g, relative to their values.
+        Wanted posterior standard deviations of the answers, relative to their values.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
+    channels : sequence of str, optional
+        Sensors at hand; by default accelerometers on all wheel hubs and on the body above them.
     rates, kinds : sequences of float and str
         Sampling rates, Hz, and kinds of road to consider.
     speed_limit : float
@@ -175,35 +187,36 @@ def plan(
     Raises
     ------
     InputError
-        If the vehicle is implausible.
+        If the vehicle is implausible, or the channels do not fit the car.
     """
     report = progress or (lambda share, words: None)
-    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    noisy, assumed = with_default_noise(vehicle)
-    grid = candidate_drives(car, vehicle.units, rates, kinds, speed_limit)
+    model = car_model(car, vehicle)
+    sensors = _channels(vehicle, model, channels)
+    noisy, assumed = with_default_noise(vehicle, sensors)
+    measured = measured_car(noisy, model, sensors)
+    prior = measured.about
+    grid = candidate_drives(model, vehicle.units, rates, kinds, speed_limit)
     report(0.0, "simulating drives")
-    tyres = default_tyres(car, tyre_rate, unsprung)
-    motions = _simulate_grid(car, tyres, grid, seed)
+    tyres = default_tyres(model, tyre_rate, unsprung)
+    motions = _simulate_grid(measured, tyres, grid, seed)
     report(0.1, "evaluating drives")
     evaluations: list[Evaluation] = []
     keys = list(motions)
 
     def evaluate_all_rates(key: RoadAndSpeed) -> list[Evaluation]:
         drives = [drive for drive in grid if (drive.road, drive.speed) == key]
-        return evaluate(noisy, drives, motions[key], seed)
+        return evaluate(measured, drives, motions[key], seed)
 
     with ThreadPoolExecutor(2) as pool:
         for of_key in pool.map(evaluate_all_rates, keys):
             evaluations += of_key
             report(0.1 + 0.85 * len(evaluations) / len(grid), "evaluating drives")
-    prior = prior_sd(vehicle)
-    wanted = np.array([want[name] for name in PARAMETERS])
-    rated = tuple(_rate(evaluation, prior, wanted) for evaluation in evaluations)
+    rated = tuple(_rate(evaluation, prior, want) for evaluation in evaluations)
     chosen = _choose(rated, max_passes)
-    best = chosen or _nearest(rated, prior, wanted, max_passes)
+    best = chosen or _nearest(rated, prior, want, max_passes)
     limits: list[LimitingValues] = []
     if best is not None and chosen is None:
-        for name in PARAMETERS:
+        for name in prior.answers:
             limiting = limiting_values(
                 best.evaluation.information, max_passes, prior, name, want[name]
             )
@@ -212,24 +225,54 @@ def plan(
     report(1.0, "done")
     return Plan(
         vehicle=vehicle,
+        measured=measured,
         assumed_noise=assumed,
         tyres=tyres,
         tyres_given=tyre_rate is not None and unsprung is not None,
         want=dict(want),
         max_passes=max_passes,
-        prior=prior,
         rated=rated,
         chosen=chosen,
         best=best,
-        passes=_recommended_passes(best, prior, wanted, max_passes),
-        sd_floor=dict(zip(PARAMETERS, sd_floors(prior).tolist(), strict=True)),
+        passes=_recommended_passes(best, prior, want, max_passes),
+        sd_floor=sd_floors(prior),
         limits=tuple(limits),
         seed=seed,
     )
 
 
+def _channels(vehicle: Vehicle, car: CarModel, names: Sequence[str] | None) -> tuple[Channel, ...]:
+    """Channels of a plan.
+
+    Raises
+    ------
+    InputError
+        If one is not of the car, a wheel hub is missing, or nothing else is measured.
+    """
+    channels = tuple(vehicle.channel(name) for name in names or usual_channels(car))
+    for channel in channels:
+        if not car.explains(channel):
+            raise InputError(
+                f"channel '{channel.name}'", f"is not one of the {car.name} car",
+                "leave it out, or choose another car",
+            )  # fmt: skip
+    for element in car.elements:
+        hub = f"{element.name}_wheel"
+        if hub not in [channel.name for channel in channels]:
+            raise InputError(
+                "channels", f"lack {hub}, which the {car.name} car needs",
+                "add an accelerometer on that wheel hub, or choose another car",
+            )  # fmt: skip
+    if all(channel.is_input for channel in channels):
+        raise InputError(
+            "channels", "measure nothing that the car explains",
+            "add the acceleration of the body, its pitch rate or the suspension travel",
+        )  # fmt: skip
+    return channels
+
+
 def _simulate_grid(
-    car: HalfCar, tyres: Tyres, grid: Sequence[Drive], seed: int
+    measured: MeasuredCar, tyres: Tyres, grid: Sequence[Drive], seed: int
 ) -> dict[RoadAndSpeed, list[Motion]]:
     """Simulate each road at each speed, which is independent of the sampling rate."""
     passes: dict[RoadAndSpeed, list[Pass]] = {}
@@ -239,17 +282,21 @@ def _simulate_grid(
             Pass(drive.road, drive.speed, drive.seconds, seed + k) for k in range(roads)
         ]
     flat = [one for of_key in passes.values() for one in of_key]
-    motions = iter(simulate_passes(car, tyres, flat) if flat else [])
+    motions = iter(simulate_passes(measured.car, tyres, flat, measured.channels) if flat else [])
     return {key: [next(motions) for _ in of_key] for key, of_key in passes.items()}
 
 
-def _rate(evaluation: Evaluation, prior: PriorSd, want: Array) -> RatedDrive:
+def _ratio(sd: Mapping[str, float], want: Mapping[str, float]) -> float:
+    """Return the largest ratio of predicted to wanted standard deviation."""
+    return max(sd[name] / want[name] for name in sd)
+
+
+def _rate(evaluation: Evaluation, prior: Unknowns, want: Mapping[str, float]) -> RatedDrive:
     if not evaluation.usable:
-        return RatedDrive(evaluation, (None,) * len(PARAMETERS), math.inf)
-    worst_ratio = float(
-        np.max(predicted_sd(evaluation.information, 1, prior.with_exact_given()) / want)
-    )
-    return RatedDrive(evaluation, required_passes(evaluation.information, prior, want), worst_ratio)
+        return RatedDrive(evaluation, dict.fromkeys(prior.answers), math.inf)
+    exact = predicted_sd(evaluation.information, 1, prior.with_exact_given())
+    required = required_passes(evaluation.information, prior, want)
+    return RatedDrive(evaluation, required, _ratio(exact, want))
 
 
 def _choose(rated: Sequence[RatedDrive], max_passes: int) -> RatedDrive | None:
@@ -285,13 +332,13 @@ def _easiest(candidates: Sequence[RatedDrive]) -> RatedDrive:
     return min(near, key=effort)
 
 
-def _worst_ratio(one: RatedDrive, passes: int, prior: PriorSd, want: Array) -> float:
+def _worst_ratio(one: RatedDrive, passes: int, prior: Unknowns, want: Mapping[str, float]) -> float:
     """Return the largest ratio of predicted to wanted standard deviation."""
-    return float(np.max(predicted_sd(one.evaluation.information, passes, prior) / want))
+    return _ratio(predicted_sd(one.evaluation.information, passes, prior), want)
 
 
 def _nearest(
-    rated: Sequence[RatedDrive], prior: PriorSd, want: Array, max_passes: int
+    rated: Sequence[RatedDrive], prior: Unknowns, want: Mapping[str, float], max_passes: int
 ) -> RatedDrive | None:
     """Return the drive that comes nearest to the wanted values, a gentle one if about as good."""
     usable = [
@@ -308,7 +355,7 @@ def _nearest(
 
 
 def _recommended_passes(
-    best: RatedDrive | None, prior: PriorSd, want: Array, max_passes: int
+    best: RatedDrive | None, prior: Unknowns, want: Mapping[str, float], max_passes: int
 ) -> int:
     """Return the smallest number of passes after which further ones gain nothing substantial."""
     if best is None:

@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si, si_factor
 from bayes_asv.planning.drives import Drive, RoadProfile
-from bayes_asv.planning.information import UNIDENTIFIABLE, CorrelatedPair, correlated_pairs
+from bayes_asv.planning.information import (
+    CorrelatedPair,
+    correlated_pairs,
+    inseparable_groups,
+)
 from bayes_asv.planning.plan import Plan, RatedDrive
-from bayes_asv.planning.predicted_sd import PARAMETERS, LimitingValues
+from bayes_asv.planning.predicted_sd import LimitingValues
+from bayes_asv.planning.ride_simulation import RIGHT_LATER
+from bayes_asv.posterior.information import predicted_sd, unmeasured
+from bayes_asv.posterior.map_fit import sensor_for
 from bayes_asv.report.words import plain, readable_unit
 
 __all__ = [
@@ -28,6 +34,7 @@ __all__ = [
     "times_text",
     "unidentifiable_lines",
     "unreachable_reason",
+    "untold_lines",
 ]
 
 _INCH, _FOOT, _MPH, _KMH = 0.0254, 0.3048, 0.44704, 1.0 / 3.6
@@ -92,12 +99,45 @@ def pair_text(pair: CorrelatedPair) -> str:
     return f"{first} and {second} (correlation {pair.correlation:+.2f})".replace("-", "−")
 
 
-def unidentifiable_lines() -> list[str]:
+def unidentifiable_lines(plan: Plan) -> list[str]:
     """Describe the combinations of parameters that no drive identifies."""
+    outputs = [channel for channel in plan.measured.channels if not channel.is_input]
+    alike = "accelerations" if all(c.quantity == "acceleration" for c in outputs) else "readings"
     return [
-        f"{_join([_label(name) for name in names])}: {words} has the same accelerations"
-        for names, words in UNIDENTIFIABLE
+        f"{_join([_label(name) for name in group.names])}: {group.words} has the same {alike}"
+        for group in inseparable_groups(plan.prior)
     ]
+
+
+def untold_lines(plan: Plan) -> list[str]:
+    """Say, parameter by parameter, what the sensors at hand cannot tell.
+
+    A parameter is not told if the passes of the plan's drive leave it about as uncertain as the
+    vehicle file does (:data:`bayes_asv.posterior.information.UNMEASURED`), or if the model of the
+    car does not have it.
+    """
+    car, about = plan.measured.car, plan.prior
+    lines = []
+    if len(car.axles) == 1:
+        other = "rear" if car.axles == ("front",) else "front"
+        lines.append(
+            f"the {other} damping rate and the pitch inertia: nothing is measured at the {other} "
+            "axle"
+        )
+    if plan.best is None:
+        return lines
+    prior = {name: about.sd(name) for name in car.estimated}
+    directions = {name: about.parameters[name] for name in prior}
+    after = predicted_sd(plan.best.evaluation.information, plan.passes, about, directions)
+    outputs = [channel for channel in plan.measured.channels if not channel.is_input]
+    for name in unmeasured(prior, after):
+        fix = sensor_for(car, outputs, name) or "drive over something else, or faster"
+        lines.append(
+            f"the {_label(name)} ({name}): its standard deviation stays at "
+            f"{percent_text(after[name])}, and the vehicle file gives {percent_text(prior[name])}; "
+            f"{fix}"
+        )
+    return lines
 
 
 def limit_sentence(limiting: LimitingValues, plan: Plan) -> str:
@@ -120,7 +160,7 @@ def limit_lines(plan: Plan) -> list[str]:
 def _required_text(limiting: LimitingValues, plan: Plan) -> str:
     """List the limiting values with their required deviations; empty if there are none."""
     parts = [
-        f"the {_label(name)} to {percent_text(sd)} (given: {percent_text(plan.prior.log_sd[name])})"
+        f"the {_label(name)} to {percent_text(sd)} (given: {percent_text(plan.prior.sd(name))})"
         for name, sd in limiting.required_sd.items()
     ]
     return _join(parts) if parts else ""
@@ -155,30 +195,41 @@ def assumption_lines(plan: Plan) -> list[str]:
     """State what the plan assumes because the vehicle file does not give it."""
     lines = []
     if plan.assumed_noise:
-        which = "any sensor" if len(plan.assumed_noise) == 4 else _join(
+        every = len(plan.assumed_noise) == len(plan.measured.channels)
+        which = "any sensor" if every else _join(
             [name.replace("_", " ") for name in plan.assumed_noise]
         )  # fmt: skip
         lines.append(
             f"the vehicle file gives no noise for {which}; the plan assumes a small 10-bit logger"
         )
     if not plan.tyres_given:
-        rate = [_value_text(value, "stiffness", plan) for value in plan.tyres.rate]
-        mass = [_mass_text(value, plan) for value in plan.tyres.mass]
+        car = plan.measured.car
+        sums = [list(car.elements_at(axle)) for axle in car.axles]
+        rate = [_value_text(plan.tyres.rate[own].sum(), "stiffness", plan) for own in sums]
+        mass = [_mass_text(plan.tyres.mass[own].sum(), plan) for own in sums]
         lines.append(
-            f"the plan assumes tyre rates of {rate[0]} and {rate[1]} and unsprung masses of "
-            f"{mass[0]} and {mass[1]}, front and rear; give --tyre-rate and --unsprung if "
+            f"the plan assumes tyre rates of {_join(rate)} and unsprung masses of "
+            f"{_join(mass)}, {_join(car.axles)}; give --tyre-rate and --unsprung if "
             "yours differ"
+        )
+    if any(element.side == "right" for element in plan.measured.car.elements):
+        metric = plan.vehicle.units != "US"
+        later = f"{RIGHT_LATER:g} m" if metric else f"{RIGHT_LATER / _INCH:.0f} in"
+        lines.append(
+            f"the right wheels meet every obstacle {later} after the left ones; on a rough road "
+            "they have a track of their own"
         )
     if any(
         not math.isfinite(s.low) and not math.isfinite(s.high)
-        for s in plan.vehicle.sensors_of(CHANNELS)
+        for s in plan.vehicle.sensors_of([c.name for c in plan.measured.channels])
     ):
         lines.append(
             "the vehicle file gives no range for some sensors; compare the largest readings of "
             "the drive with the data sheets"
         )
     travel = plan.vehicle.travel
-    if None in (travel.front_bump, travel.front_droop, travel.rear_bump, travel.rear_droop):
+    ends = [f"{axle}_{end}" for axle in plan.measured.car.axles for end in ("bump", "droop")]
+    if any(getattr(travel, end) is None for end in ends):
         lines.append(
             "the vehicle file does not give every suspension travel; the missing ones are unchecked"
         )
@@ -229,6 +280,9 @@ def plan_lines(plan: Plan) -> list[str]:
     lines += [f"- {text}" for text in limit_lines(plan)]
     lines += [f"- {note}" for note in best.evaluation.notes]
     lines += [f"- {text}" for text in assumption_lines(plan)]
+    untold = untold_lines(plan)
+    if untold:
+        lines += ["", "These sensors cannot tell:", *(f"- {text}" for text in untold)]
     lines += _unidentifiable_section(plan, best)
     lines += ["", *_roads_table(plan, best)]
     rates = _rates_table(plan, best)
@@ -254,7 +308,7 @@ def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
             f"± {percent_text(_Z95 * sd[name])}",
             percent_text(plan.want[name]),
         )
-        for name in PARAMETERS
+        for name in plan.answers
     ]
     return _columns([("", "deviation", "95 %", "wanted"), *rows])
 
@@ -262,12 +316,12 @@ def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
 def _unidentifiable_section(plan: Plan, one: RatedDrive) -> list[str]:
     """List what no drive, and what this drive, cannot separate."""
     lines = ["", "No drive can separate:"]
-    lines += [f"- {words}" for words in unidentifiable_lines()]
-    limited = [name for name in PARAMETERS if plan.sd_floor[name] > 1e-5]
+    lines += [f"- {words}" for words in unidentifiable_lines(plan)]
+    limited = [name for name in plan.answers if plan.sd_floor[name] > 1e-5]
     for floor in dict.fromkeys(percent_text(plan.sd_floor[name]) for name in limited):
         same = [name for name in limited if percent_text(plan.sd_floor[name]) == floor]
         lines.append(f"- so {_join(same)} cannot be determined to better than {floor}")
-    strongest = correlated_pairs(one.evaluation.information)
+    strongest = correlated_pairs(one.evaluation.information, plan.prior)
     if strongest:
         lines += [
             "This drive hardly separates:",
@@ -290,7 +344,7 @@ def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
         usable = [one for one in candidates if one.evaluation.usable]
         name = road_text(road, units).removeprefix("a ")
         if not usable:
-            rows.append((name, "none", *["–"] * len(PARAMETERS), ""))
+            rows.append((name, "none", *["–"] * len(plan.answers), ""))
             continue
         top = min(usable, key=lambda one: (not one.evaluation.gentle, one.worst_ratio))
         sd = plan.sd_after(top, plan.passes)
@@ -299,14 +353,14 @@ def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
             (
                 name,
                 _quantity_text(speed(top.evaluation.drive.speed, units)),
-                *(percent_text(sd[a]) for a in PARAMETERS),
+                *(percent_text(sd[a]) for a in plan.answers),
                 f"unusable from {_quantity_text(speed(min(unusable), units))} on"
                 if unusable
                 else "",
             )
         )
     head = f"At {rate:g} Hz, {times_text(plan.passes)}, best speed for each road:"
-    return [head, *_columns([("", "speed", *PARAMETERS, ""), *rows])]
+    return [head, *_columns([("", "speed", *plan.answers, ""), *rows])]
 
 
 def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
@@ -321,11 +375,11 @@ def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
         return []
     rows = []
     for one in same:
-        cells = ["–"] * len(PARAMETERS)
+        cells = ["–"] * len(plan.answers)
         if one.evaluation.usable:
             cells = [percent_text(sd) for sd in plan.sd_after(one, plan.passes).values()]
         rows.append((f"{one.evaluation.drive.rate:g} Hz", *cells))
-    return ["The drive above at other rates:", *_columns([("", *PARAMETERS), *rows])]
+    return ["The drive above at other rates:", *_columns([("", *plan.answers), *rows])]
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -341,12 +395,13 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _given_text(plan: Plan, parameter: str) -> str:
     """List the given values that limit a parameter: ``sprung mass 1 %, wheelbase 0.5 %``."""
-    names = {"c_f": ("m",), "c_r": ("m",), "i": ("m", "l"), "k_g": ("l",)}[parameter]
-    parts = [
-        f"{_label(name)} {percent_text(plan.prior.log_sd[name])}"
-        for name in names
-        if plan.prior.log_sd[name] > 0.0
+    direction = plan.prior.answers[parameter]
+    names = [
+        group.names[0]
+        for group in inseparable_groups(plan.prior)
+        if abs(direction @ group.along) > 0.0 and plan.prior.sd(group.names[0]) > 0.0
     ]
+    parts = [f"{_label(name)} {percent_text(plan.prior.sd(name))}" for name in names]
     return ", ".join(parts)
 
 

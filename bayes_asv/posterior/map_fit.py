@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
@@ -21,6 +23,13 @@ from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fit_checks import meant_for, misfit, swollen_noise
 from bayes_asv.posterior.fitted_model import setting
 from bayes_asv.posterior.free_simulation import free_run, left_in_band
+from bayes_asv.posterior.information import (
+    WIDE_PRIOR,
+    fisher_information,
+    predicted_sd,
+    unknowns,
+    unmeasured,
+)
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
@@ -31,16 +40,14 @@ from bayes_asv.preprocessing.data_checks import (
     dead_channels,
     preflight,
 )
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+from bayes_asv.preprocessing.timeline import PreparedRecording, changed, prepare
 from bayes_asv.preprocessing.tone_removal import find_tones, main_tones, notched
 
-__all__ = ["MapFit", "best_fit", "lay_out"]
+__all__ = ["MapFit", "best_fit", "foreseen", "lay_out", "sensor_for", "untold"]
 
 Array = NDArray[np.float64]
 
 _COLOUR_ROUNDS = 3
-# A parameter whose posterior is hardly narrower than its prior was not measured.
-_UNMEASURED = 0.7
 
 
 @dataclass(frozen=True)
@@ -159,9 +166,8 @@ def best_fit(
         mode, target = _at_full_band(lines, vehicle, likelihood)
     where = target.space
     # A mode that has not settled leaves the word to the ensembles.
-    reasons = _unmeasured(where, mode) if mode.converged else []
+    reasons, warnings = _unmeasured(where, mode) if mode.converged else ([], [])
     faults: list[str] = []
-    warnings: list[str] = []
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
     for run, line in enumerate(where.timelines):
         free = free_run(target, mode.z, run)
@@ -197,7 +203,7 @@ def _with_sites(
     whole = space(vehicle, lines, sites=stage.sites)
     target = Posterior(whole, (WHITE,) * len(lines), patterns=where.patterns)
     start = stage.carried_to(whole)
-    start[whole.lasting_dimension :] = 0.0
+    start[whole.lasting_dimension :] = whole.origin[whole.lasting_dimension :]
     with shared_work(target) as shared:
         return find_mode(shared, start), target
 
@@ -235,7 +241,7 @@ def _without_tones(
         nu = line.paired(target.innovations(mode.z, run))
         tones = find_tones(nu[:, list(line.accelerations)], 1.0 / line.reading_step)
         any_found |= bool(tones)
-        out.append(notched(line, tones) if tones else line)
+        out.append(changed(line, partial(notched, notches=tones)) if tones else line)
     return tuple(out) if any_found else None
 
 
@@ -254,7 +260,7 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
         colours = found
         hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
         where = space(vehicle, whole.timelines, whole.likelihood, hold)
-        start = np.zeros(where.dimension)
+        start = where.origin
         start[: where.lasting_dimension] = mode.z[: where.lasting_dimension]
         with shared_work(Posterior(where, found)) as shared:
             mode = find_mode(shared, start)
@@ -272,19 +278,93 @@ def _colour_of(target: Posterior, mode: Mode, run: int) -> ResidualAR:
     return found._replace(root=found.root * math.sqrt(left))
 
 
-def _unmeasured(where: ParameterSpace, mode: Mode) -> list[str]:
-    """Refuse when the drive taught next to nothing about an answer."""
-    reasons = []
-    for name in where.car.estimated:
-        before = where.log_prior_of(name)[1]
-        # Only a wide prior can tell: a narrow one given by the user is an answer already.
-        after = where.log_deviation(mode.covariance, name)
-        if before > 0.3 and after > _UNMEASURED * before:
-            reasons.append(
-                f"the recording says next to nothing about the {QUANTITIES[name][1]} ({name}): "
-                f"{_drive(where.car, name)}, faster or over a higher one"
+def foreseen(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> tuple[str, ...]:
+    """Say, before anything is fitted, which answers recordings cannot give.
+
+    Parameters
+    ----------
+    lines : tuple of PreparedRecording
+        Recordings that passed :func:`lay_out`.
+    vehicle : Vehicle
+        Gives the priors, and the values at which the information is computed.
+
+    Returns
+    -------
+    tuple of str
+        A sentence for each answer of which the recordings say next to nothing by their Fisher
+        information (:mod:`bayes_asv.posterior.information`).
+    """
+    outputs = tuple(dict.fromkeys(output for line in lines for output in line.output_models))
+    about = unknowns(lines[0].car, outputs)
+    information = sum(
+        (fisher_information(line, vehicle, about) for line in lines),
+        np.zeros((len(about.names), len(about.names))),
+    )
+    asked = {name: about.parameters[name] for name in about.car.estimated}
+    prior = {name: about.sd(name) for name in asked}
+    after = predicted_sd(information, 1, about, asked)
+    measured = [output.channel for output in outputs]
+    return tuple(
+        untold(about.car, measured, name, prior[name]) for name in unmeasured(prior, after)
+    )
+
+
+def _unmeasured(where: ParameterSpace, mode: Mode) -> tuple[list[str], list[str]]:
+    """Refuse when the drive taught next to nothing about an answer; warn where a prior is one."""
+    prior = {name: where.log_prior_of(name)[1] for name in where.car.estimated}
+    after = {name: where.log_deviation(mode.covariance, name) for name in prior}
+    measured = [o.channel for line in where.timelines for o in line.output_models]
+    reasons: list[str] = []
+    warnings: list[str] = []
+    for name in unmeasured(prior, after):
+        words = untold(where.car, measured, name, prior[name])
+        (reasons if prior[name] > WIDE_PRIOR else warnings).append(words)
+    return reasons, warnings
+
+
+def untold(car: CarModel, measured: Sequence[Channel], name: str, prior: float) -> str:
+    """Say that data tell next to nothing about a parameter, and what would.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    measured : sequence of Channel
+        Its measured outputs.
+    name : str
+        The parameter.
+    prior : float
+        Prior standard deviation of its logarithm.
+    """
+    label = f"{QUANTITIES[name][1]} ({name})"
+    fix = sensor_for(car, measured, name) or f"{_drive(car, name)}, faster or over a higher one"
+    if prior > WIDE_PRIOR:
+        return f"the recording says next to nothing about the {label}: {fix}"
+    return (
+        f"the recording adds next to nothing to the given {label} and its sd, so its interval is "
+        f"that of the vehicle file: {fix}"
+    )
+
+
+def sensor_for(car: CarModel, measured: Sequence[Channel], name: str) -> str | None:
+    """Say which sensor is missing for a parameter; None where its place is measured."""
+    for element in car.elements:
+        if element.damping == name:
+            near = any(
+                c.axle == element.axle and c.side in (None, element.side)
+                for c in measured
+                if c.part in ("body", "suspension")
             )
-    return reasons
+            return (
+                None
+                if near
+                else f"measure the {element.words} suspension travel or the body above it as well"
+            )
+    axles = {c.axle for c in measured if c.axis is None}
+    turning = "roll" if name == "i_roll" else "pitch"
+    if any(c.axis == turning for c in measured) or len(axles) > 1:
+        return None
+    return "measure the body above the other axle or its pitch rate as well"
 
 
 def _drive(car: CarModel, name: str) -> str:

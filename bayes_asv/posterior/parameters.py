@@ -14,7 +14,7 @@ log-normal and the filtered share of the noise uniform.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -25,7 +25,7 @@ from scipy.special import ndtr, ndtri
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
-from bayes_asv.models.car_model import CarModel, Values, state_space
+from bayes_asv.models.car_model import CarModel, Output, Values, state_space
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Parameter, Scale, Site
 from bayes_asv.models.priors import NOISE_GIVEN_SD, NOISE_UNKNOWN_SD, WORST
@@ -33,7 +33,9 @@ from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
 from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "space"]
+__all__ = [
+    "CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "identified_directions", "space",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 EffectValues = dict[Site, dict[str, float]]
@@ -125,24 +127,47 @@ def car_prior(car: CarModel, recordings: tuple[PreparedRecording, ...]) -> CarPr
             if sd > 0.0:
                 root[a, terms.index(term)] += coefficient * sd
     log_mean = np.log([by_name[name].nominal for name in logs])
-    _, strength, turned = np.linalg.svd(_sensitivity(car, recordings, logs, log_mean) @ root)
+    outputs = tuple(dict.fromkeys(o for one in recordings for o in one.output_models))
+    return CarPrior(car, logs, log_mean, root, *identified_directions(car, outputs, logs, root))
+
+
+def identified_directions(
+    car: CarModel, outputs: Sequence[Output], logs: tuple[str, ...], root: Array
+) -> tuple[Array, Array]:
+    """Find the directions of ζ on which the state-space model depends, and the others.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    outputs : sequence of Output
+        What is measured.
+    logs : tuple of str
+        Parameters whose logarithms are log θ₀ + S ζ, nL of them.
+    root : (nL, nT) array
+        S.
+
+    Returns
+    -------
+    identified, unidentified : (nT, r) and (nT, nT − r) arrays
+        Orthonormal directions.
+    """
+    _, strength, turned = np.linalg.svd(_sensitivity(car, outputs, logs) @ root)
     rank = int(np.count_nonzero(strength > _IDENTIFIED * max(strength.max(initial=0.0), 1e-300)))
-    return CarPrior(car, logs, log_mean, root, turned[:rank].T, turned[rank:].T)
+    return turned[:rank].T, turned[rank:].T
 
 
-def _sensitivity(
-    car: CarModel, recordings: tuple[PreparedRecording, ...], logs: tuple[str, ...], mean: Array
-) -> Array:
+def _sensitivity(car: CarModel, outputs: Sequence[Output], logs: tuple[str, ...]) -> Array:
     """Relative derivatives of all entries of A and C by the logarithms, at four cars."""
     rng = np.random.default_rng(0)
     nL = len(logs)
-    outputs = dict.fromkeys(o for recording in recordings for o in recording.output_models)
+    mean = np.log([float(car.nominal[name][0]) for name in logs])
     rows = []
     for away in (np.zeros(nL), *(0.5 * rng.normal(size=(3, nL)))):
         points = mean + away + _STEP * np.vstack([np.zeros(nL), np.eye(nL), -np.eye(nL)])
         values = {p.name: np.full(len(points), p.nominal) for p in car.parameters}
         values |= dict(zip(logs, np.exp(points).T, strict=True))
-        system = state_space(car, values, tuple(outputs))
+        system = state_space(car, values, outputs)
         entries = np.concatenate(
             [system.A.reshape(len(points), -1), system.C.reshape(len(points), -1)], axis=1
         )

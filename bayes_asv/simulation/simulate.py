@@ -22,7 +22,7 @@ from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import LinearSystem
 from bayes_asv.simulation.roads import Road
 
-__all__ = ["Drive", "response", "simulate"]
+__all__ = ["Drive", "response", "simulate", "usual_channels"]
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def simulate(
     model = car_model(car, vehicle)
     truth_of_car = {p.name: p.nominal for p in model.parameters} | dict(values or {})
     of_car = {name: np.array([x]) for name, x in truth_of_car.items()}
-    measured = [vehicle.channel(name) for name in (channels or _usual_channels(model))]
+    measured = [vehicle.channel(name) for name in (channels or usual_channels(model))]
     for channel in measured:
         if not model.explains(channel):
             raise InputError(
@@ -146,8 +146,8 @@ def simulate(
     return Drive(recording, time, states[:, 0 : 2 * len(model.elements) : 2], truth)
 
 
-def _usual_channels(model: CarModel) -> tuple[str, ...]:
-    """Wheel hubs and body above each element; on a car that rolls one body sensor at the rear."""
+def usual_channels(model: CarModel) -> tuple[str, ...]:
+    """Name wheel hubs and body above each element; where it rolls one body sensor at the rear."""
     if "roll" in model.coordinates:
         wheels = [f"{element.name}_wheel" for element in model.elements]
         return (*wheels, "front_left_chassis", "front_right_chassis", "rear_chassis")

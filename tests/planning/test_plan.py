@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bayes_asv.domain.vehicle import Given, Travel, Vehicle, read_vehicle
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.vehicle import Given, Sensor, Travel, Vehicle, read_vehicle
 from bayes_asv.planning.document import PASSES, plan_document
 from bayes_asv.planning.plan import Plan, plan
-from bayes_asv.planning.predicted_sd import PARAMETERS, predicted_sd
+from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.planning.text import plan_lines
 from bayes_asv.shipped import shipped
 
 MPH = 0.44704
 BAJA = read_vehicle(shipped("vehicles", "baja2008.toml"))
+TWO_SIDES = read_vehicle(Path(__file__).parents[2] / "data" / "vehicles" / "baja2008_roll.toml")
+PARAMETERS = ("c_f", "c_r", "i", "k_g")
 
 
 def _plan(vehicle: Vehicle, want: float = 0.05, **options: Any) -> Plan:
@@ -107,7 +111,8 @@ def test_the_document_agrees_with_the_plan_and_is_json(made: Plan) -> None:
             continue
         for n in PASSES:
             sd = predicted_sd(one.evaluation.information, n, made.prior)
-            assert list(entry["width_percent"][str(n)].values()) == pytest.approx(100.0 * sd)
+            shown = {name: 100.0 * sd[name] for name in PARAMETERS}
+            assert entry["width_percent"][str(n)] == pytest.approx(shown)
     recommended = document["recommended"]
     chosen = document["drives"][recommended["drive"]]
     assert chosen["road"]["words"] in recommended["words"]
@@ -149,3 +154,61 @@ def test_given_tyres_are_used_and_assumed_ones_are_reported(made: Plan) -> None:
     assert given["rate"]["unit"] == "lbf/in"
     assert given["rate"]["front"] == pytest.approx(300.0, rel=1e-3)
     assert not any("give --tyre-rate" in line for line in plan_lines(own))
+
+
+def _plan_of(vehicle: Vehicle, car: str, names: tuple[str, ...], **options: Any) -> Plan:
+    answers = {"quarter-front": ("c_f",), "half": PARAMETERS}.get(
+        car, ("c_fl", "c_fr", "c_rl", "c_rr", "i", "i_roll")
+    )
+    usual: dict[str, Any] = {"rates": [200.0], "kinds": ["bump"], "speed_limit": 7 * MPH}
+    return plan(
+        vehicle, dict.fromkeys(answers, 0.05), car=car, channels=names or None,
+        **{**usual, **options},
+    )  # fmt: skip
+
+
+def test_one_axle_tells_nothing_about_the_other_and_the_pitch_inertia() -> None:
+    made = _plan_of(BAJA, "quarter-front", ())
+    assert made.verdict == "ok"
+    assert made.answers == ("c_f",)
+    document = json.loads(json.dumps(plan_document(made), allow_nan=False))
+    assert document["channels"] == ["front_wheel", "front_chassis"]
+    (line,) = document["untold"]
+    assert "rear damping rate and the pitch inertia" in line
+    assert set(document["drives"][0]["travel"]) == {"unit", "front_bump", "front_droop"}
+
+
+def test_every_car_and_every_sensor_can_be_planned() -> None:
+    wheels = ("front_wheel", "rear_wheel")
+    both = _plan_of(BAJA, "half", (*wheels, "front_travel", "body_pitch_rate"))
+    one = _plan_of(BAJA, "half", (*wheels, "front_travel"))
+    assert both.best is not None
+    assert one.best is not None
+    assert both.verdict == one.verdict == "ok"
+    assert plan_document(both)["untold"] == []
+    drives = [made.sd_after(made.rated[0], 1) for made in (both, one)]
+    assert all(drives[0][name] <= drives[1][name] * 1.001 for name in PARAMETERS)
+    others = plan_document(both)["drives"][0]["largest_reading"]["others"]
+    assert set(others) == {"front_travel", "body_pitch_rate"}
+    roll = _plan_of(TWO_SIDES, "roll", ())
+    assert roll.verdict == "ok"
+    assert "left ones" in " ".join(plan_document(roll)["warnings"])
+
+
+def test_a_sensor_too_coarse_for_a_parameter_does_not_tell_it() -> None:
+    """A potentiometer at the front that reads to a decimetre knows nothing of the rear damper."""
+    coarse = replace(BAJA, sensors={**BAJA.sensors, "front_travel": Sensor(noise=0.1)})
+    made = _plan_of(coarse, "half", ("front_wheel", "rear_wheel", "front_travel"), max_passes=1)
+    told = plan_document(made)["untold"]
+    assert any("rear damping rate (c_r)" in line and "rear suspension travel" in line
+               for line in told)  # fmt: skip
+
+
+def test_channels_that_do_not_fit_the_car_are_refused_in_a_sentence() -> None:
+    for car, names, words in (
+        ("half", ("front_wheel", "front_chassis"), "lack rear_wheel"),
+        ("half", ("front_wheel", "rear_wheel"), "measure nothing"),
+        ("quarter-front", ("front_wheel", "rear_wheel", "front_chassis"), "is not one of the"),
+    ):
+        with pytest.raises(InputError, match=words):
+            _plan_of(BAJA, car, names)

@@ -11,19 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import CHANNELS, channel
 from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
+from bayes_asv.models.car_model import Output
 from bayes_asv.models.cars import car_model
-from bayes_asv.planning.information import IDENTIFIABLE, correlated_pairs
+from bayes_asv.planning.information import correlated_pairs
 from bayes_asv.planning.predicted_sd import (
-    GIVEN,
-    PARAMETERS,
-    PriorSd,
     limiting_values,
     predicted_sd,
-    prior_sd,
     required_passes,
     sd_floors,
 )
+from bayes_asv.posterior.information import Unknowns, unknowns
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import prepare
 from bayes_asv.shipped import shipped
@@ -34,12 +33,38 @@ Array = NDArray[np.float64]
 
 BAJA = read_vehicle(shipped("vehicles", "baja2008.toml"))
 DRAWN = settings(max_examples=40, deadline=None)
+IDENTIFIABLE = ("c_f", "c_r", "i", "k_f", "k_r", "wdf")
+PARAMETERS = ("c_f", "c_r", "i", "k_g")
+GIVEN = ("m", "l", "wdf", "k_f", "k_r")
+OUTPUTS = [Output(channel(name)) for name in CHANNELS[1::2]]
+NAMES = unknowns(car_model("half", BAJA), OUTPUTS).names
+# Accelerations depend on c/m, k/m, i/(m l²) and the weight fraction.
+RATIOS = np.array(
+    [
+        [
+            float(name == own)
+            - float(name == "m" and own != "wdf")
+            - 2.0 * float(name == "l" and own == "i")
+            for name in NAMES
+        ]
+        for own in IDENTIFIABLE
+    ]
+)
+
+
+def _prior(vehicle: Vehicle) -> Unknowns:
+    return unknowns(car_model("half", vehicle), OUTPUTS)
+
+
+def _of_ratios(J: Array) -> Array:
+    """Information about all unknowns from that about the identifiable ratios."""
+    return np.asarray(RATIOS.T @ J @ RATIOS)
 
 
 def _information(seed: int, strength: float = 1e4) -> Array:
-    """Draw a positive definite information matrix."""
+    """Draw an information matrix that is positive definite in the identifiable ratios."""
     root = np.random.default_rng(seed).normal(size=(6, 9))
-    return np.asarray(strength * root @ root.T)
+    return _of_ratios(strength * root @ root.T)
 
 
 def _car(m: float, l: float, wdf: float, k: float) -> Vehicle:
@@ -56,7 +81,9 @@ def _car(m: float, l: float, wdf: float, k: float) -> Vehicle:
 @pytest.mark.parametrize("car", [BAJA, _car(0.0, 0.0, 0.01, 0.05), _car(0.02, 0.01, 0.0, 0.0)])
 def test_predicted_deviations_are_those_of_the_estimators_coordinates(car: Vehicle) -> None:
     """The same precision in the sampled coordinates, mapped back by the estimator."""
-    J, passes = _information(3), 4
+    passes = 4
+    root = np.random.default_rng(3).normal(size=(6, 9))
+    J: Array = 1e4 * root @ root.T
     drive = simulate(car, road("bump", np.random.default_rng(0)))
     parameters = space(car, (prepare(drive.recording, car, car_model("half", car)),))
     d = parameters.car_dimension
@@ -74,29 +101,30 @@ def test_predicted_deviations_are_those_of_the_estimators_coordinates(car: Vehic
                 slope[row, k] -= change["m"] + (2.0 * change["l"] if name == "i" else 0.0)
     precision: Array = np.eye(d) + passes * slope.T @ J @ slope
     covariance: Array = np.linalg.inv(precision).astype(np.float64)
-    found = predicted_sd(J, passes, prior_sd(car))
-    for k, name in enumerate(PARAMETERS[:3]):
+    found = predicted_sd(_of_ratios(J), passes, _prior(car))
+    for name in PARAMETERS[:3]:
         sd = parameters.log_deviation(covariance, name)
-        assert found[k] == pytest.approx(math.sqrt(math.expm1(sd**2)), rel=1e-5)
+        assert found[name] == pytest.approx(math.sqrt(math.expm1(sd**2)), rel=1e-5)
 
 
 def test_without_data_the_deviations_are_those_of_the_prior() -> None:
-    found = predicted_sd(np.zeros((6, 6)), 1, prior_sd(BAJA))
-    assert found[0] == pytest.approx(math.sqrt(math.expm1(math.log(3.0) ** 2)))
-    assert found[2] == pytest.approx(math.sqrt(math.expm1(math.log(2.0) ** 2)))
-    own, m = math.log(2.0), prior_sd(BAJA).log_sd["m"]
-    assert found[3] == pytest.approx(math.sqrt(math.expm1(0.25 * (own**2 + m**2))))
+    found = predicted_sd(np.zeros((8, 8)), 1, _prior(BAJA))
+    assert found["c_f"] == pytest.approx(math.sqrt(math.expm1(math.log(3.0) ** 2)))
+    assert found["i"] == pytest.approx(math.sqrt(math.expm1(math.log(2.0) ** 2)))
+    own, m = math.log(2.0), _prior(BAJA).sd("m")
+    assert found["k_g"] == pytest.approx(math.sqrt(math.expm1(0.25 * (own**2 + m**2))))
 
 
 def test_infinitely_many_passes_leave_mass_and_wheelbase() -> None:
     """Closed form where springs are wide: c as m, i as m l², k_g as l."""
     wide = {"c_f": 1.1, "c_r": 1.1, "i": 0.7, "k_f": 9.0, "k_r": 9.0, "wdf": 0.01}
-    prior = PriorSd({**wide, "m": 0.02, "l": 0.01})
+    prior = _prior(BAJA).replaced({**wide, "m": 0.02, "l": 0.01})
     found = sd_floors(prior)
-    wanted = [0.02, 0.02, math.hypot(0.02, 0.02), 0.01]
+    wanted = {"c_f": 0.02, "c_r": 0.02, "i": math.hypot(0.02, 0.02), "k_g": 0.01}
     assert found == pytest.approx(wanted, rel=2e-3)
     assert predicted_sd(_information(1), 1e7, prior) == pytest.approx(found, rel=1e-3)
-    assert sd_floors(prior.with_exact_given()) == pytest.approx(np.zeros(4), abs=1e-12)
+    exact = sd_floors(prior.with_exact_given())
+    assert exact == pytest.approx(dict.fromkeys(PARAMETERS, 0.0), abs=1e-12)
 
 
 @given(
@@ -107,25 +135,26 @@ def test_infinitely_many_passes_leave_mass_and_wheelbase() -> None:
 def test_more_passes_and_better_given_values_reduce_deviations(
     seed: int, strength: float, sds: list[float]
 ) -> None:
-    J, prior = _information(seed, strength), prior_sd(_car(*sds))
+    J, prior = _information(seed, strength), _prior(_car(*sds))
     one, many = predicted_sd(J, 1, prior), predicted_sd(J, 7, prior)
-    assert np.all(many <= one * (1.0 + 1e-9))
-    assert np.all(sd_floors(prior) <= many * (1.0 + 1e-6) + 1e-12)
-    for name in GIVEN:
-        better = predicted_sd(J, 7, prior.replaced(**{name: 0.5 * prior.log_sd[name]}))
-        assert np.all(better <= many * (1.0 + 1e-9))
+    floor = sd_floors(prior)
+    assert all(many[name] <= one[name] * (1.0 + 1e-9) for name in PARAMETERS)
+    assert all(floor[name] <= many[name] * (1.0 + 1e-6) + 1e-12 for name in PARAMETERS)
+    for given_value in GIVEN:
+        better = predicted_sd(J, 7, prior.replaced({given_value: 0.5 * prior.sd(given_value)}))
+        assert all(better[name] <= many[name] * (1.0 + 1e-9) for name in PARAMETERS)
 
 
 @given(seed=st.integers(0, 10_000), want=st.floats(0.002, 0.5))
 @DRAWN
 def test_the_required_passes_are_the_smallest_number(seed: int, want: float) -> None:
-    J, prior = _information(seed, 100.0), prior_sd(BAJA)
-    for k, n in enumerate(required_passes(J, prior, np.full(4, want))):
+    J, prior = _information(seed, 100.0), _prior(BAJA)
+    for name, n in required_passes(J, prior, dict.fromkeys(PARAMETERS, want)).items():
         if n is None:
-            assert predicted_sd(J, 1000, prior)[k] > want
+            assert predicted_sd(J, 1000, prior)[name] > want
         else:
-            assert predicted_sd(J, n, prior)[k] <= want
-            assert n == 1 or predicted_sd(J, n - 1, prior)[k] > want
+            assert predicted_sd(J, n, prior)[name] <= want
+            assert n == 1 or predicted_sd(J, n - 1, prior)[name] > want
 
 
 @given(
@@ -136,7 +165,7 @@ def test_the_required_passes_are_the_smallest_number(seed: int, want: float) -> 
 def test_the_required_accuracy_of_given_values_is_sufficient_and_necessary(
     seed: int, parameter: str, want: float, sds: list[float]
 ) -> None:
-    J, prior, index = _information(seed, 3e4), prior_sd(_car(*sds)), PARAMETERS.index(parameter)
+    J, prior, index = _information(seed, 3e4), _prior(_car(*sds)), parameter
     limiting = limiting_values(J, 5, prior, parameter, want)
     if limiting is None:
         assert predicted_sd(J, 5, prior)[index] <= want
@@ -145,27 +174,27 @@ def test_the_required_accuracy_of_given_values_is_sufficient_and_necessary(
         assert predicted_sd(J, 5, prior.with_exact_given())[index] > want
         return
     # one given value improves alone, or all improve by the same factor
-    factor = max(sd / prior.log_sd[name] for name, sd in limiting.required_sd.items())
+    factor = max(sd / prior.sd(name) for name, sd in limiting.required_sd.items())
     assert factor < 1.0
     if len(limiting.required_sd) == 1:
-        improved = prior.replaced(**limiting.required_sd)
+        improved = prior.replaced(limiting.required_sd)
         slightly_worse = prior.replaced(
-            **{name: 1.01 * sd for name, sd in limiting.required_sd.items()}
+            {name: 1.01 * sd for name, sd in limiting.required_sd.items()}
         )
         if predicted_sd(J, 5, improved)[index] <= want * (1.0 + 1e-6):
             assert predicted_sd(J, 5, slightly_worse)[index] > want * (1.0 - 1e-3)
             return
-    improved = prior.replaced(**{name: factor * prior.log_sd[name] for name in GIVEN})
+    improved = prior.replaced({name: factor * prior.sd(name) for name in GIVEN})
     assert predicted_sd(J, 5, improved)[index] <= want * (1.0 + 1e-6)
 
 
 def test_a_mass_known_to_one_per_cent_limits_the_rates() -> None:
-    limiting = limiting_values(_information(2, 1e7), 10, prior_sd(BAJA), "c_f", 0.005)
+    limiting = limiting_values(_information(2, 1e7), 10, _prior(BAJA), "c_f", 0.005)
     assert limiting is not None
     assert list(limiting.required_sd) == ["m"]
     assert limiting.required_sd["m"] == pytest.approx(0.005, rel=0.02)
-    assert limiting_values(_information(2, 1e7), 10, prior_sd(BAJA), "c_f", 0.02) is None
-    weak = limiting_values(_information(2, 1.0), 1, prior_sd(BAJA), "c_f", 0.005)
+    assert limiting_values(_information(2, 1e7), 10, _prior(BAJA), "c_f", 0.02) is None
+    weak = limiting_values(_information(2, 1.0), 1, _prior(BAJA), "c_f", 0.005)
     assert weak is not None
     assert weak.required_sd == {}
 
@@ -178,7 +207,10 @@ def test_strongly_correlated_parameters_are_found() -> None:
         slope[IDENTIFIABLE.index("k_f"), :4] = 0.0
         slope[IDENTIFIABLE.index("k_f"), IDENTIFIABLE.index("c_f")] = 100.0 * math.cos(angle)
         slope[IDENTIFIABLE.index("k_f"), IDENTIFIABLE.index("k_f")] = 100.0 * math.sin(angle)
-        found = correlated_pairs(slope @ slope.T)
+        information = np.zeros((8, 8))
+        at = [NAMES.index(name) for name in IDENTIFIABLE]
+        information[np.ix_(at, at)] = slope @ slope.T
+        found = correlated_pairs(information, _prior(BAJA))
         assert bool(found) == correlated
         if correlated:
             assert found[0].names == ("c_f", "k_f")
@@ -187,4 +219,4 @@ def test_strongly_correlated_parameters_are_found() -> None:
 
 
 def test_an_uninformative_drive_has_no_correlated_pairs() -> None:
-    assert correlated_pairs(np.zeros((6, 6))) == []
+    assert correlated_pairs(np.zeros((8, 8)), _prior(BAJA)) == []

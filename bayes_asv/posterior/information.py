@@ -1,0 +1,243 @@
+"""Fisher information of recordings about a car, and the deviations that it promises.
+
+The unknowns of a car are the independent terms of its prior: a common factor on each parameter, and
+one on the difference of the springs of an axle's two sides (:class:`CarParameter`).  For normalised
+innovations ν with unit covariance, the information about the logarithms t of the unknowns, which
+change their mean, is J = Σ (∂ν/∂t)(∂ν/∂t)ᵀ, the expected negative Hessian of the log-likelihood.
+The noise levels are held at their declared or estimated values.  Compared with the curvature of the
+full posterior with free noise levels, J errs by 2 % on average and by 4 to 9 % in a single
+recording (``benchmarks/plan.py``).
+
+With the prior deviations σ the posterior precision after n passes is diag(1/σ²) + n J.  Directions
+on which the state-space model does not depend, such as a heavier car with every rate in proportion,
+have no information whatever the recording; J is projected onto the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters import kalman
+from bayes_asv.models.car_model import CarModel, Output, state_space
+from bayes_asv.posterior.parameters import identified_directions, space
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = [
+    "UNMEASURED", "WIDE_PRIOR", "Unknowns", "fisher_information", "least_sd", "predicted_sd",
+    "unknowns", "unmeasured",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+UNMEASURED = 0.7
+"""Posterior over prior standard deviation beyond which a parameter was not measured: the data then
+add less to what is known of it than the prior says, 1/0.7² = 2.04."""
+WIDE_PRIOR = 0.3
+"""Standard deviation of a logarithm; a narrower prior was given by the user and is an answer."""
+
+_STEP = 0.01  # of a logarithm, for central differences
+# Share of the noise that passes the sensor's filter; exactly one has no probit.
+_FILTERED_SHARE = 0.98
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Independent unknowns of a car, and what its outputs can tell of them.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    names : tuple of str
+        Names (nT,) of the unknowns; those of a parameter with an unknown of its own are the same.
+    log_sd : (nT,) array
+        Prior standard deviations of their logarithms; of a fraction relative to its value.
+    parameters : dict of str to (nT,) array
+        Derivatives of the logarithm of every parameter by those of the unknowns.
+    identified : (nT, r) array
+        Orthonormal directions on which the state-space model depends.
+    """
+
+    car: CarModel
+    names: tuple[str, ...]
+    log_sd: Array
+    parameters: Mapping[str, Array]
+    identified: Array
+
+    @property
+    def answers(self) -> dict[str, Array]:
+        """Derivatives (nT,) of the logarithms of what is asked for, by those of the unknowns."""
+        out = {name: self.parameters[name] for name in self.car.estimated}
+        for name, powers in self.car.ratios.items():
+            out[name] = sum(
+                (power * self.parameters[p] for p, power in powers.items()),
+                np.zeros(len(self.names)),
+            )
+        return out
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of the unknowns of given values."""
+        return tuple(name for name in self.names if name not in self.car.estimated)
+
+    def sd(self, name: str) -> float:
+        """Prior standard deviation of the logarithm of an unknown or a parameter."""
+        if name in self.parameters:
+            return float(np.linalg.norm(self.parameters[name] * self.log_sd))
+        return float(self.log_sd[self.names.index(name)])
+
+    def replaced(self, log_sd: Mapping[str, float]) -> Unknowns:
+        """Return a copy with some prior standard deviations replaced."""
+        own = dict(zip(self.names, self.log_sd.tolist(), strict=True))
+        return replace(self, log_sd=np.array([{**own, **log_sd}[name] for name in self.names]))
+
+    def with_exact_given(self) -> Unknowns:
+        """Return a copy with all given values exact."""
+        return self.replaced(dict.fromkeys(self.given, 0.0))
+
+
+def unknowns(car: CarModel, outputs: Sequence[Output]) -> Unknowns:
+    """Set up the unknowns of a car of which some outputs are measured.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    outputs : sequence of Output
+        Measured outputs.
+    """
+    varying = [p for p in car.parameters if p.terms and p.nominal != 0.0]
+    sds = {
+        name: sd / p.nominal if p.kind == "fraction" else sd
+        for p in varying
+        for name, _, sd in p.terms
+    }
+    names = tuple(sds)
+    parameters = {}
+    for p in varying:
+        parameters[p.name] = np.zeros(len(names))
+        for name, coefficient, _ in p.terms:
+            parameters[p.name][names.index(name)] += coefficient
+    fractions = [names.index(p.name) for p in varying if p.kind == "fraction"]
+    logs = [p.name for p in varying if p.kind != "fraction"]
+    root = np.array([parameters[name] for name in logs])
+    directions, _ = identified_directions(car, outputs, tuple(logs), root)
+    own = np.eye(len(names))[:, fractions]
+    return Unknowns(
+        car=car,
+        names=names,
+        log_sd=np.array(list(sds.values())),
+        parameters=parameters,
+        identified=np.hstack([directions, own]),
+    )
+
+
+def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Unknowns) -> Array:
+    """Compute the information of one recording about the logarithms of the unknowns.
+
+    Parameters
+    ----------
+    recording : PreparedRecording
+        One pass.
+    vehicle : Vehicle
+        The car; its values and the noise of its sensors are taken as true.
+    about : Unknowns
+        Of the car of the recording.
+
+    Returns
+    -------
+    (nT, nT) array
+        Positive semi-definite.  The information of independent passes adds up.
+    """
+    parameters = space(vehicle, (recording,))
+    z = np.zeros(parameters.dimension)
+    if "filtered share 0" in parameters.names:
+        z[parameters.names.index("filtered share 0")] = ndtri(_FILTERED_SHARE)
+    noise = parameters.noises(z[None], 0)
+    directions = about.identified
+    slopes = np.empty((recording.kind.size, directions.shape[1]))
+    # Pair by pair: all innovations of a long recording at once would fill the memory.
+    for k, direction in enumerate(directions.T):
+        logs = np.array([_STEP, -_STEP])[:, None] * direction
+        values = {
+            p.name: np.full(2, p.nominal)
+            if p.name not in about.parameters
+            else p.nominal * np.exp(logs @ about.parameters[p.name])
+            for p in about.car.parameters
+        }
+        system = state_space(
+            about.car, values, recording.output_models, None, recording.bias_directions
+        )
+        both = kalman.SensorNoise(*(np.repeat(part, 2, axis=0) for part in noise))
+        above, below = kalman.filter_pass(system, both, recording.measurements).innovations
+        slopes[:, k] = (above - below).ravel() / (2.0 * _STEP)
+    whole = slopes @ directions.T
+    return np.asarray(whole.T @ whole)
+
+
+def predicted_sd(
+    information: Array, passes: float, about: Unknowns, directions: Mapping[str, Array]
+) -> dict[str, float]:
+    """Predict the posterior standard deviations of logarithms.
+
+    Parameters
+    ----------
+    information : (nT, nT) array
+        Of one pass.
+    passes : float
+        Number of passes.
+    about : Unknowns
+        With the prior standard deviations.
+    directions : mapping of str to (nT,) array
+        Derivatives by the unknowns of each quantity's logarithm, such as ``about.answers``.
+
+    Returns
+    -------
+    dict of str to float
+        By quantity.
+    """
+    sd = about.log_sd
+    # in units of the prior deviations, where the prior precision is the unit matrix
+    precision = np.eye(len(sd)) + passes * information * np.outer(sd, sd)
+    slopes = np.array(list(directions.values())) * sd
+    variance = np.sum(slopes * np.linalg.solve(precision, slopes.T).T, axis=1)
+    return dict(zip(directions, np.sqrt(variance).tolist(), strict=True))
+
+
+def least_sd(about: Unknowns, directions: Mapping[str, Array]) -> dict[str, float]:
+    """Compute the standard deviations of logarithms in the limit of infinitely many passes.
+
+    Directions along which the state-space model stays as it is keep their prior.  A mass known to
+    1 % leaves 1 % in every rate; springs known to 5 % add a little information about the mass.
+    """
+    free = about.log_sd > 0.0
+    sd = about.log_sd[free]
+    # in units of the prior deviations: what the model depends on, and the rest
+    rows = about.identified.T[:, free] * sd
+    _, singular, right = np.linalg.svd(rows)
+    rank = int(np.count_nonzero(singular > 1e-9 * singular[0])) if singular.size else 0
+    slopes = np.array([slope[free] * sd for slope in directions.values()])
+    left = np.sqrt(np.sum((slopes @ right[rank:].T) ** 2, axis=1))
+    left[left < 1e-12] = 0.0  # rounding error of an identifiable direction
+    return dict(zip(directions, left.tolist(), strict=True))
+
+
+def unmeasured(prior: Mapping[str, float], posterior: Mapping[str, float]) -> tuple[str, ...]:
+    """Name the parameters of which data say next to nothing, see :data:`UNMEASURED`.
+
+    Parameters
+    ----------
+    prior, posterior : mappings of str to float
+        Standard deviations of the logarithms before and after the data.
+    """
+    return tuple(
+        name
+        for name, before in prior.items()
+        if before > 0.0 and posterior[name] > UNMEASURED * before
+    )
