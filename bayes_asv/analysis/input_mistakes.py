@@ -41,6 +41,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.data_checks import dead_channels, least_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
@@ -61,7 +62,6 @@ _SECONDS = 2.5  # of the most lively stretch: five periods of the slowest mode
 _STEPS, _COARSE_STEPS = 25, 6  # evaluations of the Jacobian at most; the right model needs six
 _REPORTED = 0.05  # probability from which on a mistake is reported
 _PRIOR = 0.1  # probability that an input has one of the mistakes, shared equally by them
-_MEMORY = 0.1  # s over which innovations of a wrong model may hang together: a period of its modes
 _NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
 _REFINED = 3  # hypotheses with a size that are refined, the best ones
 _RUNS = 3  # recordings that are looked at
@@ -222,7 +222,7 @@ def screening_fit(
             sd = math.sqrt(sum((c * sd) ** 2 for _, c, sd in p.terms))
             moved[p.name] = math.log(values[p.name] / p.nominal) / sd if sd > 0.0 else 0.0
     spread = [
-        _long_run_variance(target.innovations(z, run), line.kind == VALUE, line.instants)
+        long_run_variance(target.innovations(z, run), line.kind == VALUE, line.instants)
         for run, line in enumerate(lines)
     ]
     dispersion = max(1.0, *spread)
@@ -236,19 +236,6 @@ def _of_filtered_noise(line: PreparedRecording) -> float:
     poles = line.poles[list(line.outputs)]
     left = np.exp(-poles[poles > 0.0] * step)
     return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
-
-
-def _long_run_variance(innovations: Array, use: NDArray[np.bool_], instants: Array) -> float:
-    """Variance of the mean of normalised innovations times their number, the largest output's."""
-    out = []
-    for y in range(innovations.shape[1]):
-        series = innovations[use[:, y], y]
-        step = float(np.median(np.diff(instants[use[:, y]])))
-        lags = min(max(round(_MEMORY / step), 1), len(series) - 1)
-        weights = 1.0 - np.arange(1, lags + 1) / (lags + 1)  # Newey & West 1987
-        products = [float(series[k:] @ series[:-k]) for k in range(1, lags + 1)]
-        out.append((float(series @ series) + 2.0 * float(weights @ products)) / len(series))
-    return max(out)
 
 
 def _lively(recording: Recording, car: CarModel, vehicle: Vehicle) -> Recording:

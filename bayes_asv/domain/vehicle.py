@@ -17,13 +17,20 @@ from typing import TYPE_CHECKING, Final, Literal, Self
 from bayes_asv.domain.channel_map import ChannelMap
 from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, Channel
 from bayes_asv.domain.channels import channel as known_channel
+from bayes_asv.domain.clocks import DRIFT_SD, OFFSET_SD, Clock, check_clocks
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, read_bytes, write_atomically
 from bayes_asv.domain.vehicle_writer import to_toml
 
 if TYPE_CHECKING:
     from bayes_asv.domain.files import PathLike
-    from bayes_asv.domain.vehicle_file import Measured, RollTable, SensorTable, UnsprungTable
+    from bayes_asv.domain.vehicle_file import (
+        ClockTable,
+        Measured,
+        RollTable,
+        SensorTable,
+        UnsprungTable,
+    )
 
 __all__ = [
     "CHANNELS",
@@ -192,6 +199,8 @@ class Vehicle:
         Channels that the vehicle file describes; others are as their name says.
     channel_map : ChannelMap or None
         Where the channels stand in the files of the car's logger.
+    clocks : tuple of Clock
+        Clocks of channels whose stamps may be off against those of the others.
     unsprung : Unsprung or None
         Wheels and tyres.
     roll : Roll or None
@@ -219,6 +228,7 @@ class Vehicle:
     sensors: Mapping[str, Sensor] = field(default_factory=dict, hash=False)
     channels: tuple[Channel, ...] = ()
     channel_map: ChannelMap | None = None
+    clocks: tuple[Clock, ...] = ()
     unsprung: Unsprung | None = None
     roll: Roll | None = None
     source: str = field(default="", compare=False)
@@ -382,6 +392,7 @@ def read_vehicle(path: PathLike) -> Vehicle:
             if table is not None and getattr(table, "position", None)
         ),
         channel_map=ChannelMap(mapped, source=source) if mapped else None,
+        clocks=_to_clocks(tables.clocks, source),
         unsprung=None if tables.unsprung is None else _to_unsprung(tables.unsprung),
         roll=None if tables.roll is None else _to_roll(tables.roll),
         source=source,
@@ -428,6 +439,28 @@ def _to_given(measured: Measured) -> Given:
 
 def _optional_value(measured: Measured | None) -> float | None:
     return None if measured is None else measured.value
+
+
+def _to_clocks(tables: Mapping[str, ClockTable], source: str) -> tuple[Clock, ...]:
+    clocks = []
+    for name, table in tables.items():
+        offset, drift = table.offset, table.drift
+        given: dict[str, float] = {}
+        if offset is not None:
+            given |= {"offset": offset.value, "offset_sd": _sd_or(offset, OFFSET_SD)}
+        if drift is not None:
+            given |= {"drift": drift.value, "drift_sd": _sd_or(drift, DRIFT_SD)}
+        try:
+            clocks.append(Clock(name, tuple(table.channels), **given))
+        except InputError as exc:
+            where = f"{source}: [clocks.{name}] channels"
+            raise InputError(where, f"{exc.where}: {exc.what}", exc.fix) from None
+    check_clocks(clocks, f"{source}: [clocks]")
+    return tuple(clocks)
+
+
+def _sd_or(measured: Measured, default: float) -> float:
+    return default if measured.sd is None else measured.sd
 
 
 def _to_unsprung(table: UnsprungTable) -> Unsprung:

@@ -19,6 +19,7 @@ from bayes_asv.domain.units import si_factor
 from bayes_asv.domain.vehicle_numbers import (
     Measured,
     RangeSI,
+    clock_error,
     given,
     nominal,
     reading_range,
@@ -27,8 +28,8 @@ from bayes_asv.domain.vehicle_numbers import (
 )
 
 __all__ = [
-    "Measured", "RangeSI", "RollTable", "SensorTable", "UnsprungTable", "VehicleTables",
-    "mapped_channels", "parse_channel_map", "parse_vehicle",
+    "ClockTable", "Measured", "RangeSI", "RollTable", "SensorTable", "UnsprungTable",
+    "VehicleTables", "mapped_channels", "parse_channel_map", "parse_vehicle",
 ]  # fmt: skip
 
 
@@ -96,7 +97,7 @@ class ChannelTable(_Table):
     offset: float = 0.0
     sign: Literal[1, -1] = 1
     scale: float = 1.0
-    curve: list[tuple[float, float]] = []
+    curve: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = []
     motion_ratio: float | MotionRatioTable = 1.0
     delay: Annotated[Measured | None, without_sd("time", "delay")] = None
 
@@ -105,6 +106,14 @@ class PlacedChannelTable(ChannelTable):
     """``[channels.<channel>]`` of a sensor that may sit anywhere on the body."""
 
     position: Annotated[Measured | None, without_sd("deflection", "position")] = None
+
+
+class ClockTable(_Table):
+    """``[clocks.<name>]``: channels with a clock of their own."""
+
+    channels: list[str]
+    offset: Annotated[Measured | None, clock_error("time", "offset")] = None
+    drift: Annotated[Measured | None, clock_error("dimensionless", "drift")] = None
 
 
 class UnsprungTable(_Table):
@@ -170,6 +179,7 @@ class VehicleTables(_Table):
     travel: TravelTable = TravelTable()
     sensors: _Table = _Table()
     channels: _Table = _Table()
+    clocks: dict[str, ClockTable] = {}
     unsprung: UnsprungTable | None = None
     roll: RollTable | None = None
 
@@ -271,7 +281,7 @@ def mapped_channels(tables: _Table, where: str) -> tuple[MappedChannel, ...]:
                     axis=tuple(table.axis),
                     offset=table.offset,
                     scale=table.sign * table.scale,
-                    curve=tuple(table.curve),
+                    curve=tuple((reading, value) for reading, value in table.curve),
                     motion_ratio=_motion_ratio(table.motion_ratio),
                     delay=None if table.delay is None else table.delay.value,
                     position=None if position is None else position.value,
@@ -338,10 +348,13 @@ def _explain(
         return "is not a system of units", 'write units = "US" or units = "SI"'
     if kind.startswith("model"):
         return "is not a table", f"write it as [{'.'.join(map(str, place))}]"
-    return message, "see the examples in data/vehicles"
+    where = "docs/channel-map.md" if place[0] == "channels" else "the examples in data/vehicles"
+    return message, f"see {where}"
 
 
 def _suggest_place(place: tuple[int | str, ...], table: type[BaseModel]) -> str:
+    if place[0] == "clocks" and len(place) > 2:
+        place, table = place[2:], ClockTable
     for part in place[:-1]:
         inner = table.model_fields[str(part)].annotation
         for choice in (inner, *get_args(inner)):  # a table, or an optional one
@@ -360,7 +373,7 @@ def _key_path(place: tuple[int | str, ...]) -> str:
     parts = [str(part) for part in place]
     if len(parts) <= 1:
         return f"[{parts[0]}]" if parts and parts[0] in _TABLES else "".join(parts) or "top level"
-    if parts[0] in ("sensors", "channels") and len(parts) == 2:
+    if parts[0] in ("sensors", "channels", "clocks") and len(parts) == 2:
         return f"[{'.'.join(parts)}]"
     return f"[{'.'.join(parts[:-1])}] {parts[-1]}"
 
@@ -370,5 +383,5 @@ _TABLE_TYPES: Final[tuple[tuple[str, type[BaseModel]], ...]] = (
     ("unsprung", UnsprungTable), ("roll", RollTable),
 )  # fmt: skip
 _TABLES: Final = frozenset(
-    {"known", "nominal", "travel", "sensors", "channels", "unsprung", "roll"}
+    {"known", "nominal", "travel", "sensors", "channels", "clocks", "unsprung", "roll"}
 )

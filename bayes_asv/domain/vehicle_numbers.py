@@ -15,7 +15,10 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest
 from bayes_asv.domain.units import parse_quantity, si_factor, si_unit
 
-__all__ = ["Measured", "RangeSI", "given", "nominal", "reading_range", "unitless", "without_sd"]
+__all__ = [
+    "Measured", "RangeSI", "clock_error", "given", "nominal", "reading_range", "unitless",
+    "without_sd",
+]  # fmt: skip
 
 
 class Measured(NamedTuple):
@@ -46,9 +49,10 @@ _PLAUSIBLE_RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "frequency": (1e-3, 1e7),
     "time": (0.0, 1.0),
 }
-_SIGNED: Final = frozenset({"counts_scale", "delay", "position"})  # may be negative
+_SIGNED: Final = frozenset({"counts_scale", "delay", "offset", "position"})  # may be negative
 _MAX_RELATIVE_SD: Final = 1.0  # a given value with more than this is not informative
 _MAX_RELATIVE_PRIOR_SD: Final = 10.0
+_MAX_DRIFT: Final = 0.1  # beyond it the unit is wrong
 
 
 def _error(what: str, fix: str) -> PydanticCustomError:
@@ -98,6 +102,10 @@ def _text(raw: str, dimension: str) -> tuple[float, float]:
 
 
 def _check_plausible(value: float, dimension: str, name: str) -> None:
+    if name == "drift":
+        if abs(value) > _MAX_DRIFT:
+            raise _error(f"is {1e6 * value:g} ppm, which is not plausible", 'give it in "ppm"')
+        return
     if dimension == "dimensionless":
         if not 0.0 < value < 1.0:
             raise _error(
@@ -188,6 +196,11 @@ def _range(dimension: str, raw: object) -> RangeSI:
 def given(dimension: str, name: str = "") -> Any:
     """Validate a given value; its standard deviation may be zero."""
     return PlainValidator(partial(_quantity, dimension, name, _MAX_RELATIVE_SD, True))
+
+
+def clock_error(dimension: str, name: str) -> Any:
+    """Validate an offset or a drift of a clock; zero with any standard deviation is possible."""
+    return PlainValidator(partial(_quantity, dimension, name, math.inf, True))
 
 
 def nominal(dimension: str) -> Any:

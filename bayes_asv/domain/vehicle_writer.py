@@ -84,6 +84,15 @@ def to_toml(vehicle: Vehicle) -> str:
     for name in sorted({*mapped, *placed}, key=KNOWN_CHANNELS.index):
         position = line("position", placed[name], "length") if name in placed else ""
         lines += ["", *channel_table(name, mapped.get(name), position)]
+    for clock in vehicle.clocks:
+        channels = ", ".join(map(_quoted, clock.channels))
+        lines += [
+            "",
+            f"[clocks.{_quoted(clock.name)}]",
+            f"channels = [{channels}]",
+            f'offset = {{ value = {clock.offset!r}, unit = "s", sd = {clock.offset_sd!r} }}',
+            f"drift = {{ value = {clock.drift!r}, sd = {clock.drift_sd!r} }}",
+        ]
     for name, sensor in vehicle.sensors.items():
         table = []
         dimension = channel(name).dimension

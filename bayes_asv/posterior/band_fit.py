@@ -80,7 +80,7 @@ def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> InBan
     where = space(vehicle, lines, "coloured", frozenset(range(len(lines))))
     for _ in range(_ROUNDS):
         colours = tuple(_colour(target, mode.z, run) for run in range(len(lines)))
-        start = np.zeros(where.dimension)
+        start = where.origin
         start[: where.car_dimension] = mode.z[: where.car_dimension]
         mode, target = _climb(Posterior(where, colours), start)
     slowest = _slowest(lines[0])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from bayes_asv.filters import kalman, kalman_ar
-from bayes_asv.filters.kalman import Laws, Measurements
+from bayes_asv.filters.kalman import MISSING, Laws, Measurements
 from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.missing_band import log_determinant
@@ -97,7 +97,20 @@ class Posterior:
 
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
-        colour, recording = self.colours[run], self.space.timelines[run]
+        recording = self.space.timelines[run]
+        if recording.retimed is None:
+            value = self._log_likelihood(z, run, recording)
+        else:
+            weights = recording.retimed.weights(self.space.clock_errors(z, run))
+            lines = (recording, *recording.retimed.lines)
+            value = np.sum(
+                [w * self._log_likelihood(z, run, one) for w, one in _used(weights, lines)], axis=0
+            )
+        return np.where(np.isfinite(value), value, -np.inf)
+
+    def _log_likelihood(self, z: Array, run: int, recording: PreparedRecording) -> Array:
+        """Log-likelihood (W,) of one run, prepared for certain errors of its clocks."""
+        colour = self.colours[run]
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
         if colour.order > 0:
             value = kalman_ar.log_likelihood(
@@ -108,7 +121,7 @@ class Posterior:
             value += self.given_back(z, run)
         else:
             value = self._with_effects(z, run) + self.given_back(z, run)
-        return np.where(np.isfinite(value), value, -np.inf)
+        return np.asarray(value)
 
     def _with_effects(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run whose car or sensors have effects."""
@@ -175,6 +188,21 @@ class Posterior:
             return self.scored(z, run)[0]
         colour = self.colours[run] if colour is None else colour
         recording = self.space.timelines[run]
+        retimed = recording.retimed
+        if retimed is None:
+            return self._innovations(z, run, recording, colour)
+        weights = retimed.weights(self.space.clock_errors(z[None], run))
+        out = np.zeros(recording.reading.shape)
+        for weight, one in _used(weights, (recording, *retimed.lines)):
+            nu = self._innovations(z, run, one, colour)
+            for y in range(nu.shape[1]):  # the same readings, at other instants
+                out[recording.kind[:, y] != MISSING, y] += weight * nu[one.kind[:, y] != MISSING, y]
+        return out
+
+    def _innovations(
+        self, z: Array, run: int, recording: PreparedRecording, colour: ResidualAR
+    ) -> Array:
+        """Normalised innovations (E, ny) of one run, prepared for certain errors of its clocks."""
         system, noise = self.space.state_space(z[None], run), self.space.noises(z[None], run)
         if colour.order == 0:
             passed = kalman.filter_pass(system, noise, recording.measurements)
@@ -222,6 +250,13 @@ class Posterior:
         if not self.patterns:
             return NominalReadings(line.moments, line.reading, np.zeros((0, 0)))
         return self.patterns[run].corrected(line, self.space.effects(z), self.space.zeros(z, run))
+
+
+def _used(
+    weights: Array, lines: Sequence[PreparedRecording]
+) -> Iterator[tuple[Array, PreparedRecording]]:
+    """Pair recordings with their weights (W,), but those that have none."""
+    return ((w, line) for w, line in zip(weights.T, lines, strict=True) if np.any(w))
 
 
 @contextmanager

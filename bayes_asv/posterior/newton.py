@@ -72,7 +72,7 @@ def find_mode(target: Posterior, start: Array | None = None) -> Mode:
     if start is None:
         start, sd = _least_squares(target)
     else:
-        sd = np.full(len(start), 0.05)
+        sd = target.space.scales(0.05)
     return _newton(target, start, sd)
 
 
@@ -91,13 +91,13 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
     ]
 
     def residual(car: Array) -> Array:
-        z = np.zeros(space.dimension)
+        z = space.origin
         z[:n] = car
         parts = [target.innovations(z, run).ravel() for run in runs]
         every = np.concatenate([*parts, car])
         return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
 
-    best, best_value, best_sd = space.from_logs({}), -np.inf, np.ones(space.dimension)
+    best, best_value, best_sd = space.from_logs({}), -np.inf, space.scales(1.0)
     dampers = {element.damping for element in space.car.elements}
     for of_dampers, of_inertias in _STARTS:
         start = space.from_logs(
@@ -111,7 +111,7 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         fit = least_squares(
             residual, start[:n], bounds=(-7.0, 7.0), xtol=1e-7, ftol=1e-8, max_nfev=40
         )
-        z = np.zeros(space.dimension)
+        z = space.origin
         z[:n] = fit.x
         largest = 0.0
         for k, run, y in levels:  # noise as large as what was left over
@@ -123,7 +123,7 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         if value > best_value:
             best, best_value = z, value
             curvature = np.sum(np.asarray(fit.jac) ** 2, axis=0)
-            best_sd = np.full(space.dimension, 0.3)
+            best_sd = space.scales(0.3)
             best_sd[:n] = 1.0 / np.sqrt(np.maximum(curvature, 1.0))
         if levels and largest < _NOTHING_LEFT:
             break  # no start can end lower than at the noise

@@ -1,7 +1,7 @@
 """Parameters of the posterior: blocks of coordinates that are standard normal a priori.
 
-Four blocks follow each other: the car (with its given values), gains of sensors, effects, and what
-belongs to single runs (noise levels, filtered shares, input biases).
+Five blocks follow each other: the car (with its given values), gains of sensors, effects, errors of
+clocks, and what belongs to single runs (noise levels, filtered shares, input biases).
 
 Every positive quantity of the car has a log-normal prior.  Accelerations depend on ratios such as
 c/m, k/m and i/(m l²) alone: mass and wheelbase scale the answer and cannot be identified.  So the
@@ -31,7 +31,7 @@ from bayes_asv.models.effects import Parameter, Scale, Site
 from bayes_asv.models.priors import NOISE_GIVEN_SD, NOISE_UNKNOWN_SD, WORST
 from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
 from bayes_asv.preprocessing.noise_level import noise_level
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.timeline import ClockError, PreparedRecording
 
 __all__ = [
     "CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "identified_directions", "space",
@@ -49,7 +49,9 @@ _SHARE_HELD = 0.5  # filtered share of the noise where an autoregression takes o
 _STEP = 1e-4  # of a logarithm
 _IDENTIFIED = 1e-5  # of the largest singular value; differences are good to 1e-8
 
-Kind = Literal["car", "fraction", "gain", "effect", "noise", "filtered_share", "input_bias"]
+Kind = Literal[
+    "car", "fraction", "gain", "effect", "clock", "noise", "filtered_share", "input_bias"
+]
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Coordinate:
         A quantity other than a direction of the car is ``centre + scale z`` (a logarithm for noise
         and gains, a probit for the filtered share).
     channel : str
-        Channel of a gain or a noise level, or element of an input bias.
+        Channel of a gain or a noise level, element of an input bias, or name of a clock.
     run : int or None
         The only run that depends on it; None for all.
     site : Site or None
@@ -242,6 +244,46 @@ class ParameterSpace:
         """Number of coordinates."""
         return len(self.coordinates)
 
+    @property
+    def origin(self) -> Array:
+        """Coordinates (D,) of the prior's centre, clocks as the recordings were prepared."""
+        z = np.zeros(self.dimension)
+        for k, one, error in self._clocks():
+            z[k] = (error - one.centre) / one.scale
+        return z
+
+    def scales(self, usual: float) -> Array:
+        """Return steps (D,) that a search begins with: for clocks those of the recordings."""
+        out = np.full(self.dimension, usual)
+        for run, recording in enumerate(self.timelines):
+            if recording.retimed is not None:
+                for k, step in zip(
+                    self.clock_coordinates(run), recording.retimed.step, strict=True
+                ):
+                    out[k] = step / self.coordinates[k].scale
+        return out
+
+    def _clocks(self) -> Iterator[tuple[int, Coordinate, float]]:
+        """Coordinates of clocks, and the errors with which their recordings were prepared."""
+        for run, recording in enumerate(self.timelines):
+            if recording.retimed is not None:
+                for k, error in zip(
+                    self.clock_coordinates(run), recording.retimed.middle, strict=True
+                ):
+                    yield k, self.coordinates[k], float(error)
+
+    def clock_coordinates(self, run: int) -> list[int]:
+        """Coordinates of the errors of a run's clocks."""
+        retimed = self.timelines[run].retimed
+        return [] if retimed is None else [self.index[_clock_name(e, run)] for e in retimed.errors]
+
+    def clock_errors(self, z: Array, run: int) -> Array:
+        """Errors (W, K) of a run's clocks at coordinates (W, D)."""
+        picked = self.clock_coordinates(run)
+        centre = np.array([self.coordinates[k].centre for k in picked])
+        scale = np.array([self.coordinates[k].scale for k in picked])
+        return np.asarray(centre + z[:, picked] * scale)
+
     @cached_property
     def car_dimension(self) -> int:
         """Number of coordinates of the car, which come first."""
@@ -404,7 +446,7 @@ class ParameterSpace:
         return out
 
     def nuisance(self, z: Array) -> dict[str, Array]:
-        """Noise levels (SI units), gains and filtered shares by name, each (W,)."""
+        """Noise levels, gains, filtered shares and clocks by name, each (W,), SI units."""
         out = {}
         for k, one in enumerate(self.coordinates):
             if one.kind == "noise":
@@ -413,6 +455,8 @@ class ParameterSpace:
                 out[one.name] = np.exp(one.centre + one.scale * z[:, k])
             elif one.kind == "filtered_share":
                 out[one.name] = np.asarray(ndtr(one.centre + one.scale * z[:, k]))
+            elif one.kind == "clock":
+                out[one.name] = np.asarray(one.centre + one.scale * z[:, k])
         return out
 
     def log_prior(self, z: Array) -> Array:
@@ -468,7 +512,8 @@ class ParameterSpace:
         out = []
         for one in self.coordinates[self.car_dimension :]:
             value = values[one.name]
-            value = ndtri(value) if one.kind == "filtered_share" else np.log(value)
+            if one.kind != "clock":
+                value = ndtri(value) if one.kind == "filtered_share" else np.log(value)
             out.append((value - one.centre) / one.scale)
         return np.stack(out, axis=-1)
 
@@ -497,6 +542,11 @@ class ParameterSpace:
         """Mean and standard deviation of the logarithm of a parameter a priori."""
         k = self.prior.logs.index(name)
         return float(self.prior.log_mean[k]), float(self.prior.log_sd[k])
+
+
+def _clock_name(error: ClockError, run: int) -> str:
+    """Name of the coordinate of a clock's error: the drift of a clock is that of all runs."""
+    return f"clock {error.kind} {error.clock}" + (f" {run}" if error.kind == "offset" else "")
 
 
 def space(
@@ -552,6 +602,16 @@ def space(
             Coordinate("effect", site.coordinate_name(p), site=site, parameter=p, run=site.run)
             for p in site.effect.parameters
         ]
+    clocks = {
+        _clock_name(error, run): Coordinate(
+            "clock", _clock_name(error, run), error.centre, error.sd, error.clock,
+            run if error.kind == "offset" else None,
+        )
+        for run, recording in enumerate(timelines)
+        if recording.retimed is not None
+        for error in recording.retimed.errors
+    }  # fmt: skip
+    coordinates += clocks.values()
     with_travel = [
         element.name
         for element in car.elements

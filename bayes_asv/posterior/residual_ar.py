@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.posterior.likelihood import WHITE, ResidualAR
 
-__all__ = ["find_colour", "portmanteau"]
+__all__ = ["find_colour", "long_run_variance", "portmanteau"]
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ _ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
 # Nats a colour must gain beyond the criterion before it is believed: keeps a white record
 # white in all but a few of a thousand.
 _MARGIN = 5.0
+_MEMORY = 0.1  # s over which innovations of a wrong model may hang together: a period of its modes
 
 
 def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualAR:
@@ -87,6 +88,29 @@ def _criterion(left: Array, p: int) -> float:
     n, ny = left.shape
     _, log_det = np.linalg.slogdet(left.T @ left / n)
     return float(n * log_det + ny**2 * p * math.log(n))
+
+
+def long_run_variance(innovations: Array, use: NDArray[np.bool_], instants: Array) -> float:
+    """Variance of the mean of normalised innovations times their number, the largest output's.
+
+    Parameters
+    ----------
+    innovations : (E, ny) array
+        Normalised innovations of one run.
+    use : (E, ny) array of bool
+        Where there is one.
+    instants : (E,) array
+        When, s.
+    """
+    out = []
+    for y in range(innovations.shape[1]):
+        series = innovations[use[:, y], y]
+        step = float(np.median(np.diff(instants[use[:, y]])))
+        lags = min(max(round(_MEMORY / step), 1), len(series) - 1)
+        weights = 1.0 - np.arange(1, lags + 1) / (lags + 1)  # Newey & West 1987
+        products = [float(series[k:] @ series[:-k]) for k in range(1, lags + 1)]
+        out.append((float(series @ series) + 2.0 * float(weights @ products)) / len(series))
+    return max(out)
 
 
 def portmanteau(series: Array, lags: int, fitted: int = 0) -> float:

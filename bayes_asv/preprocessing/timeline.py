@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,9 @@ from bayes_asv.preprocessing.missing_band import MissingBand
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, equalised, moments, wheel_signal
 
 __all__ = [
-    "FEWEST_READINGS", "MeasurementSchedule", "PreparedRecording", "common_bandwidth", "prepare",
-    "rails", "schedule", "used_channels",
+    "FEWEST_READINGS", "ClockError", "MeasurementSchedule", "PreparedRecording", "Retimed",
+    "changed", "common_bandwidth", "common_readings", "prepare", "rails", "schedule",
+    "used_channels",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -57,6 +58,67 @@ class MeasurementSchedule(NamedTuple):
     extra: Array
     instants: Array
     pairs: NDArray[np.int64]
+
+
+class ClockError(NamedTuple):
+    """An unknown error of a clock, with a normal prior.
+
+    Parameters
+    ----------
+    clock : str
+        Name of the clock.
+    kind : {'offset', 'drift'}
+        An offset (s) belongs to one run, a drift (relative) to all of them.
+    centre, sd : float
+        Of the prior.
+    """
+
+    clock: str
+    kind: Literal["offset", "drift"]
+    centre: float
+    sd: float
+
+
+@dataclass(frozen=True, eq=False)
+class Retimed:
+    """A recording prepared with other errors of its clocks; K errors, M = (K + 1)(K + 2) / 2.
+
+    Whatever depends smoothly on the errors x, such as a log-likelihood, is known nearby from its
+    values at M points: the recording itself has the errors x₀, and the others x₀ ± h_i e_i and
+    x₀ + h_i e_i + h_j e_j.  Through them goes one polynomial of second degree.
+
+    Parameters
+    ----------
+    errors : tuple of K ClockError
+        What is unknown.
+    middle, step : (K,) arrays
+        x₀ and h.
+    lines : tuple of M − 1 PreparedRecording
+        The recording at the other points, in the order of :meth:`points`, with the same readings.
+    """
+
+    errors: tuple[ClockError, ...]
+    middle: Array
+    step: Array
+    lines: tuple[PreparedRecording, ...]
+
+    @staticmethod
+    def points(count: int) -> Array:
+        """Points (M − 1, K) other than the middle, in steps."""
+        unit = np.eye(count)
+        pairs = [unit[i] + unit[j] for i in range(count) for j in range(i)]
+        return np.array([*unit, *-unit, *pairs]).reshape(-1, count)
+
+    def weights(self, errors: Array) -> Array:
+        """Weights (W, M) of the values at the middle and at :meth:`points`, for errors (W, K)."""
+        u = (errors - self.middle) / self.step
+        count = u.shape[1]
+        pairs = [u[:, i] * u[:, j] for i in range(count) for j in range(i)]
+        both = np.stack(pairs, axis=1) if pairs else np.zeros((len(u), 0))
+        others = u * (u.sum(axis=1, keepdims=True) - u)
+        own = [0.5 * (u**2 + u) - others, 0.5 * (u**2 - u), both]
+        middle = 1.0 - np.sum(u**2, axis=1) + both.sum(axis=1)
+        return np.hstack([middle[:, None], *own])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +174,10 @@ class PreparedRecording:
         Part of ``spread`` that is no noise, but distrust of wheels that stand still.
     began : float or None
         When the recording began, s, where a filter took its beginning away.
+    retimed : Retimed or None
+        The same with other errors of its clocks, where those are not known.
+    log : str
+        Hash of the file that it was read from, empty without one; pieces of one log have the same.
     """
 
     car: CarModel
@@ -144,6 +210,8 @@ class PreparedRecording:
     cut: MissingBand | None = None
     doubt: Array | None = None
     began: float | None = None
+    log: str = ""
+    retimed: Retimed | None = None
 
     @property
     def measurements(self) -> Measurements:
@@ -218,6 +286,42 @@ class PreparedRecording:
     def reading_step(self) -> float:
         """Usual time between two groups of output readings, s."""
         return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
+
+
+def changed(
+    line: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
+) -> PreparedRecording:
+    """Change a recording, and with it what it would be with other errors of its clocks."""
+    if line.retimed is None:
+        return change(line)
+    alone = replace(line, retimed=None)
+    first, *others = common_readings([change(one) for one in (alone, *line.retimed.lines)])
+    return replace(first, retimed=replace(line.retimed, lines=tuple(others)))
+
+
+def common_readings(lines: Sequence[PreparedRecording]) -> list[PreparedRecording]:
+    """Leave those readings that one recording has whatever the errors of its clocks.
+
+    At either end a shift moves readings out of the time in which all channels were sampled, and
+    likelihoods of different readings cannot be compared.
+    """
+    rows = [[_rows(line, y) for y in range(len(line.outputs))] for line in lines]
+    out = []
+    for line, own in zip(lines, rows, strict=True):
+        kind = line.kind.copy()
+        for y, mine in enumerate(own):
+            lost = ~np.logical_and.reduce([np.isin(mine, other[y]) for other in rows])
+            kind[np.flatnonzero(line.kind[:, y] != MISSING)[lost], y] = MISSING
+        out.append(replace(line, kind=kind))
+    return out
+
+
+def _rows(line: PreparedRecording, output: int) -> NDArray[np.int64]:
+    """Rows of the recording in which the readings of an output stand."""
+    times = line.times[line.outputs[output]]
+    at = line.instants[line.kind[:, output] != MISSING]
+    after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
+    return np.asarray(after - (at - times[after - 1] < times[after] - at), np.int64)
 
 
 def rails(readings: Array, vehicle: Vehicle, channels: Sequence[Channel]) -> tuple[Flags, Flags]:
@@ -354,6 +458,7 @@ def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRe
         poles=poles,
         bias_directions=directions,
         source=Path(recording.source).name,
+        log=recording.sha256,
         scale_sd=scale_sd,
     )
 
