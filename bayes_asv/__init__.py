@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from bayes_asv.library.diagnoses import Diagnosis, diagnose
     from bayes_asv.library.estimates import Estimate, estimate
     from bayes_asv.library.inputs import Vehicle, example, read_vehicle
-    from bayes_asv.library.logs import Calibration, Inspection, calibrate, inspect_log
+    from bayes_asv.library.logs import calibrate, inspect_log
     from bayes_asv.library.parameter import Parameter
     from bayes_asv.library.plans import Plan, plan
     from bayes_asv.library.recordings import Recording, read_recording, read_recordings
@@ -34,12 +34,10 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Calibration",
     "Comparison",
     "Diagnosis",
     "Estimate",
     "InputError",
-    "Inspection",
     "Parameter",
     "Plan",
     "Recording",
@@ -66,8 +64,6 @@ _MODULES = {
     "compare": "library.comparisons",
     "Diagnosis": "library.diagnoses",
     "diagnose": "library.diagnoses",
-    "Calibration": "library.logs",
-    "Inspection": "library.logs",
     "calibrate": "library.logs",
     "inspect_log": "library.logs",
     "Estimate": "library.estimates",

@@ -6,7 +6,7 @@ import hashlib
 import os
 from typing import TYPE_CHECKING
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import missing_inputs
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import decode, read_bytes
 from bayes_asv.domain.recording import check_rate
@@ -58,7 +58,15 @@ def read_recording(
         check_rate(rate, f"rate for {source}")
     data = read_bytes(path, MAX_FILE_SIZE)
     if channels is not None and not _is_own(data, channels):
-        return channels.recording(read_log(path, channels.rate if rate is None else rate))
+        recording = channels.recording(read_log(path, channels.rate if rate is None else rate))
+        missing = missing_inputs(recording.channels)
+        if missing:
+            raise InputError(
+                channels.source,
+                f"maps no {missing[0]}, without which no car can be estimated",
+                f"add [channels.{missing[0]}]",
+            )
+        return recording
     _check_not_foreign(data, source)
     text = TextFile(decode(data, source), source, hashlib.sha256(data).hexdigest())
     reader = logger.read if logger.is_logger_text(text) else csv.read
@@ -87,11 +95,8 @@ def _check_not_foreign(data: bytes, source: str) -> None:
     from bayes_asv.io.formats import bare, detect
 
     form = detect(data)
-    own = (bare.RECORDING, bare.LOGGER)
-    if form is None or form in own:
-        return
-    if form is bare.FORMAT and any(name.encode() in data[:20_000].lower() for name in CHANNELS):
-        return  # one of ours with a fault, which its reader names
+    if form is None or form in (bare.RECORDING, bare.LOGGER, bare.FORMAT):
+        return  # one of ours, or with a fault that its reader names
     raise InputError(
         source,
         f"is a {form.name}, not a recording with channels of this package",

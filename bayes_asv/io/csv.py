@@ -161,7 +161,11 @@ def _columns(header: Sequence[str], where: str) -> tuple[dict[str, _Column], lis
         columns[name] = _Column(name, match[2], index)
     found = [name for name in columns if name != "time"]
     if not found:
-        raise InputError(where, "is not the header of a recording", f"write: {_HEADER}")
+        raise InputError(
+            where, "is not the header of a recording",
+            f"write: {_HEADER}; or make a channel map: bayes-asv inspect FILE -o channels.toml, "
+            "then --channels channels.toml",
+        )  # fmt: skip
     missing = missing_inputs(found)
     if missing:
         names = {cell.split("[")[0].strip().lower(): cell for cell in ignored}
