@@ -21,18 +21,22 @@ from bayes_asv.analysis.run_consistency import (
     run_alone,
 )
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
+from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
+from bayes_asv.models.effects.clocks import EFFECT as clock_offset
+from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import best_fit, foreseen, lay_out
 from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate"]
+__all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate", "runs_worth_taking"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -120,6 +124,9 @@ class Estimate:
     doubt : Doubt or None
         Why the input is probably wrong or the model does not hold, so that no verdict on a damper
         may rest on this estimate; None where nothing speaks against it.
+    logs : tuple of LogEvents
+        What was found in recordings that are too long to be taken whole, one each; the runs are
+        then the events that were used.
     seconds : float
         Time it took.
     seed : int
@@ -150,6 +157,7 @@ class Estimate:
     below: float | None = None
     effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
     doubt: Doubt | None = None
+    logs: tuple[LogEvents, ...] = ()
 
     @property
     def count(self) -> int:
@@ -220,14 +228,104 @@ def estimate(
     if not recordings:
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
+    runs, logs = runs_worth_taking(recordings, vehicle, below, car)
+    if not logs:
+        return _of_runs(recordings, vehicle, likelihood, below, seed, progress, sites, car)
+    model = car_model(car, vehicle)
+    empty = tuple(_nothing_in(log) for log in logs if not any(event.used for event in log.events))
+    warnings = tuple(text for log in logs for text in log.recording.warnings)
+    if not runs:
+        found = Estimate(
+            "refused", empty, (), vehicle, model, (), likelihood, seed, 0.0, below=below
+        )
+    else:
+        found = _of_runs(runs, vehicle, likelihood, below, seed, progress, sites, car)
+        warnings += empty
+    return replace(
+        found,
+        recordings=tuple(recordings),
+        warnings=(*warnings, *found.warnings),
+        logs=logs,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def runs_worth_taking(
+    recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None, car: str = "half"
+) -> tuple[tuple[Recording, ...], tuple[LogEvents, ...]]:
+    """Take the best events of long recordings, and all others whole.
+
+    Parameters
+    ----------
+    recordings, vehicle, below, car
+        As for :func:`estimate`.
+
+    Returns
+    -------
+    runs : tuple of Recording
+        In order; a long recording is replaced by its events in order of time.
+    logs : tuple of LogEvents
+        What was found in each long recording; empty where none is long.
+    """
+    model = car_model(car, vehicle)
+    long = [is_long(recording, below) for recording in recordings]
+    if not any(long):
+        return tuple(recordings), ()
+    found = [
+        find_events(recording, vehicle, model, below)
+        for recording, cut in zip(recordings, long, strict=True)
+        if cut
+    ]
+    rows = sum(len(one.time) for one, cut in zip(recordings, long, strict=True) if not cut)
+    logs = choose(found, rows, below)
+    of_log = iter(logs)
+    runs: list[Recording] = []
+    for recording, cut in zip(recordings, long, strict=True):
+        events = next(of_log).events if cut else ()
+        runs += [event.recording for event in events if event.used] if cut else [recording]
+    return tuple(runs), logs
+
+
+def _nothing_in(log: LogEvents) -> str:
+    """Say that a log has no event to use, and why."""
+    source = log.recording.source or "the recording"
+    reasons = list(dict.fromkeys(event.reason for event in log.events))
+    if not reasons:
+        return (
+            f"the wheels hardly move anywhere in {source}; drive over bumps, parking stops or a "
+            "rough road"
+        )
+    return (
+        f"none of the {len(log.events)} events of {source} can be used ({', '.join(reasons)}); "
+        "drive slower over lower bumps"
+    )
+
+
+def _of_runs(
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    likelihood: str,
+    below: float | None,
+    seed: int,
+    progress: Progress | None,
+    sites: tuple[Site, ...],
+    car: str,
+) -> Estimate:
+    """Estimate from recordings that are taken whole."""
+    began = time.perf_counter()
     tell = progress or (lambda share, words: None)
     model = car_model(car, vehicle)
+    clocks, sites = _clocks(recordings, vehicle, sites)
     lines, reasons, warnings = lay_out(recordings, vehicle, below, car)
-    found, agreement = None, None
+    found, agreement, timed = None, None, None
     untold: tuple[str, ...] = ()
     if not reasons:
         tell(0.0, "checking what the recordings can tell")
         untold = foreseen(lines, vehicle)
+        if clocks:
+            tell(0.0, "comparing the clocks")
+            timed = synchronised(recordings, vehicle, clocks, below, car, likelihood)
+            lines = timed.lines
         tell(0.0, "looking for the best fit")
         with ThreadPoolExecutor(1) as other:
             # emcee takes a second to load, most of it while compiled code climbs to the mode
@@ -243,7 +341,11 @@ def estimate(
             if agreement is not None and agreement.apart:
                 reasons, warnings = agreement.reasons, warnings + agreement.warnings
             else:
-                found = best_fit(lines, vehicle, likelihood, sites)
+                found = (
+                    best_fit(lines, vehicle, likelihood, sites)
+                    if timed is None
+                    else fitted(timed, sites)
+                )
                 reasons, warnings = found.reasons, warnings + found.warnings
                 # At the mode the same is known better than at nominal values.
                 untold = () if found.mode.converged else untold
@@ -252,7 +354,11 @@ def estimate(
     doubt = None
     if below is None and not sites:
         tell(0.05, "checking the input")
-        doubt = doubt_about(recordings, vehicle, car, refused=bool(reasons))
+        at_mode = recordings if timed is None else timed.recordings
+        doubt = doubt_about(at_mode, vehicle, car, refused=bool(reasons))
+    if timed is not None and timed.ambiguity is not None:
+        warnings += (timed.ambiguity,)
+        doubt = doubt or Doubt((), timed.ambiguity)
     if agreement is not None and found is None and not reasons:
         tell(0.9, "the runs do not agree")
         told = _apart(agreement, recordings, vehicle, warnings, seed)
@@ -290,7 +396,9 @@ def estimate(
     runs = tuple(
         _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
     )
-    width = find_width(target, found.mode, vehicle) if ensembles.converged and not sites else None
+    exact = timed is None or not any(timed.modes)
+    budget = ensembles.converged and exact and not sites
+    width = find_width(target, found.mode, vehicle) if budget else None
     tell(1.0, "done")
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
@@ -320,6 +428,16 @@ def estimate(
             for site, values in where.effect_draws(flat).items()
         },
     )
+
+
+def _clocks(
+    recordings: Sequence[Recording], vehicle: Vehicle, sites: tuple[Site, ...]
+) -> tuple[tuple[Clock, ...], tuple[Site, ...]]:
+    """Clocks that are declared or asked for as an effect, and the other effects."""
+    asked = [site.where for site in sites if site.effect is clock_offset]
+    clocks = (*declared_clocks(recordings, vehicle), *map(clock_of_group, asked))
+    check_clocks(clocks, "--with clock_offset")
+    return clocks, tuple(site for site in sites if site.effect is not clock_offset)
 
 
 def _apart(

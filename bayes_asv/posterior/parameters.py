@@ -213,6 +213,9 @@ class ParameterSpace:
         What the effects' priors are given in.
     near : bool
         Noise levels stay near their prior's centre.
+    sensors : tuple of int
+        Run that has the coordinates of the noise of each run's sensors: the first of the pieces of
+        one log, whose sensors are the same; by default each run its own.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -223,6 +226,7 @@ class ParameterSpace:
     sites: tuple[Site, ...] = ()
     sizes: Scale = field(default_factory=lambda: Scale(1.0, 1.0))
     near: bool = False
+    sensors: tuple[int, ...] = ()
 
     @property
     def car(self) -> CarModel:
@@ -403,7 +407,7 @@ class ParameterSpace:
         share = self._share(z, run)
         for column, c in enumerate(order):
             channel = recording.channels[c].name
-            k = self.index.get(f"noise {channel} {run}")
+            k = self.index.get(f"noise {channel} {self._sensors_of(run)}")
             if k is not None:
                 variance = np.exp(2.0 * self._level(z, k))
             elif self.held[run][c] > 0.0:
@@ -427,9 +431,13 @@ class ParameterSpace:
         cap = _NEAR_CAP if one.scale < NOISE_GIVEN_SD else _UNKNOWN_CAP
         return np.asarray(one.centre + cap * np.tanh(one.scale * z[:, k] / cap))
 
+    def _sensors_of(self, run: int) -> int:
+        """Return the run that has the coordinates of the noise of a run's sensors."""
+        return self.sensors[run] if self.sensors else run
+
     def _share(self, z: Array, run: int) -> Array:
         """Share (W,) of the noise that passed the sensor's filter."""
-        k = self.index.get(f"filtered share {run}")
+        k = self.index.get(f"filtered share {self._sensors_of(run)}")
         if k is not None:
             one = self.coordinates[k]
             return np.asarray(ndtr(one.centre + one.scale * z[:, k]))
@@ -447,17 +455,23 @@ class ParameterSpace:
 
     def nuisance(self, z: Array) -> dict[str, Array]:
         """Noise levels, gains, filtered shares and clocks by name, each (W,), SI units."""
-        out = {}
+        out: dict[str, Array] = {}
         for k, one in enumerate(self.coordinates):
             if one.kind == "noise":
-                out[one.name] = np.exp(self._level(z, k))
+                level = np.exp(self._level(z, k))
+                out |= {f"noise {one.channel} {run}": level for run in self._with_sensors(one.run)}
             elif one.kind == "gain":
                 out[one.name] = np.exp(one.centre + one.scale * z[:, k])
             elif one.kind == "filtered_share":
-                out[one.name] = np.asarray(ndtr(one.centre + one.scale * z[:, k]))
+                share = np.asarray(ndtr(one.centre + one.scale * z[:, k]))
+                out |= {f"filtered share {run}": share for run in self._with_sensors(one.run)}
             elif one.kind == "clock":
                 out[one.name] = np.asarray(one.centre + one.scale * z[:, k])
         return out
+
+    def _with_sensors(self, owner: int | None) -> list[int]:
+        """Return the runs whose sensors' noise is that of a run."""
+        return [run for run in range(len(self.timelines)) if self._sensors_of(run) == owner]
 
     def log_prior(self, z: Array) -> Array:
         """Log density (W,) of the prior; −inf where no car can be."""
@@ -471,8 +485,14 @@ class ParameterSpace:
 
     def seen_by(self, run: int) -> NDArray[np.int64]:
         """Coordinates that one run's likelihood depends on."""
+        own = {True: (None, self._sensors_of(run)), False: (None, run)}
         return np.array(
-            [k for k, one in enumerate(self.coordinates) if one.run in (None, run)], np.int64
+            [
+                k
+                for k, one in enumerate(self.coordinates)
+                if one.run in own[one.kind in ("noise", "filtered_share")]
+            ],
+            np.int64,
         )
 
     def from_logs(self, shift: dict[str, float]) -> Array:
@@ -618,14 +638,16 @@ def space(
         if any(site.effect.travel and element.carries(site.where) for site in sites)
     ]
     held = []
+    sensors = _sensors(timelines, hold)
     for run, recording in enumerate(timelines):
         levels = np.zeros(len(recording.channels))
+        own = run not in hold and sensors[run] == run
         for c, channel in enumerate(recording.channels):
             if likelihood != "innovations" and channel.is_input:
                 continue
             noise = recording.noise[c]
             levels[c] = noise_level(recording, c) if noise is None else noise
-            if run not in hold:
+            if own:
                 sd = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
                 if near and noise is not None:
                     sd = _NEAR_SD
@@ -641,7 +663,7 @@ def space(
                 )
         held.append(levels)
         filtered = likelihood == "innovations" and bool(np.any(recording.poles > 0.0))
-        if filtered and run not in hold:
+        if filtered and own:
             width = _NEAR_SHARE if near else 1.0
             coordinates.append(
                 Coordinate("filtered_share", f"filtered share {run}", 0.0, width, run=run)
@@ -661,4 +683,14 @@ def space(
         sites=sites,
         sizes=_sizes(car),
         near=near,
+        sensors=sensors,
+    )
+
+
+def _sensors(timelines: tuple[PreparedRecording, ...], hold: frozenset[int]) -> tuple[int, ...]:
+    """Find the first run of each run's log, among those whose noise levels are not held."""
+    first: dict[str, int] = {}
+    return tuple(
+        run if run in hold or not one.log else first.setdefault(one.log, run)
+        for run, one in enumerate(timelines)
     )

@@ -19,7 +19,7 @@ from bayes_asv.preprocessing.timeline import (
     used_channels,
 )  # fmt: skip
 
-__all__ = ["DOUBTFUL", "clipping_limit", "dead_channels", "least_rate", "preflight"]
+__all__ = ["DOUBTFUL", "SHAKEN", "clipping_limit", "dead_channels", "least_rate", "preflight"]
 
 _PERIODS = 1.0  # of the slowest mode that a record must last
 _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
@@ -28,7 +28,8 @@ _FEWEST = 100  # rows
 DOUBTFUL = 0.3
 """Share left over (rms) beyond which the intervals are too good to be true."""
 _RATTLED = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
-_SHAKEN = 5.0  # wheel rms in units of its noise, below which nothing was driven over
+SHAKEN = 5.0
+"""Wheel rms in units of its noise, below which nothing was driven over."""
 
 
 def clipping_limit(samples: int) -> int:
@@ -150,7 +151,7 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
         signal = line.values[c][np.isfinite(line.values[c])]
         shaken = float(np.std(signal))
         floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
-        if shaken < _SHAKEN * floor or shaken < 0.05:
+        if shaken < SHAKEN * floor or shaken < 0.05:
             reasons.append(
                 f"the {name} hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
                 "over a bump, a parking stop or a rough road"
@@ -218,7 +219,7 @@ def _alike(line: PreparedRecording, left: int) -> bool:
         )
         for c in (one, other)
     ]
-    return rms < _SHAKEN * float(np.hypot(*noise))
+    return rms < SHAKEN * float(np.hypot(*noise))
 
 
 def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:
