@@ -17,7 +17,7 @@ from bayes_asv.acquire.blocks import Block
 from bayes_asv.acquire.frames import Address
 from bayes_asv.acquire.merge import merge_blocks
 from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.recording import COUNTS, Recording, accelerations
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
@@ -29,7 +29,6 @@ from bayes_asv.tracking.tracker import Tracker, tracker_for
 __all__ = ["TransferTracker"]
 
 _MESSAGE_ROWS: Final = 200  # rows between messages
-_Z95: Final = 1.96
 _MAX_LOG_SD: Final = 0.5  # standard deviation of a logarithm beyond which no number is given
 
 
@@ -125,7 +124,7 @@ class TransferTracker:
                 texts.append(f"{label} not known yet")
                 continue
             value = from_si(median, unit, dimension)
-            ends = (value * np.exp(sign * _Z95 * log_sd) for sign in (-1.0, 1.0))
+            ends = (value * np.exp(sign * NORMAL_975 * log_sd) for sign in (-1.0, 1.0))
             low, high = (number(float(x), value * log_sd) for x in ends)
             shown = number(value, value * log_sd)
             texts.append(f"{label} {shown} {unit} (95 %: {low} to {high})")

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.units import si_factor
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel
 
@@ -33,8 +34,8 @@ _OFTEN = 4.0  # how much likelier than others the two mistakes are that most peo
 _PRIOR = 0.1  # probability that nominal damping has one of the mistakes
 _UNITS = (  # the larger unit over the smaller one
     (12.0, "lbf·s/in", "lbf·s/ft"),
-    (175.127, "lbf·s/in", "N·s/m"),
-    (14.5939, "lbf·s/ft", "N·s/m"),
+    (si_factor("lbf*s/in", "damping"), "lbf·s/in", "N·s/m"),
+    (si_factor("lbf*s/ft", "damping"), "lbf·s/ft", "N·s/m"),
 )
 _MOTION_RATIOS = np.linspace(0.35, 0.9, 45)
 INDEX_RANGE = (0.3, 2.5)
@@ -95,7 +96,7 @@ def _dampers(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
             (math.log(factor), large, small),
             (-math.log(factor), small, large),
         ):
-            text = f"a number in {true} stands with {written}"
+            text = f"a value in {true} was given the unit {written}"
             mistakes.append((1.0, rho - log, f"nominal damping has a wrong unit: {text}"))
             for k, name in enumerate(names if len(names) > 1 else []):
                 alone = rho - log * (elements == k)

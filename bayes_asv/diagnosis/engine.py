@@ -25,6 +25,7 @@ from scipy.stats import t
 from bayes_asv.diagnosis.residual_tests import whiteness_test
 from bayes_asv.diagnosis.thresholds import MISSPECIFICATION_LEVEL, PRIOR_NONE
 from bayes_asv.diagnosis.tone_detection import DetectedTones, detect_tones
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.effects import BOTH, EFFECTS
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, setting
@@ -387,6 +388,6 @@ def _jackknife(blocks: Array, tone: Notch) -> tuple[IntervalEstimate, IntervalEs
     else:
         half_width = np.array([tone.half_width, value[1]])
     (frequency, power), (df, dp) = value, half_width
-    dp = math.hypot(dp, 1.96 * _POWER_LOST * power)
+    dp = math.hypot(dp, NORMAL_975 * _POWER_LOST * power)
     force = [math.sqrt(max(p, 0.0)) for p in (power, power - dp, power + dp)]
     return IntervalEstimate(frequency, frequency - df, frequency + df), IntervalEstimate(*force)

@@ -1,8 +1,11 @@
-"""Dimension and display name of every parameter, estimated or given, and of its unknowns."""
+"""Dimension and display name of every parameter, estimated or given, and how wide 95 % is."""
 
 from __future__ import annotations
 
-__all__ = ["QUANTITIES"]
+__all__ = ["NORMAL_975", "QUANTITIES"]
+
+NORMAL_975 = 1.959963984540054
+"""Quantile of the standard normal distribution; a 95 % interval extends so many deviations."""
 
 QUANTITIES = {
     # name: (dimension, display name)

@@ -20,7 +20,10 @@ from bayes_asv.domain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["display_units", "from_si", "parse_quantity", "si_factor", "si_unit", "to_si"]
+__all__ = [
+    "FOOT", "INCH", "KMH", "MPH", "STANDARD_GRAVITY", "display_units", "from_si", "parse_quantity",
+    "si_factor", "si_unit", "to_si",
+]  # fmt: skip
 
 Powers = tuple[int, int, int]
 """Integer powers of mass, length and time."""
@@ -116,6 +119,15 @@ _SUPERSCRIPT_DIGITS: Final = str.maketrans("¹²³⁴", "1234")
 _TOKEN: Final = re.compile(r" *(?:(\*\*|[*/^()])|([A-Za-zµ_][A-Za-z0-9µ_]*|%)|(-?[0-9]+))")
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _MAX_NUMBER_LENGTH: Final = 400
+
+STANDARD_GRAVITY: Final = float(_G0)
+"""m/s²."""
+INCH: Final = float(_IN)
+FOOT: Final = float(12 * _IN)
+"""m."""
+MPH: Final = float(5280 * 12 * _IN / 3600)
+KMH: Final = 1.0 / 3.6
+"""m/s."""
 
 _SYSTEMS: Final = ("US", "SI")
 _DISPLAY: Final = {

@@ -27,7 +27,7 @@ from bayes_asv.analysis.random_effects import Site, contrast, site_of
 from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
-from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.library.estimates import Estimate
 from bayes_asv.library.extras import import_extra
 from bayes_asv.library.result import html_table, json_text
@@ -44,7 +44,6 @@ __all__ = ["Change", "Comparison", "compare"]
 Array = NDArray[np.float64]
 
 _SCHEMA: Final = "bayes_asv/compare/1"
-_Z95: Final = 1.959964
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from bayes_asv.domain.channel_map import ChannelMap
 from bayes_asv.domain.channels import missing_inputs
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, write_atomically
-from bayes_asv.domain.units import parse_quantity, si_factor
+from bayes_asv.domain.units import STANDARD_GRAVITY, parse_quantity, si_factor
 from bayes_asv.io import read_log
 from bayes_asv.logs import calibration
 from bayes_asv.logs.facts import channel_facts
@@ -221,7 +221,7 @@ class Calibration:
         ]
         gravity = 0.0
         if quantity_of_unit(self.unit) == "acceleration":
-            gravity = calibration.GRAVITY / si_factor(self.unit, "acceleration")
+            gravity = STANDARD_GRAVITY / si_factor(self.unit, "acceleration")
         for column, axis in zip(self.columns, self.result.axes, strict=True):
             known = not math.isnan(axis.scale_sd)
             offset = axis.offset + gravity / axis.scale
@@ -304,7 +304,7 @@ def _factor(unit: str, means: NDArray[np.float64]) -> float:
     """m/s² per unit of the readings: as stated, or such that gravity is the usual reading."""
     if quantity_of_unit(unit) == "acceleration":
         return si_factor(unit, "acceleration")
-    return calibration.GRAVITY / max(float(0.5 * np.ptp(means, axis=0).max()), 1e-12)
+    return STANDARD_GRAVITY / max(float(0.5 * np.ptp(means, axis=0).max()), 1e-12)
 
 
 def _known_values(values: Sequence[str], angles: Sequence[float]) -> tuple[str, list[float]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
-from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.library.estimates import check_seed
 from bayes_asv.library.extras import import_extra
@@ -89,7 +89,7 @@ class Track(Result):
         for k, name in enumerate(_PARAMETERS):
             dimension = QUANTITIES[name][0]
             median = frames.median[:, k] * from_si(1.0, shown[dimension], dimension)
-            spread = np.exp(1.959964 * frames.log_sd[:, k])
+            spread = np.exp(NORMAL_975 * frames.log_sd[:, k])
             table |= {name: median, f"{name}_lb": median / spread, f"{name}_ub": median * spread}
         table |= {"nis_mean": frames.nis_mean, "consistent": frames.consistent}
         return pandas.DataFrame(table, index=pandas.Index(frames.time, name="time [s]"))
@@ -179,7 +179,7 @@ def track_of(result: TrackResult, seed: int = 0, rows: Trace | None = None) -> T
         assert p.si is not None
         assert p.si.median is not None
         assert p.si.nominal is not None
-        log_sd = math.log(p.si.eti95[1] / p.si.eti95[0]) / (2.0 * 1.959964)
+        log_sd = math.log(p.si.eti95[1] / p.si.eti95[0]) / (2.0 * NORMAL_975)
         parameters[name] = from_log_normal(
             name, p.si.median, log_sd, p.si.nominal, result.vehicle.units
         )

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, check_writable, write_atomically
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.braille import round_limits
 from bayes_asv.live.downsampling import bucket_rows, downsample
-from bayes_asv.live.history import BAND_SIDES, TRACES, Z95, Snapshot
+from bayes_asv.live.history import BAND_SIDES, TRACES, Snapshot
 from bayes_asv.live.metadata import AXLES, ViewMetadata
 from bayes_asv.live.text import consistency_text, parameter_card
 from bayes_asv.report.svg import COLOURS, style
@@ -207,7 +208,7 @@ class _Painter:
     def _draw_parameter(self, axes: Axes, n: int) -> tuple[Any, Any]:
         history, parameter = self._history.parameters, self._metadata.parameters[n]
         time = history[:, 0]
-        median, factor = history[:, 1 + n], np.exp(Z95 * history[:, 4 + n])
+        median, factor = history[:, 1 + n], np.exp(NORMAL_975 * history[:, 4 + n])
         colour = _COLOURS[parameter.name]
         band = axes.fill_between(
             time, median / factor, median * factor, color=colour, alpha=0.2, lw=0

@@ -8,10 +8,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.tracking.frames import Frames
 
-__all__ = ["BAND_SIDES", "PARAMETER_POINTS", "TRACES", "Z95", "History", "Snapshot"]
+__all__ = ["BAND_SIDES", "PARAMETER_POINTS", "TRACES", "History", "Snapshot"]
 
 Array = NDArray[np.float64]
 
@@ -29,8 +30,6 @@ BAND_SIDES: Final = tuple(
 )
 """For each of `TRACES`: the lower (-1) or upper (1) edge of a band, or a curve (0)."""
 
-Z95: Final = 1.959963984540054
-"""Half-width of a 95 % band in standard deviations."""
 
 PARAMETER_POINTS: Final = 1000
 """The parameters are decimated to at most twice as many points."""
@@ -159,7 +158,7 @@ class History:
 
 def _band(mean: Array, sd: Array, unit: float) -> tuple[Array, Array, Array]:
     """Return a curve and the edges of its 95 % band, in `unit`."""
-    half = Z95 * sd
+    half = NORMAL_975 * sd
     return mean / unit, (mean - half) / unit, (mean + half) / unit
 
 

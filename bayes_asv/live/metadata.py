@@ -6,6 +6,7 @@ import math
 import os
 from dataclasses import dataclass
 
+from bayes_asv.domain.channels import AXLES
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, si_factor
 from bayes_asv.domain.vehicle import Vehicle
@@ -13,8 +14,6 @@ from bayes_asv.report.words import plain, readable_unit
 from bayes_asv.tracking.frames import PARAMETERS
 
 __all__ = ["AXLES", "Parameter", "ViewMetadata", "view_metadata"]
-
-AXLES = ("front", "rear")
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.braille import gauge, plot, round_limits
-from bayes_asv.live.history import TRACES, Z95
+from bayes_asv.live.history import TRACES
 from bayes_asv.live.metadata import AXLES, ViewMetadata
 from bayes_asv.live.session import Playback, Session
 from bayes_asv.live.text import consistency_text, parameter_card, travel_text
@@ -144,7 +145,7 @@ def _parameter_table(metadata: ViewMetadata, estimates: list[float], width: int)
         table.add_column(no_wrap=True)
     for n, parameter in enumerate(metadata.parameters):
         median, log_sd = estimates[n], estimates[3 + n]
-        factor = math.exp(Z95 * log_sd)
+        factor = math.exp(NORMAL_975 * log_sd)
         card = parameter_card(parameter, median, log_sd)
         bar = gauge(median / factor, median, median * factor, parameter.nominal, _GAUGE_WIDTH)
         cells = [

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from bayes_asv.live.history import Z95
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.metadata import AXLES, Parameter, ViewMetadata
-from bayes_asv.report.words import compare, likelihood_words, number, percent, probability
+from bayes_asv.report.words import TONES, compare, likelihood_words, number, percent, probability
 
 __all__ = [
     "ConsistencyText", "ParameterCard", "consistency_text", "normal_below", "parameter_card",
     "travel_text",
 ]  # fmt: skip
 
-_TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear": "muted"}
 _WIDE: Final = 0.25  # standard deviation of a logarithm beyond which two digits are enough
 _MIN_INFLATION: Final = 1.05  # that is mentioned
 
@@ -75,15 +74,15 @@ def parameter_card(parameter: Parameter, median: float, log_sd: float) -> Parame
     """
     if not (math.isfinite(median) and math.isfinite(log_sd) and median > 0.0):
         return ParameterCard("–", "–", "–", "nothing known yet", "", "muted")
-    low, high = (median * math.exp(sign * Z95 * log_sd) for sign in (-1.0, 1.0))
+    low, high = (median * math.exp(sign * NORMAL_975 * log_sd) for sign in (-1.0, 1.0))
     sd = median * log_sd
     p_below = normal_below(math.log(parameter.nominal / median), log_sd)
     comparison = compare(parameter.name, median, sd, (low, high), parameter.nominal, p_below)
     if log_sd > _WIDE:
         shown, shown_low, shown_high = (number(v, 0.3 * v) for v in (median, low, high))
-        width = f"within a factor {number(round(math.exp(Z95 * log_sd), 1))}"
+        width = f"within a factor {number(round(math.exp(NORMAL_975 * log_sd), 1))}"
     else:
-        half = math.sinh(Z95 * log_sd)  # half the interval over the median
+        half = math.sinh(NORMAL_975 * log_sd)  # half the interval over the median
         shown, shown_low, shown_high = (number(v, sd, 1) for v in (median, low, high))
         width = f"± {percent(half, 1 if half < 0.1 else 0)}"
     side = f"{likelihood_words(comparison.p_side)} {comparison.side} nominal"
@@ -93,7 +92,7 @@ def parameter_card(parameter: Parameter, median: float, log_sd: float) -> Parame
         width=width,
         sense=comparison.words,
         chance=f"{side}, {probability(comparison.p_side)}",
-        tone=_TONES[comparison.sense],
+        tone=TONES[comparison.sense],
     )
 
 

@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.downsampling import bucket_rows, downsample, points_per_bucket
-from bayes_asv.live.history import BAND_SIDES, PARAMETER_POINTS, TRACES, Z95, Snapshot
+from bayes_asv.live.history import BAND_SIDES, PARAMETER_POINTS, TRACES, Snapshot
 from bayes_asv.live.metadata import AXLES, ViewMetadata
 from bayes_asv.live.session import Playback, Session
 from bayes_asv.live.text import consistency_text, parameter_card, travel_text
@@ -130,7 +131,7 @@ class Viewer:
         estimates = snapshot.estimates[playback.rows - 1]
         newest = np.concatenate(((now,), estimates[:6]))[None]
         rows = np.concatenate((history[begin:count], newest))
-        half = Z95 * rows[:, 4:7]
+        half = NORMAL_975 * rows[:, 4:7]
         medians = rows[:, 1:4]
         columns = []
         for n in range(3):

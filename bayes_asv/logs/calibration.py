@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["AxisCalibration", "StaticCalibration", "calibrate_axes", "calibrate_values", "plateaus"]
 
-GRAVITY: Final = 9.80665
-"""Standard gravity, m/s²; on the ground it differs by less than 0.3 %."""
 _SHORTEST: Final = 0.5  # s that a position is held at least
 _SMOOTH: Final = 0.1  # s over which the readings vary little while a sensor lies still
 _STILL: Final = 6.0
@@ -141,7 +140,7 @@ def calibrate_axes(positions: NDArray[np.float64], factor: float, where: str) ->
 
     def excess(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         turned = unknown[3:] * (positions - unknown[:3])
-        return np.asarray(np.linalg.norm(turned, axis=1) - GRAVITY, dtype=float)
+        return np.asarray(np.linalg.norm(turned, axis=1) - STANDARD_GRAVITY, dtype=float)
 
     middle = 0.5 * (positions.max(axis=0) + positions.min(axis=0))
     half = 0.5 * np.ptp(positions, axis=0)

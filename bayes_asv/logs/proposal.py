@@ -16,7 +16,7 @@ import numpy as np
 
 from bayes_asv.domain.channel_map import MappedChannel
 from bayes_asv.domain.channels import KNOWN_CHANNELS, channel
-from bayes_asv.domain.units import si_factor
+from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
 from bayes_asv.domain.vehicle_writer import channel_table
 from bayes_asv.logs.names import Meaning, meaning, quantity_of_unit, stem
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Proposal", "map_text", "propose"]
 
-_G: Final = 9.80665  # m/s^2
 _GRAVITY_TOLERANCE: Final = 0.15
 """Departure of a reading at rest from 1 g that a zero error, a gain error and a tilt explain: cheap
 sensors are off by up to 0.1 g, and a tilt of 25 degrees takes another tenth away."""
@@ -211,11 +210,15 @@ def _gravity(facts: ChannelFacts) -> tuple[str, bool, str]:
     size = abs(facts.rest)
     sign = "" if facts.rest > 0.0 else "minus "
     stated = _acceleration_factor(facts.unit)
-    for unit, factor in (("g", _G), ("m/s^2", 1.0), ("mg", _G / 1000.0)):
-        if abs(size * factor / _G - 1.0) > _GRAVITY_TOLERANCE:
+    for unit, factor in (
+        ("g", STANDARD_GRAVITY),
+        ("m/s^2", 1.0),
+        ("mg", STANDARD_GRAVITY / 1000.0),
+    ):
+        if abs(size * factor / STANDARD_GRAVITY - 1.0) > _GRAVITY_TOLERANCE:
             continue
         if stated is not None and math.isclose(stated, factor, rel_tol=0.01):
-            words = f"reads {sign}{size * factor / _G:.3f} g at rest"
+            words = f"reads {sign}{size * factor / STANDARD_GRAVITY:.3f} g at rest"
             return "", True, words + (", so up is negative" if facts.rest < 0.0 else "")
         if not facts.unit:
             return unit, True, f"reads {facts.rest:.4g} at rest, gravity in {unit}"
@@ -224,7 +227,7 @@ def _gravity(facts: ChannelFacts) -> tuple[str, bool, str]:
             True,
             (f"reads {facts.rest:.4g} at rest, which is gravity in {unit} and not in {facts.unit}"),
         )
-    if stated is not None and size * stated < _GRAVITY_TOLERANCE * _G:
+    if stated is not None and size * stated < _GRAVITY_TOLERANCE * STANDARD_GRAVITY:
         return "", False, "reads about zero at rest, so which way is up does not show"
     return "", False, f"reads {facts.rest:.4g} at rest" if facts.unit else ""
 
@@ -251,7 +254,7 @@ def _triad(
     factor = si_factor(unit or facts[main].unit, "acceleration")
     tilt = math.degrees(math.acos(min(1.0, abs(float(up[main])))))
     why = [
-        f"three axes that read {size * factor / _G:.3f} g together at rest",
+        f"three axes that read {size * factor / STANDARD_GRAVITY:.3f} g together at rest",
         f"{'minus ' if up[main] < 0.0 else ''}{channels[main].name} is up, tilted by {tilt:.1f}°",
     ]
     if abs(float(up[main])) >= _STRAIGHT:

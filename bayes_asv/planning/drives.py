@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from bayes_asv.domain.units import FOOT, INCH, KMH, MPH
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
 
@@ -170,7 +171,6 @@ def enveloped_profile(
     return CubicSpline(x, smooth)
 
 
-_INCH, _FOOT, _MPH, _KMH = 0.0254, 0.3048, 0.44704, 1.0 / 3.6
 _ROUGH_SECONDS = 4.0
 _REST_TIME = 1.0  # s, minimum after the last wheel has left the obstacle
 _PERIODS = 1.5  # of the slowest mode, if longer
@@ -201,9 +201,9 @@ class Drive(NamedTuple):
 def road_profiles(units: str) -> tuple[RoadProfile, ...]:
     """Return the roads considered, with dimensions in round numbers of the vehicle's units."""
     if units == "US":
-        heights, lengths = [2 * _INCH, 3 * _INCH, 4 * _INCH], [3 * _FOOT, 5 * _FOOT]
-        stops, gap = [3 * _INCH, 4 * _INCH], 12 * _INCH
-        waves = [(1.5 * _INCH, 3 * _FOOT), (2 * _INCH, 5 * _FOOT)]
+        heights, lengths = [2 * INCH, 3 * INCH, 4 * INCH], [3 * FOOT, 5 * FOOT]
+        stops, gap = [3 * INCH, 4 * INCH], 12 * INCH
+        waves = [(1.5 * INCH, 3 * FOOT), (2 * INCH, 5 * FOOT)]
     else:
         heights, lengths = [0.05, 0.075, 0.10], [0.9, 1.5]
         stops, gap = [0.075, 0.10], 0.30
@@ -225,14 +225,14 @@ def speeds(kind: str, units: str) -> tuple[float, ...]:
             "rough": (5, 8, 12, 16, 20),
             "rollers": (4, 6, 8, 10, 12, 15),
         }
-        return tuple(v * _MPH for v in round_numbers[kind])
+        return tuple(v * MPH for v in round_numbers[kind])
     round_numbers = {
         "bump": (6, 10, 13, 16, 20, 25, 32),
         "stops": (5, 6, 8, 10, 11, 13, 16),
         "rough": (8, 13, 20, 25, 32),
         "rollers": (6, 10, 13, 16, 20, 25),
     }
-    return tuple(v * _KMH for v in round_numbers[kind])
+    return tuple(v * KMH for v in round_numbers[kind])
 
 
 def candidate_drives(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.units import INCH
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel, Output
 from bayes_asv.planning.drives import Drive
@@ -219,7 +220,7 @@ def _travel_reasons(vehicle: Vehicle, travel: dict[str, float]) -> list[str]:
 
 
 def _length(value: float, vehicle: Vehicle) -> str:
-    return f"{value / 0.0254:.1f} in" if vehicle.units == "US" else f"{1e3 * value:.0f} mm"
+    return f"{value / INCH:.1f} in" if vehicle.units == "US" else f"{1e3 * value:.0f} mm"
 
 
 def _airborne_reasons(airborne: dict[str, float]) -> list[str]:

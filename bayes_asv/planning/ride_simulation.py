@@ -27,6 +27,7 @@ from scipy.interpolate import CubicSpline
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.units import STANDARD_GRAVITY
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.planning.drives import LEAD_IN, RoadProfile, enveloped_profile
 
@@ -41,7 +42,6 @@ RIGHT_LATER = 0.5
 _RIGHT_SEED = 50_021  # between the seeds of a rough road's left and right track
 _SETTLING_TIME = 0.25  # s at rest before the recording, for filters and delays
 _MARGIN = 0.05  # s simulated beyond the end of the recording
-_GRAVITY = 9.80665  # m/s²
 _RATE = 2000.0  # Hz; more than fifty steps per period of wheel hop
 _MAX_RATE = 10_000.0  # Hz; a stiffer car is implausible
 _BATCH_SIZE = 24  # passes in parallel, a compromise between overhead and memory
@@ -124,7 +124,7 @@ def _static_loads(car: CarModel) -> Array:
     """Weight (E,) of the body on each suspension element, N."""
     H, J = car.heights(car.nominal)[0], car.inertia(car.nominal)[0]
     pull = np.zeros(len(J))  # gravity along the coordinates; of the first, all mass that it lifts
-    pull[0] = _GRAVITY * J[0] / H[0, 0]
+    pull[0] = STANDARD_GRAVITY * J[0] / H[0, 0]
     return np.asarray(np.linalg.pinv(H.T) @ pull)
 
 
@@ -145,8 +145,8 @@ def default_tyres(car: CarModel, rate: float | None = None, unsprung: float | No
     load = _static_loads(car)
     alike = np.array([sum(o.axle == e.axle for o in car.elements) for e in car.elements])
     springs = np.array([float(car.nominal[e.spring][0]) for e in car.elements])
-    mass = _UNSPRUNG_RATIO * load / _GRAVITY if unsprung is None else unsprung / alike
-    weight = load + _GRAVITY * mass
+    mass = _UNSPRUNG_RATIO * load / STANDARD_GRAVITY if unsprung is None else unsprung / alike
+    weight = load + STANDARD_GRAVITY * mass
     typical = np.maximum(_TYRE_STIFFNESS_RATIO * springs, weight / _MAX_STATIC_DEFLECTION)
     rates = typical if rate is None else rate / alike
     damping = 2.0 * _TYRE_DAMPING_RATIO * np.sqrt(rates * mass)
@@ -260,7 +260,7 @@ def _simulate_group(
             x = np.minimum(one.speed * (half - LEAD_IN) - _behind(car, e, one.road), end)
             road[:, e, k] = height(x)
             slope[:, e, k] = np.where(x < end, gradient(x) * one.speed, 0.0)
-    weight = _static_loads(car) + _GRAVITY * tyres.mass
+    weight = _static_loads(car) + STANDARD_GRAVITY * tyres.mass
     states, force = _integrate(car, *matrices, tyres, weight, road, slope, step)
     return [
         _motion(

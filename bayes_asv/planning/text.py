@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.domain.units import display_units, from_si, si_factor
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
+from bayes_asv.domain.units import FOOT, INCH, KMH, MPH, display_units, from_si, si_factor
 from bayes_asv.planning.drives import Drive, RoadProfile
 from bayes_asv.planning.information import (
     CorrelatedPair,
@@ -37,24 +37,22 @@ __all__ = [
     "untold_lines",
 ]
 
-_INCH, _FOOT, _MPH, _KMH = 0.0254, 0.3048, 0.44704, 1.0 / 3.6
-_Z95 = 1.96
 _MAX_PAIRS = 4  # listed on the terminal; one poorly determined direction makes many pairs
 
 
 def length(value: float, units: str) -> tuple[float, str]:
     """Convert a length, m, to inches or whole feet, or to centimetres or metres."""
     if units == "US":
-        feet = value / _FOOT
+        feet = value / FOOT
         if feet > 1.5 and abs(feet - round(feet)) < 1e-6:
             return float(round(feet)), "ft"
-        return round(value / _INCH, 6), "in"
+        return round(value / INCH, 6), "in"
     return (round(value, 6), "m") if value >= 0.5 else (round(100.0 * value, 6), "cm")
 
 
 def speed(value: float, units: str) -> tuple[float, str]:
     """Convert a speed, m/s, to miles or kilometres per hour."""
-    return (round(value / _MPH, 6), "mph") if units == "US" else (round(value / _KMH, 6), "km/h")
+    return (round(value / MPH, 6), "mph") if units == "US" else (round(value / KMH, 6), "km/h")
 
 
 def road_text(road: RoadProfile, units: str) -> str:
@@ -214,7 +212,7 @@ def assumption_lines(plan: Plan) -> list[str]:
         )
     if any(element.side == "right" for element in plan.measured.car.elements):
         metric = plan.vehicle.units != "US"
-        later = f"{RIGHT_LATER:g} m" if metric else f"{RIGHT_LATER / _INCH:.0f} in"
+        later = f"{RIGHT_LATER:g} m" if metric else f"{RIGHT_LATER / INCH:.0f} in"
         lines.append(
             f"the right wheels meet every obstacle {later} after the left ones; on a rough road "
             "they have a track of their own"
@@ -305,7 +303,7 @@ def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
         (
             f"{_label(name)} ({name})",
             percent_text(sd[name]),
-            f"± {percent_text(_Z95 * sd[name])}",
+            f"± {percent_text(NORMAL_975 * sd[name])}",
             percent_text(plan.want[name]),
         )
         for name in plan.answers

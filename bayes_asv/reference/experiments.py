@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.units import INCH, MPH
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import Estimate, estimate
 from bayes_asv.io import read_recording
@@ -67,7 +68,7 @@ POINTS = 300
 STEP = 0.005  # s, not given in the reference; 300 points cover the bump and the decay
 _SUBSTEPS = 10  # of the exact solution per step
 _REST_TIME = 0.1  # s at rest
-_HEIGHT, _LENGTH, _SPEED = 3 * 0.0254, 60 * 0.0254, 10 * 0.44704  # m, m, m/s
+_HEIGHT, _LENGTH, _SPEED = 3 * INCH, 60 * INCH, 10 * MPH  # m, m, m/s
 
 
 def smooth_bump() -> Road:

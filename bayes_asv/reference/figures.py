@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.units import INCH
 from bayes_asv.domain.vehicle import Travel
 from bayes_asv.reference.experiments import ExactStates, Readings, Run
 from bayes_asv.reference.greybox import PointEstimate
@@ -20,7 +21,6 @@ __all__ = ["Figure", "draw_figures"]
 
 Array = NDArray[np.float64]
 
-INCH: Final = 0.0254
 _WIDTH: Final = 7.6
 _MODEL_COLOUR, _REFERENCE_COLOUR = COLOURS["front"], COLOURS["ink"]
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import find_peaks, periodogram, welch
 
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.models.discretization import exact_step
 from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
 from bayes_asv.models.modes import Mode, modes
@@ -121,7 +122,7 @@ def with_damping_ratio(car: HalfCar, ratio: float) -> HalfCar:
 
 def wilson_interval(hits: int, runs: int) -> tuple[float, float]:
     """Return the 95 % interval of a proportion (Wilson 1927)."""
-    z = 1.959964
+    z = NORMAL_975
     middle = (hits + 0.5 * z * z) / (runs + z * z)
     half = z * math.sqrt(hits * (runs - hits) / runs + 0.25 * z * z) / (runs + z * z)
     return max(0.0, middle - half), min(1.0, middle + half)

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import AXLES
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
@@ -38,7 +40,6 @@ __all__ = [
     "themed",
 ]
 
-AXLES: Final = ("front", "rear")
 Curve = Sequence[float | None]
 
 # Okabe and Ito's palette, safe for colour-blind readers; the darker four keep 3:1 on white.

@@ -13,6 +13,7 @@ from bayes_asv.report.schema.parts import Parameter, Summary
 __all__ = [
     "LABELS",
     "MISSING",
+    "TONES",
     "Comparison",
     "capitalized",
     "compare",
@@ -39,6 +40,9 @@ LABELS: Final = {name: label for name, (_, label) in QUANTITIES.items()}
 """Display name of every parameter."""
 
 MISSING: Final = "–"
+
+TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear": "muted"}
+"""Colour of a comparison with nominal, by its sense."""
 
 SMALL_DIFFERENCE: Final = 0.05
 """Share of nominal below which a difference, however certain, rarely matters."""

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.units import INCH, MPH
 from bayes_asv.simulation import ROADS
 
 __all__ = ["Road", "road"]
 
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]
-
-INCH = 0.0254
-MPH = 0.44704
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ MISTAKES = {
     "exchanged wheel and chassis": (columns(0, 1, 3, 2), "rear wheel and rear chassis are exch"),
     "late sensor": (rear_chassis_late, "rear chassis is 7.0 ms late"),
     "scaled sensor": (front_chassis_scaled, "readings of front chassis are 1.1"),
-    "unit of a damper": (rear_damping_in_si, "a number in N·s/m stands with lbf·s/in"),
+    "unit of a damper": (rear_damping_in_si, "a value in N·s/m was given the unit lbf·s/in"),
     "springs of one side": (halved_springs, "one spring of an axle is given instead of both"),
 }
 
@@ -111,8 +111,8 @@ def with_nominal(car: Vehicle, **factors: float) -> Vehicle:
     [
         ({"c_f": 0.5, "c_r": 0.5}, "one side of an axle only"),
         ({"c_f": 2.78, "c_r": 2.78}, "at the damper instead of at the wheel"),
-        ({"c_f": 1.0 / 12.0, "c_r": 1.0 / 12.0}, "a number in lbf·s/in stands with lbf·s/ft"),
-        ({"c_f": 1.0 / 175.127, "c_r": 1.0 / 175.127}, "a number in lbf·s/in stands with N·s/m"),
+        ({"c_f": 1.0 / 12.0, "c_r": 1.0 / 12.0}, "a value in lbf·s/in was given the unit lbf·s/ft"),
+        ({"c_f": 1.0 / 175.127, "c_r": 1.0 / 175.127}, "a value in lbf·s/in was given the unit N·s/m"),
         ({"c_f": 1.0, "c_r": 12.0}, "nominal c_r has a wrong unit"),
         ({"i": 1.0 / 6.6}, "nominal pitch inertia means"),
     ],

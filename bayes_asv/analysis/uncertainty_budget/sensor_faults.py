@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from bayes_asv.domain.units import INCH
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, ORDER, VALUE
 from bayes_asv.filters.one_pole import low_passed
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 # Sizes that a careful team may well overlook: a data sheet's tolerance of scale and corner
 # frequency, a tenth of a millisecond of a converter's order, a mount an inch off its axle.
-_GAIN, _DELAY, _BANDWIDTH, _PLACE = 0.01, 1e-4, 0.10, 0.0254
+_GAIN, _DELAY, _BANDWIDTH, _PLACE = 0.01, 1e-4, 0.10, INCH
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Parameter as EffectParameter
@@ -29,7 +29,7 @@ from bayes_asv.report.schema.parts import (
 )
 
 __all__ = [
-    "Z95",
+    "NORMAL_975",
     "SummaryFields",
     "Units",
     "effect_value",
@@ -41,8 +41,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-Z95 = 1.959964
-"""97.5 % quantile of the standard normal distribution."""
 
 _EFFECT_DIMENSIONS = {
     "N": "force", "N/m": "stiffness", "m": "length", "m/s": "velocity", "s": "time",

@@ -13,10 +13,11 @@ from bayes_asv.analysis.predictive_checks import Check
 from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.analysis.run_consistency import RunConsistency as Comparison
 from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.estimation import Estimate, RunFit
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.posterior.residual_ar import portmanteau
-from bayes_asv.report.documents.quantities import Z95, Units, summary
+from bayes_asv.report.documents.quantities import Units, summary
 from bayes_asv.report.schema import estimate as schema
 from bayes_asv.report.schema.parts import Curve, Quantity, Summary
 
@@ -134,9 +135,9 @@ def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> sc
     curves = schema.OutputCurves(
         measured=curve(measured),
         simulated=curve(simulated),
-        band95=[curve(simulated - 1.96 * sd), curve(simulated + 1.96 * sd)],
+        band95=[curve(simulated - NORMAL_975 * sd), curve(simulated + NORMAL_975 * sd)],
         autocorrelation=[float(x[j:] @ x[: len(x) - j]) / power for j in range(_LAGS + 1)],
-        autocorrelation_band95=1.96 / math.sqrt(max(len(x), 1)),
+        autocorrelation_band95=NORMAL_975 / math.sqrt(max(len(x), 1)),
         # The lags that whitened the innovations are no evidence of whiteness.
         whiteness_p=portmanteau(x, _LAGS, order) if order < _LAGS else None,
         lag_seconds=prepared.reading_step,
@@ -258,7 +259,7 @@ def _own_values(
             means, sds = comparison.own_values(name)
             mean, sd = (units.convert_parameter(float(v[n]), name) for v in (means, sds))
             if math.isfinite(mean) and math.isfinite(sd):
-                factor = math.exp(Z95 * sd / mean)
+                factor = math.exp(NORMAL_975 * sd / mean)
                 value.own = Summary(mean=mean, sd=sd, eti95=[mean / factor, mean * factor])
         values[name] = value
     return values

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from bayes_asv.posterior.sampler import ESS_WANTED, RHAT_WANTED
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Diagnostics
 from bayes_asv.report.sections.blocks import Block, Section, Text
@@ -12,8 +13,6 @@ from bayes_asv.report.words import percent
 
 __all__ = ["SECTION", "sampling_lines"]
 
-_MAX_RHAT: Final = 1.01
-_MIN_ESS: Final = 1000.0
 _USUAL_ACCEPTANCE: Final = (0.1, 0.9)
 
 
@@ -38,18 +37,18 @@ def sampling_lines(diagnostics: Diagnostics) -> list[str]:
     lines = []
     rhat, acceptance = diagnostics.rhat_max, diagnostics.acceptance
     if rhat is not None:
-        good = rhat < _MAX_RHAT
+        good = rhat < RHAT_WANTED
         lines.append(
             f"The independent ensembles {'agree' if good else 'do not agree'}: the largest R̂ is "
-            f"{rhat:.3f} and should be below {_MAX_RHAT}."
+            f"{rhat:.3f} and should be below {RHAT_WANTED}."
         )
     bulk, tail = diagnostics.ess_bulk_min, diagnostics.ess_tail_min
     if bulk is not None and tail is not None:
-        good = min(bulk, tail) >= _MIN_ESS
+        good = min(bulk, tail) >= ESS_WANTED
         lines.append(
             f"The effective sample size of the {draws} draws is {bulk:.0f} in the bulk and "
             f"{tail:.0f} in the tails: {'enough' if good else 'too small'}, it should be at least "
-            f"{_MIN_ESS:.0f}."
+            f"{ESS_WANTED:.0f}."
         )
     if acceptance is not None:
         low, high = _USUAL_ACCEPTANCE

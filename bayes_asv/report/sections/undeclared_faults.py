@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Final
 
+from bayes_asv.domain.units import INCH
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import AnswerBudget, Fault, Shift
 from bayes_asv.report.sections.blocks import Block, Section, Table
@@ -88,7 +89,7 @@ def fault_text(fault: Fault, units: str, *, brief: bool = False) -> str:
     if fault.kind == "bandwidth":
         return f"{sensor} {'' if brief else 'with '}{share} more bandwidth"
     length = (
-        f"{two_digits(fault.size / 0.0254)} in"
+        f"{two_digits(fault.size / INCH)} in"
         if units == "US"
         else f"{two_digits(1e3 * fault.size)} mm"
     )
