@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from bayes_asv.library.comparisons import Comparison, compare
     from bayes_asv.library.diagnoses import Diagnosis, diagnose
     from bayes_asv.library.estimates import Estimate, estimate
+    from bayes_asv.library.events import find_events
     from bayes_asv.library.inputs import Vehicle, example, read_vehicle
     from bayes_asv.library.logs import calibrate, inspect_log
     from bayes_asv.library.parameter import Parameter
@@ -49,6 +50,7 @@ __all__ = [
     "diagnose",
     "estimate",
     "example",
+    "find_events",
     "inspect_log",
     "plan",
     "read_recording",
@@ -68,6 +70,7 @@ _MODULES = {
     "inspect_log": "library.logs",
     "Estimate": "library.estimates",
     "estimate": "library.estimates",
+    "find_events": "library.events",
     "Recording": "library.recordings",
     "Vehicle": "library.inputs",
     "example": "library.inputs",

@@ -293,7 +293,7 @@ def _nothing_in(log: LogEvents) -> str:
             "rough road"
         )
     return (
-        f"none of the {len(log.events)} events of {source} can be used ({', '.join(reasons)}); "
+        f"none of the {len(log.events)} events of {source} can be used, as {' or '.join(reasons)}; "
         "drive slower over lower bumps"
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from bayes_asv.domain.errors import InputError
 from bayes_asv.library.estimates import car_of, check_seed
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.parameter import Parameter, from_draws
@@ -119,8 +120,21 @@ def diagnose(
     from bayes_asv.diagnosis import workflow
 
     with progress_bar(progress) as report:
+        runs, held = (_without_rest(some, vehicle, car) for some in (runs, held))
         found = workflow.diagnose(runs, held, vehicle, seed, report, car)
     return diagnosis_of(found, (*runs, *held))
+
+
+def _without_rest(runs: tuple[Recording, ...], vehicle: Vehicle, car: str) -> tuple[Recording, ...]:
+    """Replace recordings that are too long to be taken whole by their best events."""
+    from bayes_asv.estimation import runs_worth_taking
+
+    events, _ = runs_worth_taking(runs, vehicle, None, car)
+    if runs and not events:
+        raise InputError(
+            runs[0].source, "has no event that tells about the car", "drive over bumps"
+        )
+    return events
 
 
 def diagnosis_of(found: EngineDiagnosis, recordings: tuple[Recording, ...]) -> Diagnosis:

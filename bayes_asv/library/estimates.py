@@ -216,7 +216,8 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
-        sites, report = _sites(names, runs, vehicle, car, seed, report)
+        short = estimation.runs_worth_taking(runs, vehicle, below, car)[0] if names else ()
+        sites, report = _sites(names, short, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,
             sites=sites, car=car,

@@ -52,7 +52,10 @@ from bayes_asv.preprocessing.data_checks import SHAKEN, clipping_limit, least_ra
 from bayes_asv.preprocessing.noise_level import quiet_level
 from bayes_asv.preprocessing.timeline import rails, used_channels
 
-__all__ = ["AT_RAIL", "MOST_ROWS", "Event", "LogEvents", "choose", "find_events", "is_long"]
+__all__ = [
+    "AT_RAIL", "IN_THE_AIR", "LOST", "MOST_ROWS", "NOT_NEEDED", "NO_TIME", "PUSHED", "Event",
+    "LogEvents", "choose", "find_events", "is_long",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -62,11 +65,16 @@ MOST_ROWS = 16_000
 every event, the draws and the checks, and as much memory as a hundred thousand numbers a row.
 A recording with more of them is searched for events, and no more are taken from it."""
 
-AT_RAIL = "readings at a rail"
+IN_THE_AIR = "the wheels left the ground"
+AT_RAIL = "readings were at a rail"
 """Reason for which an event is left out unless there is no other."""
+LOST = "rows were missing"
+PUSHED = "braking or cornering moved the body"
+NO_TIME = "there was no time for more"
 
 _FEWEST = 6
 _SHRINK = 0.02
+NOT_NEEDED = f"it would shrink no interval by {100.0 * _SHRINK:g} %"
 _WORTH = 0.01  # of the most information a second
 _BINS = 2.0  # times the least rate of the data checks
 _LONGEST = 10.0  # periods of the slowest mode, as the parts of a recording in a band
@@ -80,7 +88,7 @@ _MOST_DELAY = 1.0  # s that the metadata of a recording may declare
 _POINTS = 600  # of the timeline
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Event:
     """A stretch of a log that moves the suspension.
 
@@ -113,6 +121,10 @@ class Event:
     def end(self) -> float:
         """Stamp of its last row, s."""
         return float(self.recording.time[-1])
+
+    def __repr__(self) -> str:
+        fate = "used" if self.used else f"left out as {self.reason}" if self.reason else "found"
+        return f"<{self.kind}, {self.begin:.1f} – {self.end:.1f} s, {fate}>"
 
 
 @dataclass(frozen=True)
@@ -266,13 +278,13 @@ def find_events(
             flat = slopes.reshape(len(slopes), -1)
             reason = ""
             if log.gap[inside].any():
-                reason = "rows are missing"
+                reason = LOST
             elif fall[inside].any():
-                reason = "wheels in the air"
+                reason = IN_THE_AIR
             elif log.rail[inside].any():
                 reason = AT_RAIL
             elif _pushed(left[inside], log.outputs[inside]):
-                reason = "braking or cornering"
+                reason = PUSHED
             begin = log.start + log.step * first
             piece = _cut(recording, vehicle, begin, begin + log.step * (last - first))
             if piece is not None:
@@ -326,13 +338,13 @@ def choose(
             after = _variances(precision + information, answers)
             shrunk = 1.0 - np.sqrt(after / before)
             if len(used) >= _FEWEST and shrunk.max() < _SHRINK:
-                reasons |= dict.fromkeys(left, f"shrinks no interval by {100.0 * _SHRINK:g} %")
+                reasons |= dict.fromkeys(left, NOT_NEEDED)
                 break
             gain = np.linalg.slogdet(precision + information)[1] - np.linalg.slogdet(precision)[1]
             gain /= np.array([cost[k] for k in left])
             best = left.pop(int(np.argmax(gain)))
             if rows + cost[best] > MOST_ROWS and used:
-                reasons[best] = "no time for more"
+                reasons[best] = NO_TIME
                 continue
             used.append(best)
             rows += cost[best]

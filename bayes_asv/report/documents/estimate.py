@@ -16,6 +16,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import Estimate
 from bayes_asv.models.car_model import CarModel, CarParameter
+from bayes_asv.preprocessing.events import NO_TIME, NOT_NEEDED, LogEvents
 from bayes_asv.report.documents.quantities import (
     Z95,
     Units,
@@ -90,6 +91,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         fit_by_run=[pooled_fit((run,), run.line.source) for run in result.runs],
         noise=_noise(result),
         runs=[run_document(run, vehicle.units) for run in result.runs],
+        logs=[_long_log(log) for log in result.logs],
         draws={
             n: units.curve(_thinned(x), QUANTITIES[n][0]) for n, x in result.draws.items()
         },
@@ -99,6 +101,28 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         version=__version__,
         seed=result.seed,
     )  # fmt: skip
+
+
+def _long_log(log: LogEvents) -> schema.LongLog:
+    time = log.recording.time
+    return schema.LongLog(
+        source=Path(log.recording.source).name,
+        seconds=float(time[-1] - time[0]),
+        events=[
+            schema.LogEvent(
+                kind=event.kind,
+                begin=event.begin,
+                end=event.end,
+                used=event.used,
+                reason=event.reason,
+                unfit=event.reason not in ("", NO_TIME, NOT_NEEDED),
+            )
+            for event in log.events
+        ],
+        rest=log.states,
+        time=[float(f"{t:.6g}") for t in log.time],
+        level=[float(f"{x:.3g}") for x in log.level],
+    )
 
 
 def _side_ratios(car: CarModel, draws: Mapping[str, Array]) -> dict[str, schema.SideRatio]:

@@ -47,6 +47,8 @@ __all__ = [
     "Element",
     "EstimateDocument",
     "Fault",
+    "LogEvent",
+    "LongLog",
     "Measure",
     "Run",
     "RunConsistency",
@@ -400,6 +402,37 @@ class SideRatio(Summary):
     p_left_softer: Share
 
 
+class LogEvent(Model):
+    """A stretch of a long log that moves the suspension; times as in the log, s."""
+
+    kind: Annotated[str, OneOf("bump", "rough stretch")]
+    begin: Finite
+    end: Finite
+    used: bool
+    reason: Text = ""
+    """Why it was left out."""
+    unfit: bool = False
+    """Whether it could not have been used."""
+
+
+class LongLog(Model):
+    """A recording that was too long to be taken whole, and the events in it."""
+
+    source: Text
+    seconds: NonNegative
+    events: Annotated[list[LogEvent], Field(max_length=100_000)]
+    rest: dict[Text, NonNegative]
+    """Seconds of what is no event: ``standing``, ``little motion``."""
+    time: Curve
+    level: Curve
+    """Information per second over time, relative to the most there is."""
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        check_lengths(len(self.time), self.level)
+        return self
+
+
 class EstimateDocument(Model):
     """Posterior of damping rates and inertias; written by ``bayes-asv estimate``."""
 
@@ -430,6 +463,8 @@ class EstimateDocument(Model):
     fit_by_run: Annotated[list[Fits], Field(max_length=1000)] = Field(default_factory=list)
     noise: Annotated[list[Noise], Field(max_length=1000)] = Field(default_factory=list)
     runs: Annotated[list[Run], Field(max_length=1000)] = Field(default_factory=list)
+    logs: Annotated[list[LongLog], Field(max_length=1000)] = Field(default_factory=list)
+    """Recordings of which only events were used; these are the runs then."""
     draws: dict[Text, Curve] = Field(default_factory=dict)
     """Some of the draws, in the vehicle's units."""
     vehicle: VehicleInfo = VehicleInfo()

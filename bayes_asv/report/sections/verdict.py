@@ -9,6 +9,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument, TrackDocument, half_car
 from bayes_asv.report.schema.parts import Parameter
+from bayes_asv.report.sections.long_logs import log_lines
 from bayes_asv.report.sections.online_filter import (
     INCONSISTENT,
     INCONSISTENT_STEPS,
@@ -192,6 +193,7 @@ def verdict_lines(document: EstimateDocument) -> list[str]:
     lines = [headline(document)]
     lines += [prefix + parameter_sentence(n, parameters[n]) for n in answers(parameters)]
     lines += side_lines(document)
+    lines += log_lines(document)
     lines += run_consistency_lines(document)
     lines += [f"Why: {plain(reason)}." for reason in document.reasons]
     lines += [f"Note: {plain(warning)}." for warning in document.warnings]
