@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
-from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import Estimate
 from bayes_asv.models.car_model import CarModel, CarParameter
 from bayes_asv.preprocessing.events import NO_TIME, NOT_NEEDED, LogEvents
 from bayes_asv.report.documents.quantities import (
-    Z95,
     Units,
     effects,
     parameter,
@@ -164,7 +163,8 @@ def _prior(name: str, result: Estimate) -> schema.Prior:
     mean, sd = result.space.log_prior_of(name)
     units = Units(result.vehicle.units)
     low, median, high = (
-        units.convert_parameter(math.exp(mean + z * sd), name) for z in (-Z95, 0.0, Z95)
+        units.convert_parameter(math.exp(mean + z * sd), name)
+        for z in (-NORMAL_975, 0.0, NORMAL_975)
     )
     return schema.Prior(
         kind="log-normal", median=median, factor=math.exp(sd), log_sd=sd, eti95=[low, high]

@@ -25,6 +25,7 @@ from bayes_asv.report.sections.uncertainty_budget import budget_steps
 from bayes_asv.report.words import (
     LABELS,
     SMALL_DIFFERENCE,
+    TONES,
     WIDE,
     capitalized,
     compare_parameter,
@@ -53,7 +54,6 @@ __all__ = [
 ]
 
 _ORDER: Final = ("below", "above", "unclear", "agrees")  # senses of dampers in the headline
-_TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear": "muted"}
 _MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
 _COUNTS: Final = {2: "two", 3: "three", 4: "four"}
 _SCALES: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ends of a gauge, share of nominal
@@ -260,7 +260,7 @@ def cards(
         }  # fmt: skip
         comparison = compared[name]
         if comparison is not None and p.nominal:
-            tone = _TONES[comparison.sense] if reliable else "muted"
+            tone = TONES[comparison.sense] if reliable else "muted"
             low, high = (v / p.nominal - 1.0 for v in p.eti95)
             picture = svg.gauge(
                 f"gauge-{name.replace('_', '-')}", comparison.share, low, high, scale, tone
