@@ -34,6 +34,7 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording, nominal_rate, timing
+from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
@@ -68,6 +69,7 @@ _RUNS = 3  # recordings that are looked at
 _MOVED = 3.0  # deviations: once in 370 right inputs for each given value
 _HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
 _NEARLY_HOLDS = 30.0  # dispersion up to which a mistake explains enough to be named
+_MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
 _DEAD = 0.05  # gain below which a sensor is called dead
 # Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
 # measured to a few hundredths of the range in which it may lie.
@@ -76,38 +78,43 @@ _BACKWARDS = -8.0  # log prior odds of a drive in which the rear wheels lead
 _ALIKE = 0.6  # correlation of front and rear wheels from which on their order means something
 _AHEAD = 0.2  # by which it has to be larger than with the other order
 
+_N_PER_MM = si_factor("N/mm", "stiffness") / si_factor("lbf/in", "stiffness")
+_LBF_S_PER_IN = si_factor("lbf*s/in", "damping")
+_LB = si_factor("lbm", "mass")
 _SPRING_FACTORS = {
     2.0: "one spring of an axle is given instead of both",
     0.5: "both sides are counted twice",
-    5.71015: "a number in N/mm stands with lbf/in",
-    1.0 / 5.71015: "a number in lbf/in stands with N/mm",
+    _N_PER_MM: "a value in N/mm was given the unit lbf/in",
+    1.0 / _N_PER_MM: "a value in lbf/in was given the unit N/mm",
 }
 _DAMPING_FACTORS = {
-    12.0: "a number in lbf·s/in stands with lbf·s/ft",
-    1.0 / 12.0: "a number in lbf·s/ft stands with lbf·s/in",
-    175.127: "a number in lbf·s/in stands with N·s/m",
-    1.0 / 175.127: "a number in N·s/m stands with lbf·s/in",
+    12.0: "a value in lbf·s/in was given the unit lbf·s/ft",
+    1.0 / 12.0: "a value in lbf·s/ft was given the unit lbf·s/in",
+    _LBF_S_PER_IN: "a value in lbf·s/in was given the unit N·s/m",
+    1.0 / _LBF_S_PER_IN: "a value in N·s/m was given the unit lbf·s/in",
 }
 _MASS_FACTORS = {
-    2.20462: "a number in kg stands with lb",
-    1.0 / 2.20462: "a number in lb stands with kg",
+    1.0 / _LB: "a value in kg was given the unit lb",
+    _LB: "a value in lb was given the unit kg",
 }
 # Where the search for a size begins; between them the fit finds its way.
 _TIME_FACTORS = (0.25, 0.4, 0.5, 0.7, 0.8, 1.25, 1.4, 2.0, 2.5, 4.0)
-_GAINS = (1.0 / 9.80665, 0.5, 0.85, 1.18, 2.0, 9.80665)
+_GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
 _LAGS = (0.005, 0.02)  # s
 _FACTORS = (0.45, 0.75, 1.35, 2.2)
 
 
 class Fit(NamedTuple):
-    """A fit with the noise as declared.
+    """A fit with the noise as declared, and how likely it is with as much noise as it needs.
 
     Parameters
     ----------
     log_posterior : float
-        At the mode, not normalised.
+        At the mode, not normalised, with the deviations of all noise multiplied by one factor.
+    noise_factor : float
+        That factor, which makes the mean square of the normalised innovations one; at least one.
     dispersion : float
-        Long-run variance of the normalised innovations, at least one.
+        Long-run variance of the innovations with the noise as declared, at least one.
     holds : bool
         Whether that is no more than noise makes of it.
     moved : dict of str to float
@@ -117,6 +124,7 @@ class Fit(NamedTuple):
     """
 
     log_posterior: float
+    noise_factor: float
     dispersion: float
     holds: bool
     moved: dict[str, float]
@@ -209,9 +217,24 @@ def screening_fit(
         residual, np.zeros(n), bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
     )
     z = at(fit.x)
-    value = float(target.log_posterior(z[None])[0])
+    # With more noise the prior counts for more, so that another mode is the likeliest.
+    noise_factor, noisy = _noise_factor(target, z), z
+    if noise_factor > _MORE_NOISE and steps > _COARSE_STEPS:
+        scale = np.append(np.full(fit.fun.size - n, noise_factor), np.ones(n))
+
+        def scaled(car_part: Array) -> Array:
+            return np.asarray(residual(car_part) / scale)
+
+        again = least_squares(
+            scaled, fit.x, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
+        )
+        noisy = at(again.x)
+        noise_factor = _noise_factor(target, noisy)
+    value = float(target.log_posterior(noisy[None])[0])
     if not math.isfinite(value):
         return None
+    count, square = _innovations(target, noisy)
+    value += 0.5 * square * (1.0 - noise_factor**-2) - count * math.log(noise_factor)
     values = {name: float(x[0]) for name, x in target.space.values(z[None]).items()}
     moved = {}
     for p in model.parameters:
@@ -227,7 +250,22 @@ def screening_fit(
     ]
     dispersion = max(1.0, *spread)
     filtered = max(_of_filtered_noise(line) for line in lines)
-    return Fit(value, dispersion, dispersion < _HOLDS * filtered, moved, values)
+    return Fit(value, noise_factor, dispersion, dispersion < _HOLDS * filtered, moved, values)
+
+
+def _innovations(target: Posterior, z: Array) -> tuple[int, float]:
+    """Count the normalised innovations of all runs, and sum their squares."""
+    every = np.concatenate(
+        [target.innovations(z, run).ravel() for run in range(len(target.space.timelines))]
+    )
+    there = np.isfinite(every) & (every != 0.0)
+    return int(np.count_nonzero(there)), float(np.sum(every[there] ** 2))
+
+
+def _noise_factor(target: Posterior, z: Array) -> float:
+    """Root mean square of the normalised innovations, at least one."""
+    count, square = _innovations(target, z)
+    return math.sqrt(max(1.0, square / max(count, 1)))
 
 
 def _of_filtered_noise(line: PreparedRecording) -> float:
@@ -352,7 +390,7 @@ def likely_mistakes(
     likeliest = max(tried, key=lambda one: one.log_posterior)
     if not likeliest.dispersion < _NEARLY_HOLDS:
         return []  # whatever is wrong is not in the list
-    dispersion = likeliest.dispersion
+    dispersion = max(1.0, likeliest.dispersion / likeliest.noise_factor**2)
     logs = np.array(
         [
             one.log_posterior / dispersion
@@ -379,6 +417,7 @@ class _Tried(NamedTuple):
     log_posterior: float
     log_prior: float
     dispersion: float
+    noise_factor: float
 
 
 def _evaluate(
@@ -397,7 +436,7 @@ def _evaluate(
     except InputError:
         fit = None
     if fit is None:
-        return _Tried(hypothesis, size, -math.inf, 0.0, math.inf)
+        return _Tried(hypothesis, size, -math.inf, 0.0, math.inf, 1.0)
     volume = sum(
         log * np.count_nonzero(np.isfinite(recording.values[recording.channels.index(name)]))
         for recording in inputs
@@ -405,7 +444,9 @@ def _evaluate(
         if not vehicle.channel(name).is_input  # on which the likelihood is conditioned
     )
     prior = hypothesis.density(size) + (_BACKWARDS if rear_leads(inputs) else 0.0)
-    return _Tried(hypothesis, size, fit.log_posterior + volume, prior, fit.dispersion)
+    return _Tried(
+        hypothesis, size, fit.log_posterior + volume, prior, fit.dispersion, fit.noise_factor
+    )
 
 
 def _refined(one: _Tried, recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> _Tried:

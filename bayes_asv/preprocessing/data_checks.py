@@ -109,7 +109,7 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     times = line.times[0]
     rows = len(times)
     duration = float(times[-1] - times[0])
-    rate = 1.0 / float(np.median(np.diff(times)))
+    rate = min(1.0 / _own_step(line, c) for c in range(len(line.channels)))
     needed = max(_PERIODS / slowest, 0.3)
     if duration < needed or rows < _FEWEST:
         reasons.append(
@@ -122,13 +122,14 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
             f"{line.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at up "
             f"to {fastest:.1f} Hz; record at {_round_rate(least_rate(found))} Hz or more"
         )
-    limit = clipping_limit(rows)
     for c, channel in enumerate(line.channels):
         clipped = int(np.count_nonzero(line.clipped[c]))
-        if clipped > limit:
+        missing = _missing(line, c)
+        due = int(np.count_nonzero(np.isfinite(line.values[c]))) + missing
+        if clipped > clipping_limit(due):
             reasons.append(
                 f"the {channel.words} sensor of {line.source} was at the end of its range in "
-                f"{clipped} of {rows} samples; drive slower, take a lower bump or use a sensor "
+                f"{clipped} of {due} samples; drive slower, take a lower bump or use a sensor "
                 "with a wider range"
             )
         elif clipped:
@@ -136,10 +137,9 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
                 f"{clipped} samples of the {channel.words} sensor of {line.source} were at the end "
                 "of its range and are used as bounds"
             )
-        missing = int(np.count_nonzero(~np.isfinite(line.values[c])))
-        if missing > 0.2 * rows:
+        if missing > 0.2 * due:
             reasons.append(
-                f"{missing} of {rows} readings of the {channel.words} sensor of {line.source} are "
+                f"{missing} of {due} readings of the {channel.words} sensor of {line.source} are "
                 "missing; check its wiring and the transfer"
             )
         elif missing:
@@ -220,6 +220,23 @@ def _alike(line: PreparedRecording, left: int) -> bool:
         for c in (one, other)
     ]
     return rms < SHAKEN * float(np.hypot(*noise))
+
+
+def _own_step(line: PreparedRecording, c: int) -> float:
+    """Usual time between two readings of a channel, s; rows of other channels do not count."""
+    return float(np.median(np.diff(line.times[c][np.isfinite(line.values[c])])))
+
+
+def _missing(line: PreparedRecording, c: int) -> int:
+    """Count the readings that a channel lacks at its own rate, where there are rows for them."""
+    there = np.flatnonzero(np.isfinite(line.values[c]))
+    edges = np.concatenate([[-1], there, [line.values.shape[1]]])
+    empty = np.diff(edges) - 1
+    times = line.times[c]
+    known = np.concatenate([[times[0]], times[there], [times[-1]]])
+    steps = np.round(np.diff(known) / _own_step(line, c)).astype(int)
+    steps[1:-1] -= 1
+    return int(np.minimum(empty, np.maximum(steps, 0)).sum())
 
 
 def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:

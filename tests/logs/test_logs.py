@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.log import Log, LoggedChannel
+from bayes_asv.domain.units import STANDARD_GRAVITY as GRAVITY
 from bayes_asv.domain.vehicle_file import parse_channel_map
 from bayes_asv.io import read_log
-from bayes_asv.logs.calibration import GRAVITY, calibrate_axes, calibrate_values, plateaus
+from bayes_asv.logs.calibration import calibrate_axes, calibrate_values, plateaus
 from bayes_asv.logs.facts import channel_facts
 from bayes_asv.logs.names import meaning
 from bayes_asv.logs.proposal import Proposal, map_text, propose

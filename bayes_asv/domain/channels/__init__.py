@@ -14,10 +14,10 @@ from bayes_asv.domain.channels import (
     corner_accelerometers,
     suspension_travel,
 )
-from bayes_asv.domain.channels.channel import Axis, Axle, Channel, Part, Quantity, Side
+from bayes_asv.domain.channels.channel import AXLES, Axis, Axle, Channel, Part, Quantity, Side
 
 __all__ = [
-    "CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS", "Axis", "Axle", "Channel", "Part", "Quantity",
+    "AXLES", "CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS", "Axis", "Axle", "Channel", "Part", "Quantity",
     "Side", "channel", "missing_inputs",
 ]  # fmt: skip
 

@@ -7,17 +7,19 @@ everything else is what the model has to explain (a *measured output*).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from bayes_asv.domain.units import si_unit
 
-__all__ = ["Axis", "Axle", "Channel", "Part", "Quantity", "Side"]
+__all__ = ["AXLES", "Axis", "Axle", "Channel", "Part", "Quantity", "Side"]
 
 Quantity = Literal["acceleration", "angular_rate", "deflection"]
 Part = Literal["wheel", "body", "suspension"]
 Axle = Literal["front", "rear"]
 Side = Literal["left", "right"]
 Axis = Literal["pitch", "roll"]
+
+AXLES: Final[tuple[Axle, ...]] = ("front", "rear")
 
 
 @dataclass(frozen=True, slots=True)
