@@ -21,11 +21,14 @@ from bayes_asv.analysis.run_consistency import (
     run_alone,
 )
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
+from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
+from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
+from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import best_fit, foreseen, lay_out
@@ -312,12 +315,17 @@ def _of_runs(
     began = time.perf_counter()
     tell = progress or (lambda share, words: None)
     model = car_model(car, vehicle)
+    clocks, sites = _clocks(recordings, vehicle, sites)
     lines, reasons, warnings = lay_out(recordings, vehicle, below, car)
-    found, agreement = None, None
+    found, agreement, timed = None, None, None
     untold: tuple[str, ...] = ()
     if not reasons:
         tell(0.0, "checking what the recordings can tell")
         untold = foreseen(lines, vehicle)
+        if clocks:
+            tell(0.0, "comparing the clocks")
+            timed = synchronised(recordings, vehicle, clocks, below, car, likelihood)
+            lines = timed.lines
         tell(0.0, "looking for the best fit")
         with ThreadPoolExecutor(1) as other:
             # emcee takes a second to load, most of it while compiled code climbs to the mode
@@ -333,7 +341,11 @@ def _of_runs(
             if agreement is not None and agreement.apart:
                 reasons, warnings = agreement.reasons, warnings + agreement.warnings
             else:
-                found = best_fit(lines, vehicle, likelihood, sites)
+                found = (
+                    best_fit(lines, vehicle, likelihood, sites)
+                    if timed is None
+                    else fitted(timed, sites)
+                )
                 reasons, warnings = found.reasons, warnings + found.warnings
                 # At the mode the same is known better than at nominal values.
                 untold = () if found.mode.converged else untold
@@ -342,7 +354,11 @@ def _of_runs(
     doubt = None
     if below is None and not sites:
         tell(0.05, "checking the input")
-        doubt = doubt_about(recordings, vehicle, car, refused=bool(reasons))
+        at_mode = recordings if timed is None else timed.recordings
+        doubt = doubt_about(at_mode, vehicle, car, refused=bool(reasons))
+    if timed is not None and timed.ambiguity is not None:
+        warnings += (timed.ambiguity,)
+        doubt = doubt or Doubt((), timed.ambiguity)
     if agreement is not None and found is None and not reasons:
         tell(0.9, "the runs do not agree")
         told = _apart(agreement, recordings, vehicle, warnings, seed)
@@ -361,7 +377,7 @@ def _of_runs(
     where, target = found.space, found.target
     tell(0.1, "sampling")
     ensembles = run_ensembles(
-        target,
+        target if timed is None else target.expanded(found.mode.z, found.mode.covariance),
         found.mode,
         seed,
         None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
@@ -380,7 +396,9 @@ def _of_runs(
     runs = tuple(
         _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
     )
-    width = find_width(target, found.mode, vehicle) if ensembles.converged and not sites else None
+    exact = timed is None or not any(timed.modes)
+    budget = ensembles.converged and exact and not sites
+    width = find_width(target, found.mode, vehicle) if budget else None
     tell(1.0, "done")
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
@@ -410,6 +428,16 @@ def _of_runs(
             for site, values in where.effect_draws(flat).items()
         },
     )
+
+
+def _clocks(
+    recordings: Sequence[Recording], vehicle: Vehicle, sites: tuple[Site, ...]
+) -> tuple[tuple[Clock, ...], tuple[Site, ...]]:
+    """Clocks that are declared or asked for as an effect, and the other effects."""
+    asked = [site.where for site in sites if site.effect is CLOCK_OFFSET]
+    clocks = (*declared_clocks(recordings, vehicle), *map(clock_of_group, asked))
+    check_clocks(clocks, "--with clock_offset")
+    return clocks, tuple(site for site in sites if site.effect is not CLOCK_OFFSET)
 
 
 def _apart(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from bayes_asv.domain.clocks import GROUPS
 from bayes_asv.models.effects import AXLES, BOTH, EFFECTS, Effect, Parameter
 
 __all__ = ["LAWS", "MEANINGS", "PAGE", "page"]
@@ -42,6 +43,10 @@ linear car varies $w$ within its given standard deviation; the effect is named b
 them.""",
     "sensor_gain": r"""The channel reads $\text{factor}$ times the true value.""",
     "sensor_lag": r"""The channel samples later than declared; a negative lag is earlier.""",
+    "clock_offset": r"""A group of channels is sampled later than all others, by the same time: `body` is all channels
+but the wheel hubs, `front` those of the front axle, `left` those of the left side. In `estimate` it is a clock with an
+offset of its own in each recording and a common drift of 0 ± 50 ppm, as `[clocks]` of the vehicle file declares it
+([vehicle.md](vehicle.md)).""",
     "sensor_bandwidth": r"""The corner frequency of the channel's one-pole filter is not the declared one.
 This effect needs a `bandwidth` in the vehicle file.""",
     "sensor_drift": r"""The zero of the channel drifts linearly. For a deflection or an angular rate prior and
@@ -89,6 +94,7 @@ MEANINGS = {
     "weight_distribution": {"factor": f"front weight fraction {_FACTOR}"},
     "sensor_gain": {"factor": "reading over true value; 1.03 reads 3 % too high"},
     "sensor_lag": {"lag": "additional delay"},
+    "clock_offset": {"offset": "time by which the group is late"},
     "sensor_bandwidth": {"bandwidth": "corner frequency; reported in Hz"},
     "sensor_drift": {"slope": "drift rate of the zero"},
 }  # fmt: skip
@@ -242,6 +248,8 @@ def _where(effect: Effect) -> str:
         return "front, rear or both"
     if effect.sites == AXLES:
         return "front, rear"
+    if effect.sites == tuple(GROUPS):
+        return "body, front or left channels"
     return "any channel" if any(effect.sites) else "the car"
 
 
@@ -279,7 +287,7 @@ def _prior(parameter: Parameter) -> str:
 
 
 def _tolerance(effect: Effect, parameter: Parameter) -> str:
-    if effect.slight is None:
+    if effect.slight is None or effect.sites == tuple(GROUPS):
         return "none"
     if parameter.shape:
         return f"fixed at {effect.slight[parameter.name]:g}"

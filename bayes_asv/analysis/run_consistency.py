@@ -205,8 +205,10 @@ class RunConsistency:
         out = {}
         for r, run in enumerate(self.runs):
             pick = rng.integers(len(run.z), size=shape)
+            alone = {one.name for one in run.fit.space.coordinates if one.run is None}
             for name, value in run.fit.space.nuisance(run.z).items():
-                out[f"{name.rsplit(' ', 1)[0]} {r}"] = value[pick]
+                own = name if name in alone else name.removesuffix(" 0")
+                out[f"{own} {r}"] = value[pick]
         return out
 
     def sentence(self) -> str:

@@ -153,6 +153,7 @@ def _units(names: Iterable[str], sites: Iterable[Site]) -> dict[str, str]:
     units = {name: si[QUANTITIES[name][0]] for name in names if name in QUANTITIES}
     noises = {name: name.removeprefix("noise_").rpartition("_")[0] for name in names}
     units |= {n: channel(c).si_unit for n, c in noises.items() if n.startswith("noise_")}
+    units |= {name: "s" for name in names if name.startswith("clock_offset_")}
     for site in sites:
         for parameter in site.effect.parameters:
             # a share is of the declared bandwidth
@@ -208,7 +209,8 @@ def _log_prior(result: Estimate, space: ParameterSpace) -> dict[str, Array]:
         if one.kind == "filtered_share":
             out[label] = np.zeros_like(value)  # uniform
             continue
-        u = ((value if one.kind == "fraction" else np.log(value)) - one.centre) / one.scale
+        linear = one.kind in ("fraction", "clock")
+        u = ((value if linear else np.log(value)) - one.centre) / one.scale
         out[label] = -0.5 * u**2 - half_log_2pi - math.log(one.scale)
     return out
 

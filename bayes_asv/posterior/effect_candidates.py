@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.clocks import GROUPS
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import BOTH, EFFECTS, Effect, Site
 from bayes_asv.posterior.fitted_model import FittedModel
@@ -95,8 +96,8 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
             if known or not _possible(site, stage, vehicle):
                 continue
             if effect.slight is not None:
-                # at several elements a tolerance is that of one and of the others
-                tolerance = len(elements) <= 1
+                # at several elements or channels a tolerance is that of one and of the others
+                tolerance = len(elements) <= 1 and where not in GROUPS
                 values = effect.slightly(scale)
                 if effect.straight is not None:
                     own = used[list(elements)].max(axis=0)
@@ -148,9 +149,10 @@ def _possible(site: Site, stage: FittedModel, vehicle: Vehicle) -> bool:
     """Whether a car and its sensors can have an effect."""
     car = stage.space.car
     if site.effect.acts == "reading":
-        measured = {channel.name for run in stage.space.timelines for channel in run.channels}
+        names = {channel.name for run in stage.space.timelines for channel in run.channels}
+        affected = site.channels(sorted(names))
         corner = site.effect.fault == "bandwidth"
-        return site.where in measured and not (
+        return 0 < len(affected) < len(names) and not (
             corner and vehicle.sensor(site.where).bandwidth is None
         )
     if site.where == BOTH:

@@ -13,14 +13,14 @@ sharpens a channel would be taken for news.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, ORDER
@@ -107,6 +107,10 @@ class SensorPatterns:
     moved : tuple of (TERMS, E, ORDER) or (TERMS, E) arrays
         One a channel: moments of the k-th derivative of its reading over k!, or that derivative of
         what an output would have read.
+    later : tuple of callable
+        One a channel: from a lag, s, to what undoes it, by the spline itself.
+    near : float
+        Lag up to which the series in ``moved`` holds, s: one sample.
     sharper : tuple of C (E, ORDER) arrays or None
         An input's signal less its slow part, moments of it.
     above : tuple of C Above or None
@@ -121,6 +125,8 @@ class SensorPatterns:
     pole: float
     wheel: Array
     moved: tuple[Array, ...]
+    later: tuple[Callable[[float], Array], ...]
+    near: float
     sharper: tuple[Array | None, ...]
     above: tuple[Above | None, ...]
     ramp: tuple[Array, ...]
@@ -146,9 +152,10 @@ class SensorPatterns:
         """
         names = [channel.name for channel in line.channels]
         known = tuple(
-            (names.index(site.where), site.effect.fault, next(iter(value.values())))
+            (names.index(name), site.effect.fault, next(iter(value.values())))
             for site, value in values.items()
-            if site.effect.fault and site.where in names
+            if site.effect.fault
+            for name in site.channels(names)
         )
         return _corrected(self, line, known, tuple(float(x) for x in zeros))
 
@@ -156,6 +163,8 @@ class SensorPatterns:
         """Return what to add to one channel to undo one fault of its sensor."""
         of_input = self.sharper[c] is not None
         if fault == "lag":
+            if abs(value) > self.near:
+                return self.later[c](value)
             return _later(self.moved[c], value, of_reading=of_input)
         return self._sharper(c, value) if fault == "bandwidth" else -value * self.ramp[c]
 
@@ -212,7 +221,7 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         Simulated outputs of sensors that are as declared.
     """
     begin = line.instants[0] - line.elapsed[0]
-    moved, ramp = [], []
+    moved, ramp, later = [], [], []
     sharper: list[Array | None] = []
     above: list[Above | None] = []
     for c, channel in enumerate(line.channels):
@@ -236,13 +245,31 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
         moved.append(np.stack([laid(x) for x in found]))
+        later.append(partial(_shift, smooth, time, signal, laid, -1.0 if c in line.inputs else 1.0))
         ramp.append(laid(relative_offset(channel.quantity) * (time - begin)))
     pole = float(np.max(line.poles)) or 2.0 * math.pi * _NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
     return SensorPatterns(
-        pole, wheel_at, tuple(moved), tuple(sharper), tuple(above), tuple(ramp),
-        moments_of_one(line),
+        pole, wheel_at, tuple(moved), tuple(later), line.reading_step, tuple(sharper), tuple(above),
+        tuple(ramp), moments_of_one(line),
     )  # fmt: skip
+
+
+def _shift(
+    smooth: BSpline,
+    time: Array,
+    signal: Array,
+    laid: Callable[[Array], Array],
+    sign: float,
+    lag: float,
+) -> Array:
+    """Return what undoes a lag; beyond its ends a channel keeps its first and last value.
+
+    Of a reading (sign −1) r(t − lag) − r(t), of what it would have been (sign 1)
+    −(s(t + lag) − s(t)).
+    """
+    moved = smooth(np.clip(time + sign * lag, time[0], time[-1]))
+    return -sign * laid(moved - signal)
 
 
 def _moments(line: PreparedRecording, time: Array, deviation: Array, samples: Array) -> Array:

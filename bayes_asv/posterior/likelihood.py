@@ -19,12 +19,15 @@ from bayes_asv.filters.kalman import MISSING, Laws, Measurements
 from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.missing_band import log_determinant
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.timeline import PreparedRecording, Retimed, interpolation_weights
 
-__all__ = ["WHITE", "Perturbation", "Posterior", "ResidualAR", "shared_work"]
+__all__ = [
+    "WHITE", "ClockExpansion", "Perturbation", "Posterior", "ResidualAR", "shared_work",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
+_LARGEST_LOG = 3.0  # of a change of curvature: far from the mode nothing is known of it
 _MANY = 8  # points from which on two threads share them
 
 
@@ -70,6 +73,43 @@ class Perturbation(NamedTuple):
     force: Array
 
 
+class ClockExpansion(NamedTuple):
+    """Change of a run's log-likelihood by errors of its clocks, expanded at the mode.
+
+    With u the errors in steps of :class:`bayes_asv.preprocessing.timeline.Retimed`,
+
+        L(z, u) ≈ L(z, 0) + exp(aᵀδ) [uᵀ g(δ) − ½ uᵀ H(δ) u],    δ = R (z − z̄).
+
+    The exponential is the inverse power of the noise, which scales slopes and curvatures alike; g
+    and H are polynomials of second degree through P = (d + 1)(d + 2) / 2 points.
+
+    Parameters
+    ----------
+    centre : (D,) array
+        z̄.
+    inverse : (d, D) array
+        R: to standard deviations along the principal axes of the posterior.
+    growth : (d,) array
+        a.
+    slopes, curvatures : (P, K) and (P, K, K) arrays
+        g and H at the middle and at :meth:`Retimed.points`.
+    """
+
+    centre: Array
+    inverse: Array
+    growth: Array
+    slopes: Array
+    curvatures: Array
+
+    def change(self, z: Array, u: Array) -> Array:
+        """Return L(z, u) − L(z, 0) for coordinates (W, D) and errors (W, K)."""
+        away = (z - self.centre) @ self.inverse.T
+        weights = interpolation_weights(away)
+        size = np.exp(np.clip(away @ self.growth, -_LARGEST_LOG, _LARGEST_LOG))
+        curved = np.einsum("wi,wij,wj->w", u, np.tensordot(weights, self.curvatures, 1), u)
+        return np.asarray(size * (np.sum(u * (weights @ self.slopes), axis=1) - 0.5 * curved))
+
+
 @dataclass(frozen=True)
 class Posterior:
     """Log-posterior of a :class:`ParameterSpace`, given the autoregression of each run's residuals.
@@ -84,12 +124,19 @@ class Posterior:
         Where batches are split; the answer does not depend on it.
     patterns : tuple of SensorPatterns
         One a run where the space has effects; their innovations are taken to be white.
+    retimed_patterns : tuple of tuple of SensorPatterns
+        The same for each recording with other errors of its clocks.
+    expansions : tuple of ClockExpansion or None
+        One a run, to be used in place of the recordings with other errors of the clocks; empty to
+        use those.
     """
 
     space: ParameterSpace
     colours: tuple[ResidualAR, ...]
     pool: ThreadPoolExecutor | None = None
     patterns: tuple[SensorPatterns, ...] = ()
+    retimed_patterns: tuple[tuple[SensorPatterns, ...], ...] = ()
+    expansions: tuple[ClockExpansion | None, ...] = ()
 
     def with_colours(self, colours: tuple[ResidualAR, ...]) -> Posterior:
         """Return the same posterior with other residual autoregressions."""
@@ -101,12 +148,53 @@ class Posterior:
         if recording.retimed is None:
             value = self._log_likelihood(z, run, recording)
         else:
-            weights = recording.retimed.weights(self.space.clock_errors(z, run))
-            lines = (recording, *recording.retimed.lines)
-            value = np.sum(
-                [w * self._log_likelihood(z, run, one) for w, one in _used(weights, lines)], axis=0
-            )
+            errors = self.space.clock_errors(z, run)
+            expansion = self.expansions[run] if self.expansions else None
+            if expansion is not None:
+                u = (errors - recording.retimed.middle) / recording.retimed.step
+                value = self._log_likelihood(z, run, recording) + expansion.change(z, u)
+            else:
+                weights = recording.retimed.weights(errors)
+                lines = (recording, *recording.retimed.lines)
+                value = np.sum(
+                    [w * self._log_likelihood(z, run, x) for w, x in _used(weights, lines)], axis=0
+                )
         return np.where(np.isfinite(value), value, -np.inf)
+
+    def expanded(self, z: Array, covariance: Array) -> Posterior:
+        """Expand the change by errors of clocks at the mode, to sample with one pass a point.
+
+        Parameters
+        ----------
+        z, covariance : (D,) and (D, D) arrays
+            Mode and covariance, along whose principal axes derivatives are taken.
+        """
+        runs = range(len(self.colours))
+        return replace(self, expansions=tuple(self._expansion(z, covariance, r) for r in runs))
+
+    def _expansion(self, z: Array, covariance: Array, run: int) -> ClockExpansion | None:
+        recording = self.space.timelines[run]
+        retimed = recording.retimed
+        if retimed is None:
+            return None
+        clocks = self.space.clock_coordinates(run)
+        own = [k for k in self.space.seen_by(run) if k not in clocks]
+        variance, axes = np.linalg.eigh(covariance[np.ix_(own, own)])
+        way = np.zeros((len(z), len(own)))
+        way[own] = axes * np.sqrt(np.maximum(variance, 0.0))
+        away = np.vstack([np.zeros(len(own)), Retimed.points(len(own))])
+        values = np.stack(
+            [self._log_likelihood(z + away @ way.T, run, x) for x in (recording, *retimed.lines)]
+        )
+        slopes, curvatures = _derivatives(values, len(clocks))
+        size = np.trace(np.linalg.solve(curvatures[0], curvatures), axis1=1, axis2=2)
+        logs = np.log(np.maximum(size / len(clocks), np.exp(-_LARGEST_LOG)))
+        growth = 0.5 * (logs[1 : len(own) + 1] - logs[len(own) + 1 : 2 * len(own) + 1])
+        scale = np.exp(away @ growth)
+        return ClockExpansion(
+            z, np.asarray(np.linalg.pinv(way), np.float64), growth,
+            slopes / scale[:, None], curvatures / scale[:, None, None],
+        )  # fmt: skip
 
     def _log_likelihood(self, z: Array, run: int, recording: PreparedRecording) -> Array:
         """Log-likelihood (W,) of one run, prepared for certain errors of its clocks."""
@@ -120,16 +208,19 @@ class Posterior:
             value = kalman.log_likelihood(system, noise, recording.measurements)
             value += self.given_back(z, run)
         else:
-            value = self._with_effects(z, run) + self.given_back(z, run)
+            value = self._with_effects(z, run, recording) + self.given_back(z, run)
         return np.asarray(value)
 
-    def _with_effects(self, z: Array, run: int) -> Array:
+    def _with_effects(self, z: Array, run: int, recording: PreparedRecording) -> Array:
         """Log-likelihood (W,) of one run whose car or sensors have effects."""
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
-        recording = self.space.timelines[run]
+        known = self._patterns(run, recording)
         values = [self.space.effects(point) for point in z]
         tables = np.stack([law_table(self.space.car, v, run) for v in values])
-        readings = [self.as_declared(point, run) for point in z]
+        readings = [
+            known.corrected(recording, v, self.space.zeros(point, run))
+            for v, point in zip(values, z, strict=True)
+        ]
         if all(one is readings[0] for one in readings):  # no sensor differs
             data, laws = self._declared(recording, run, readings[0], tables)
             return kalman.log_likelihood(system, noise, data, laws)
@@ -138,6 +229,13 @@ class Posterior:
             data, laws = self._declared(recording, run, readings[w], tables[w : w + 1])
             out[w] = kalman.log_likelihood(system.one(w), noise.one(w), data, laws)[0]
         return out
+
+    def _patterns(self, run: int, recording: PreparedRecording) -> SensorPatterns:
+        """Patterns of a run, prepared for certain errors of its clocks."""
+        retimed = self.space.timelines[run].retimed
+        if retimed is None or recording not in retimed.lines:
+            return self.patterns[run]
+        return self.retimed_patterns[run][retimed.lines.index(recording)]
 
     def _declared(
         self, recording: PreparedRecording, run: int, nominal: NominalReadings, tables: Array
@@ -257,6 +355,19 @@ def _used(
 ) -> Iterator[tuple[Array, PreparedRecording]]:
     """Pair recordings with their weights (W,), but those that have none."""
     return ((w, line) for w, line in zip(weights.T, lines, strict=True) if np.any(w))
+
+
+def _derivatives(values: Array, count: int) -> tuple[Array, Array]:
+    """Slopes (P, K) and negative curvatures (P, K, K) by errors, from values (M, P)."""
+    middle, ahead, behind = values[0], values[1 : count + 1], values[count + 1 : 2 * count + 1]
+    curvatures = np.zeros((len(middle), count, count))
+    both = iter(values[2 * count + 1 :])
+    for i in range(count):
+        curvatures[:, i, i] = 2.0 * middle - ahead[i] - behind[i]
+        for j in range(i):
+            mixed = next(both) - ahead[i] - ahead[j] + middle
+            curvatures[:, i, j] = curvatures[:, j, i] = -mixed
+    return 0.5 * (ahead - behind).T, curvatures
 
 
 @contextmanager

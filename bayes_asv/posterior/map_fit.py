@@ -20,8 +20,9 @@ from bayes_asv.models.effects import Site
 from bayes_asv.posterior.band_fit import fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
+from bayes_asv.posterior.effects import SensorPatterns
 from bayes_asv.posterior.fit_checks import meant_for, misfit, swollen_noise
-from bayes_asv.posterior.fitted_model import setting
+from bayes_asv.posterior.fitted_model import FittedModel, carried, foretold_at, setting
 from bayes_asv.posterior.free_simulation import free_run, left_in_band
 from bayes_asv.posterior.information import (
     WIDE_PRIOR,
@@ -199,13 +200,34 @@ def _with_sites(
     lines: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
 ) -> tuple[Mode, Posterior]:
     """Climb to the mode of a model with effects, its noise levels free."""
-    where, stage = with_effects(setting(vehicle, lines), sites)
+    alone = tuple(replace(line, retimed=None) for line in lines)
+    where, stage = with_effects(setting(vehicle, alone), sites)
     whole = space(vehicle, lines, sites=stage.sites)
-    target = Posterior(whole, (WHITE,) * len(lines), patterns=where.patterns)
+    others = _retimed_patterns(lines, vehicle, stage)
+    target = Posterior(
+        whole, (WHITE,) * len(lines), patterns=where.patterns, retimed_patterns=others
+    )
     start = stage.carried_to(whole)
     start[whole.lasting_dimension :] = whole.origin[whole.lasting_dimension :]
     with shared_work(target) as shared:
         return find_mode(shared, start), target
+
+
+def _retimed_patterns(
+    lines: tuple[PreparedRecording, ...], vehicle: Vehicle, stage: FittedModel
+) -> tuple[tuple[SensorPatterns, ...], ...]:
+    """Patterns of each run at other errors of its clocks, by what a fitted model predicts."""
+    count = max(len(line.retimed.lines) if line.retimed is not None else 0 for line in lines)
+    found = []
+    for k in range(count):
+        there = tuple(
+            replace(x, retimed=None) if x.retimed is None else x.retimed.lines[k] for x in lines
+        )
+        where = setting(vehicle, there)
+        target = where.target(stage.sites)
+        z = carried(stage.space, stage.mode.z, target.space, None, {})
+        found.append(foretold_at(where, target, z).patterns)
+    return tuple(zip(*found, strict=True)) if found else ()
 
 
 def _cut_out(line: PreparedRecording) -> list[str]:

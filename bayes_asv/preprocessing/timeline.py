@@ -30,8 +30,8 @@ from bayes_asv.preprocessing.wheel_spline import WheelSignal, equalised, moments
 
 __all__ = [
     "FEWEST_READINGS", "ClockError", "MeasurementSchedule", "PreparedRecording", "Retimed",
-    "changed", "common_bandwidth", "common_readings", "prepare", "rails", "schedule",
-    "used_channels",
+    "changed", "common_bandwidth", "common_readings", "interpolation_weights", "prepare", "rails",
+    "schedule", "used_channels",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -111,14 +111,18 @@ class Retimed:
 
     def weights(self, errors: Array) -> Array:
         """Weights (W, M) of the values at the middle and at :meth:`points`, for errors (W, K)."""
-        u = (errors - self.middle) / self.step
-        count = u.shape[1]
-        pairs = [u[:, i] * u[:, j] for i in range(count) for j in range(i)]
-        both = np.stack(pairs, axis=1) if pairs else np.zeros((len(u), 0))
-        others = u * (u.sum(axis=1, keepdims=True) - u)
-        own = [0.5 * (u**2 + u) - others, 0.5 * (u**2 - u), both]
-        middle = 1.0 - np.sum(u**2, axis=1) + both.sum(axis=1)
-        return np.hstack([middle[:, None], *own])
+        return interpolation_weights((errors - self.middle) / self.step)
+
+
+def interpolation_weights(u: Array) -> Array:
+    """Weights (W, M) of a polynomial of second degree at u (W, K), see :class:`Retimed`."""
+    count = u.shape[1]
+    pairs = [u[:, i] * u[:, j] for i in range(count) for j in range(i)]
+    both = np.stack(pairs, axis=1) if pairs else np.zeros((len(u), 0))
+    others = u * (u.sum(axis=1, keepdims=True) - u)
+    own = [0.5 * (u**2 + u) - others, 0.5 * (u**2 - u), both]
+    middle = 1.0 - np.sum(u**2, axis=1) + both.sum(axis=1)
+    return np.hstack([middle[:, None], *own])
 
 
 @dataclass(frozen=True, eq=False)

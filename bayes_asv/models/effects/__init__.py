@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bayes_asv.models.effects import (
     bound_rebound,
+    clocks,
     coulomb_friction,
     damper_fade,
     digressive_damper,
@@ -36,6 +37,7 @@ EFFECTS: dict[str, Effect] = {
         given_values.WEIGHT_DISTRIBUTION,
         sensors.GAIN,
         sensors.LAG,
+        clocks.EFFECT,
         sensors.BANDWIDTH,
         sensors.DRIFT,
     )

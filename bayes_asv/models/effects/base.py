@@ -8,12 +8,14 @@ is given the wide prior instead.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bayes_asv.domain.clocks import GROUPS, members
 
 if TYPE_CHECKING:
     from bayes_asv.models.car_model import CarModel
@@ -116,7 +118,8 @@ class Effect:
     acts : {'suspension', 'car', 'reading'}
         On the force of an axle, on a given value, or on what a sensor says.
     sites : tuple of str
-        Where it can be: axles, both of them alike, channels, or an empty string.
+        Where it can be: axles, both of them alike, channels, groups of channels
+        (:data:`bayes_asv.domain.clocks.GROUPS`), or an empty string.
     parameters : tuple of Parameter
         The first is the one that vanishes with the effect.
     slight : mapping or None
@@ -217,7 +220,7 @@ class Site:
     effect : Effect
         What.
     where : str
-        An axle, ``both``, a corner, a channel, or an empty string.
+        An axle, ``both``, a corner, a channel, a group of channels, or an empty string.
     run : int or None
         The only recording in which it acts; None for all.
     """
@@ -238,6 +241,14 @@ class Site:
     def elements(self, car: CarModel) -> tuple[int, ...]:
         """Numbers of the suspension elements of a car at which it acts; none for a sensor."""
         return car.elements_at(self.where) if self.where else ()
+
+    def channels(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Channels among some whose readings it changes: that of its place, or those of a group."""
+        if self.effect.acts != "reading":
+            return ()
+        if self.where in GROUPS:
+            return members(self.where, names)
+        return tuple(name for name in names if name == self.where)
 
     @property
     def corners(self) -> frozenset[str]:

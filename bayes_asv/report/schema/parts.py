@@ -16,6 +16,7 @@ from pydantic import (
 from pydantic_core import core_schema
 
 from bayes_asv.domain.channels import KNOWN_CHANNELS
+from bayes_asv.domain.clocks import GROUPS
 from bayes_asv.domain.quantities import QUANTITIES
 
 __all__ = [
@@ -97,7 +98,7 @@ Channel = Annotated[str, OneOf(*KNOWN_CHANNELS)]
 _ELEMENTS: Final = tuple(n.removesuffix("_wheel") for n in KNOWN_CHANNELS if n.endswith("_wheel"))
 ElementName = Annotated[str, OneOf(*_ELEMENTS)]
 """A suspension element: an axle, or one side of it."""
-EffectPlace = Annotated[str, OneOf("both", *_ELEMENTS, *KNOWN_CHANNELS)]
+EffectPlace = Annotated[str, OneOf("both", *_ELEMENTS, *KNOWN_CHANNELS, *GROUPS)]
 QuantityName = Annotated[str, OneOf(*QUANTITIES)]
 
 

@@ -58,6 +58,7 @@ _SENTENCES: Final = {
     ),
     "sensor_gain": _Sentence("{} sensor", "it reads {factor} times the true value"),
     "sensor_lag": _Sentence("{} sensor", "it samples {lag} later than declared"),
+    "clock_offset": _Sentence("{} channels", "they are sampled {offset} later than the others"),
     "sensor_bandwidth": _Sentence("{} sensor", "its bandwidth is {bandwidth}, not as declared"),
     "sensor_drift": _Sentence("{} sensor", "its zero drifts by {slope}"),
     "engine_vibration": _Sentence("Engine", "vibration at {frequency} with a force of {amplitude}"),
@@ -119,6 +120,8 @@ def effect_name(effect: EffectName) -> str:
     where = effect.where
     if not where:
         return name
+    if effect.name == "clock_offset":
+        return f"{where} {name}"
     if where == "both":
         return f"{name} at both axles"
     if where in svg.AXLES:
