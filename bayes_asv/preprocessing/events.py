@@ -43,6 +43,7 @@ from bayes_asv.domain.recording import (
     sample_times,
     timing,
 )
+from bayes_asv.domain.units import STANDARD_GRAVITY
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import ORDER, Measurements
@@ -79,7 +80,6 @@ _WORTH = 0.01  # of the most information a second
 _BINS = 2.0  # times the least rate of the data checks
 _LONGEST = 10.0  # periods of the slowest mode, as the parts of a recording in a band
 _PARTS = 5  # of that length, which a recording in a band needs
-_GRAVITY = 9.80665
 _FALL = 0.15  # of gravity: scale errors and a car that is not level
 _UNEXPLAINED = 0.3  # rms share of the body's motion, as in the checks of a fit
 _STEP = 0.01  # of a logarithm, for central differences
@@ -485,8 +485,8 @@ def _falls(log: _Binned, slowest: float) -> Flags:
     falling = np.zeros(len(log.inputs), bool)
     shortest = math.acos((1.0 - _FALL) / (1.0 + _FALL)) / (math.pi * slowest)
     for y, e in log.accelerations:
-        near = np.abs(np.stack([log.outputs[:, y], log.inputs[:, e]]) + _GRAVITY)
-        for a, b in _runs(np.all(near < _FALL * _GRAVITY, axis=0)):
+        near = np.abs(np.stack([log.outputs[:, y], log.inputs[:, e]]) + STANDARD_GRAVITY)
+        for a, b in _runs(np.all(near < _FALL * STANDARD_GRAVITY, axis=0)):
             falling[a:b] |= (b - a) * log.step > shortest
     return falling
 
