@@ -17,10 +17,9 @@ car at rest or nearly so, and ends when the slowest decay has brought the oscill
 noise.  What lasts longer than ten periods is a rough stretch and is divided.
 
 **Choice.**  Events are taken one by one, always the one whose information adds most a row to the
-log determinant of the posterior precision, until the next would
-shrink no interval by 2 %, but no fewer than six, whose scatter says how much the car changes from
-one to the next (the standard deviation of six is known to 1/√10), and no more than fit into
-:data:`MOST_ROWS`.
+log determinant of the posterior precision, until the next would shrink no interval by 2 %, but no
+fewer than six, whose scatter says how much the car changes from one to the next (the standard
+deviation of six is known to 1/√10), and no more than fit into :data:`MOST_ROWS`.
 """
 
 from __future__ import annotations
@@ -165,6 +164,7 @@ class _Binned(NamedTuple):
     input_sd: Array  # (nu,) noise of the mean of a bin
     output_sd: Array  # (ny,)
     accelerations: tuple[tuple[int, int], ...]  # output beside the input below it
+    edges: NDArray[np.int64]  # (n + 1,) first row of each bin, and the one after the last
     gap: Flags  # (n,) no reading of some channel
     rail: Flags  # (n,) a reading at a rail
 
@@ -269,6 +269,7 @@ def find_events(
     spans = _merged([(a - window - around, b + tail + around) for a, b in cores], len(level))
     if below is not None:
         spans = _merged([_lengthened(span, round(size / log.step)) for span in spans], len(level))
+    sha256 = recording.sha256 or _hash(recording)
     events = []
     for a, b in spans:
         pieces = max(math.ceil((b - a) * log.step / size - 0.1), 1)
@@ -285,8 +286,7 @@ def find_events(
                 reason = AT_RAIL
             elif _pushed(left[inside], log.outputs[inside]):
                 reason = PUSHED
-            begin = log.start + log.step * first
-            piece = _cut(recording, vehicle, begin, begin + log.step * (last - first))
+            piece = _cut(recording, vehicle, slice(*log.edges[[first, last]]), sha256)
             if piece is not None:
                 kind = "bump" if pieces == 1 else "rough stretch"
                 events.append(Event(kind, piece, flat @ flat.T, reason))
@@ -414,7 +414,8 @@ def _binned(recording: Recording, vehicle: Vehicle, car: CarModel, rate: float) 
     ]
     return _Binned(
         start, step, rows, means[:, inputs], means[:, outputs], sd[inputs], sd[outputs],
-        tuple(above), gap, rail,
+        tuple(above), np.searchsorted(times.mean(axis=0), start + step * np.arange(n + 1)),
+        gap, rail,
     )  # fmt: skip
 
 
@@ -529,15 +530,15 @@ def _with_bounds(events: Sequence[Event], vehicle: Vehicle) -> tuple[Event, ...]
     return tuple(out)
 
 
-def _cut(recording: Recording, vehicle: Vehicle, begin: float, end: float) -> Recording | None:
-    """Return the rows between two times; None where clocks have drifted too far for a piece.
+def _cut(recording: Recording, vehicle: Vehicle, rows: slice, sha256: str) -> Recording | None:
+    """Return some rows; None where there are none, or clocks have drifted too far for a piece.
 
     The clocks of a log run from its first stamp: a piece begins with what they have gained by
     then, as a delay of its channels.
     """
-    first, last = np.searchsorted(recording.time, [begin, end])
-    last = max(last, first + 2)
-    time = recording.time[first:last]
+    time = recording.time[rows]
+    if len(time) < 2:
+        return None
     declared = timing(recording)
     delays = []
     for name, clock, own in zip(recording.channels, declared.clock, declared.delay, strict=True):
@@ -551,10 +552,10 @@ def _cut(recording: Recording, vehicle: Vehicle, begin: float, end: float) -> Re
     return replace(
         recording,
         time=time,
-        values=recording.values[:, first:last],
+        values=recording.values[:, rows],
         metadata=(*recording.metadata, *delays),
         source=f"{name}, {time[0]:.1f} – {time[-1]:.1f} s",
-        sha256=recording.sha256 or _hash(recording),
+        sha256=sha256,
         warnings=(),
     )
 
