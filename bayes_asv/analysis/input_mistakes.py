@@ -197,7 +197,7 @@ def screening_fit(
     for recording in recordings:
         if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
             return None
-    lines = tuple(prepare(_lively(one, model, vehicle), vehicle, model) for one in recordings)
+    lines = tuple(prepare(one, vehicle, model) for one in recordings)
     target = Posterior(space(vehicle, lines), tuple(WHITE for _ in lines))
     n = target.space.lasting_dimension
     dimension = target.space.dimension
@@ -276,18 +276,31 @@ def _of_filtered_noise(line: PreparedRecording) -> float:
     return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
 
 
-def _lively(recording: Recording, car: CarModel, vehicle: Vehicle) -> Recording:
-    """Cut out the stretch in which the wheels move most."""
+def _wheel_motion(recording: Recording, vehicle: Vehicle) -> Array:
+    """Squared acceleration of all wheels at each row (N,)."""
+    wheels = [c for c, n in enumerate(recording.channels) if vehicle.channel(n).is_input]
+    values = recording.values[wheels or slice(None)]
+    motion = np.nan_to_num(values - np.nanmedian(values, axis=1, keepdims=True))
+    return np.asarray(np.sum(motion**2, axis=0))
+
+
+def _wheel_power(recording: Recording, vehicle: Vehicle) -> float:
+    """Mean square of the wheels' accelerations."""
+    return float(np.mean(_wheel_motion(recording, vehicle)))
+
+
+def _most_active(recording: Recording, vehicle: Vehicle) -> slice:
+    """Rows of the stretch in which the wheels move most."""
     rows = int(_SECONDS / float(np.median(np.diff(recording.time))))
     if rows >= len(recording.time):
-        return recording
-    wheels = [c for c, n in enumerate(recording.channels) if vehicle.channel(n).is_input]
-    values = np.nan_to_num(recording.values[wheels or slice(None)])
-    power = np.sum((values - np.median(values, axis=1, keepdims=True)) ** 2, axis=0)
-    running = np.concatenate([[0.0], np.cumsum(power)])
+        return slice(None)
+    running = np.concatenate([[0.0], np.cumsum(_wheel_motion(recording, vehicle))])
     first = int(np.argmax(running[rows:] - running[:-rows]))
-    part = slice(first, first + rows)
-    return replace(recording, time=recording.time[part], values=recording.values[:, part])
+    return slice(first, first + rows)
+
+
+def _cut(recording: Recording, rows: slice) -> Recording:
+    return replace(recording, time=recording.time[rows], values=recording.values[:, rows])
 
 
 def doubt_about(
@@ -313,7 +326,8 @@ def doubt_about(
     """
     recordings = recordings[:_RUNS]
     try:
-        fit = screening_fit(recordings, vehicle, car)
+        parts = [_cut(one, _most_active(one, vehicle)) for one in recordings]
+        fit = screening_fit(parts, vehicle, car)
     except InputError:
         fit = None
     moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
@@ -376,17 +390,20 @@ def likely_mistakes(
     model = car_model(car, vehicle)
     hypotheses = [_CORRECT, *_hypotheses(recordings[0], vehicle, model)]
     share = math.log(_PRIOR / (len(hypotheses) - 1))
-    tried: list[_Tried] = []
+    # One recording sorts out most of the mistakes; what is left is held against all of them.
+    liveliest = [max(recordings, key=lambda one: _wheel_power(one, vehicle))]
+    sorted_out: list[_Tried] = []
     for k, hypothesis in enumerate(hypotheses):
         sizes = hypothesis.sizes or (0.0,)
-        each = [_evaluate(hypothesis, size, recordings, vehicle, car) for size in sizes]
-        tried.append(max(each, key=lambda one: one.log_posterior))
+        each = [_evaluate(hypothesis, size, liveliest, vehicle, car) for size in sizes]
+        sorted_out.append(max(each, key=lambda one: one.log_posterior))
         progress((k + 1) / (len(hypotheses) + _REFINED))
-    tried.sort(key=lambda one: -one.log_posterior)
-    for k, one in enumerate(tried[:_REFINED]):
-        tried[k] = _refined(one, recordings, vehicle, car)
-    for k, one in enumerate(tried[: 2 * _REFINED]):
-        tried[k] = _evaluate(one.hypothesis, one.size, recordings, vehicle, car, _STEPS)
+    sorted_out.sort(key=lambda one: -one.log_posterior)
+    for k, one in enumerate(sorted_out[:_REFINED]):
+        sorted_out[k] = _refined(one, liveliest, vehicle, car)
+    left = sorted_out[: 2 * _REFINED]
+    left += [one for one in sorted_out[2 * _REFINED :] if one.hypothesis is _CORRECT]
+    tried = [_evaluate(one.hypothesis, one.size, recordings, vehicle, car, _STEPS) for one in left]
     likeliest = max(tried, key=lambda one: one.log_posterior)
     if not likeliest.dispersion < _NEARLY_HOLDS:
         return []  # whatever is wrong is not in the list
@@ -430,7 +447,12 @@ def _evaluate(
 ) -> _Tried:
     """Fit with one mistake undone; minus infinity where that leaves nothing to fit."""
     undone = [hypothesis.undo(recording, vehicle, size) for recording in recordings]
-    inputs = [recording for recording, _ in undone]
+    whole = [recording for recording, _ in undone]
+    # the same rows for every hypothesis: a time scale must not change what is explained
+    inputs = [
+        _cut(one, _most_active(recording, vehicle))
+        for one, recording in zip(whole, recordings, strict=True)
+    ]
     try:
         fit = screening_fit(inputs, undone[0][1], car, steps)
     except InputError:
@@ -443,7 +465,7 @@ def _evaluate(
         for name, log in hypothesis.stretch(size).items()
         if not vehicle.channel(name).is_input  # on which the likelihood is conditioned
     )
-    prior = hypothesis.density(size) + (_BACKWARDS if rear_leads(inputs) else 0.0)
+    prior = hypothesis.density(size) + (_BACKWARDS if rear_leads(whole) else 0.0)
     return _Tried(
         hypothesis, size, fit.log_posterior + volume, prior, fit.dispersion, fit.noise_factor
     )
@@ -580,7 +602,8 @@ def _late(names: tuple[str, ...]) -> _Hypothesis:
     return _Hypothesis(
         lambda size: (
             f"{_are(names)} {abs(size) * 1e3:.1f} ms {'late' if size > 0.0 else 'early'}",
-            f"give the delay of the sensor in the vehicle file, {-size:.4f} s more than now",
+            f"give the delay of the sensor in the vehicle file, {-size:.4f} s more than now, or "
+            "have it estimated: [clocks] in the vehicle file",
         ),
         lambda recording, vehicle, size: _shifted(recording, vehicle, names, -size),
         tuple(sorted(sign * lag for lag in _LAGS for sign in (1.0, -1.0))),

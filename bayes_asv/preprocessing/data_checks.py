@@ -144,7 +144,8 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
             )
         elif missing:
             warnings.append(
-                f"{missing} readings of the {channel.words} sensor of {line.source} are missing"
+                f"{missing} reading{'s' * (missing > 1)} of the {channel.words} sensor of "
+                f"{line.source} {'are' if missing > 1 else 'is'} missing"
             )
     for wheel, c in zip(line.wheels, line.inputs, strict=True):
         name = line.channels[c].words
@@ -234,9 +235,13 @@ def _missing(line: PreparedRecording, c: int) -> int:
     empty = np.diff(edges) - 1
     times = line.times[c]
     known = np.concatenate([[times[0]], times[there], [times[-1]]])
-    steps = np.round(np.diff(known) / _own_step(line, c)).astype(int)
-    steps[1:-1] -= 1
-    return int(np.minimum(empty, np.maximum(steps, 0)).sum())
+    steps = np.diff(known) / _own_step(line, c)
+    # between two readings one step is no gap; a channel that begins or ends a part of a step apart
+    # from the others lacks nothing
+    lacking = np.floor(steps + 1e-6)
+    lacking[1:-1] = np.round(steps[1:-1]) - 1.0
+    lacking = np.maximum(lacking, 0.0).astype(int)
+    return int(np.minimum(empty, lacking).sum())
 
 
 def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:
