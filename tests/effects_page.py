@@ -46,7 +46,7 @@ them.""",
     "clock_offset": r"""A group of channels is sampled later than all others, by the same time: `body` is all channels
 but the wheel hubs, `front` those of the front axle, `left` those of the left side. In `estimate` it is a clock with an
 offset of its own in each recording and a common drift of 0 ± 50 ppm, as `[clocks]` of the vehicle file declares it
-([vehicle.md](vehicle.md)).""",
+([vehicle.md](vehicle.md#clocks-optional)). The tolerance is that of each of its channels.""",
     "sensor_bandwidth": r"""The corner frequency of the channel's one-pole filter is not the declared one.
 This effect needs a `bandwidth` in the vehicle file.""",
     "sensor_drift": r"""The zero of the channel drifts linearly. For a deflection or an angular rate prior and
@@ -287,7 +287,7 @@ def _prior(parameter: Parameter) -> str:
 
 
 def _tolerance(effect: Effect, parameter: Parameter) -> str:
-    if effect.slight is None or effect.sites == tuple(GROUPS):
+    if effect.slight is None:
         return "none"
     if parameter.shape:
         return f"fixed at {effect.slight[parameter.name]:g}"

@@ -62,7 +62,8 @@ def command(
     seed: int,
 ) -> int:
     """Estimate damping rates and inertias from one or several recordings together."""
-    if (effects or model != "linear") and (below is not None or likelihood != "innovations"):
+    bending = [name for name in effects if not name.startswith("clock_offset")]
+    if (bending or model != "linear") and (below is not None or likelihood != "innovations"):
         raise click.UsageError(
             "effects need the whole band and the innovations likelihood; leave out --below and "
             "--likelihood, or --with and --model"

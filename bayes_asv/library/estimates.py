@@ -134,10 +134,11 @@ class Estimate(Result):
 
     def lines(self) -> list[str]:
         """State the result in sentences, as the command line prints them."""
-        from bayes_asv.report.sections.effects import effect_lines
+        from bayes_asv.report.sections.effects import clock_lines, effect_lines
         from bayes_asv.report.sections.verdict import verdict_lines
 
         lines = [*verdict_lines(self.document), *effect_lines(self.document.effects)]
+        lines += clock_lines(self.document.clocks)
         if self._searched and not self.effects and self.verdict != "refused":
             lines.append("No effect was named, so the model is linear.")
         return lines
@@ -203,7 +204,8 @@ def estimate(
     car = car or car_of(recordings)
     runs, vehicle = check_inputs("estimate", recordings, vehicle, car=car)
     names = (effects,) if isinstance(effects, str) else tuple(effects)
-    if names and (below is not None or likelihood != "innovations"):
+    bending = [name for name in names if not name.startswith("clock_offset")]
+    if bending and (below is not None or likelihood != "innovations"):
         raise InputError(
             "estimate", "effects need the whole band and the innovations likelihood",
             "leave out below and likelihood, or effects",

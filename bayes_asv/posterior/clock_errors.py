@@ -451,7 +451,8 @@ def _common_drift(modes: Sequence[Sequence[OffsetMode]]) -> dict[str, float]:
 
 def _words(mode: OffsetMode) -> str:
     parts = [
-        f"{error.clock} {1e3 * abs(value):.2g} ms {'late' if value > 0.0 else 'early'}"
+        f"{error.clock} sampled {1e3 * abs(value):.2g} ms "
+        f"{'later' if value > 0.0 else 'earlier'} than stamped"
         for error, value in zip(mode.errors, mode.value, strict=True)
         if error.kind == "offset"
     ]

@@ -27,6 +27,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_FARTHEST = 4.0  # standard deviations from the mode up to which a polynomial is trusted
 _LARGEST_LOG = 3.0  # of a change of curvature: far from the mode nothing is known of it
 _MANY = 8  # points from which on two threads share them
 
@@ -104,7 +105,7 @@ class ClockExpansion(NamedTuple):
     def change(self, z: Array, u: Array) -> Array:
         """Return L(z, u) − L(z, 0) for coordinates (W, D) and errors (W, K)."""
         away = (z - self.centre) @ self.inverse.T
-        weights = interpolation_weights(away)
+        weights = interpolation_weights(np.clip(away, -_FARTHEST, _FARTHEST))
         size = np.exp(np.clip(away @ self.growth, -_LARGEST_LOG, _LARGEST_LOG))
         curved = np.einsum("wi,wij,wj->w", u, np.tensordot(weights, self.curvatures, 1), u)
         return np.asarray(size * (np.sum(u * (weights @ self.slopes), axis=1) - 0.5 * curved))

@@ -86,6 +86,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         else _uncertainty_budget(result.width, result),
         agreement=run_consistency(result),
         effects=effects(result.effects, vehicle),
+        clocks=_clocks(result),
         fit=pooled_fit(result.runs),
         fit_by_run=[pooled_fit((run,), run.line.source) for run in result.runs],
         noise=_noise(result),
@@ -197,6 +198,24 @@ def _noise(result: Estimate) -> list[schema.Noise]:
             noise.filtered_share = Summary(**summary(share))
         entries.append(noise)
     return entries
+
+
+def _clocks(result: Estimate) -> list[schema.ClockErrors]:
+    """Posterior of the offset of each clock in each run, and of its drift."""
+    found = []
+    for name, draws in result.nuisance.items():
+        of_clock, _, kind = name.partition(" ")
+        if of_clock != "clock":
+            continue
+        kind, _, clock = kind.partition(" ")
+        named, _, run = clock.rpartition(" ")
+        source = ""
+        if named and run.isdigit() and int(run) < len(result.runs):
+            clock, source = named, result.runs[int(run)].line.source
+        found.append(
+            schema.ClockErrors(name=clock, source=source, **{kind: Summary(**summary(draws))})
+        )
+    return found
 
 
 def _thinned(draws: Array) -> Array:

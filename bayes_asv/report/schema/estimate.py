@@ -248,6 +248,18 @@ class Noise(ByName[NoiseLevel]):
     """Order of the autoregressive model of the innovations."""
 
 
+class ClockErrors(Model):
+    """Offset and drift of a clock against the other channels."""
+
+    name: Text
+    source: Text = ""
+    """Recording whose offset it is; empty for the drift, which all recordings share."""
+    offset: Summary | None = None
+    """Time by which the channels of the clock are late, s."""
+    drift: Summary | None = None
+    """Relative error of its rate, positive when it runs fast."""
+
+
 class Spectrum(Model):
     """Power spectral densities of the reading and of the residual (Welch)."""
 
@@ -459,6 +471,8 @@ class EstimateDocument(Model):
     """Consistency of several runs."""
     effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)
     """Effects in the model."""
+    clocks: Annotated[list[ClockErrors], Field(max_length=1000)] = Field(default_factory=list)
+    """Errors of clocks that are declared or were asked for."""
     fit: Fits
     fit_by_run: Annotated[list[Fits], Field(max_length=1000)] = Field(default_factory=list)
     noise: Annotated[list[Noise], Field(max_length=1000)] = Field(default_factory=list)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from bayes_asv.report import svg
 from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument
 from bayes_asv.report.schema.diagnose import ForceCurve, NamedEffect
-from bayes_asv.report.schema.parts import Effect, EffectName, EffectValue
+from bayes_asv.report.schema.estimate import ClockErrors
+from bayes_asv.report.schema.parts import Effect, EffectName, EffectValue, Summary
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
 from bayes_asv.report.words import (
     MISSING,
@@ -27,6 +28,7 @@ __all__ = [
     "MODEL_SECTION",
     "SECTION",
     "car_words",
+    "clock_lines",
     "effect_lines",
     "effect_name",
     "effect_sentence",
@@ -134,6 +136,26 @@ def effect_name(effect: EffectName) -> str:
 def effect_lines(effects: Sequence[Effect]) -> list[str]:
     """State the effects in the model of an estimate, one sentence each."""
     return [f"In the model: {_statement(effect)}." for effect in effects]
+
+
+def clock_lines(clocks: Sequence[ClockErrors]) -> list[str]:
+    """State the errors of clocks, one sentence each."""
+    lines = []
+    for clock in clocks:
+        subject = f"Clock '{plain(clock.name)}'"
+        run = f" in {plain(clock.source)}" if clock.source else ""
+        if clock.offset is not None:
+            text = _value_text(_scaled(clock.offset, 1e3, "ms"))
+            lines.append(f"{subject}: sampled {text} later than the other channels{run}.")
+        if clock.drift is not None:
+            text = _value_text(_scaled(clock.drift, 1e6, "ppm"))
+            lines.append(f"{subject}: fast by {text}{run}.")
+    return lines
+
+
+def _scaled(value: Summary, factor: float, unit: str) -> EffectValue:
+    low, high = value.eti95
+    return EffectValue(mean=factor * value.mean, eti95=[factor * low, factor * high], unit=unit)
 
 
 def effect_sentence(effect: NamedEffect) -> str:
