@@ -34,6 +34,7 @@ from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import best_fit, foreseen, lay_out
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
+from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate", "runs_worth_taking"]
@@ -228,6 +229,7 @@ def estimate(
     if not recordings:
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
+    recordings = tuple(at_own_rate(recording) for recording in recordings)
     runs, logs = runs_worth_taking(recordings, vehicle, below, car)
     if not logs:
         return _of_runs(recordings, vehicle, likelihood, below, seed, progress, sites, car)

@@ -54,6 +54,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Diagnosis", "NamedEffect", "diagnose", "missing_effects"]
@@ -100,6 +101,8 @@ def diagnose(
     clock = time.perf_counter()
     progress = progress or (lambda share, text: None)
     progress(0.0, "preparing the recordings")
+    recordings = [at_own_rate(one) for one in recordings]
+    holdout = [at_own_rate(one) for one in holdout]
     fit_runs, holdout_runs, notes = _split(recordings, holdout, vehicle, car)
     fit, reasons, warnings = lay_out(fit_runs, vehicle, car=car)
     if reasons:

@@ -14,6 +14,7 @@ from bayes_asv.filters.free_response import free_response
 from bayes_asv.models.car_model import state_space
 from bayes_asv.models.half_car import HalfCar
 from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.reference.integrated import Integrated, integrate, simulate_states
 from bayes_asv.reference.prediction_error import (
@@ -153,6 +154,7 @@ def grey_box(
     for value, known in ((coordinates, COORDINATES), (initial, INITIAL), (hold, HOLDS)):
         if value not in known:
             raise ValueError(f"{value!r} is none of {', '.join(known)}")
+    recording = at_own_rate(recording)
     lines, reasons, warnings = lay_out((recording,), vehicle)
     if reasons:
         nothing = np.zeros((0, 2))
