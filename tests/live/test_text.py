@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from bayes_asv.live.history import Z95
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.metadata import view_metadata
 from bayes_asv.live.text import consistency_text, normal_below, parameter_card, travel_text
 from tests.live.synthetic import BAJA
@@ -24,7 +24,7 @@ def test_normal_probability(distance: float, sd: float) -> None:
 
 
 def test_log_normal_interval() -> None:
-    assert pytest.approx(stats.norm.ppf(0.975), abs=1e-12) == Z95
+    assert pytest.approx(stats.norm.ppf(0.975), abs=1e-12) == NORMAL_975
     low, high = stats.lognorm(s=0.02, scale=5.76).ppf([0.025, 0.975])
     card = parameter_card(FRONT, 5.76, 0.02)
     assert card.interval == f"{low:.1f} to {high:.1f}"
