@@ -437,8 +437,12 @@ def _clocks(
     recordings: Sequence[Recording], vehicle: Vehicle, sites: tuple[Site, ...]
 ) -> tuple[tuple[Clock, ...], tuple[Site, ...]]:
     """Clocks that are declared or asked for as an effect, and the other effects."""
-    asked = [site.where for site in sites if site.effect is CLOCK_OFFSET]
-    clocks = (*declared_clocks(recordings, vehicle), *map(clock_of_group, asked))
+    declared = declared_clocks(recordings, vehicle)
+    names = {name for recording in recordings for name in recording.channels}
+    known = [names.intersection(clock.channels) for clock in declared]
+    asked = [clock_of_group(site.where) for site in sites if site.effect is CLOCK_OFFSET]
+    new = [clock for clock in asked if names.intersection(clock.channels) not in known]
+    clocks = (*declared, *new)
     check_clocks(clocks, "--with clock_offset")
     return clocks, tuple(site for site in sites if site.effect is not CLOCK_OFFSET)
 

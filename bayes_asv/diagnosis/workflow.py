@@ -48,10 +48,12 @@ from bayes_asv.diagnosis.model_comparison import (
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
+from bayes_asv.domain.clocks import declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
+from bayes_asv.posterior.clock_errors import synchronised
 from bayes_asv.posterior.fitted_model import base, setting
 from bayes_asv.posterior.map_fit import lay_out
 from bayes_asv.preprocessing.resampling import at_own_rate
@@ -111,6 +113,10 @@ def diagnose(
     if unusable:
         notes.append("the held-out recordings cannot be used: " + "; ".join(unusable))
         held = ()
+    fit, held = (
+        _synchronised(runs, lines, vehicle, car)
+        for runs, lines in ((fit_runs, fit), (holdout_runs, held))
+    )
     progress(0.05, f"fitting the linear {car} car")
     dataset = setting(vehicle, fit)
     given = Split(dataset, setting(vehicle, held) if held else None, base(dataset))
@@ -241,6 +247,16 @@ def missing_effects(
     """Effects that are more probable than not, for an estimate with them in the model."""
     diagnosis = diagnose(recordings, (), vehicle, seed, progress, car)
     return tuple(e.site for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
+
+
+def _synchronised(
+    runs: Sequence[Recording], lines: tuple[PreparedRecording, ...], vehicle: Vehicle, car: str
+) -> tuple[PreparedRecording, ...]:
+    """Prepare runs again at the most probable errors of the clocks that are declared."""
+    clocks = declared_clocks(runs, vehicle) if lines else ()
+    if not clocks:
+        return lines
+    return lay_out(synchronised(runs, vehicle, clocks, car=car).recordings, vehicle, car=car)[0]
 
 
 def _split(
