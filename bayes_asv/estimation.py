@@ -44,6 +44,7 @@ Progress = Callable[[float, str], None]
 
 LIKELIHOODS = ("innovations", "output-error")
 
+_STEPS_IN_DOUBT = 120  # of the sampler, for an input that has to be corrected first anyway
 _APART = (4, 2500)  # draws where runs do not agree: independent, in as many rows as ensembles
 
 
@@ -384,6 +385,7 @@ def _of_runs(
         found.mode,
         seed,
         None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
+        **({"most": _STEPS_IN_DOUBT} if doubt is not None and doubt.mistakes else {}),
     )
     flat = ensembles.draws.reshape(-1, where.dimension)
     by_ensemble = ensembles.log_posterior.shape

@@ -92,6 +92,8 @@ _DAMPING_FACTORS = {
     1.0 / 12.0: "a value in lbf·s/ft was given the unit lbf·s/in",
     _LBF_S_PER_IN: "a value in lbf·s/in was given the unit N·s/m",
     1.0 / _LBF_S_PER_IN: "a value in N·s/m was given the unit lbf·s/in",
+    1e3: "a value in N·s/mm was given the unit N·s/m",
+    1e-3: "a value in N·s/m was given the unit N·s/mm",
 }
 _MASS_FACTORS = {
     1.0 / _LB: "a value in kg was given the unit lb",
@@ -711,7 +713,7 @@ def _factor(
         return recording, replace(vehicle, **changed)  # type: ignore[arg-type]
 
     def words(size: float) -> tuple[str, str]:
-        plural = "are" if subject.endswith(("s", "axles")) and len(names) > 1 else "is"
+        plural = "are" if len(names) > 1 else "is"
         text = f"{subject} {plural} {_times(math.exp(size))} what the recording shows"
         for factor, reason in named.items():
             if abs(size + math.log(factor)) < 3.0 * _NAMED_FACTOR:

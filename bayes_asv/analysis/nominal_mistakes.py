@@ -36,6 +36,7 @@ _UNITS = (  # the larger unit over the smaller one
     (12.0, "lbf·s/in", "lbf·s/ft"),
     (si_factor("lbf*s/in", "damping"), "lbf·s/in", "N·s/m"),
     (si_factor("lbf*s/ft", "damping"), "lbf·s/ft", "N·s/m"),
+    (1e3, "N·s/mm", "N·s/m"),
 )
 _MOTION_RATIOS = np.linspace(0.35, 0.9, 45)
 INDEX_RANGE = (0.3, 2.5)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording, accelerations, sample_times
-from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import Mode, nominal_modes
 from bayes_asv.preprocessing.noise_level import noise_level
@@ -28,6 +28,9 @@ _FEWEST = 100  # rows
 DOUBTFUL = 0.3
 """Share left over (rms) beyond which the intervals are too good to be true."""
 _RATTLED = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
+_RAIL = 0.1
+"""Share of its range by which a sensor may exceed it: data sheets state the range that is assured,
+and converters end a few per cent beyond it."""
 SHAKEN = 5.0
 """Wheel rms in units of its noise, below which nothing was driven over."""
 
@@ -126,7 +129,13 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
         clipped = int(np.count_nonzero(line.clipped[c]))
         missing = _missing(line, c)
         due = int(np.count_nonzero(np.isfinite(line.values[c]))) + missing
-        if clipped > clipping_limit(due):
+        if _beyond_range(line.values[c], vehicle.sensor(channel.name)):
+            reasons.append(
+                f"the {channel.words} sensor of {line.source} reads beyond the range that the "
+                "vehicle file gives for it, which no sensor does; check the unit of the column, "
+                "the scale of the sensor and its range"
+            )
+        elif clipped > clipping_limit(due):
             reasons.append(
                 f"the {channel.words} sensor of {line.source} was at the end of its range in "
                 f"{clipped} of {due} samples; drive slower, take a lower bump or use a sensor "
@@ -221,6 +230,16 @@ def _alike(line: PreparedRecording, left: int) -> bool:
         for c in (one, other)
     ]
     return rms < SHAKEN * float(np.hypot(*noise))
+
+
+def _beyond_range(readings: NDArray[np.float64], sensor: Sensor) -> bool:
+    """Whether readings lie outside a sensor's range by more than `_RAIL` of it."""
+    if not np.isfinite([sensor.low, sensor.high]).all():
+        return False
+    margin = _RAIL * (sensor.high - sensor.low)
+    return bool(
+        np.nanmin(readings) < sensor.low - margin or np.nanmax(readings) > sensor.high + margin
+    )
 
 
 def _own_step(line: PreparedRecording, c: int) -> float:

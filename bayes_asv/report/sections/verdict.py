@@ -66,12 +66,14 @@ _PROVISIONAL: Final = "Not to be relied on: "
 def headline(document: EstimateDocument | TrackDocument) -> str:
     """State the verdict on the parameters in one or two sentences."""
     if document.verdict == "refused":
+        if isinstance(document, EstimateDocument) and document.doubt:
+            return f"No answer: {split_reason(document.doubt)[0]}."
         several = len(document.provenance.recordings) > 1
         return f"No answer: {_NO_ANSWER} {'these recordings' if several else 'this recording'}."
-    if document.verdict == "not_converged":
-        return _NOT_CONVERGED
     if isinstance(document, EstimateDocument) and document.doubt:
         return f"No verdict on the dampers. {capitalized(split_reason(document.doubt)[0])}."
+    if document.verdict == "not_converged":
+        return _NOT_CONVERGED
     dampers = _damper_sentences(document)
     if isinstance(document, TrackDocument):
         return dampers
@@ -208,14 +210,14 @@ def track_headline(document: TrackDocument) -> str:
     if document.verdict != "ok":
         return words
     if is_inconsistent(document):
-        return INCONSISTENT
+        return INCONSISTENT.format(car=document.car)
     return f"{words} {RECOVERED}" if document.consistency.verdict == "recovered" else words
 
 
 def track_steps(document: TrackDocument) -> list[str]:
     """Say what to do after a track."""
     if document.verdict == "ok" and is_inconsistent(document):
-        return list(INCONSISTENT_STEPS)
+        return [step.format(car=document.car) for step in INCONSISTENT_STEPS]
     return next_steps(document)
 
 
@@ -229,7 +231,7 @@ def track_lines(document: TrackDocument) -> list[str]:
     lines = [track_headline(document), *(sentence(n, p) for n, p in parameters.items())]
     lines += consistency_lines(document)
     if is_inconsistent(document):
-        lines += [f"Next: {step}" for step in INCONSISTENT_STEPS]
+        lines += [f"Next: {step}" for step in track_steps(document)]
     return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
 
 
