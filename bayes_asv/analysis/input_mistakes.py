@@ -99,6 +99,18 @@ _MASS_FACTORS = {
     1.0 / _LB: "a value in kg was given the unit lb",
     _LB: "a value in lb was given the unit kg",
 }
+_INERTIA_UNITS = {
+    "kg·m²": "kg*m^2", "lbf·s²·in": "lbf*s^2*in", "slug·ft²": "lbf*s^2*ft", "lb·ft²": "lbm*ft^2",
+    "lb·in²": "lbm*in^2",
+}  # fmt: skip
+_INERTIA_FACTORS = {
+    si_factor(true, "pitch_inertia") / si_factor(given, "pitch_inertia"): (
+        f"a value in {true_name} was given the unit {given_name}"
+    )
+    for true_name, true in _INERTIA_UNITS.items()
+    for given_name, given in _INERTIA_UNITS.items()
+    if true != given
+}
 # Where the search for a size begins; between them the fit finds its way.
 _TIME_FACTORS = (0.25, 0.4, 0.5, 0.7, 0.8, 1.25, 1.4, 2.0, 2.5, 4.0)
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
@@ -664,6 +676,8 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[_Hypothesis]:
     for names in [dampers, *([name] for name in dampers if len(dampers) > 1)]:
         subject = " and ".join(f"nominal {name}" for name in names)
         yield _factor(subject, names, _DAMPING_FACTORS, _DAMPING_FIX, ())
+    if "i" in car.estimated:
+        yield _factor("the nominal pitch inertia", ["i"], _INERTIA_FACTORS, _INERTIA_FIX, ())
     if "m" in given:
         yield _factor("the sprung mass", ["m"], _MASS_FACTORS, _MASS_FIX)
     if any(p.kind == "fraction" for p in car.parameters):
@@ -734,6 +748,7 @@ _SPRING_FIX = (
     "of the motion ratio), and check its unit"
 )
 _DAMPING_FIX = "give the rate of all dampers of an axle together, at the wheel, and check its unit"
+_INERTIA_FIX = "give the pitch inertia of the sprung mass with driver, and check its unit"
 _MASS_FIX = (
     "give the sprung mass with driver, without wheels, hubs and half of the links, and check its "
     "unit"

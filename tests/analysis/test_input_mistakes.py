@@ -112,7 +112,10 @@ def with_nominal(car: Vehicle, **factors: float) -> Vehicle:
         ({"c_f": 0.5, "c_r": 0.5}, "one side of an axle only"),
         ({"c_f": 2.78, "c_r": 2.78}, "at the damper instead of at the wheel"),
         ({"c_f": 1.0 / 12.0, "c_r": 1.0 / 12.0}, "a value in lbf·s/in was given the unit lbf·s/ft"),
-        ({"c_f": 1.0 / 175.127, "c_r": 1.0 / 175.127}, "a value in lbf·s/in was given the unit N·s/m"),
+        (
+            {"c_f": 1.0 / 175.127, "c_r": 1.0 / 175.127},
+            "a value in lbf·s/in was given the unit N·s/m",
+        ),
         ({"c_f": 1.0, "c_r": 12.0}, "nominal c_r has a wrong unit"),
         ({"i": 1.0 / 6.6}, "nominal pitch inertia means"),
     ],

@@ -17,8 +17,8 @@ from bayes_asv.domain.channels import (
 from bayes_asv.domain.channels.channel import AXLES, Axis, Axle, Channel, Part, Quantity, Side
 
 __all__ = [
-    "AXLES", "CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS", "Axis", "Axle", "Channel", "Part", "Quantity",
-    "Side", "channel", "missing_inputs",
+    "AXLES", "CHANNELS", "KNOWN_CHANNELS", "ROLL_CHANNELS", "Axis", "Axle", "Channel", "Part",
+    "Quantity", "Side", "channel", "missing_inputs",
 ]  # fmt: skip
 
 _REGISTERED: Final = {
