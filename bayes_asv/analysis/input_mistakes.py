@@ -599,10 +599,14 @@ def _gain(names: tuple[str, ...]) -> _Hypothesis:
     def words(size: float) -> tuple[str, str]:
         if size < math.log(_DEAD):
             return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
-        return (
-            f"the readings of {_and(names)} are {_times(math.exp(size))} what they should be",
-            "check unit, range and scale of the sensor",
-        )
+        text = f"the readings of {_and(names)} are {_times(math.exp(size))} what they should be"
+        for sign, reason in (
+            (1.0, "m/s² was given the unit g"),
+            (-1.0, "g was given the unit m/s²"),
+        ):
+            if abs(size - sign * math.log(STANDARD_GRAVITY)) < 3.0 * _NAMED_FACTOR:
+                text += f": a column in {reason}"
+        return text, "check unit, range and scale of the sensor"
 
     return _Hypothesis(
         words,
