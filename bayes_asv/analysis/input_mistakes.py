@@ -784,4 +784,6 @@ def _are(names: Sequence[str]) -> str:
 
 def _times(factor: float) -> str:
     """Put a factor in words."""
-    return f"{factor:.2f} times" if factor < 10.0 else f"{factor:.0f} times"
+    if factor >= 10.0:
+        return f"{factor:.0f} times"
+    return f"{factor:.2f} times" if factor >= 0.1 else f"{factor:.2g} times"
