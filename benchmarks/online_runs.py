@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,14 +12,15 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import chi2
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters import ukf
-from bayes_asv.filters.ukf_state import COLUMNS, Steps
+from bayes_asv.filters.ukf_state import Steps
+from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.map_fit import best_fit, lay_out
-from bayes_asv.tracking import reference_ukf
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
-from bayes_asv.tracking.filter import DEFAULT_SETTINGS, filter_model, initial_state
+from bayes_asv.tracking.filter import DEFAULT_SETTINGS, ENGINES, Engine, initial_state
+from bayes_asv.tracking.filter_model import filter_model
 from bayes_asv.tracking.frames import Frames
 from bayes_asv.tracking.parameters import coordinates
 from bayes_asv.tracking.relinearization import slice_steps
@@ -199,7 +199,7 @@ def raised(
 ) -> tuple[AlarmMonitor, Alarm | None, Frames]:
     """Track a recording and test it for alarms, as ``bayes-asv watch`` does."""
     result: TrackResult = track(recording, car, forget=60.0)
-    monitor = AlarmMonitor(car, below, sure, 1.0)
+    monitor = AlarmMonitor(car_model("half", car), below, sure, 1.0)
     return monitor, monitor.update(result.frames), result.frames
 
 
@@ -209,23 +209,25 @@ def speeds(knowledge: str, repeats: int = 7) -> Row:
     car = vehicle(known)
     driven = draw(baja(), np.random.default_rng([5, 92]), known)  # true values differ as declared
     _, recording = long_drive(60.0, 800.0, 5, like=driven)
-    timeline = StreamingTimeline(car, sensor_model(car), nominal_rate(recording))
+    half = car_model("half", car)
+    sensors = sensor_model(car, half, CHANNELS)
+    timeline = StreamingTimeline(car, sensors, nominal_rate(recording))
     steps = timeline.push(recording.time, accelerations(recording, car).T).steps
-    space = coordinates(car)
-    model = filter_model(space, sensor_model(car).noise_parameters())
+    space = coordinates(half, CHANNELS)
+    model = filter_model(space, sensors)
 
-    def best(run: Callable[..., object], part: Steps, times: int) -> float:
+    def best(run: Engine, part: Steps, times: int) -> float:
         """Return the steps per second of CPU time, best of a few runs on a busy machine."""
         most = 0.0
         for _ in range(times):
-            state, out = initial_state(model), np.zeros((len(part.step), COLUMNS))
+            state, out = initial_state(model), np.zeros((len(part.step), model.into.width))
             began = time.process_time()
             run(0, False, state, model, _NO_EVENTS, part, out)
             most = max(most, len(part.step) / (time.process_time() - began))
         return most
 
-    compiled = best(ukf.run, steps, repeats)
-    reference = best(reference_ukf.run, slice_steps(steps, 500, 800), 2)
+    compiled = best(ENGINES["compiled"], steps, repeats)
+    reference = best(ENGINES["filterpy"], slice_steps(steps, 500, 800), 2)
     replays = []
     for _ in range(repeats):
         began = time.process_time()

@@ -22,7 +22,7 @@ from bayes_asv.domain.recording import COUNTS, Recording, accelerations
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.report.words import number
-from bayes_asv.tracking.frames import PARAMETERS, Frames, concatenate
+from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.track import TrackResult, conclude
 from bayes_asv.tracking.tracker import Tracker, tracker_for
 
@@ -113,10 +113,10 @@ class TransferTracker:
     def _estimates(self) -> str:
         """Estimates of c_f, c_r and i after the last complete row."""
         last = next((frames for frames in reversed(self._frames) if len(frames)), None)
-        if last is None:
+        if last is None or self._tracker is None:
             return "nothing known yet"
         texts = []
-        for k, name in enumerate(PARAMETERS):
+        for k, name in enumerate(self._tracker.answers):
             dimension, label = QUANTITIES[name][:2]
             unit = display_units(self._vehicle.units)[dimension]
             median, log_sd = float(last.median[-1, k]), float(last.log_sd[-1, k])

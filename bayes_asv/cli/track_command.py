@@ -13,7 +13,7 @@ __all__ = ["command", "engine_option", "forget_option"]
 
 forget_option = click.option(
     "--forget", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS",
-    help="Let c_f, c_r and i change by 10 % (one standard deviation) in this time; constant by "
+    help="Let the parameters change by 10 % (one standard deviation) in this time; constant by "
     "default.",
 )  # fmt: skip
 engine_option = click.option(
@@ -25,6 +25,7 @@ engine_option = click.option(
 @click.command("track")
 @click.argument("recording", required=False, metavar="[REC]")
 @common.vehicle_option
+@common.car_option
 @forget_option
 @engine_option
 @click.option("--trace", metavar="FILE.csv", help="Write the state after each row.")
@@ -36,6 +37,7 @@ engine_option = click.option(
 def command(
     recording: str | None,
     vehicle: str,
+    car: str | None,
     forget: float | None,
     engine: Literal["compiled", "filterpy"],
     trace: str | None,
@@ -45,25 +47,25 @@ def command(
     seed: int,
     **shown: Any,
 ) -> int:
-    """Track c_f, c_r and i row by row, through a recording or live from the logger."""
+    """Track damping rates and inertias row by row, through a recording or live from the logger."""
     settings = live_settings(recording, **shown)
     keep = None if settings.port is None else settings.port.keep
     common.check_outputs((recording, vehicle, channel_map), json_file, trace, settings.gif, keep)
     import bayes_asv as asv
     from bayes_asv.library.live import track_live
 
-    car = asv.read_vehicle(vehicle, channels=channel_map)
+    given = asv.read_vehicle(vehicle, channels=channel_map)
     run = (
         None
         if recording is None
-        else asv.read_recording(recording, rate=rate, channels=car.channel_map)
+        else asv.read_recording(recording, rate=rate, channels=given.channel_map)
     )
     if run is not None and not (settings.shown or settings.gif):
-        result = asv.track(run, car, forget=forget, engine=engine, seed=seed)
+        result = asv.track(run, given, car=car, forget=forget, engine=engine, seed=seed)
     else:
         followed = track_live(
-            settings, run, car, rate=rate, forget=forget, engine=engine, trace=trace is not None,
-            seed=seed, say=common.say,
+            settings, run, given, car=car, rate=rate, forget=forget, engine=engine,
+            trace=trace is not None, seed=seed, say=common.say,
         )  # fmt: skip
         if followed is None:
             common.say("no rows were received, so there is no result")

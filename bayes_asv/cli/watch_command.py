@@ -18,6 +18,7 @@ _STATUS = {**common.EXIT_STATUS, "alarm": 5}
 @click.command("watch")
 @click.argument("recording", required=False, metavar="[REC]")
 @common.vehicle_option
+@common.car_option
 @click.option(
     "--below", type=click.FloatRange(1.0, 99.0), default=80.0, show_default=True,
     metavar="PERCENT", help="Share of its nominal rate below which a damper counts as worn.",
@@ -33,7 +34,7 @@ _STATUS = {**common.EXIT_STATUS, "alarm": 5}
 @click.option(
     "--forget", type=click.FloatRange(0.0, min_open=True), default=60.0, show_default=True,
     metavar="SECONDS",
-    help="Let c_f, c_r and i change by 10 % (one standard deviation) in this time.",
+    help="Let the parameters change by 10 % (one standard deviation) in this time.",
 )  # fmt: skip
 @engine_option
 @click.option("--port", metavar="P", help="A serial port instead of a recording.")
@@ -49,6 +50,7 @@ _STATUS = {**common.EXIT_STATUS, "alarm": 5}
 def command(
     recording: str | None,
     vehicle: str,
+    car: str | None,
     below: float,
     sure: float,
     hold: float,
@@ -76,12 +78,13 @@ def command(
     import bayes_asv as asv
     from bayes_asv.library.live import SerialPort, watch
 
-    car = asv.read_vehicle(vehicle, channels=channel_map)
+    given = asv.read_vehicle(vehicle, channels=channel_map)
     result = watch(
         None
         if recording is None
-        else asv.read_recording(recording, rate=rate, channels=car.channel_map),
-        car,
+        else asv.read_recording(recording, rate=rate, channels=given.channel_map),
+        given,
+        car=car,
         port=None if port is None or keep is None else SerialPort(port, keep, baud),
         below=below,
         probability=sure,

@@ -17,15 +17,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import OPTIONS
+from bayes_asv.filters.prediction import IN_PLACE
 
 __all__ = ["add_parameter_noise", "measurement_update", "parameter_variance", "recentre"]
 
 Array = NDArray[np.float64]
 
 
-@njit(**OPTIONS)
+@njit(**IN_PLACE)
 def measurement_update(
+    ns: int,
     y: float,
     predicted: float,
     g: Array,
@@ -44,11 +45,13 @@ def measurement_update(
 
     Parameters
     ----------
+    ns : int
+        Number of states.
     y, predicted : float
         Reading, and its mean at d = 0.
     g : (p,) array
         Derivatives of the reading by d.
-    PC : (10,) array
+    PC : (ns,) array
         Π cᵀ.
     variance_given_d : float
         Variance of y given d.
@@ -70,15 +73,15 @@ def measurement_update(
         nu -= g[k] * m[k]
     over = 1.0 / variance_given_d
     by = (y - predicted) * over
-    for a in range(10):
+    for a in range(ns):
         x[a] += PC[a] * by
     for i in range(p):
         by = g[i] * over
-        for a in range(10):
+        for a in range(ns):
             J[i, a] -= PC[a] * by
-    for a in range(10):
+    for a in range(ns):
         by = PC[a] * over
-        for b in range(10):
+        for b in range(ns):
             Pi[a, b] -= by * PC[b]
     if not learn:
         return
@@ -102,7 +105,7 @@ def measurement_update(
         m[k] += workspace[k] * by
 
 
-@njit(**OPTIONS)
+@njit(**IN_PLACE)
 def parameter_variance(g: Array, F: Array, Fg: Array) -> float:
     """Fill ``Fg`` with F g; return its squared norm, the reading's variance due to d."""
     p = g.shape[0]
@@ -116,8 +119,8 @@ def parameter_variance(g: Array, F: Array, Fg: Array) -> float:
     return total
 
 
-@njit(**OPTIONS)
-def recentre(mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
+@njit(**IN_PLACE)
+def recentre(ns: int, mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
     """Move the reference to the estimate."""
     p = mu.shape[0]
     for k in range(p):
@@ -125,26 +128,26 @@ def recentre(mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> Non
         m[k] = 0.0
         for a in range(k, p):
             mu[a] += by * D[k, a]
-        for a in range(10):
+        for a in range(ns):
             x[a] += by * J[k, a]
     for i in range(p):
         own = F[i, i]
         for a in range(i, p):
             D[i, a] *= own
-        for a in range(10):
+        for a in range(ns):
             J[i, a] *= own
         for k in range(i + 1, p):
             share = F[i, k]
             for a in range(k, p):
                 D[i, a] += share * D[k, a]
-            for a in range(10):
+            for a in range(ns):
                 J[i, a] += share * J[k, a]
             F[i, k] = 0.0
         F[i, i] = 1.0
 
 
-@njit(**OPTIONS)
-def add_parameter_noise(D: Array, J: Array, Pi: Array, variance: Array) -> float:
+@njit(**IN_PLACE)
+def add_parameter_noise(ns: int, D: Array, J: Array, Pi: Array, variance: Array) -> float:
     """Add process noise to the parameters, the reference being at the estimate.
 
     The regression of the state on the parameters shrinks, and its residual goes to Π, so that the
@@ -152,6 +155,8 @@ def add_parameter_noise(D: Array, J: Array, Pi: Array, variance: Array) -> float
 
     Parameters
     ----------
+    ns : int
+        Number of states.
     D, J, Pi : arrays
         Belief; changed in place.
     variance : (p,) array
@@ -180,7 +185,7 @@ def add_parameter_noise(D: Array, J: Array, Pi: Array, variance: Array) -> float
                 factor[a, a] = math.sqrt(acc)
             else:
                 factor[b, a] = acc / factor[b, b]
-    for a in range(10):
+    for a in range(ns):
         for b in range(a + 1):
             acc = 0.0
             for i in range(p):
@@ -197,12 +202,12 @@ def add_parameter_noise(D: Array, J: Array, Pi: Array, variance: Array) -> float
                 acc -= factor[k, a] * T[k, i]
             T[a, i] = acc / factor[a, a]
     for i in range(p - 1, -1, -1):
-        for a in range(10):
+        for a in range(ns):
             acc = 0.0
             for k in range(i + 1):
                 acc += T[i, k] * J[k, a]
             J[i, a] = acc
-    for a in range(10):
+    for a in range(ns):
         for b in range(a + 1):
             acc = 0.0
             for i in range(p):

@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.prediction import OPTIONS
 
-__all__ = ["LAGS", "SUMS", "ConsistencyLimits", "flag_inconsistency", "update_sums"]
+__all__ = ["LAGS", "ConsistencyLimits", "flag_inconsistency", "sums_length", "update_sums"]
 
 Array = NDArray[np.float64]
 
 LAGS: Final = 10
 """Largest lag of the autocorrelation, rows."""
 
-_PER_AXLE: Final = LAGS + 2  # products at lags 0 to LAGS, and the number of innovations
-SUMS: Final = 2 + 2 * _PER_AXLE
-"""Length of ``sums``: NIS and readings of the short window, then each axle's of the long one."""
+_PER_OUTPUT: Final = LAGS + 2  # products at lags 0 to LAGS, and the number of innovations
+
+
+def sums_length(outputs: int) -> int:
+    """Length of ``sums``: NIS and readings of the short window, each output's of the long one."""
+    return 2 + outputs * _PER_OUTPUT
 
 
 class ConsistencyLimits(NamedTuple):
@@ -69,8 +72,8 @@ def update_sums(
 
     Parameters
     ----------
-    rows : (M, 4) array
-        NIS and number of readings of each row, then the normalised innovation of either axle, zero
+    rows : (M, 2 + ny) array
+        NIS and number of readings of each row, then the normalised innovation of each output, zero
         where there is none.
     first : int
         First row to process, at least ``whiteness_window + LAGS``.
@@ -78,14 +81,14 @@ def update_sums(
         Lengths of the windows, rows.
     since : int
         Rows since the sums were last recomputed.
-    sums : (SUMS,) array
+    sums : (sums_length,) array
         Window sums after the row before; changed in place.
-    products : (2, LAGS + 1) array
-        Lagged products of each axle over all rows so far; added to in place.
+    products : (ny, LAGS + 1) array
+        Lagged products of each output over all rows so far; added to in place.
     nis : (M − first, 2) array
         Filled with the sums of the first two columns over the short window.
     box_pierce : (M − first,) array
-        Filled with n Σ r_l² over the long window, summed over both axles (Box & Pierce 1970).
+        Filled with n Σ r_l² over the long window, summed over all outputs (Box & Pierce 1970).
 
     Returns
     -------
@@ -100,22 +103,21 @@ def update_sums(
         else:
             for c in range(2):
                 sums[c] += rows[e, c] - rows[e - nis_window, c]
-            for axle in range(2):
-                at = 2 + axle * _PER_AXLE
-                new, old = rows[e, 2 + axle], rows[e - whiteness_window, 2 + axle]
+            for y in range(rows.shape[1] - 2):
+                at = 2 + y * _PER_OUTPUT
+                new, old = rows[e, 2 + y], rows[e - whiteness_window, 2 + y]
                 for lag in range(LAGS + 1):
                     sums[at + lag] += (
-                        new * rows[e - lag, 2 + axle]
-                        - old * rows[e - whiteness_window - lag, 2 + axle]
+                        new * rows[e - lag, 2 + y] - old * rows[e - whiteness_window - lag, 2 + y]
                     )
                 sums[at + LAGS + 1] += (1.0 if new != 0.0 else 0.0) - (1.0 if old != 0.0 else 0.0)
         k = e - first
         nis[k, 0], nis[k, 1] = sums[0], sums[1]
         box_pierce[k] = 0.0
-        for axle in range(2):
-            at = 2 + axle * _PER_AXLE
+        for y in range(rows.shape[1] - 2):
+            at = 2 + y * _PER_OUTPUT
             for lag in range(LAGS + 1):
-                products[axle, lag] += rows[e, 2 + axle] * rows[e - lag, 2 + axle]
+                products[y, lag] += rows[e, 2 + y] * rows[e - lag, 2 + y]
             power, count = sums[at], sums[at + LAGS + 1]
             if count > 0.5 and power > _SMALLEST_POWER:
                 squares = 0.0
@@ -134,12 +136,12 @@ def _recompute_sums(
     for e in range(end - nis_window + 1, end + 1):
         sums[0] += rows[e, 0]
         sums[1] += rows[e, 1]
-    for axle in range(2):
-        at = 2 + axle * _PER_AXLE
+    for y in range(rows.shape[1] - 2):
+        at = 2 + y * _PER_OUTPUT
         for e in range(end - whiteness_window + 1, end + 1):
-            new = rows[e, 2 + axle]
+            new = rows[e, 2 + y]
             for lag in range(LAGS + 1):
-                sums[at + lag] += new * rows[e - lag, 2 + axle]
+                sums[at + lag] += new * rows[e - lag, 2 + y]
             sums[at + LAGS + 1] += 1.0 if new != 0.0 else 0.0
 
 
@@ -161,7 +163,7 @@ def flag_inconsistency(
     ----------
     nis, box_pierce : (N, 2) and (N,) arrays
         As :func:`update_sums` fills them.
-    noise_factor : (N, 2) array
+    noise_factor : (N, ny) array
         Factor on the declared noise variance, front and rear.
     limits : ConsistencyLimits
         Onset and end of each flag.
@@ -186,7 +188,9 @@ def flag_inconsistency(
             flags[1] = True
         elif box_pierce[k] < limits.box_pierce_end:
             flags[1] = False
-        largest = max(noise_factor[k, 0], noise_factor[k, 1])
+        largest = 0.0
+        for y in range(noise_factor.shape[1]):
+            largest = max(largest, noise_factor[k, y])
         if largest > limits.noise_onset:
             flags[2] = True
         elif largest < limits.noise_end:

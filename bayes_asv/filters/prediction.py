@@ -23,8 +23,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 __all__ = [
-    "INLINE", "OPTIONS", "ORDER", "TAYLOR", "advance_mean", "decays", "discretize", "power_series",
-    "predict_covariance",
+    "INLINE", "IN_PLACE", "OPTIONS", "ORDER", "TAYLOR", "advance_mean", "decays", "discretize",
+    "power_series", "predict_covariance",
 ]  # fmt: skip
 
 ORDER = 8
@@ -35,6 +35,8 @@ TAYLOR = 12
 OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 INLINE = {**OPTIONS, "forceinline": True}
 """Of functions whose sizes become constants of the filter that calls them."""
+IN_PLACE = {**OPTIONS, "inline": "always"}
+"""Of functions that become part of the filter that calls them before anything is optimised."""
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Measurement functions of the lanes: chassis readings of all sigma points, and interactions."""
+"""Measurement functions of the lanes: readings of all sigma points, and interactions."""
 
 from __future__ import annotations
 
@@ -6,31 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import OPTIONS
-from bayes_asv.filters.simd_layout import (
-    A0,
-    A1,
-    A2,
-    A3,
-    A4,
-    A5,
-    A6,
-    A7,
-    BLOCK_SIZE,
-    GF,
-    GR,
-    LANES,
-    ROW,
-    WIDTH,
-    X0,
-    X1,
-    X2,
-    X3,
-    YF,
-    YR,
-    ZERO,
-    lane_offset,
-)  # fmt: skip
+from bayes_asv.filters.prediction import IN_PLACE, OPTIONS
+from bayes_asv.filters.simd_layout import LANES, Rows, lane_offset
+from bayes_asv.filters.simd_source import Shape, accelerations
+from bayes_asv.filters.ukf_state import Sizes
 
 __all__ = ["interaction_variance", "odd_parts", "output_matrix", "outputs"]
 
@@ -38,60 +17,91 @@ Array = NDArray[np.float64]
 
 
 @njit(**OPTIONS)
-def outputs(W: Array, p: int, y: Array) -> None:
-    """Fill ``y`` (1 + 2 p, 2) with the chassis readings at all sigma points."""
+def outputs(
+    rows: Rows,
+    shape: Shape,
+    W: Array,
+    p: int,
+    output_row: NDArray[np.int64],
+    by_row: Array,
+    by_state: Array,
+    reads_states: bool,
+    y: Array,
+) -> None:
+    """Fill ``y`` (1 + 2 p, ny) with the readings at all sigma points; see :class:`Model`."""
+    size = np.uint64(rows.size)
     for b in range((2 * p + LANES) // LANES):
-        at = np.uint64(b) * BLOCK_SIZE
-        for q in range(ZERO, WIDTH):
-            m = at + q
-            x0, x1, x2, x3 = W[m + X0], W[m + X1], W[m + X2], W[m + X3]
-            front = W[m + A0] * x0 + W[m + A1] * x1 + W[m + A2] * x2 + W[m + A3] * x3
-            rear = W[m + A4] * x0 + W[m + A5] * x1 + W[m + A6] * x2 + W[m + A7] * x3
-            W[m + YF] = W[m + GF] * front
-            W[m + YR] = W[m + GR] * rear
-    for lane in range(1 + 2 * p):
-        y[lane, 0] = W[lane_offset(lane) + YF]
-        y[lane, 1] = W[lane_offset(lane) + YR]
+        accelerations(shape, W, np.uint64(b) * size)
+    for o in range(by_row.shape[0]):
+        row = np.uint64(rows.slope) + np.uint64(output_row[o]) * np.uint64(LANES)
+        gain = np.uint64(rows.gain) + np.uint64(o) * np.uint64(LANES)
+        by = by_row[o]
+        for lane in range(1 + 2 * p):
+            at = np.uint64(lane >> 3) * size + np.uint64(lane & 7)
+            value = by * W[at + row]
+            if reads_states:
+                for a in range(by_state.shape[1]):
+                    value += by_state[o, a] * W[at + np.uint64(rows.before + a * LANES)]
+            y[lane, o] = W[at + gain] * value
 
 
-@njit(**OPTIONS)
-def odd_parts(W: Array, p: int, distance: float, odd: Array) -> None:
-    """Fill ``odd`` (p, 8): derivatives of A's rows δ̈_f and δ̈_r along each direction."""
+@njit(**IN_PLACE)
+def odd_parts(sizes: Sizes, rows: Rows, W: Array, p: int, distance: float, odd: Array) -> None:
+    """Fill ``odd`` (p, nR · 2 ne): derivatives of the accelerations along each direction."""
     half = 0.5 / distance
     for i in range(p):
-        up, down = lane_offset(1 + 2 * i), lane_offset(2 + 2 * i)
-        for a in range(8):
-            odd[i, a] = half * (W[up] - W[down])
-            up, down = up + ROW, down + ROW
+        up, down = lane_offset(1 + 2 * i, rows.size), lane_offset(2 + 2 * i, rows.size)
+        for a in range(sizes.rows * 2 * sizes.elements):
+            row = np.uint64(rows.A + a * LANES)
+            odd[i, a] = half * (W[up + row] - W[down + row])
 
 
-@njit(**OPTIONS)
-def interaction_variance(odd: Array, Pi: Array, B: Array) -> None:
-    """Fill B (2, 2): variance of δ̈_f and δ̈_r due to uncertain parameters times uncertain state.
+@njit(**IN_PLACE)
+def interaction_variance(sizes: Sizes, odd: Array, Pi: Array, work: Array, B: Array) -> None:
+    """Fill B (nR, nR): variance of accelerations due to uncertain parameters times uncertain state.
 
-    δ̈ is bilinear in parameters and state.  Sigma points along the axes do not see the variance
-    Σ_i A_i Π A_iᵀ, with A_i the odd part of these rows of A along direction i.
+    Accelerations are bilinear in parameters and state.  Sigma points along the axes do not see the
+    variance Σ_i A_i Π A_iᵀ, with A_i the odd part of their rows along direction i.  ``work``
+    (2 ne,) is room to work in.
     """
-    ff, fr, rr = 0.0, 0.0, 0.0
+    nc, nR = 2 * sizes.elements, sizes.rows
+    for r in range(nR):
+        for s in range(r + 1):
+            B[r, s] = 0.0
     for i in range(odd.shape[0]):
-        for a in range(4):
-            front = 0.0
-            rear = 0.0
-            for b in range(4):
-                front += Pi[a, b] * odd[i, b]
-                rear += Pi[a, b] * odd[i, 4 + b]
-            ff += odd[i, a] * front
-            fr += odd[i, 4 + a] * front
-            rr += odd[i, 4 + a] * rear
-    B[0, 0], B[0, 1], B[1, 0], B[1, 1] = ff, fr, fr, rr
+        for r in range(nR):
+            for a in range(nc):
+                total = 0.0
+                for b in range(nc):
+                    total += Pi[a, b] * odd[i, nc * r + b]
+                work[a] = total
+            for s in range(r + 1):
+                total = 0.0
+                for a in range(nc):
+                    total += odd[i, nc * s + a] * work[a]
+                B[r, s] += total
+    for r in range(nR):
+        for s in range(r):
+            B[s, r] = B[r, s]
 
 
-@njit(**OPTIONS)
-def output_matrix(W: Array, C: Array, gain: Array) -> None:
-    """Fill C (2, 4), chassis readings by the states at the reference, and the gains (2,)."""
-    gain[0], gain[1] = W[GF], W[GR]
-    row = A0
-    for a in range(4):
-        C[0, a] = gain[0] * W[row]
-        C[1, a] = gain[1] * W[row + A4]
-        row += ROW
+@njit(**IN_PLACE)
+def output_matrix(
+    sizes: Sizes,
+    rows: Rows,
+    W: Array,
+    output_row: NDArray[np.int64],
+    by_row: Array,
+    by_state: Array,
+    C: Array,
+    gain: Array,
+) -> None:
+    """Fill C (ny, nx), readings by the states at the reference, and the gains (ny,)."""
+    nc = 2 * sizes.elements
+    for o in range(sizes.outputs):
+        gain[o] = W[np.uint64(rows.gain + o * LANES)]
+        first = np.uint64(rows.A) + np.uint64(output_row[o]) * np.uint64(nc * LANES)
+        for a in range(sizes.motion):
+            C[o, a] = gain[o] * by_state[o, a]
+        for a in range(nc):
+            C[o, a] += gain[o] * (by_row[o] * W[first + np.uint64(a * LANES)])

@@ -1,4 +1,4 @@
-"""Records of the unscented filter: its state, model, settings and data, for compiled code."""
+"""Records of the unscented filter for compiled code: sizes, state, model, settings and data."""
 
 from __future__ import annotations
 
@@ -8,44 +8,182 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "COLUMNS", "DEFLECTION", "DEFLECTION_SD", "DEVIANCE", "DRIFT", "DRIFT_DETECTED", "DRIFT_LAGS",
-    "FAST_FACTOR", "FAULT_TIME", "INFORMATION_GAIN", "INNOVATION", "LOG_LIKELIHOOD",
-    "LONG_RUN_VARIANCE", "MEAN", "MOTION_MEAN", "MOTION_VARIANCE", "NIS", "NOISE_FACTOR",
-    "NOISE_SUM", "NOISE_WEIGHT", "PREDICTED", "PREDICTED_SD", "READINGS", "REVIEW_TIME", "SD",
-    "SNAPSHOT_TIME", "STATISTICS", "FilterSettings", "Model", "State", "Steps",
+    "DRIFT_LAGS", "Columns", "FilterSettings", "Model", "Sizes", "State", "Statistics", "Steps",
+    "columns", "sizes", "statistics",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-# Elements of `State.statistics`.  Where two follow each other, they are those of the front and of
-# the rear axle.
-NOISE_SUM, NOISE_WEIGHT = 0, 2  # of normalised innovations squared: the slow noise factor
-FAST_FACTOR = 4  # fast noise factor
-FAULT_TIME = 6  # s since the fast noise factor exceeded the fault threshold
-REVIEW_TIME = 7  # s since the last review
-SNAPSHOT_TIME = 8  # s since the last snapshot
-INFORMATION_GAIN = 9  # decrease of the log-volume of the parameters' covariance factor
-LOG_LIKELIHOOD = 10
-DEVIANCE = 11  # −2 log p of the readings given the reference, up to a constant
-LONG_RUN_VARIANCE = 12  # of the normalised innovations, larger of both axles
-DRIFT_DETECTED = 13  # 1 while the innovations' correlation shows that parameters drift
-MOTION_MEAN, MOTION_VARIANCE = 14, 16  # recent, of each axle's estimated acceleration
-STATISTICS: Final = 18
-"""Length of `State.statistics`."""
-
 DRIFT_LAGS: Final = 8
 """Largest lag (readings) of the innovations' autocovariance that the drift detector uses."""
 
-# Columns of a row of `out`.  Where two follow each other, they are those of the front and of the
-# rear axle.
-MEAN, SD = 0, 3  # of the coordinates of c_f, c_r and i
-DEFLECTION, DEFLECTION_SD = 6, 8  # m
-PREDICTED, PREDICTED_SD = 10, 12  # readings, m/s²
-NIS, READINGS = 14, 15  # normalised innovation squared, and the number of readings in it
-NOISE_FACTOR = 16  # on the declared noise variance
-INNOVATION = 18  # normalised; the rear one given the front reading
-DRIFT = 20  # as DRIFT_DETECTED
-COLUMNS: Final = 21
+
+class Sizes(NamedTuple):
+    """Sizes of a filter, which are constants of its compiled recursion.
+
+    Parameters
+    ----------
+    elements : int
+        Suspension elements, ne; each has a measured input.
+    rates : int
+        Body rates that are states of their own, nr.
+    coordinates : int
+        Coordinates of the body, n.
+    rows : int
+        Accelerations, nR: of the element tops, of the coordinates of the body rates, and of other
+        points of the body that are measured.
+    directions : int
+        Directions in which the inputs have a bias of their own, nd.
+    outputs : int
+        Measured outputs, ny.
+    parameters : int
+        Parameters of the car and gains of the sensors.
+    answers : int
+        Coordinates that are reported; they come first.
+    bars : int
+        One for a car with anti-roll bars, else zero.
+    motion : int
+        States of the motion, nx: deflections with their rates, and body rates.
+    lasting : int
+        States that a recording begins with: motion, biases and input biases.
+    states : int
+        All states, ns: also the filtered noise of inputs and outputs.
+    """
+
+    elements: int
+    rates: int
+    coordinates: int
+    rows: int
+    directions: int
+    outputs: int
+    parameters: int
+    answers: int
+    bars: int
+    motion: int
+    lasting: int
+    states: int
+
+
+def sizes(
+    *,
+    elements: int,
+    rates: int,
+    coordinates: int,
+    rows: int,
+    directions: int,
+    outputs: int,
+    parameters: int,
+    answers: int,
+    bars: int,
+) -> Sizes:
+    """Return all sizes from those of car and sensors, see :class:`Sizes`."""
+    motion = 2 * elements + rates
+    lasting = motion + outputs + directions
+    return Sizes(
+        elements, rates, coordinates, rows, directions, outputs, parameters, answers, bars,
+        motion, lasting, lasting + elements + outputs,
+    )  # fmt: skip
+
+
+class Statistics(NamedTuple):
+    """Places in ``State.statistics``.
+
+    Parameters
+    ----------
+    noise_sum, noise_weight : int
+        First of ny: sum and number of normalised innovations squared, for the slow noise factor.
+    fast_factor : int
+        First of ny: fast noise factor.
+    fault_time : int
+        Time since a fast noise factor exceeded the fault threshold, s.
+    review_time, snapshot_time : int
+        Time since the last review and since the last snapshot, s.
+    information_gain : int
+        Decrease of the log-volume of the parameters' covariance factor.
+    log_likelihood : int
+        Of all readings.
+    deviance : int
+        −2 log p of the readings given the reference, up to a constant.
+    long_run_variance : int
+        Of the normalised innovations, largest of all outputs.
+    drift_detected : int
+        One while the innovations' correlation shows that parameters drift.
+    motion_mean, motion_variance : int
+        First of ny: recent mean and variance of the estimated output.
+    length : int
+        Number of places.
+    """
+
+    noise_sum: int
+    noise_weight: int
+    fast_factor: int
+    fault_time: int
+    review_time: int
+    snapshot_time: int
+    information_gain: int
+    log_likelihood: int
+    deviance: int
+    long_run_variance: int
+    drift_detected: int
+    motion_mean: int
+    motion_variance: int
+    length: int
+
+
+def statistics(outputs: int) -> Statistics:
+    """Return the places in ``State.statistics`` for a number of outputs."""
+    ny = outputs
+    s = 3 * ny
+    return Statistics(
+        0, ny, 2 * ny, s, s + 1, s + 2, s + 3, s + 4, s + 5, s + 6, s + 7, s + 8, s + 8 + ny,
+        s + 8 + 2 * ny,
+    )  # fmt: skip
+
+
+class Columns(NamedTuple):
+    """Columns of a row of results.
+
+    Parameters
+    ----------
+    mean, sd : int
+        First of the answers' coordinates, and of their standard deviations.
+    deflection, deflection_sd : int
+        First of the elements' deflections, m, and of their standard deviations.
+    predicted, predicted_sd : int
+        First of the predicted readings, SI units, and of their standard deviations.
+    nis, readings : int
+        Normalised innovation squared, and the number of readings in it.
+    noise_factor : int
+        First of the factors on the declared noise variance, one an output.
+    innovation : int
+        First of the normalised innovations; each given the readings of the outputs before it.
+    drift : int
+        As ``Statistics.drift_detected``.
+    width : int
+        Number of columns.
+    """
+
+    mean: int
+    sd: int
+    deflection: int
+    deflection_sd: int
+    predicted: int
+    predicted_sd: int
+    nis: int
+    readings: int
+    noise_factor: int
+    innovation: int
+    drift: int
+    width: int
+
+
+def columns(of: Sizes) -> Columns:
+    """Return the columns of a row of results."""
+    na, ne, ny = of.answers, of.elements, of.outputs
+    places = [0]
+    for width in (na, na, ne, ne, ny, ny, 1, 1, ny, ny, 1):
+        places.append(places[-1] + width)
+    return Columns(*places)
 
 
 class State(NamedTuple):
@@ -56,19 +194,19 @@ class State(NamedTuple):
     mu, D : (p,) and (p, p) arrays
         Reference of the parameters' coordinates, and directions of the sigma points: row i is
         direction i, zero before its i-th element.
-    x, J : (10,) and (p, 10) arrays
+    x, J : (ns,) and (p, ns) arrays
         State at the reference, and its derivatives along the directions.
     m, F : (p,) and (p, p) arrays
         Mean and triangular factor (shaped like D) of d; zero and one for a moving reference.
-    Pi : (10, 10) array
+    Pi : (ns, ns) array
         Covariance of the state given the parameters.
-    statistics : (STATISTICS,) array
-        Statistics and timers; their indices are constants of this module.
+    statistics : array
+        Statistics and timers; see :class:`Statistics`.
     snapshots : (2, p, 1 + p) array
         μ and D at two earlier instants at which the fast noise factor was low, older one first.
-    autocovariance : (2, 2, 1 + DRIFT_LAGS) array
-        Of each axle: lagged normalised innovations (row 0, newest first), and their exponentially
-        weighted autocovariance by lag (row 1).
+    autocovariance : (ny, 2, 1 + DRIFT_LAGS) array
+        Of each output: lagged normalised innovations (row 0, newest first), and their
+        exponentially weighted autocovariance by lag (row 1).
     """
 
     mu: Array
@@ -91,15 +229,48 @@ class Model(NamedTuple):
     base, element, log, centre, scale : arrays
         Parameter vector as a function of the coordinates, as in
         :func:`bayes_asv.filters.simd_batch.set_parameters`.
-    noise : (12,) array
-        White variance of one sample of the front and rear wheel and the front and rear chassis
-        sensor, m²/s⁴; variance of their noise that passed the sensors' filters, m²/s⁴; poles of
-        these filters, rad/s.
-    start : (6,) array
-        Prior variances of δ_f, δ̇_f, δ_r, δ̇_r and of the two biases.
+    factor : (p, p) array
+        Prior D: its product Dᵀ D is the prior covariance of the coordinates.
+    noise : (3 (ne + ny),) array
+        White variance of one sample of each input and each output; variance of their noise that
+        passed the sensors' filters; poles of these filters, rad/s.
+    share : (ne, ny) array
+        Shares of the outputs' noise factors in those of the inputs.
+    start : (lasting, lasting) array
+        Prior covariance of motion, biases and input biases.
+    input_bias : (ne, nd) array
+        Directions of the input biases.
     parameter_noise, drift_noise : (p,) arrays
         Process noise of each coordinate, variance per second; the second one, if larger, replaces
         the first while a drift is detected.
+    constant : (nG,) array
+        Constant terms of the geometry: heights of the element tops (ne, n), masses and inertias
+        (n,), and the further rows of accelerations (nR − ne, n) per unit of the coordinates.  Each
+        of these is a polynomial of the parameters.
+    term : (nT, 2) int array
+        Number of the polynomial that a term belongs to, and the row of the parameter that it is
+        proportional to, or −1 for a term with several factors.
+    coefficient : (nT,) array
+        Coefficients of the terms.
+    factors : (nT, 4) int array
+        Rows of the parameters whose product a term with several factors is; −1 where there are
+        fewer.
+    place : (P + C,) int array
+        Rows of the parameters in a lane, counted from ``Rows.damping``.
+    copies : (nK, 2) int array
+        Further rows that are the same as another: this one and that.
+    uncertain_gains : bool
+        Whether the gain of an input sensor is a coordinate.
+    bars : (ne, ne) array
+        Stiffness of anti-roll bars beside the springs.
+    output_row : (ny,) int array
+        Row of accelerations in each output.
+    by_row : (ny,) array
+        Its coefficient.
+    by_state : (ny, nx) array
+        Coefficients of the states beside it.
+    reads_states : bool
+        Whether any of these is not zero.
     """
 
     base: Array
@@ -107,10 +278,25 @@ class Model(NamedTuple):
     log: NDArray[np.bool_]
     centre: Array
     scale: Array
+    factor: Array
     noise: Array
+    share: Array
     start: Array
+    input_bias: Array
     parameter_noise: Array
     drift_noise: Array
+    constant: Array
+    term: NDArray[np.int64]
+    coefficient: Array
+    factors: NDArray[np.int64]
+    place: NDArray[np.int64]
+    copies: NDArray[np.int64]
+    uncertain_gains: bool
+    bars: Array
+    output_row: NDArray[np.int64]
+    by_row: Array
+    by_state: Array
+    reads_states: bool
 
 
 class FilterSettings(NamedTuple):
@@ -159,19 +345,18 @@ class Steps(NamedTuple):
     ----------
     step : (N,) array
         Length, s.
-    moments : (N, 2, ORDER) array
-        ∫₀ʰ (h−s)ʲ/j! û(s) ds of the measured front and rear wheel acceleration over each step.
-    spread : (N, 4) array
-        What turns the variance of a wheel's sample into the intensity of process noise (s), front
-        and rear, and the intensity that is added for what the wheel did between its samples
-        (m²/s³), front and rear.
-    kind : (N, 2) int8 array
-        Kind of the front and rear chassis reading: ``MISSING``, ``VALUE``, ``AT_LEAST`` or
-        ``AT_MOST``.
-    reading : (N, 2) array
-        Those readings or the rails that they reached, m/s².
+    moments : (N, ne, ORDER) array
+        ∫₀ʰ (h−s)ʲ/j! û(s) ds of the measured inputs over each step.
+    spread : (N, 2 ne) array
+        What turns the variance of an input's sample into the intensity of process noise (s), and
+        the intensity that is added for what the input did between its samples (m²/s³), one an
+        input each.
+    kind : (N, ny) int8 array
+        Kind of the reading of each output: ``MISSING``, ``VALUE``, ``AT_LEAST`` or ``AT_MOST``.
+    reading : (N, ny) array
+        Those readings or the rails that they reached, SI units.
     restart : (N,) bool array
-        Steps over which the wheels are unknown: the motion starts anew at their ends.
+        Steps over which the inputs are unknown: the motion starts anew at their ends.
     """
 
     step: Array

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
+from bayes_asv.library.estimates import car_of
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.progress import Progress, Report, progress_bar
 from bayes_asv.library.result import json_text
@@ -95,6 +96,7 @@ def track_live(
     recording: Recording | None,
     vehicle: Vehicle,
     *,
+    car: str | None = None,
     rate: float | None = None,
     forget: float | None = None,
     engine: str = "compiled",
@@ -113,6 +115,9 @@ def track_live(
         None where a port is followed.
     vehicle : Vehicle
         The car.
+    car : str, optional
+        Model of the car; by default that whose wheels the recording has, and of a port the half
+        car.
     rate : float, optional
         Sampling rate, Hz, of a port that sends no time stamps.
     forget, engine, seed
@@ -129,22 +134,26 @@ def track_live(
     Track or None
         None if no row came.
     """
+    from bayes_asv.models.cars import car_model
     from bayes_asv.report.documents.track import Trace
     from bayes_asv.tracking.frames import DecimatedFrames
     from bayes_asv.tracking.track import conclude
     from bayes_asv.tracking.tracker import tracker_for
 
+    name = car or car_of(recording)
     if recording is not None:
-        check_inputs("track", recording, vehicle)
+        check_inputs("track", recording, vehicle, car=name)
     started = time.perf_counter()
     trackers: list[Tracker] = []
-    rows = Trace(vehicle) if trace else None
+    rows = Trace(vehicle, car_model(name, vehicle).estimated) if trace else None
     # a recording is kept whole; a drive from a port may last for hours
     kept = DecimatedFrames() if recording is None else DecimatedFrames(len(recording.time))
 
     def make(stream: StreamInfo) -> Tracker:
         trackers.append(
-            tracker_for(stream.start, vehicle, rate=stream.rate, forget=forget, engine=engine)
+            tracker_for(
+                stream.start, vehicle, car=name, rate=stream.rate, forget=forget, engine=engine
+            )
         )
         return trackers[0]
 
@@ -156,7 +165,9 @@ def track_live(
     # a bar would cover the view, and the length of a port's stream is unknown
     bar = False if settings.shown or settings.port is not None else progress
     with progress_bar(bar) as report:
-        follow(settings, recording, vehicle, make, keep, rate=rate, report=report, say=say)
+        follow(
+            settings, recording, vehicle, make, keep, car=name, rate=rate, report=report, say=say
+        )
     if not trackers:
         return None
     result = conclude(
@@ -177,6 +188,7 @@ def follow(
     make: Callable[[StreamInfo], StreamFilter],
     sink: Callable[[Frames], None],
     *,
+    car: str = "half",
     rate: float | None = None,
     report: Report | None = None,
     say: Callable[[str], None] | None = None,
@@ -187,6 +199,8 @@ def follow(
     ----------
     settings, recording, vehicle, rate, say
         As for :func:`track_live`.
+    car : str
+        Model of the car.
     make : callable
         Makes the filter, once rate and metadata are known.
     sink : callable
@@ -207,10 +221,12 @@ def follow(
     source: Source
     if recording is not None:
         source = replayed = RecordingSource(recording, vehicle)
-        view = view_metadata(vehicle, recording.source, replayed.duration)
+        view = view_metadata(
+            vehicle, recording.source, replayed.duration, car=car, channels=recording.channels
+        )
     else:
         source = _port_source(settings.port, vehicle, rate, say)
-        view = view_metadata(vehicle, _name(settings), None, live=True)
+        view = view_metadata(vehicle, _name(settings), None, car=car, live=True)
     shown = run(
         source,
         view,
@@ -262,6 +278,7 @@ def watch(
     recording: Recording | None,
     vehicle: Vehicle,
     *,
+    car: str | None = None,
     port: SerialPort | None = None,
     below: float = 80.0,
     probability: float = 99.0,
@@ -280,6 +297,8 @@ def watch(
         None where a port is watched.
     vehicle : Vehicle
         The car.
+    car : str, optional
+        As for :func:`track_live`.
     port : SerialPort, optional
         In place of a recording.
     below : float
@@ -297,25 +316,27 @@ def watch(
         None if no row came.
     """
     from bayes_asv.live.sources import RecordingSource
+    from bayes_asv.models.cars import car_model
     from bayes_asv.report.documents.track import watch_document
     from bayes_asv.tracking.alarm import AlarmMonitor
 
     source: Source
+    model = car or car_of(recording)
     if recording is not None:
-        check_inputs("watch", recording, vehicle)
+        check_inputs("watch", recording, vehicle, car=model)
         source, name = RecordingSource(recording, vehicle), recording.source
     else:
         source = _port_source(port, vehicle, rate, say or (lambda text: None))
         name = port.name if port is not None else ""
-    monitor = AlarmMonitor(vehicle, below / 100.0, probability / 100.0, hold)
-    tracker, alarm = _until_alarm(source, monitor, vehicle, forget, engine)
+    monitor = AlarmMonitor(car_model(model, vehicle), below / 100.0, probability / 100.0, hold)
+    tracker, alarm = _until_alarm(source, monitor, vehicle, model, forget, engine)
     if tracker is None:
         return None
     return Watch(watch_document(tracker, monitor, alarm, name, seed))
 
 
 def _until_alarm(
-    source: Source, monitor: AlarmMonitor, vehicle: Vehicle, forget: float, engine: str
+    source: Source, monitor: AlarmMonitor, vehicle: Vehicle, car: str, forget: float, engine: str
 ) -> tuple[Tracker | None, Alarm | None]:
     """Follow a source until an alarm, its end, or Ctrl-C."""
     from bayes_asv.tracking.tracker import tracker_for
@@ -327,7 +348,9 @@ def _until_alarm(
         stream = source.begin(stop)
         if stream is None:
             return None, None
-        tracker = tracker_for(stream.start, vehicle, rate=stream.rate, forget=forget, engine=engine)
+        tracker = tracker_for(
+            stream.start, vehicle, car=car, rate=stream.rate, forget=forget, engine=engine
+        )
         for rows in source.rows(stop):
             alarm = monitor.update(tracker.feed(rows.time, rows.acceleration))
             if alarm is not None:

@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
-from bayes_asv.library.estimates import check_seed
+from bayes_asv.library.estimates import car_of, check_seed
 from bayes_asv.library.extras import import_extra
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.parameter import from_log_normal
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from bayes_asv.tracking.track import TrackResult
 
 __all__ = ["Track", "track", "track_of"]
-
-_PARAMETERS = ("c_f", "c_r", "i")
 
 
 class Track(Result):
@@ -79,14 +77,15 @@ class Track(Result):
         Returns
         -------
         pandas.DataFrame
-            Index ``time [s]``; ``c_f``, ``c_r``, ``i`` (medians) with ``c_f_lb``, ``c_f_ub`` and
-            so on (95 %), ``nis_mean`` and ``consistent``.
+            Index ``time [s]``; the answers of the car, such as ``c_f``, ``c_r`` and ``i``
+            (medians), with ``c_f_lb``, ``c_f_ub`` and so on (95 %), ``nis_mean`` and
+            ``consistent``.
         """
         pandas = import_extra("pandas", "trace()")
         frames = self._engine.frames
         shown = display_units(self.vehicle.units if units == "vehicle" else units)
         table: dict[str, Any] = {}
-        for k, name in enumerate(_PARAMETERS):
+        for k, name in enumerate(self._engine.coordinates.answers):
             dimension = QUANTITIES[name][0]
             median = frames.median[:, k] * from_si(1.0, shown[dimension], dimension)
             spread = np.exp(NORMAL_975 * frames.log_sd[:, k])
@@ -106,7 +105,7 @@ class Track(Result):
 
         rows = self._rows
         if rows is None:
-            rows = Trace(self.vehicle)
+            rows = Trace(self.vehicle, self._engine.coordinates.answers)
             rows.append(self._engine.frames)
         try:
             write_atomically(path, rows.pieces())
@@ -126,12 +125,13 @@ def track(
     recordings: Recording | Iterable[Recording],
     vehicle: Vehicle,
     *,
+    car: str | None = None,
     forget: float | None = None,
     engine: Literal["compiled", "filterpy"] = "compiled",
     seed: int = 0,
     progress: Progress = None,
 ) -> Track:
-    """Track damping rates and pitch inertia through one recording, row by row.
+    """Track damping rates and inertias through one recording, row by row.
 
     Parameters
     ----------
@@ -139,6 +139,8 @@ def track(
         One recording.
     vehicle : Vehicle
         The car.
+    car : {'half', 'quarter-front', 'quarter-rear', 'roll'}, optional
+        Model of the car; by default that whose wheels the recording has.
     forget : float, optional
         Let the parameters change by 10 % (one standard deviation) in this time, s; constant
         without it.
@@ -159,13 +161,16 @@ def track(
         As :func:`bayes_asv.estimate`.
     """
     check_seed(seed)
-    runs, car = check_inputs("track", recordings, vehicle)
+    name = car or car_of(recordings)
+    runs, given = check_inputs("track", recordings, vehicle, car=name)
     if len(runs) > 1:
         raise InputError("track", f"{len(runs)} recordings were given", "track one after the other")
     from bayes_asv.tracking import track as engine_track
 
     with progress_bar(progress) as report:
-        result = engine_track.track(runs[0], car, forget=forget, engine=engine, progress=report)
+        result = engine_track.track(
+            runs[0], given, car=name, forget=forget, engine=engine, progress=report
+        )
     return track_of(result, seed)
 
 

@@ -15,8 +15,8 @@ from bayes_asv.domain.files import PathLike, check_writable, write_atomically
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.braille import round_limits
 from bayes_asv.live.downsampling import bucket_rows, downsample
-from bayes_asv.live.history import BAND_SIDES, TRACES, Snapshot
-from bayes_asv.live.metadata import AXLES, ViewMetadata
+from bayes_asv.live.history import Snapshot
+from bayes_asv.live.metadata import MeasuredOutput, ViewMetadata
 from bayes_asv.live.text import consistency_text, parameter_card
 from bayes_asv.report.svg import COLOURS, style
 from bayes_asv.report.words import number
@@ -41,7 +41,14 @@ _TONES: Final = {
     "good": COLOURS["good"], "below": COLOURS["below"], "above": COLOURS["above"],
     "muted": COLOURS["muted"],
 }  # fmt: skip
-_COLOURS: Final = {"c_f": COLOURS["front"], "c_r": COLOURS["rear"], "i": COLOURS["ink"]}
+
+
+def _colour(name: str) -> str:
+    """Colour of a parameter, an output or an element: that of its axle."""
+    for axle, end in (("front", "c_f"), ("rear", "c_r")):
+        if name.startswith((axle, end)):
+            return COLOURS[axle]
+    return COLOURS["ink"]
 
 
 def write_animation(
@@ -141,8 +148,10 @@ class _Painter:
         self._metadata, self._history = metadata, history
         self._pace = "" if abs(pace - 1.0) < 0.005 else f" (shown at ×{pace:.2g})"
         size = bucket_rows(len(history.time), _POINTS)
-        self._time, self._traces = downsample(history.time, history.traces, size, BAND_SIDES)
-        self._index = {name: n for n, name in enumerate(TRACES)}
+        self._time, self._traces = downsample(
+            history.time, history.traces, size, metadata.band_sides
+        )
+        self._index = {name: n for n, name in enumerate(metadata.traces)}
         self._curves: list[Any] = []
         figure = Figure((_WIDTH, _HEIGHT), dpi=_DPI, facecolor="white")
         self._canvas: Any = FigureCanvasAgg(figure)
@@ -152,15 +161,22 @@ class _Painter:
         )  # fmt: skip
         self._head = figure.text(0.012, 0.965, "", fontsize=11, fontweight="bold", va="center")
         self._verdict = figure.text(0.988, 0.965, "", fontsize=10, va="center", ha="right")
+
+        def cells(row: int, count: int) -> list[Any]:
+            if 6 % count == 0:
+                step = 6 // count
+                return [grid[row, n : n + step] for n in range(0, 6, step)]
+            inner = grid[row, :].subgridspec(1, count, wspace=0.5)
+            return [inner[0, n] for n in range(count)]
+
         self._titles = [
-            self._draw_parameter(figure.add_subplot(grid[0, 2 * n : 2 * n + 2]), n)
-            for n in range(3)
+            self._draw_parameter(figure.add_subplot(cell), n)
+            for n, cell in enumerate(cells(0, len(metadata.parameters)))
         ]
-        cells = [grid[1, :3], grid[1, 3:], grid[2, :3], grid[2, 3:]]
-        axes = [figure.add_subplot(cell) for cell in cells]
-        for n, axle in enumerate(AXLES):
-            self._draw_acceleration(axes[n], axle)
-            self._draw_deflection(axes[2 + n], axle, n)
+        for output, cell in zip(metadata.outputs, cells(1, len(metadata.outputs)), strict=True):
+            self._draw_output(figure.add_subplot(cell), output)
+        for n, cell in enumerate(cells(2, len(metadata.elements))):
+            self._draw_deflection(figure.add_subplot(cell), metadata.elements[n], n)
         self._with_curves = self._pixels()
         for artist in self._curves:
             artist.set_visible(False)
@@ -173,15 +189,16 @@ class _Painter:
         history = self._history
         row = max(int(np.searchsorted(history.time, now, side="right")) - 1, 0)
         estimates = history.estimates[row].tolist()
-        trace = dict(zip(TRACES, history.traces[row].tolist(), strict=True))
+        trace = dict(zip(self._metadata.traces, history.traces[row].tolist(), strict=True))
+        na = len(self._metadata.parameters)
         for n, parameter in enumerate(self._metadata.parameters):
-            card = parameter_card(parameter, estimates[n], estimates[3 + n])
+            card = parameter_card(parameter, estimates[n], estimates[na + n])
             value, sense = self._titles[n]
             value.set_text(f"{parameter.label}: {card.value} {card.width}")
             sense.set_text(card.sense)
             sense.set_color(_TONES[card.tone])
         consistency = consistency_text(
-            trace["nis"], trace["nis low"], trace["nis high"], estimates[6] > 0.5, estimates[7]
+            trace["nis"], trace["nis low"], trace["nis high"], estimates[-2] > 0.5, estimates[-1]
         )
         self._verdict.set_text(f"prediction errors: {consistency.short}")
         self._verdict.set_color(_TONES[consistency.tone])
@@ -208,8 +225,11 @@ class _Painter:
     def _draw_parameter(self, axes: Axes, n: int) -> tuple[Any, Any]:
         history, parameter = self._history.parameters, self._metadata.parameters[n]
         time = history[:, 0]
-        median, factor = history[:, 1 + n], np.exp(NORMAL_975 * history[:, 4 + n])
-        colour = _COLOURS[parameter.name]
+        median, factor = (
+            history[:, 1 + n],
+            np.exp(NORMAL_975 * history[:, 1 + len(self._metadata.parameters) + n]),
+        )
+        colour = _colour(parameter.name)
         band = axes.fill_between(
             time, median / factor, median * factor, color=colour, alpha=0.2, lw=0
         )
@@ -235,29 +255,35 @@ class _Painter:
         sense = axes.text(0.0, 1.07, "", transform=axes.transAxes, fontsize=8.5)
         return value, sense
 
-    def _draw_acceleration(self, axes: Axes, axle: str) -> None:
-        self._draw_band(axes, f"{axle} predicted", COLOURS[axle])
-        measured = self._column(f"{axle} measured")
-        predicted = self._column(f"{axle} predicted")
+    def _draw_output(self, axes: Axes, output: MeasuredOutput) -> None:
+        key, colour = output.key, _colour(output.key)
+        self._draw_band(axes, f"{key} predicted", colour)
+        measured = self._column(f"{key} measured")
+        predicted = self._column(f"{key} predicted")
         self._curves += axes.plot(self._time, measured, color=COLOURS["ink"], alpha=0.3, lw=3.0)
-        self._curves += axes.plot(self._time, predicted, color=COLOURS[axle], lw=1.0)
-        axes.set_ylim(*self._common_limits([f"{a} measured" for a in AXLES]))
-        axes.set_ylabel(f"{self._metadata.acceleration[0]}\nup positive", fontsize=8)
-        title = f"{axle} chassis: measured (grey), predicted"
-        axes.set_title(title, loc="left", fontsize=8.5, pad=3)
+        self._curves += axes.plot(self._time, predicted, color=colour, lw=1.0)
+        alike = [o.key for o in self._metadata.outputs if o.unit == output.unit]
+        axes.set_ylim(*self._common_limits([f"{other} measured" for other in alike]))
+        axes.set_ylabel(f"{output.unit}\n{output.sign}", fontsize=8)
+        name = output.label.removesuffix(" acceleration")
+        axes.set_title(f"{name}: measured (grey), predicted", loc="left", fontsize=8.5, pad=3)
         self._set_style(axes)
 
     def _draw_deflection(self, axes: Axes, axle: str, n: int) -> None:
-        self._draw_band(axes, f"{axle} deflection", COLOURS[axle])
+        self._draw_band(axes, f"{axle} deflection", _colour(axle))
         deflection = self._column(f"{axle} deflection")
-        self._curves += axes.plot(self._time, deflection, color=COLOURS[axle], lw=1.4)
+        self._curves += axes.plot(self._time, deflection, color=_colour(axle), lw=1.4)
         limits = [end for pair in self._metadata.limits for end in pair if end is not None]
-        axes.set_ylim(*self._common_limits([f"{a} deflection" for a in AXLES], limits))
+        axes.set_ylim(
+            *self._common_limits([f"{e} deflection" for e in self._metadata.elements], limits)
+        )
         for end in self._metadata.limits[n]:
             if end is not None:
                 axes.axhline(end, color=COLOURS["ink"], ls=(0, (5, 3)), lw=0.9)
         axes.set_ylabel(f"{self._metadata.deflection[0]}\nextension\npositive", fontsize=8)
-        axes.set_title(f"{axle} deflection and stops", loc="left", fontsize=8.5, pad=3)
+        axes.set_title(
+            f"{axle.replace('_', ' ')} deflection and stops", loc="left", fontsize=8.5, pad=3
+        )
         axes.set_xlabel("time [s]", fontsize=8)
         self._set_style(axes)
 

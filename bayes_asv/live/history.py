@@ -12,24 +12,9 @@ from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.tracking.frames import Frames
 
-__all__ = ["BAND_SIDES", "PARAMETER_POINTS", "TRACES", "History", "Snapshot"]
+__all__ = ["PARAMETER_POINTS", "History", "Snapshot"]
 
 Array = NDArray[np.float64]
-
-TRACES: Final = (
-    "front measured", "front predicted", "front predicted low", "front predicted high",
-    "front deflection", "front deflection low", "front deflection high",
-    "rear measured", "rear predicted", "rear predicted low", "rear predicted high",
-    "rear deflection", "rear deflection low", "rear deflection high",
-    "nis", "nis low", "nis high",
-)  # fmt: skip
-"""Columns of `Snapshot.traces`."""
-
-BAND_SIDES: Final = tuple(
-    -1 if name.endswith(" low") else 1 if name.endswith(" high") else 0 for name in TRACES
-)
-"""For each of `TRACES`: the lower (-1) or upper (1) edge of a band, or a curve (0)."""
-
 
 PARAMETER_POINTS: Final = 1000
 """The parameters are decimated to at most twice as many points."""
@@ -46,14 +31,14 @@ class Snapshot(NamedTuple):
         Number of rows that were dropped before those that are left.
     time : (n,) array
         Stamps, s.
-    traces : (n, 17) array of float32
-        Columns `TRACES`, display units; bands are 95 % bands.
-    estimates : (n, 8) array of float32
-        Medians of c_f, c_r, i in display units, standard deviations of their logarithms, whether
-        the filter is consistent (1 or 0), and the inflation of the noise.
-    extremes : (n, 4) array of float32
-        Smallest and largest deflection so far, front and rear, display units.
-    parameters : (m, 7) array
+    traces : (n, nt) array of float32
+        Columns ``ViewMetadata.traces``, display units; bands are 95 % bands.
+    estimates : (n, 2 na + 2) array of float32
+        Medians of the parameters in display units, standard deviations of their logarithms,
+        whether the filter is consistent (1 or 0), and the inflation of the noise.
+    extremes : (n, 2 ne) array of float32
+        Smallest and largest deflection so far of each element, display units.
+    parameters : (m, 1 + 2 na) array
         Stamp, medians and standard deviations of the logarithms of every `stride`-th row since
         the start.
     stride : int
@@ -87,10 +72,11 @@ class History:
         self._first = 0
         self._stride = 1
         self._time = _Table(1)
-        self._traces = _Table(len(TRACES), np.float32)
-        self._estimates = _Table(8, np.float32)
-        self._extremes = _Table(4, np.float32)
-        self._parameters = _Table(7)
+        na, ne = len(metadata.parameters), len(metadata.elements)
+        self._traces = _Table(len(metadata.traces), np.float32)
+        self._estimates = _Table(2 * na + 2, np.float32)
+        self._extremes = _Table(2 * ne, np.float32)
+        self._parameters = _Table(1 + 2 * na)
 
     def append(self, frames: Frames) -> None:
         """Add the frames of the next rows."""
@@ -130,28 +116,33 @@ class History:
             )
 
     def _trace_columns(self, frames: Frames) -> Array:
-        """Columns `TRACES` of the frames."""
-        columns = []
-        acceleration, length = self._metadata.acceleration[1], self._metadata.deflection[1]
-        for axle in range(2):
-            columns += [
-                frames.measured[:, axle] / acceleration,
-                *_band(frames.predicted[:, axle], frames.predicted_sd[:, axle], acceleration),
-                *_band(frames.deflection[:, axle], frames.deflection_sd[:, axle], length),
-            ]
+        """Columns ``ViewMetadata.traces`` of the frames."""
+        curves: dict[str, Array] = {}
+        metadata, edges = self._metadata, ("", " low", " high")
+        for y, output in enumerate(metadata.outputs):
+            curves[f"{output.key} measured"] = frames.measured[:, y] / output.factor
+            band = _band(frames.predicted[:, y], frames.predicted_sd[:, y], output.factor)
+            curves |= dict(zip((f"{output.key} predicted{x}" for x in edges), band, strict=True))
+        for e, element in enumerate(metadata.elements):
+            length = metadata.deflection[1]
+            band = _band(frames.deflection[:, e], frames.deflection_sd[:, e], length)
+            curves |= dict(zip((f"{element} deflection{x}" for x in edges), band, strict=True))
         # A mean without a finite band is a mean of no readings.
         valid = np.isfinite(frames.nis_low) & np.isfinite(frames.nis_high)
-        for nis in (frames.nis_mean, frames.nis_low, frames.nis_high):
-            columns.append(np.where(valid, nis, np.nan))
-        return np.column_stack(columns)
+        nis = (frames.nis_mean, frames.nis_low, frames.nis_high)
+        for edge, values in zip(edges, nis, strict=True):
+            curves[f"nis{edge}"] = np.where(valid, values, np.nan)
+        return np.column_stack([curves[name] for name in metadata.traces])
 
     def _running_extremes(self, deflection: Array) -> Array:
-        """Smallest and largest deflection up to each row, (n, 4)."""
-        before = self._extremes.rows()[-1:] if len(self._extremes) else np.full((1, 4), np.nan)
-        out = np.empty((len(deflection), 4))
-        for axle in range(2):
-            for column, extreme in ((2 * axle, np.fmin), (2 * axle + 1, np.fmax)):
-                values = np.concatenate((before[:, column], deflection[:, axle]))
+        """Smallest and largest deflection up to each row, (n, 2 ne)."""
+        ne = deflection.shape[1]
+        last = self._extremes.rows()[-1:]
+        before = last if len(last) else np.full((1, 2 * ne), np.nan)
+        out = np.empty((len(deflection), 2 * ne))
+        for e in range(ne):
+            for column, extreme in ((2 * e, np.fmin), (2 * e + 1, np.fmax)):
+                values = np.concatenate((before[:, column], deflection[:, e]))
                 out[:, column] = extreme.accumulate(values)[1:]
         return out
 

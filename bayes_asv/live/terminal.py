@@ -14,8 +14,7 @@ import numpy as np
 
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.braille import gauge, plot, round_limits
-from bayes_asv.live.history import TRACES
-from bayes_asv.live.metadata import AXLES, ViewMetadata
+from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.live.session import Playback, Session
 from bayes_asv.live.text import consistency_text, parameter_card, travel_text
 from bayes_asv.report.words import number
@@ -35,7 +34,7 @@ _WINDOW: Final = 5.0  # s
 _TONES: Final = {"good": "green", "below": "bold red", "above": "magenta", "muted": "dim"}
 _COLOURS: Final = {"front": "bright_blue", "rear": "yellow"}
 _GAUGE_WIDTH: Final = 25
-_NARROW: Final = 100  # columns below which the axles are drawn below each other
+_NARROW: Final = 100  # columns below which charts are drawn below each other
 
 
 def run_terminal_view(session: Session, console: Console, stop: threading.Event) -> None:
@@ -103,9 +102,9 @@ def render(playback: Playback, metadata: ViewMetadata, width: int, height: int) 
         return Group(*parts, Text("No row has come yet."), *notes, foot)
     row = playback.rows - 1
     estimates = playback.snapshot.estimates[row].tolist()
-    now = dict(zip(TRACES, playback.snapshot.traces[row].tolist(), strict=True))
+    now = dict(zip(metadata.traces, playback.snapshot.traces[row].tolist(), strict=True))
     nis, low, high = now["nis"], now["nis low"], now["nis high"]
-    consistency = consistency_text(nis, low, high, estimates[6] > 0.5, estimates[7])
+    consistency = consistency_text(nis, low, high, estimates[-2] > 0.5, estimates[-1])
     verdict = Text(no_wrap=True, overflow="ellipsis")
     short = consistency.short
     verdict.append(f"{short[0].upper()}{short[1:]}. ", _TONES[consistency.tone])
@@ -114,9 +113,10 @@ def render(playback: Playback, metadata: ViewMetadata, width: int, height: int) 
     verdict.append(consistency.long, "dim")
     parts += [verdict, _parameter_table(metadata, estimates, width)]
     side_by_side = width >= _NARROW
-    remaining = height - 9 - len(notes)
-    rows = remaining // 2 if side_by_side else remaining // 4
-    parts += _axle_charts(playback, metadata, width, max(rows - 1, 2), side_by_side=side_by_side)
+    remaining = height - 6 - len(metadata.parameters) - len(notes)
+    charts = len(metadata.outputs) + len(metadata.elements)
+    rows = remaining // ((charts + 1) // 2 if side_by_side else charts)
+    parts += _charts(playback, metadata, width, max(rows - 1, 2), side_by_side=side_by_side)
     return Group(*parts, *notes, foot)
 
 
@@ -144,7 +144,7 @@ def _parameter_table(metadata: ViewMetadata, estimates: list[float], width: int)
     for _ in range(4):
         table.add_column(no_wrap=True)
     for n, parameter in enumerate(metadata.parameters):
-        median, log_sd = estimates[n], estimates[3 + n]
+        median, log_sd = estimates[n], estimates[len(metadata.parameters) + n]
         factor = math.exp(NORMAL_975 * log_sd)
         card = parameter_card(parameter, median, log_sd)
         bar = gauge(median / factor, median, median * factor, parameter.nominal, _GAUGE_WIDTH)
@@ -161,10 +161,10 @@ def _parameter_table(metadata: ViewMetadata, estimates: list[float], width: int)
     return table
 
 
-def _axle_charts(
+def _charts(
     playback: Playback, metadata: ViewMetadata, width: int, rows: int, *, side_by_side: bool
 ) -> list[RenderableType]:
-    """Draw acceleration and deflection of both axles."""
+    """Draw all measured outputs and the deflections of the elements, two side by side."""
     from rich.table import Table
 
     snapshot = playback.snapshot
@@ -176,32 +176,41 @@ def _axle_charts(
     part = slice(begin, playback.rows)
     time, values = snapshot.time[part], snapshot.traces[part]
     chart_width = width // 2 - 2 if side_by_side else width
-    column = {name: n for n, name in enumerate(TRACES)}
+    column = {name: n for n, name in enumerate(metadata.traces)}
     travel = travel_text(metadata, tuple(snapshot.extremes[playback.rows - 1].tolist()))
-    charts: dict[str, list[Text]] = {}
-    for quantity, unit, sign, names in (
-        ("acceleration", metadata.acceleration[0], "up positive", ("measured", "predicted")),
-        ("deflection", metadata.deflection[0], "extension positive", ("deflection",)),
-    ):
-        both = values[:, [column[f"{axle} {name}"] for axle in AXLES for name in names]]
-        finite = both[np.isfinite(both)]
-        limits = round_limits(*((finite.min(), finite.max()) if len(finite) else (-1.0, 1.0)))
-        for n, axle in enumerate(AXLES):
-            curves = [values[:, column[f"{axle} {name}"]] for name in names]
-            title = (
-                f"{axle} {quantity} [{unit}], {sign}, {number(limits[0])} to {number(limits[1])}"
-            )
-            if quantity == "deflection" and travel[n]:
-                longer = f"{title}; so far {travel[n]}"
-                title = longer if len(longer) <= chart_width else title
-            styles = ["dim", _COLOURS[axle]][-len(names) :]
-            lines = plot(time, curves, span, limits, (chart_width, rows))
-            charts.setdefault(quantity, []).append(_chart(title, lines, styles))
+    unit = metadata.deflection[0]
+    wanted: list[tuple[str, str, str, tuple[str, ...], str]] = [
+        (o.key, f"{o.label} [{o.unit}], {o.sign}", o.unit, ("measured", "predicted"), "")
+        for o in metadata.outputs
+    ]
+    wanted += [
+        (element, f"{element.replace('_', ' ')} deflection [{unit}], extension positive",
+         f"{unit} deflection", ("deflection",), so_far)
+        for element, so_far in zip(metadata.elements, travel, strict=True)
+    ]  # fmt: skip
+    limits: dict[str, tuple[float, float]] = {}  # charts of one quantity share their scale
+    for kind in dict.fromkeys(of for _, _, of, _, _ in wanted):
+        alike = [
+            column[f"{key} {n}"] for key, _, of, names, _ in wanted if of == kind for n in names
+        ]
+        shown = values[:, alike]
+        finite = shown[np.isfinite(shown)]
+        limits[kind] = round_limits(*((finite.min(), finite.max()) if len(finite) else (-1.0, 1.0)))
+    charts: list[Text] = []
+    for key, label, kind, names, so_far in wanted:
+        curves = [values[:, column[f"{key} {name}"]] for name in names]
+        low, high = limits[kind]
+        title = f"{label}, {number(low)} to {number(high)}"
+        longer = f"{title}; so far {so_far}"
+        title = longer if so_far and len(longer) <= chart_width else title
+        colour = _COLOURS.get(key.replace("_", " ").split()[0], "green")
+        lines = plot(time, curves, span, limits[kind], (chart_width, rows))
+        charts.append(_chart(title, lines, ["dim", colour][-len(names) :]))
     if not side_by_side:
-        return [text for axle in range(2) for text in (pair[axle] for pair in charts.values())]
+        return [*charts]
     table = Table.grid(padding=(0, 2))
-    for pair in charts.values():
-        table.add_row(*pair)
+    for n in range(0, len(charts), 2):
+        table.add_row(*charts[n : n + 2])
     return [table]
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from bayes_asv.domain.quantities import NORMAL_975
-from bayes_asv.live.metadata import AXLES, Parameter, ViewMetadata
+from bayes_asv.live.metadata import Parameter, ViewMetadata
 from bayes_asv.report.words import TONES, compare, likelihood_words, number, percent, probability
 
 __all__ = [
@@ -150,17 +150,17 @@ def travel_text(metadata: ViewMetadata, extremes: tuple[float, ...]) -> tuple[st
     ----------
     metadata : ViewMetadata
         Gives the limits.
-    extremes : tuple of 4 float
-        Smallest and largest deflection, front and rear, display units.
+    extremes : tuple of 2 ne float
+        Smallest and largest deflection of each element, display units.
 
     Returns
     -------
     tuple of str
-        Front, rear.
+        One an element.
     """
     unit = metadata.deflection[0]
     texts = []
-    for axle in range(len(AXLES)):
+    for axle in range(len(metadata.elements)):
         low, high = extremes[2 * axle : 2 * axle + 2]
         if not (math.isfinite(low) and math.isfinite(high)):
             texts.append("")

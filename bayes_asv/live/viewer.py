@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.downsampling import bucket_rows, downsample, points_per_bucket
-from bayes_asv.live.history import BAND_SIDES, PARAMETER_POINTS, TRACES, Snapshot
-from bayes_asv.live.metadata import AXLES, ViewMetadata
+from bayes_asv.live.history import PARAMETER_POINTS, Snapshot
+from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.live.session import Playback, Session
 from bayes_asv.live.text import consistency_text, parameter_card, travel_text
 
@@ -105,7 +105,7 @@ class Viewer:
             snapshot.time[begin : row - snapshot.first],
             snapshot.traces[begin : row - snapshot.first],
             size,
-            BAND_SIDES,
+            self._session.metadata.band_sides,
         )
         self._bucket = row // size
         before = snapshot.time[begin - 1 : begin] if begin else time[:1]
@@ -129,12 +129,13 @@ class Viewer:
         begin = 0 if fresh or self._point is None else self._point
         self._point, self._stride = count, snapshot.stride
         estimates = snapshot.estimates[playback.rows - 1]
-        newest = np.concatenate(((now,), estimates[:6]))[None]
+        na = len(self._session.metadata.parameters)
+        newest = np.concatenate(((now,), estimates[: 2 * na]))[None]
         rows = np.concatenate((history[begin:count], newest))
-        half = NORMAL_975 * rows[:, 4:7]
-        medians = rows[:, 1:4]
+        half = NORMAL_975 * rows[:, 1 + na :]
+        medians = rows[:, 1 : 1 + na]
         columns = []
-        for n in range(3):
+        for n in range(na):
             median, factor = medians[:, n], np.exp(half[:, n])
             columns += [_numbers(c) for c in (median, median / factor, median * factor)]
         return {"fresh": fresh, "at": begin, "time": _rounded(rows[:, 0], 6), "columns": columns}
@@ -153,10 +154,17 @@ def metadata_message(metadata: ViewMetadata) -> Message:
         "source": metadata.source,
         "live": metadata.live,
         "duration": metadata.duration,
-        "acceleration": metadata.acceleration[0],
+        "outputs": [
+            {"key": o.key, "label": o.label, "unit": o.unit, "sign": o.sign}
+            for o in metadata.outputs
+        ],
+        "elements": list(metadata.elements),
         "deflection": metadata.deflection[0],
-        "limits": {axle: list(ends) for axle, ends in zip(AXLES, metadata.limits, strict=True)},
-        "traces": list(TRACES),
+        "limits": {
+            element: list(ends)
+            for element, ends in zip(metadata.elements, metadata.limits, strict=True)
+        },
+        "traces": list(metadata.traces),
         "points": {"traces": POINTS, "run": 2 * PARAMETER_POINTS},
         "parameters": [
             {"name": p.name, "label": p.label, "unit": p.unit, "nominal": p.nominal}
@@ -167,15 +175,15 @@ def metadata_message(metadata: ViewMetadata) -> Message:
 
 def _texts(playback: Playback, metadata: ViewMetadata) -> Message:
     """Texts at the playback position."""
-    row = playback.rows - 1
+    row, na = playback.rows - 1, len(metadata.parameters)
     estimates = [float(v) for v in playback.snapshot.estimates[row]]
-    traces = dict(zip(TRACES, map(float, playback.snapshot.traces[row]), strict=True))
+    traces = dict(zip(metadata.traces, map(float, playback.snapshot.traces[row]), strict=True))
     consistency = consistency_text(
-        traces["nis"], traces["nis low"], traces["nis high"], estimates[6] > 0.5, estimates[7]
+        traces["nis"], traces["nis low"], traces["nis high"], estimates[-2] > 0.5, estimates[-1]
     )
     return {
         "cards": [
-            parameter_card(parameter, estimates[n], estimates[3 + n])._asdict()
+            parameter_card(parameter, estimates[n], estimates[na + n])._asdict()
             for n, parameter in enumerate(metadata.parameters)
         ],
         "consistency": consistency._asdict(),

@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.domain.quantities import NORMAL_975
+from bayes_asv.models.car_model import CarModel
 from bayes_asv.tracking.frames import Frames
 
-__all__ = ["AXLES", "Alarm", "AlarmMonitor"]
+__all__ = ["Alarm", "AlarmMonitor"]
 
 Array = NDArray[np.float64]
-
-AXLES = ("front", "rear")
-
-_Z95 = 1.959964
 
 
 @dataclass(frozen=True)
@@ -28,7 +25,7 @@ class Alarm:
     Parameters
     ----------
     axle : str
-        ``front`` or ``rear``.
+        Place of the damper: ``front``, ``rear_left``, ….
     time : float
         Stamp of the row at which the alarm was raised, s.
     since : float
@@ -55,8 +52,8 @@ class AlarmMonitor:
 
     Parameters
     ----------
-    vehicle : Vehicle
-        Gives the nominal damping rates.
+    car : CarModel
+        Gives the nominal damping rates of its elements.
     share : float
         Share of the nominal rate below which a damper counts as worn.
     threshold : float
@@ -71,11 +68,15 @@ class AlarmMonitor:
     trusted there, and a sensor is as likely at fault as a damper.
     """
 
-    def __init__(self, vehicle: Vehicle, share: float, threshold: float, hold: float) -> None:
+    def __init__(self, car: CarModel, share: float, threshold: float, hold: float) -> None:
         self.share, self.threshold, self.hold = share, threshold, hold
-        self._nominal = np.array([vehicle.c_f.value, vehicle.c_r.value])
-        self._since = np.full(2, math.inf)
-        self.probability = np.full(2, math.nan)
+        # A damper whose rate is given exactly cannot wear.
+        dampers = [e for e in car.elements if e.damping in car.estimated]
+        self.places = tuple(element.name for element in dampers)
+        self._columns = [car.estimated.index(element.damping) for element in dampers]
+        self._nominal = np.array([float(car.nominal[e.damping][0]) for e in dampers])
+        self._since = np.full(len(dampers), math.inf)
+        self.probability = np.full(len(dampers), math.nan)
         self.rows = 0
         self.rows_consistent = 0
 
@@ -95,9 +96,10 @@ class AlarmMonitor:
         if not len(frames):
             return None
         limit = np.log(self.share * self._nominal)
-        p = ndtr((limit - np.log(frames.median[:, :2])) / frames.log_sd[:, :2])
+        median, log_sd = frames.median[:, self._columns], frames.log_sd[:, self._columns]
+        p = ndtr((limit - np.log(median)) / log_sd)
         alarm: Alarm | None = None
-        for axle in range(2):
+        for axle in range(len(self.places)):
             exceeds = frames.consistent & (p[:, axle] > self.threshold)
             onset = exceeds & ~np.concatenate([[math.isfinite(self._since[axle])], exceeds[:-1]])
             # the latest onset up to each row, or the one that is held from the call before
@@ -115,8 +117,15 @@ class AlarmMonitor:
         return alarm
 
     def _alarm(self, frames: Frames, k: int, axle: int, since: float, p: float) -> Alarm:
-        ratio = float(frames.median[k, axle] / self._nominal[axle])
-        factor = math.exp(_Z95 * float(frames.log_sd[k, axle]))
+        column = self._columns[axle]
+        ratio = float(frames.median[k, column] / self._nominal[axle])
+        factor = math.exp(NORMAL_975 * float(frames.log_sd[k, column]))
         return Alarm(
-            AXLES[axle], float(frames.time[k]), since, p, ratio, ratio / factor, ratio * factor
+            self.places[axle],
+            float(frames.time[k]),
+            since,
+            p,
+            ratio,
+            ratio / factor,
+            ratio * factor,
         )

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.consistency_sums import (
     LAGS,
-    SUMS,
     ConsistencyLimits,
     flag_inconsistency,
+    sums_length,
     update_sums,
 )
 
@@ -34,9 +34,9 @@ WHITENESS_WINDOW = 2.0
 
 _Z95 = 1.959964
 _NIS_ONSET = 4.5  # standard deviations of the mean NIS: 7 in a million by chance
-# χ² with 2 · LAGS = 20 degrees of freedom has mean 20 and standard deviation 6.3.
-_BOX_PIERCE_ONSET = 300.0
-_BOX_PIERCE_END = 150.0
+# For each output χ² with LAGS = 10 degrees of freedom: mean 10 and standard deviation 4.5.
+_BOX_PIERCE_ONSET = 150.0
+_BOX_PIERCE_END = 75.0
 _NOISE_ONSET = 4.0  # times the declared variance; the flag ends at half of that
 _CLIP = 3.0  # standard deviations of an innovation that count in products
 _REQUIRED_SHARE = 0.9  # of the rows that have to be consistent
@@ -76,7 +76,7 @@ class WindowStatistics:
     mean, low, high : (N,) arrays
         Mean NIS per reading, and its 95 % band.
     box_pierce : (N,) array
-        Box–Pierce statistic over :data:`LAGS` lags, summed over both axles.
+        Box–Pierce statistic over :data:`LAGS` lags, summed over all outputs.
     consistent : (N,) bool array
         Whether all statistics are inside their limits, with hysteresis.
     """
@@ -105,10 +105,10 @@ class ConsistencySummary:
     max_noise_factor : float
         Largest factor on the declared noise variance.
     max_box_pierce : float
-        Largest Box–Pierce statistic of both axles; χ² with 20 degrees of freedom for white
-        innovations.
-    correlation : (2, LAGS + 1) array
-        Autocorrelation of the normalised innovations, front and rear.
+        Largest Box–Pierce statistic of all outputs; χ² with ``LAGS`` degrees of freedom an output
+        for white innovations.
+    correlation : (ny, LAGS + 1) array
+        Autocorrelation of the normalised innovations of each output.
     faults : tuple of str
         ``swollen``: noise variance above the declared one; ``coloured``: correlated innovations;
         ``uneven``: mean NIS out of its band for some of the time; ``optimistic`` or
@@ -147,10 +147,13 @@ class ConsistencyMonitor:
     declared : bool
         Whether the noise of all sensors was given; only then does a raised noise factor mean that
         something is wrong.
+    outputs : int
+        Number of outputs, ny.
     """
 
     rate: float
     declared: bool = True
+    outputs: int = 2
     nis: float = 0.0
     readings: float = 0.0
     rows: int = 0
@@ -158,7 +161,7 @@ class ConsistencyMonitor:
     rows_since_fault: int = 0
     max_box_pierce: float = 0.0
     max_noise_factor: float = 1.0
-    lagged_products: Array = field(default_factory=lambda: np.zeros((2, LAGS + 1)))
+    lagged_products: Array = field(init=False)
     _history: Array = field(init=False)
     _sums: Array = field(init=False)
     _rows_since_recompute: int = field(init=False)
@@ -167,15 +170,16 @@ class ConsistencyMonitor:
     def __post_init__(self) -> None:
         self._nis_window = max(round(WINDOW * self.rate), 20)
         self._whiteness_window = max(round(WHITENESS_WINDOW * self.rate), 100)
-        # NIS, readings, normalised innovations of both axles
-        self._history = np.zeros((self._whiteness_window + LAGS, 4))
-        self._sums = np.zeros(SUMS)
+        self.lagged_products = np.zeros((self.outputs, LAGS + 1))
+        # NIS, readings, normalised innovations of the outputs
+        self._history = np.zeros((self._whiteness_window + LAGS, 2 + self.outputs))
+        self._sums = np.zeros(sums_length(self.outputs))
         self._rows_since_recompute = 0
-        counts = np.arange(2.0 * self._nis_window + 1.0)  # at most two readings a row
+        counts = np.arange(self.outputs * self._nis_window + 1.0)
         self._limits = ConsistencyLimits(
             np.stack([*nis_band(counts), *nis_band(counts, _NIS_ONSET)]),
-            _BOX_PIERCE_ONSET,
-            _BOX_PIERCE_END,
+            self.outputs * _BOX_PIERCE_ONSET,
+            self.outputs * _BOX_PIERCE_END,
             _NOISE_ONSET if self.declared else np.inf,
             0.5 * _NOISE_ONSET if self.declared else np.inf,
         )
@@ -189,10 +193,10 @@ class ConsistencyMonitor:
         ----------
         nis, readings : (N,) arrays
             NIS of each row, and the number of readings in it.
-        innovations : (N, 2) array
+        innovations : (N, ny) array
             Normalised innovations; zero where there is none.
-        noise_factor : (N, 2) array
-            Factor on the declared noise variance, front and rear.
+        noise_factor : (N, ny) array
+            Factor on the declared noise variance of each output.
         """
         n = len(nis)
         # Clipped, so that one or two sharp edges, where a spline errs, do not look like
@@ -232,7 +236,7 @@ class ConsistencyMonitor:
         if share < _REQUIRED_SHARE or self._flags.any():
             if self.max_noise_factor > _NOISE_ONSET and self.declared:
                 faults.append("swollen")
-            if self.max_box_pierce > _BOX_PIERCE_ONSET:
+            if self.max_box_pierce > self.outputs * _BOX_PIERCE_ONSET:
                 faults.append("coloured")
             if not faults:
                 faults.append("uneven")

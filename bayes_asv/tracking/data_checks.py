@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS, channel
-from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.cars import car_model
+from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
+from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
+from bayes_asv.posterior.map_fit import untold
 from bayes_asv.preprocessing.data_checks import clipping_limit, least_rate
 from bayes_asv.tracking.sensor_noise import SensorModel
 
@@ -24,15 +27,6 @@ _MIN_PERIODS = 1.0  # of the slowest mode
 _MAX_MISSING = 0.2  # share of the readings of a channel
 _MIN_EXCITATION = 5.0  # rms of a wheel over its noise
 _MIN_RMS = 0.05  # of a wheel, m/s²
-_LEARNED = 0.7  # posterior over prior standard deviation of a parameter that was learnt
-_WIDE_PRIOR = 0.3  # standard deviation of a logarithm; a narrower prior is an answer already
-
-_NAMES = {"c_f": "front damping", "c_r": "rear damping", "i": "pitch inertia"}
-_DRIVES = {
-    "c_f": "drive the front wheels over a bump",
-    "c_r": "drive the rear wheels over a bump",
-    "i": "drive over a bump that pitches the car, such as a parking stop",
-}
 
 
 @dataclass
@@ -43,19 +37,26 @@ class DataChecks:
     ----------
     rate : float
         Rows per second, Hz.
+    channels : int
+        Number of channels, C.
     """
 
     rate: float
+    channels: int = 4
     rows: int = 0
     first: float = np.inf
     last: float = -np.inf
-    present: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, np.int64))
-    clipped: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, np.int64))
-    total: Array = field(default_factory=lambda: np.zeros(4))
-    squares: Array = field(default_factory=lambda: np.zeros(4))
+    present: NDArray[np.int64] = field(init=False)
+    clipped: NDArray[np.int64] = field(init=False)
+    total: Array = field(init=False)
+    squares: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.present, self.clipped = np.zeros((2, self.channels), np.int64)
+        self.total, self.squares = np.zeros((2, self.channels))
 
     def update(self, times: Array, acc: Array, sensors: SensorModel) -> None:
-        """Add rows: stamps (n,), s, and accelerations (n, 4), m/s²."""
+        """Add rows: stamps (n,), s, and readings (n, C), SI units."""
         if not len(times):
             return
         present = np.isfinite(acc)
@@ -68,9 +69,9 @@ class DataChecks:
         self.total += value.sum(axis=0)
         self.squares += (value**2).sum(axis=0)
 
-    def reasons(self, vehicle: Vehicle, sensors: SensorModel, source: str) -> list[str]:
+    def reasons(self, sensors: SensorModel, source: str) -> list[str]:
         """List why these rows cannot answer; empty when they may."""
-        modes = nominal_modes(car_model("half", vehicle))
+        modes = nominal_modes(sensors.car)
         slowest, fastest = modes[0].natural, modes[-1].natural
         seconds = max(self.last - self.first, 0.0)
         needed = max(_MIN_PERIODS / slowest, 0.3)
@@ -87,71 +88,76 @@ class DataChecks:
             )
         n = np.maximum(self.present, 1)
         rms = np.sqrt(np.maximum(self.squares / n - (self.total / n) ** 2, 0.0))
-        for c, name in enumerate(CHANNELS):
+        for c, channel in enumerate(sensors.channels):
             if self.clipped[c] > clipping_limit(self.rows):
                 out.append(
-                    f"the {channel(name).words} sensor of {source} was at the end of its range in "
+                    f"the {channel.words} sensor of {source} was at the end of its range in "
                     f"{self.clipped[c]} of {self.rows} samples; drive slower, take a lower bump "
                     "or use a sensor with a wider range"
                 )
             missing = self.rows - int(self.present[c])
             if missing > _MAX_MISSING * self.rows:
                 out.append(
-                    f"{missing} of {self.rows} readings of the {channel(name).words} sensor of "
+                    f"{missing} of {self.rows} readings of the {channel.words} sensor of "
                     f"{source} are missing; check its wiring and the transfer"
                 )
-        for axle, c in (("front", 0), ("rear", 2)):
+        for c in sensors.inputs:
             quantization = sensors.resolution[c] / np.sqrt(12.0)
             floor = max(float(np.nan_to_num(sensors.noise[c])), quantization)
             if rms[c] < max(_MIN_EXCITATION * floor, _MIN_RMS):
                 out.append(
-                    f"the {axle} wheel hardly moved in {source} ({rms[c]:.2f} m/s² rms); drive "
-                    "over a bump, a parking stop or a rough road"
+                    f"the {sensors.channels[c].words} hardly moved in {source} ({rms[c]:.2f} m/s² "
+                    "rms); drive over a bump, a parking stop or a rough road"
                 )
         return out
 
-    def warnings(self, source: str) -> list[str]:
+    def warnings(self, sensors: SensorModel, source: str) -> list[str]:
         """List faults of single readings that the filter copes with."""
         out = []
-        for c, name in enumerate(CHANNELS):
+        for c, channel in enumerate(sensors.channels):
             if self.clipped[c]:
                 out.append(
                     f"{self.clipped[c]} {'sample' if self.clipped[c] == 1 else 'samples'} of the "
-                    f"{channel(name).words} sensor of {source} at the end of its range, used as "
+                    f"{channel.words} sensor of {source} at the end of its range, used as "
                     f"{'a bound' if self.clipped[c] == 1 else 'bounds'}"
                 )
             if self.present[c] < self.rows:
                 missing = self.rows - int(self.present[c])
                 out.append(
                     f"{missing} {'reading' if missing == 1 else 'readings'} of the "
-                    f"{channel(name).words} sensor of {source} missing"
+                    f"{channel.words} sensor of {source} missing"
                 )
         return out
 
 
 def unidentified_parameters(
-    log_sd: Array, prior_log_sd: Array, *, inconsistent: bool = False
+    car: CarModel,
+    measured: Sequence[Channel],
+    prior: Mapping[str, float],
+    posterior: Mapping[str, float],
+    *,
+    inconsistent: bool = False,
 ) -> list[str]:
-    """List which of c_f, c_r and i the rows did not identify.
+    """List which answers the rows did not identify.
 
     Parameters
     ----------
-    log_sd, prior_log_sd : (3,) arrays
-        Standard deviations of the logarithms, posterior and prior.
+    car : CarModel
+        The car.
+    measured : sequence of Channel
+        Its measured outputs.
+    prior, posterior : mappings of str to float
+        Standard deviations of the answers' logarithms.
     inconsistent : bool
         Whether the filter was inconsistent: then it discarded what it had learnt, and a harder
         drive would not help.
     """
-    out = []
-    for name, sd, prior in zip(("c_f", "c_r", "i"), log_sd, prior_log_sd, strict=True):
-        if prior > _WIDE_PRIOR and sd > _LEARNED * prior:
-            out.append(
-                f"the filter could not track the {_NAMES[name]} ({name}): its prediction errors "
-                "are far larger than the sensors' noise; check whether a sensor is loose or its "
-                "noise is given too small, or find with 'bayes-asv diagnose' what the half car "
-                "lacks"
-                if inconsistent
-                else f"the recording hardly constrains the {_NAMES[name]} ({name}): "
-                f"{_DRIVES[name]}, faster or over a higher one"
-            )
-    return out
+    return [
+        f"the filter could not track the {QUANTITIES[name][1]} ({name}): its prediction errors are "
+        "far larger than the sensors' noise; check whether a sensor is loose or its noise is given "
+        f"too small, or find with 'bayes-asv diagnose' what the {car.name} car lacks"
+        if inconsistent
+        else untold(car, measured, name, prior[name])
+        for name in unmeasured(prior, posterior)
+        if prior[name] > WIDE_PRIOR
+    ]

@@ -15,38 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.cholesky_update import add_parameter_noise
-from bayes_asv.filters.ukf import RELINEARIZE, RESET, REVIEW, run
-from bayes_asv.filters.ukf_state import (
-    COLUMNS,
-    DRIFT_LAGS,
-    FAST_FACTOR,
-    FAULT_TIME,
-    INFORMATION_GAIN,
-    NOISE_SUM,
-    NOISE_WEIGHT,
-    REVIEW_TIME,
-    STATISTICS,
-    FilterSettings,
-    Model,
-    State,
-    Steps,
-)
-from bayes_asv.tracking.parameters import Coordinates
+from bayes_asv.filters.ukf import RELINEARIZE, RESET, REVIEW
+from bayes_asv.filters.ukf import run as run_compiled
+from bayes_asv.filters.ukf_state import DRIFT_LAGS, FilterSettings, State, Steps
+from bayes_asv.tracking.filter_model import FilterModel
 from bayes_asv.tracking.relinearization import Window, concatenate_steps, relinearize, slice_steps
 
 __all__ = [
-    "DEFAULT_SETTINGS", "ENGINES", "INITIAL_VARIANCE", "Engine", "OnlineFilter", "filter_model",
-    "initial_state", "parameter_covariance",
+    "DEFAULT_SETTINGS", "ENGINES", "Engine", "OnlineFilter", "initial_state",
+    "parameter_covariance",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
-Engine = Callable[[int, bool, State, Model, FilterSettings, Steps, Array], tuple[int, int]]
-
-INITIAL_VARIANCE = np.array([0.1, 1.0, 0.1, 1.0, 1.0, 1.0]) ** 2
-"""Prior variances when a recording begins, as in :mod:`bayes_asv.preprocessing.timeline`:
-deflections (0.1 m) and their rates (1 m/s), and biases of the chassis channels against their wheel
-channels (1 m/s²)."""
+Engine = Callable[[int, bool, State, FilterModel, FilterSettings, Steps, Array], tuple[int, int]]
 
 DEFAULT_SETTINGS = FilterSettings(
     gate=16.0,  # four standard deviations: one reading in 16,000 by chance
@@ -61,7 +43,6 @@ DEFAULT_SETTINGS = FilterSettings(
     review_interval=0.25,
 )
 
-_DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected
 # Relinearization ends when every parameter's relative standard deviation is below _KNOWN and
 # the last _SETTLED_PASSES moved none by more than _SETTLED standard deviations.  A parameter that
 # still moves after _MAX_PASSES is not constant, which relinearization cannot correct.
@@ -74,41 +55,27 @@ _MIN_GAIN = 0.02  # nats: a window with less information about the parameters is
 _MAX_FAULT_DURATION = 8.0  # s
 
 
-def filter_model(coordinates: Coordinates, noise: Array, forget: float | None = None) -> Model:
-    """Assemble the model of car and sensors.
-
-    Parameters
-    ----------
-    coordinates : Coordinates
-        Parameters and their priors.
-    noise : (12,) array
-        From ``SensorModel.noise_parameters``.
-    forget : float, optional
-        Time constant of the parameters' random walk, s; constant parameters without it.
-    """
-    return Model(
-        coordinates.base, coordinates.element, coordinates.log, coordinates.centre,
-        coordinates.scale, noise, INITIAL_VARIANCE, coordinates.parameter_noise(forget),
-        coordinates.parameter_noise(_DRIFT_SECONDS),
-    )  # fmt: skip
-
-
-def initial_state(model: Model) -> State:
+def initial_state(model: FilterModel) -> State:
     """Prior state before the first reading."""
-    p = len(model.element)
-    statistics = np.zeros(STATISTICS)
-    statistics[FAST_FACTOR : FAST_FACTOR + 2] = 1.0
-    autocovariance = np.zeros((2, 2, 1 + DRIFT_LAGS))
+    sizes, arrays = model.sizes, model.arrays
+    p, ny, lasting = len(arrays.element), sizes.outputs, sizes.lasting
+    statistics = np.zeros(model.at.length)
+    statistics[model.at.fast_factor : model.at.fast_factor + ny] = 1.0
+    autocovariance = np.zeros((ny, 2, 1 + DRIFT_LAGS))
     autocovariance[:, 1, 0] = 1.0
-    mu, D = np.zeros(p), np.eye(p)
+    mu, D = np.zeros(p), arrays.factor.copy()
+    Pi = np.zeros((sizes.states, sizes.states))
+    Pi[:lasting, :lasting] = arrays.start
+    filtered = slice(sizes.elements + ny, 2 * (sizes.elements + ny))
+    Pi[range(lasting, sizes.states), range(lasting, sizes.states)] = arrays.noise[filtered]
     return State(
         mu=mu,
         D=D,
-        x=np.zeros(10),
-        J=np.zeros((p, 10)),
+        x=np.zeros(sizes.states),
+        J=np.zeros((p, sizes.states)),
         m=np.zeros(p),
         F=np.eye(p),
-        Pi=np.diag(np.concatenate([model.start, model.noise[4:8]])),
+        Pi=Pi,
         statistics=statistics,
         snapshots=_snapshots(mu, D),
         autocovariance=autocovariance,
@@ -128,12 +95,13 @@ def _copy(state: State) -> State:
     return State(*(part.copy() for part in state))
 
 
-def _reset_motion(state: State, mu: Array, D: Array, model: Model) -> State:
+def _reset_motion(state: State, mu: Array, D: Array, model: FilterModel) -> State:
     """Prior state with the given parameters, and with slow noise factors of at most one."""
-    statistics = state.statistics.copy()
-    total = slice(NOISE_SUM, NOISE_SUM + 2)
-    statistics[FAST_FACTOR : FAST_FACTOR + 2] = 1.0
-    statistics[total] = np.minimum(statistics[total], statistics[NOISE_WEIGHT : NOISE_WEIGHT + 2])
+    statistics, at, ny = state.statistics.copy(), model.at, model.sizes.outputs
+    total = slice(at.noise_sum, at.noise_sum + ny)
+    statistics[at.fast_factor : at.fast_factor + ny] = 1.0
+    weight = statistics[at.noise_weight : at.noise_weight + ny]
+    statistics[total] = np.minimum(statistics[total], weight)
     return initial_state(model)._replace(
         mu=mu.copy(), D=D.copy(), statistics=statistics, snapshots=_snapshots(mu, D)
     )
@@ -150,20 +118,23 @@ def _is_valid(state: State) -> bool:
     return finite and bool(np.all(np.diag(state.Pi) >= 0.0)) and not math.isnan(_log_volume(state))
 
 
-def _parameter_columns(state: State) -> Array:
-    """First six columns of a row of results: means and standard deviations."""
-    return np.concatenate([state.mu[:3], _parameter_sd(state)])
-
-
-def _parameter_sd(state: State) -> Array:
-    return np.asarray(np.sqrt(np.sum(state.D[:, :3] ** 2, axis=0)))
+def _compiled(
+    first: int,
+    fixed: bool,
+    state: State,
+    model: FilterModel,
+    settings: FilterSettings,
+    steps: Steps,
+    out: Array,
+) -> tuple[int, int]:
+    return run_compiled(model.sizes, first, fixed, state, model.arrays, settings, steps, out)
 
 
 def _reference(
     first: int,
     fixed: bool,
     state: State,
-    model: Model,
+    model: FilterModel,
     settings: FilterSettings,
     steps: Steps,
     out: Array,
@@ -173,7 +144,7 @@ def _reference(
     return run_reference(first, fixed, state, model, settings, steps, out)
 
 
-ENGINES: dict[str, Engine] = {"compiled": run, "filterpy": _reference}
+ENGINES: dict[str, Engine] = {"compiled": _compiled, "filterpy": _reference}
 
 
 @dataclass
@@ -182,7 +153,7 @@ class OnlineFilter:
 
     Parameters
     ----------
-    model : Model
+    model : FilterModel
         Car and sensors.
     engine : str
         One of :data:`ENGINES`.
@@ -201,7 +172,7 @@ class OnlineFilter:
         Sum of all steps, s.
     """
 
-    model: Model
+    model: FilterModel
     engine: str = "compiled"
     settings: FilterSettings = DEFAULT_SETTINGS
     state: State = field(init=False)
@@ -216,8 +187,8 @@ class OnlineFilter:
         self._settled_passes = self._passes = 0
 
     def advance(self, steps: Steps) -> Array:
-        """Process steps; return the results (N, COLUMNS) after each, see ``ukf_state``."""
-        out = np.zeros((len(steps.step), COLUMNS))
+        """Process steps; return the results after each, see ``ukf_state.Columns``."""
+        out = np.zeros((len(steps.step), self.model.into.width))
         at = 0
         while at < len(steps.step):
             first = at
@@ -229,13 +200,13 @@ class OnlineFilter:
             if not _is_valid(self.state):
                 self._restart()
                 out[first:at] = 0.0
-                out[first:at, :6] = _parameter_columns(self.state)
+                self._write_parameters(out[first:at])
                 continue
             if self.relinearizing:
                 self._window_steps.append(done)
             if event == RELINEARIZE:
                 self._relinearize()
-                out[at - 1, :6] = _parameter_columns(self.state)
+                self._write_parameters(out[at - 1 : at])
             elif event == RESET:
                 self._reset()
             elif event == REVIEW:
@@ -248,12 +219,20 @@ class OnlineFilter:
         if self.relinearizing:
             self._start_window()
 
-    def _current_model(self) -> Model:
+    def _write_parameters(self, out: Array) -> None:
+        """Fill means and standard deviations of the answers in rows of results."""
+        na = self.model.sizes.answers
+        out[:, :na], out[:, na : 2 * na] = self.state.mu[:na], self._parameter_sd()
+
+    def _parameter_sd(self) -> Array:
+        na = self.model.sizes.answers
+        return np.asarray(np.sqrt(np.sum(self.state.D[:, :na] ** 2, axis=0)))
+
+    def _current_model(self) -> FilterModel:
         """Model without a random walk while relinearizing, which takes parameters for constant."""
         if not self.relinearizing:
             return self.model
-        none = np.zeros_like(self.model.parameter_noise)
-        return self.model._replace(parameter_noise=none, drift_noise=none)
+        return self.model.with_constant_parameters()
 
     def _current_settings(self) -> FilterSettings:
         settings = self.settings._replace(fault_duration=self._fault_duration)
@@ -262,7 +241,8 @@ class OnlineFilter:
         return settings._replace(information_gain=math.inf, review_interval=math.inf)
 
     def _start_window(self) -> None:
-        self.state.statistics[INFORMATION_GAIN] = self.state.statistics[REVIEW_TIME] = 0.0
+        statistics, at = self.state.statistics, self.model.at
+        statistics[at.information_gain] = statistics[at.review_time] = 0.0
         self._window_start = _copy(self.state)
         self._window_steps: list[Steps] = []
 
@@ -278,24 +258,26 @@ class OnlineFilter:
         window = Window(self._window_start, concatenate_steps(self._window_steps))
         state, moved = relinearize(window, self.state, self.model, self.settings)
         self._window_steps = [window.steps]
-        self.state.statistics[INFORMATION_GAIN] = 0.0
+        self.state.statistics[self.model.at.information_gain] = 0.0
         self._settled_passes = self._settled_passes + 1 if moved < _SETTLED else 0
         if _is_valid(state):
             self.state = state
-        widest = np.max(_parameter_sd(self.state) * self.model.scale[:3])
+        scale = self.model.arrays.scale[: self.model.sizes.answers]
+        widest = np.max(self._parameter_sd() * scale)
         self._passes = self._passes + 1 if widest < _KNOWN else 0
         if self._passes and (
             self._settled_passes >= _SETTLED_PASSES or self._passes >= _MAX_PASSES
         ):
             self.relinearizing = False
             self._window_steps = []
-            if self.model.parameter_noise.any():  # the random walk over the window
-                noise = self.model.parameter_noise * float(window.steps.step.sum())
-                add_parameter_noise(self.state.D, self.state.J, self.state.Pi, noise)
+            if self.model.arrays.parameter_noise.any():  # the random walk over the window
+                noise = self.model.arrays.parameter_noise * float(window.steps.step.sum())
+                state, ns = self.state, self.model.sizes.states
+                add_parameter_noise(ns, state.D, state.J, state.Pi, noise)
 
     def _review_window(self) -> None:
         """Drop a window that has little information, or is too long."""
-        self.state.statistics[REVIEW_TIME] = 0.0
+        self.state.statistics[self.model.at.review_time] = 0.0
         seconds = sum(float(part.step.sum()) for part in self._window_steps)
         if _log_volume(self._window_start) - _log_volume(self.state) < _MIN_GAIN:
             self._start_window()
@@ -310,7 +292,7 @@ class OnlineFilter:
         self.state = _reset_motion(
             self.state, snapshot[:, 0], np.ascontiguousarray(snapshot[:, 1:]), self.model
         )
-        self.state.statistics[FAULT_TIME] = 0.0
+        self.state.statistics[self.model.at.fault_time] = 0.0
         since = self.time - self.resets[-1] if self.resets else math.inf
         self._fault_duration = (
             min(2.0 * self._fault_duration, _MAX_FAULT_DURATION)

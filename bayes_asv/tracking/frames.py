@@ -9,11 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MAX_ROWS", "PARAMETERS", "DecimatedFrames", "Frames", "concatenate", "empty_frames"]
+__all__ = ["MAX_ROWS", "DecimatedFrames", "Frames", "concatenate", "empty_frames"]
 
 Array = NDArray[np.float64]
-
-PARAMETERS = ("c_f", "c_r", "i")
 
 MAX_ROWS: Final = 8192
 """Rows that :class:`DecimatedFrames` keeps at most; a figure shows 1500 of them."""
@@ -23,25 +21,27 @@ MAX_ROWS: Final = 8192
 class Frames:
     """State of the filter after each of N rows; SI units.
 
+    The car has na answers, ne suspension elements and ny measured outputs.
+
     Parameters
     ----------
     time : (N,) array
         Stamp of each row, s.
-    median : (N, 3) array
-        Medians of c_f, c_r (N·s/m) and i (kg·m²).
-    log_sd : (N, 3) array
+    median : (N, na) array
+        Medians of the answers, such as c_f, c_r (N·s/m) and i (kg·m²).
+    log_sd : (N, na) array
         Standard deviation of the logarithm of each; the 95 % interval is
         median · exp(±1.96 log_sd).
-    deflection, deflection_sd : (N, 2) arrays
-        Front and rear suspension deflection, m, extension positive, and its standard deviation.
-    measured : (N, 2) array
-        Front and rear chassis acceleration as read, m/s²; NaN where the filter used none.
-    predicted, predicted_sd : (N, 2) arrays
-        One-step prediction of that reading, m/s², and its standard deviation.
+    deflection, deflection_sd : (N, ne) arrays
+        Suspension deflections, m, extension positive, and their standard deviations.
+    measured : (N, ny) array
+        Outputs as read; NaN where the filter used none.
+    predicted, predicted_sd : (N, ny) arrays
+        One-step predictions of those readings, and their standard deviations.
     nis : (N,) array
         Normalised innovation squared, summed over the row's readings.
     readings : (N,) array
-        Number of readings in that sum: 0, 1 or 2.
+        Number of readings in that sum.
     nis_mean, nis_low, nis_high : (N,) arrays
         Mean NIS per reading over a sliding window, and its 95 % band for a correct filter.
     consistent : (N,) bool array
@@ -70,18 +70,16 @@ class Frames:
         return len(self.time)
 
 
-_COLUMNS = {
-    "median": 3, "log_sd": 3, "deflection": 2, "deflection_sd": 2,
-    "measured": 2, "predicted": 2, "predicted_sd": 2,
-}  # fmt: skip
-
-
-def empty_frames() -> Frames:
-    """Frames without a row."""
+def empty_frames(answers: int = 3, elements: int = 2, outputs: int = 2) -> Frames:
+    """Frames without a row; by default of the half car with its four accelerometers."""
     columns = {
-        f.name: np.empty((0, _COLUMNS[f.name]) if f.name in _COLUMNS else 0) for f in fields(Frames)
+        "median": answers, "log_sd": answers, "deflection": elements, "deflection_sd": elements,
+        "measured": outputs, "predicted": outputs, "predicted_sd": outputs,
+    }  # fmt: skip
+    empty = {
+        f.name: np.empty((0, columns[f.name]) if f.name in columns else 0) for f in fields(Frames)
     }
-    return Frames(**{**columns, "consistent": np.empty(0, bool)})
+    return Frames(**{**empty, "consistent": np.empty(0, bool)})
 
 
 def concatenate(parts: Sequence[Frames]) -> Frames:

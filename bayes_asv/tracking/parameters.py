@@ -1,24 +1,22 @@
 """Parameters of the car that the online filter estimates, their coordinates and their priors.
 
-Each quantity that is not exact is one coordinate with a standard normal prior: c_f, c_r and i
-first, then every given value with a standard deviation.  All are logarithms but the weight share.
-The accelerations depend on ratios to the mass alone; the mass is a coordinate all the same, so that
-its uncertainty is part of every answer.
+Each parameter that is not exact is one coordinate: those that are asked for first, then every given
+value with a standard deviation, then the scales of sensors.  All are logarithms but fractions.
+Parameters whose priors share an unknown, such as the springs of both sides of an axle, are
+correlated a priori.  The accelerations depend on ratios to the mass alone; the mass is a coordinate
+all the same, so that its uncertainty is part of every answer.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
-from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
+from bayes_asv.models.car_model import CarModel, CarParameter
 
 __all__ = ["WALK_SHARE", "Coordinates", "coordinates"]
 
@@ -35,38 +33,56 @@ class Coordinates:
 
     Parameters
     ----------
+    car : CarModel
+        The car.
     names : tuple of str
-        ``c_f``, ``c_r``, ``i``, then names of given values and ``gain <channel>``.
-    base : (12,) array
-        Parameter vector where no coordinate changes it: eight parameters of the car in the order of
-        ``CAR``, then the gains of the four sensors.
+        Names of the parameters that are asked for, then of given values and ``gain <channel>``.
+    base : (P + C,) array
+        Parameter vector where no coordinate changes it: the car's parameters, then the gains of
+        the sensors.
     element : (p,) int array
         Element of that vector which each coordinate determines.
     log : (p,) bool array
         Whether that element is exp(centre + scale z) or centre + scale z.
     centre, scale : (p,) arrays
         Prior mean and standard deviation of the element or of its logarithm.
+    factor : (p, p) array
+        Upper triangular; its product Uᵀ U is the prior correlation.
+    tied : dict of str to (str, float)
+        Parameters that are a constant multiple of another one, which has their unknown.
     """
 
+    car: CarModel
     names: tuple[str, ...]
     base: Array
     element: NDArray[np.int64]
     log: NDArray[np.bool_]
     centre: Array
     scale: Array
+    factor: Array
+    tied: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.names)
 
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Names of the parameters that are asked for, which come first."""
+        return tuple(name for name in self.car.estimated if name in self.names)
+
     def log_parameters(self, z: Array) -> Array:
-        """Logarithms (…, 3) of c_f, c_r and i (SI units) at coordinates (…, 3 or more)."""
-        return np.asarray(self.centre[:3] + self.scale[:3] * z[..., :3])
+        """Logarithms (…, na) of the answers (SI units) at coordinates (…, na or more)."""
+        na = len(self.answers)
+        return np.asarray(self.centre[:na] + self.scale[:na] * z[..., :na])
 
     def parameter_vectors(self, z: Array) -> Array:
-        """Parameter vectors (W, 12) of the model at coordinates (W, p)."""
+        """Parameter vectors (W, P + C) of the model at coordinates (W, p)."""
         out = np.tile(self.base, (len(z), 1))
         value = self.centre + self.scale * z
         out[:, self.element] = np.where(self.log, np.exp(np.where(self.log, value, 0.0)), value)
+        names = self.car.names
+        for name, (other, ratio) in self.tied.items():
+            out[:, names.index(name)] = ratio * out[:, names.index(other)]
         return out
 
     def parameter_noise(self, seconds: float | None) -> Array:
@@ -75,53 +91,71 @@ class Coordinates:
         Parameters
         ----------
         seconds : float or None
-            Time constant: in this time c_f, c_r and i change by :data:`WALK_SHARE`, one standard
+            Time constant: in this time the answers change by :data:`WALK_SHARE`, one standard
             deviation; None for constant parameters.  Given values are always constant.
         """
         out = np.zeros(len(self))
+        na = len(self.answers)
         if seconds is not None:
-            out[:3] = math.log1p(WALK_SHARE) ** 2 / seconds / self.scale[:3] ** 2
+            out[:na] = math.log1p(WALK_SHARE) ** 2 / seconds / self.scale[:na] ** 2
         return out
 
 
-def coordinates(vehicle: Vehicle, scale_sd: Sequence[float] = (0.0,) * 4) -> Coordinates:
-    """Set up the coordinates for a vehicle.
+def coordinates(
+    car: CarModel, channels: Sequence[str], scale_sd: Sequence[float] | None = None
+) -> Coordinates:
+    """Set up the coordinates for a car.
 
     Parameters
     ----------
-    vehicle : Vehicle
-        Gives nominal values, known values and their standard deviations.
-    scale_sd : (4,) sequence of float
-        Relative standard deviation of each sensor's scale, zero where it is exact.
+    car : CarModel
+        Gives nominal values and priors.
+    channels : sequence of C str
+        Names of the channels.
+    scale_sd : (C,) sequence of float, optional
+        Relative standard deviation of each sensor's scale, zero where it is exact, as by default.
 
     Returns
     -------
     Coordinates
         With the priors of :mod:`bayes_asv.posterior.parameters`.
     """
-    base = np.ones(12)
-    base[: len(HalfCar._fields)] = [getattr(vehicle, name).value for name in HalfCar._fields]
+    scale_sd = [0.0] * len(channels) if scale_sd is None else scale_sd
+    order = sorted(range(len(car.parameters)), key=lambda k: car.parameters[k].kind != "estimated")
+    chosen: list[CarParameter] = []
     rows: list[tuple[str, int, bool, float, float]] = []
-    for number, name in enumerate(HalfCar._fields):
-        if name == "wdf":
-            if vehicle.wdf.sd > 0.0:
-                rows.append((name, number, False, vehicle.wdf.value, vehicle.wdf.sd))
+    tied: dict[str, tuple[str, float]] = {}
+    for number in order:
+        one = car.parameters[number]
+        sd = math.sqrt(sum((weight * own) ** 2 for _, weight, own in one.terms))
+        if sd == 0.0:
             continue
-        factor = INERTIA_FACTOR if name == "i" else DAMPING_FACTOR
-        sd = prior_log_sd(getattr(vehicle, name), factor)
+        alike = next((o for o in chosen if o.terms == one.terms and o.kind == one.kind), None)
+        if alike is not None:
+            tied[one.name] = alike.name, one.nominal / alike.nominal
+            continue
+        chosen.append(one)
+        log = one.kind != "fraction"
+        rows.append((one.name, number, log, math.log(one.nominal) if log else one.nominal, sd))
+    for number, (name, sd) in enumerate(zip(channels, scale_sd, strict=True), len(car.parameters)):
         if sd > 0.0:
-            rows.append((name, number, True, math.log(base[number]), sd))
-    for number, (channel, sd) in enumerate(
-        zip(CHANNELS, scale_sd, strict=True), len(HalfCar._fields)
-    ):
-        if sd > 0.0:
-            rows.append((f"gain {channel}", number, True, 0.0, sd))
-    names, element, log, centre, scale = zip(*rows, strict=True)
+            rows.append((f"gain {name}", number, True, 0.0, sd))
+    names, element, log_, centre, scale = zip(*rows, strict=True)
+    unknowns = sorted({name for one in chosen for name, _, _ in one.terms})
+    root = np.zeros((len(rows), len(unknowns)))
+    for k, one in enumerate(chosen):
+        for name, weight, sd in one.terms:
+            root[k, unknowns.index(name)] += weight * sd / scale[k]
+    correlation = root @ root.T
+    np.fill_diagonal(correlation, 1.0)
     return Coordinates(
-        names=tuple(names),
-        base=base,
+        car=car,
+        names=names,
+        base=np.array([p.nominal for p in car.parameters] + [1.0] * len(channels)),
         element=np.array(element, np.int64),
-        log=np.array(log, np.bool_),
+        log=np.array(log_, np.bool_),
         centre=np.array(centre, np.float64),
         scale=np.array(scale, np.float64),
+        factor=np.ascontiguousarray(np.linalg.cholesky(correlation).T),
+        tied=tied,
     )

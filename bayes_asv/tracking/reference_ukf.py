@@ -1,13 +1,15 @@
 """Readable reference of the unscented filter: filterpy's filter on parameters and states jointly.
 
-The state vector is (θ, x, b, w, v), parameters first, so that sigma points of the states leave the
-parameters unchanged.  This implementation is slow and meant to be read; tests compare the compiled
-one (:mod:`bayes_asv.filters.ukf`) with it to nine digits.
+The state vector is (θ, x, b, d, w, v), parameters first, so that sigma points of the states leave
+the parameters unchanged.  This implementation is slow and meant to be read; tests compare the
+compiled one (:mod:`bayes_asv.filters.ukf`) with it to nine digits.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter, unscented_transform
@@ -18,33 +20,9 @@ from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.noise_adaptation import SNAPSHOT_INTERVAL
 from bayes_asv.filters.tails import upper_tail
 from bayes_asv.filters.ukf import DONE, SIGMA_DISTANCE
-from bayes_asv.filters.ukf_state import (
-    DEFLECTION,
-    DEFLECTION_SD,
-    DRIFT,
-    DRIFT_DETECTED,
-    FAST_FACTOR,
-    FAULT_TIME,
-    INFORMATION_GAIN,
-    INNOVATION,
-    LOG_LIKELIHOOD,
-    MEAN,
-    MOTION_MEAN,
-    MOTION_VARIANCE,
-    NIS,
-    NOISE_FACTOR,
-    PREDICTED,
-    PREDICTED_SD,
-    READINGS,
-    REVIEW_TIME,
-    SD,
-    SNAPSHOT_TIME,
-    FilterSettings,
-    Model,
-    State,
-    Steps,
-)
-from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
+from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
+from bayes_asv.models.car_model import state_space
+from bayes_asv.tracking.filter_model import FilterModel
 from bayes_asv.tracking.reference_noise_adaptation import NoiseAdaptation
 
 __all__ = ["run"]
@@ -55,11 +33,39 @@ _MAX_INTERACTION = 0.1  # as in filters.ukf
 _MIN_EXCITATION, _EXCITATION_TIME = 25.0, 0.25  # as in filters.noise_adaptation
 
 
+class _System(NamedTuple):
+    """A car and its sensors at one set of parameters.
+
+    Parameters
+    ----------
+    A : (nx, nx) array
+        System matrix.
+    drive : (nx, ne) array
+        By readings of the inputs, divided by the gains of their sensors.
+    bare : (nx, ne) array
+        By accelerations of the wheels.
+    C : (ny, nx) array
+        Outputs by states, without the gains of their sensors.
+    gain : (ny,) array
+        Those gains.
+    phi, gamma : (nx, nx) and (nx, ne) arrays
+        Transition over a step.
+    """
+
+    A: Array
+    drive: Array
+    bare: Array
+    C: Array
+    gain: Array
+    phi: Array
+    gamma: Array
+
+
 def run(
     first: int,
     fixed: bool,
     state: State,
-    model: Model,
+    model: FilterModel,
     settings: FilterSettings,
     steps: Steps,
     out: Array,
@@ -86,28 +92,41 @@ def run(
 
 
 class _ReferenceFilter:
-    """filterpy's unscented filter with the model of the half car and its noise adaptation."""
+    """filterpy's unscented filter with the model of a car and its noise adaptation."""
 
-    def __init__(self, state: State, model: Model, settings: FilterSettings) -> None:
-        self.model, self.settings = model, settings
+    def __init__(self, state: State, model: FilterModel, settings: FilterSettings) -> None:
+        self.model, self.settings, self.sizes = model, settings, model.sizes
+        self.noise = model.arrays.noise
         self.statistics, self.snapshots = state.statistics, state.snapshots
-        self.adaptation = NoiseAdaptation(state.statistics, state.autocovariance, settings)
+        self.adaptation = NoiseAdaptation(
+            model.at, self.sizes.outputs, state.statistics, state.autocovariance, settings
+        )
         self.learn = True
-        self.cache: dict[tuple[bytes, float], tuple[LinearSystem, Array, Array]] = {}
+        self.cache: dict[tuple[bytes, float], _System] = {}
         p = self.p = len(state.mu)
-        n = p + 10
+        n = p + self.sizes.states
         # n + λ = SIGMA_DISTANCE², and a weight of the centre that keeps all variances positive
         points = MerweScaledSigmaPoints(
             n, alpha=1.0, beta=1.0, kappa=SIGMA_DISTANCE**2 - n, sqrt_method=_upper_root
         )
         self.ukf = UnscentedKalmanFilter(
-            dim_x=n, dim_z=2, dt=1.0, hx=self.measure, fx=self.propagate, points=points
-        )
+            dim_x=n, dim_z=self.sizes.outputs, dt=1.0, hx=self.measure, fx=self.propagate,
+            points=points,
+        )  # fmt: skip
         L = np.zeros((n, n))
         L[:p, :p], L[p:, :p] = state.D.T, state.J.T
         self.ukf.x = np.concatenate([state.mu, state.x])
         self.ukf.P = L @ L.T
         self.ukf.P[p:, p:] += state.Pi
+        # parts of the state vector
+        nx, ny = self.sizes.motion, self.sizes.outputs
+        ends = np.cumsum([p, nx, ny, self.sizes.directions, self.sizes.elements, ny])
+        self.motion, self.bias, self.input_bias, self.input_noise, self.output_noise = (
+            slice(first, last) for first, last in pairwise(ends)
+        )
+        # states that are rates of change which parameters and states drive together
+        ne = self.sizes.elements
+        self.rates = [2 * e + 1 for e in range(ne)] + list(range(2 * ne, nx))
 
     def store(self, state: State) -> None:
         """Convert mean and covariance to the factored form of the compiled filter."""
@@ -119,76 +138,92 @@ class _ReferenceFilter:
 
     # Model
 
-    def parameters(self, theta: Array) -> Array:
-        """Parameter vector (12,) at coordinates."""
-        value = self.model.centre + self.model.scale * theta
-        parameters = self.model.base.copy()
-        parameters[self.model.element] = [
-            math.exp(v) if log else v for v, log in zip(value, self.model.log, strict=True)
-        ]
-        return parameters
-
-    def matrices(self, theta: Array, h: float = 0.0) -> tuple[LinearSystem, Array, Array]:
-        """System, gains of the sensors, and (Φ, Γ) over a step, at coordinates.
+    def matrices(self, theta: Array, h: float = 0.0) -> _System:
+        """Car and sensors at coordinates, and the transition over a step.
 
         Cached during a step: most sigma points have the same parameters.
         """
         key = (theta.tobytes(), h)
         if key not in self.cache:
-            parameters = self.parameters(theta)
-            system = deflection_form(HalfCar(*parameters[:8]))
-            augmented = np.zeros((6, 6))
-            augmented[:4, :4], augmented[:4, 4:] = system.A * h, -system.B * h
-            self.cache[key] = (system, parameters[8:], expm(augmented)[:4])
+            space = self.model.coordinates
+            vector = space.parameter_vectors(theta[None])
+            values = {name: vector[:, k] for k, name in enumerate(space.car.names)}
+            system = state_space(space.car, values, self.model.outputs)
+            A, bare, C = system.A[0], system.B[0], system.C[0]
+            nx, ne = bare.shape
+            augmented = np.zeros((nx + ne, nx + ne))
+            augmented[:nx, :nx], augmented[:nx, nx:] = A * h, -bare * h
+            transition = expm(augmented)[:nx]
+            P = len(space.car.names)
+            drive = bare / vector[0, [P + c for c in self.model.inputs]]
+            gain = vector[0, [P + c for c in self.model.output_channels]]
+            self.cache[key] = _System(
+                A, drive, bare, C, gain, transition[:, :nx], transition[:, nx:]
+            )
         return self.cache[key]
 
     def propagate(self, s: Array, h: float, moments: Array) -> Array:
         """Propagate one sigma point over a step of length h."""
-        p = self.p
-        system, gains, transition = self.matrices(s[:p], h)
-        x = transition[:, :4] @ s[p : p + 4] + transition[:, 4:] @ s[p + 6 : p + 8]
-        drive = system.B / gains[[0, 2]]  # a wheel's reading is divided by its gain
+        system = self.matrices(s[: self.p], h)
+        forcing = s[self.input_noise] + self.model.arrays.input_bias @ s[self.input_bias]
+        x = system.phi @ s[self.motion] + system.gamma @ forcing
+        drive = system.drive
         for j in range(moments.shape[1]):
             x = x + drive @ moments[:, j]
             drive = system.A @ drive
-        decay = np.exp(-self.model.noise[8:12] * h)
-        return np.concatenate([s[:p], x, s[p + 4 : p + 6], decay * s[p + 6 :]])
+        count = self.sizes.elements + self.sizes.outputs
+        decay = np.exp(-self.noise[2 * count :] * h)
+        after = s.copy()
+        after[self.motion] = x
+        after[self.input_noise.start :] *= decay
+        return after
 
     def measure(self, s: Array) -> Array:
-        """Both chassis readings at one sigma point."""
-        p = self.p
-        system, gains, _ = self.matrices(s[:p])
-        x, b, v = s[p : p + 4], s[p + 4 : p + 6], s[p + 8 :]
-        return np.asarray(gains[[1, 3]] * (system.C @ x) + b + v)
+        """Compute the readings of all outputs at one sigma point."""
+        system = self.matrices(s[: self.p])
+        read = system.gain * (system.C @ s[self.motion])
+        return np.asarray(read + s[self.bias] + s[self.output_noise])
+
+    def input_factors(self, noise_factor: Array) -> Array:
+        """Noise factors of the inputs."""
+        return np.asarray(self.model.arrays.share @ noise_factor)
 
     def process_noise(self, h: float, spread: Array, noise_factor: Array) -> Array:
         """Covariance that a step adds to motion and filtered noise."""
-        p, noise = self.p, self.model.noise
-        A = self.matrices(self.ukf.x[:p])[0].A
-        Q = np.zeros((p + 10, p + 10))
-        for axle in range(2):
-            intensity = noise_factor[axle] * (noise[axle] * spread[axle] + spread[2 + axle])
+        ne, count = self.sizes.elements, self.sizes.elements + self.sizes.outputs
+        noise, factor = self.noise, self.input_factors(noise_factor)
+        A = self.matrices(self.ukf.x[: self.p]).A
+        Q = np.zeros_like(self.ukf.P)
+        for e in range(ne):
+            intensity = factor[e] * (noise[e] * spread[e] + spread[ne + e])
             for node in (-1.0, 1.0):  # two-point Gauss rule, as in the compiled filter
-                response = expm(A * 0.5 * h * (1.0 + node / math.sqrt(3.0)))[:, 2 * axle + 1]
-                Q[p : p + 4, p : p + 4] += 0.5 * h * intensity * np.outer(response, response)
-        new = noise[4:8] * np.tile(noise_factor, 2) * (1.0 - np.exp(-2.0 * noise[8:12] * h))
-        Q[p + 6 :, p + 6 :] = np.diag(new)
-        return Q
+                response = expm(A * 0.5 * h * (1.0 + node / math.sqrt(3.0)))[:, 2 * e + 1]
+                Q[self.motion, self.motion] += 0.5 * h * intensity * np.outer(response, response)
+        factors = np.concatenate([factor, noise_factor])
+        new = noise[count : 2 * count] * factors * (1.0 - np.exp(-2.0 * noise[2 * count :] * h))
+        Q[self.input_noise.start :, self.input_noise.start :] = np.diag(new)
+        return np.asarray(Q)
 
-    def interaction_variance(self) -> Array:
-        """Variance (2, 2) of δ̈ due to uncertain parameters times uncertain state."""
+    def interactions(self) -> tuple[Array, Array]:
+        """Variances due to uncertain parameters times uncertain state.
+
+        Of the rates of change that are states, and of the outputs without their gains.
+        """
         p = self.p
         L = _upper_root(self.ukf.P).T
-        Pi = (L[p:, p:] @ L[p:, p:].T)[:4, :4]
-        total = np.zeros((2, 2))
+        Pi = (L[p:, p:] @ L[p:, p:].T)[: self.sizes.motion, : self.sizes.motion]
+        rates = np.zeros((len(self.rates), len(self.rates)))
+        outputs = np.zeros((self.sizes.outputs, self.sizes.outputs))
         for i in range(p):
             up, down = (
-                self.matrices(self.ukf.x[:p] + side * L[:p, i])[0].C
+                self.matrices(self.ukf.x[:p] + side * L[:p, i])
                 for side in (SIGMA_DISTANCE, -SIGMA_DISTANCE)
             )
-            odd = (up - down) / (2.0 * SIGMA_DISTANCE)
-            total += odd @ Pi @ odd.T
-        return total
+            odd = (up.A - down.A)[self.rates] / (2.0 * SIGMA_DISTANCE)
+            rates += odd @ Pi @ odd.T
+            odd = (up.C - down.C) / (2.0 * SIGMA_DISTANCE)
+            outputs += odd @ Pi @ odd.T
+        return rates, outputs
 
     # One step
 
@@ -198,23 +233,26 @@ class _ReferenceFilter:
         self.cache.clear()
         noise_factor = self.adaptation.factors()
         h = float(steps.step[k])
-        parameter_noise = self.model.parameter_noise
-        if self.statistics[DRIFT_DETECTED] > 0.0:
-            parameter_noise = np.maximum(parameter_noise, self.model.drift_noise)
+        at, into, arrays = self.model.at, self.model.into, self.model.arrays
+        parameter_noise = arrays.parameter_noise
+        if self.statistics[at.drift_detected] > 0.0:
+            parameter_noise = np.maximum(parameter_noise, arrays.drift_noise)
         if h > 0.0 and parameter_noise.any():
             before = self.log_determinant()
             ukf.P[range(p), range(p)] += parameter_noise * h
-            self.statistics[INFORMATION_GAIN] += 0.5 * (before - self.log_determinant())
+            self.statistics[self.model.at.information_gain] += 0.5 * (
+                before - self.log_determinant()
+            )
         if steps.restart[k]:
             self.reset_motion(noise_factor)
         elif h > 0.0:
             ukf.Q = self.process_noise(h, steps.spread[k], noise_factor)
-            rates = [p + 1, p + 3]
-            ukf.Q[np.ix_(rates, rates)] += h**2 * self.interaction_variance()
+            rates = [p + a for a in self.rates]
+            ukf.Q[np.ix_(rates, rates)] += h**2 * self.interactions()[0]
             ukf.predict(dt=h, moments=steps.moments[k])
         self.learn = self.is_excited(h)
         self.redraw()
-        row[INNOVATION : INNOVATION + 2] = 0.0
+        row[into.innovation : into.innovation + self.sizes.outputs] = 0.0
         nis, count = self.condition(steps.kind[k], steps.reading[k], noise_factor, row)
         if count:
             self.adaptation.detect_drift()
@@ -226,24 +264,26 @@ class _ReferenceFilter:
         self.ukf.sigmas_f = self.ukf.points_fn.sigma_points(self.ukf.x, self.ukf.P)
 
     def predict_measurement(self, noise_factor: Array) -> tuple[Array, Array, Array, Array]:
-        """Mean and covariance of both readings, their noise, and the interaction part of it."""
+        """Mean and covariance of the readings, their noise, and the interaction part of it."""
         h = np.array([self.measure(s) for s in self.ukf.sigmas_f])
-        gain = self.matrices(self.ukf.x[: self.p])[1][[1, 3]]
-        interaction = np.outer(gain, gain) * self.interaction_variance()
-        R = np.diag(noise_factor * self.model.noise[2:4]) + interaction
+        gain = self.matrices(self.ukf.x[: self.p]).gain
+        interaction = np.outer(gain, gain) * self.interactions()[1]
+        ne, ny = self.sizes.elements, self.sizes.outputs
+        R = np.diag(noise_factor * self.noise[ne : ne + ny]) + interaction
         mean, S = unscented_transform(h, self.ukf.Wm, self.ukf.Wc, R)
         return mean, S, R, np.diag(interaction)
 
     def condition(
         self, kind: NDArray[np.int8], reading: Array, noise_factor: Array, row: Array
     ) -> tuple[float, int]:
-        """Condition on the readings of an instant: two values jointly, a bound by itself."""
+        """Condition on the readings of an instant: values jointly, a bound by itself."""
+        at, into, ny = self.model.at, self.model.into, self.sizes.outputs
         mean, S, R, interaction = self.predict_measurement(noise_factor)
-        row[PREDICTED : PREDICTED + 2] = mean
-        row[PREDICTED_SD : PREDICTED_SD + 2] = np.sqrt(np.diag(S))
-        present = [axle for axle in range(2) if kind[axle] != MISSING]
-        joint = all(kind[a] == VALUE for a in present)
-        groups = [present] if joint else [[a] for a in present]
+        row[into.predicted : into.predicted + ny] = mean
+        row[into.predicted_sd : into.predicted_sd + ny] = np.sqrt(np.diag(S))
+        present = [y for y in range(ny) if kind[y] != MISSING]
+        joint = all(kind[y] == VALUE for y in present)
+        groups = [present] if joint else [[y] for y in present]
         total_nis, count = 0.0, 0
         for group in groups:
             if group and group is not groups[0]:
@@ -251,60 +291,60 @@ class _ReferenceFilter:
                 mean, S, R, interaction = self.predict_measurement(noise_factor)
             noise = R.copy()
             value = reading.copy()
-            used: list[int] = []  # axles of this group so far
-            for axle in group:
-                predicted, variance = mean[axle], S[axle, axle]
-                if used:  # condition the rear on the front reading
-                    share = S[axle, used[0]] / S[used[0], used[0]]
-                    predicted += share * (value[used[0]] - mean[used[0]])
-                    variance -= share * S[axle, used[0]]
-                if kind[axle] == VALUE:
-                    nu = value[axle] - predicted
+            expected, left = mean.copy(), S.copy()  # given the readings of the group so far
+            used: list[int] = []
+            for y in group:
+                predicted, variance = expected[y], left[y, y]
+                if kind[y] == VALUE:
+                    nu = value[y] - predicted
                     nis = nu**2 / variance
-                    self.statistics[LOG_LIKELIHOOD] -= 0.5 * (
+                    self.statistics[at.log_likelihood] -= 0.5 * (
                         math.log(2.0 * math.pi * variance) + nis
                     )
-                    row[INNOVATION + axle] = nu / math.sqrt(variance)
-                    if interaction[axle] < _MAX_INTERACTION * variance:
-                        self.adaptation.update_factor(axle, nis, noise_factor[axle])
-                        self.adaptation.update_autocovariance(axle, nu / math.sqrt(variance))
+                    row[into.innovation + y] = nu / math.sqrt(variance)
+                    if interaction[y] < _MAX_INTERACTION * variance:
+                        self.adaptation.update_factor(y, nis, noise_factor[y])
+                        self.adaptation.update_autocovariance(y, nu / math.sqrt(variance))
                         total_nis, count = total_nis + nis, count + 1
                     extra = variance * max(nis / self.settings.gate - 1.0, 0.0)
                 else:
-                    sign = 1.0 if kind[axle] == AT_LEAST else -1.0
-                    beyond = sign * (value[axle] - predicted)
+                    sign = 1.0 if kind[y] == AT_LEAST else -1.0
+                    beyond = sign * (value[y] - predicted)
                     if beyond > 0.0 and beyond**2 > self.settings.gate * variance:
                         gated = beyond**2 / self.settings.gate - variance
-                        noise[axle, axle] += gated
-                        S[axle, axle] += gated
+                        noise[y, y] += gated
                         variance += gated
                     root = math.sqrt(variance)
-                    z = sign * (value[axle] - predicted) / root
+                    z = sign * (value[y] - predicted) / root
                     log_tail, hazard = upper_tail(z)
-                    self.statistics[LOG_LIKELIHOOD] += log_tail
+                    self.statistics[at.log_likelihood] += log_tail
                     shrink = hazard * (hazard - z)
                     if shrink < 1e-12:
                         continue
-                    value[axle] = predicted + sign * hazard * root / shrink
+                    value[y] = predicted + sign * hazard * root / shrink
                     extra = variance * (1.0 / shrink - 1.0)
-                noise[axle, axle] += extra
-                S[axle, axle] += extra
-                used.append(axle)
+                noise[y, y] += extra
+                gain = left[:, y] / (variance + extra)
+                expected = expected + gain * (value[y] - predicted)
+                left = left - np.outer(gain, left[y])
+                used.append(y)
             if used:
                 self.update(value, noise, used)
         return total_nis, count
 
-    def update(self, value: Array, R: Array, axles: list[int]) -> None:
-        """Let filterpy condition on the readings of some axles."""
+    def update(self, value: Array, R: Array, outputs: list[int]) -> None:
+        """Let filterpy condition on the readings of some outputs."""
         before = self.log_determinant()
         mean, covariance = self.ukf.x[: self.p].copy(), self.ukf.P[: self.p, : self.p].copy()
         self.ukf.update(
-            value[axles],
-            R=R[np.ix_(axles, axles)],
-            hx=lambda s: self.measure(s)[axles],
+            value[outputs],
+            R=R[np.ix_(outputs, outputs)],
+            hx=lambda s: self.measure(s)[outputs],
         )
         if self.learn:
-            self.statistics[INFORMATION_GAIN] += 0.5 * (before - self.log_determinant())
+            self.statistics[self.model.at.information_gain] += 0.5 * (
+                before - self.log_determinant()
+            )
         else:
             self.set_parameters(mean, covariance)
 
@@ -322,15 +362,15 @@ class _ReferenceFilter:
 
     def is_excited(self, h: float) -> bool:
         """Whether the car moves enough for its readings to carry information on the parameters."""
-        p = self.p
+        p, at, ny = self.p, self.model.at, self.sizes.outputs
         L = _upper_root(self.ukf.P).T
-        system, gains, _ = self.matrices(self.ukf.x[:p])
-        C = gains[[1, 3], None] * system.C
-        value = C @ self.ukf.x[p : p + 4]
-        variance = np.diag(C @ (L[p : p + 4, p:] @ L[p : p + 4, p:].T) @ C.T)
+        system = self.matrices(self.ukf.x[:p])
+        C = system.gain[:, None] * system.C
+        value = C @ self.ukf.x[self.motion]
+        variance = np.diag(C @ (L[self.motion, p:] @ L[self.motion, p:].T) @ C.T)
         share = min(h / _EXCITATION_TIME, 1.0)
-        mean = self.statistics[MOTION_MEAN : MOTION_MEAN + 2]  # views
-        spread = self.statistics[MOTION_VARIANCE : MOTION_VARIANCE + 2]
+        mean = self.statistics[at.motion_mean : at.motion_mean + ny]  # views
+        spread = self.statistics[at.motion_variance : at.motion_variance + ny]
         difference = value - mean
         mean += share * difference
         spread += share * (difference**2 - spread)
@@ -342,40 +382,46 @@ class _ReferenceFilter:
 
     def reset_motion(self, noise_factor: Array) -> None:
         """Return motion and filtered noise to their priors."""
-        p = self.p
-        reset = [p + a for a in (0, 1, 2, 3, 6, 7, 8, 9)]
+        count = self.sizes.elements + self.sizes.outputs
+        first = self.input_noise.start
+        reset = [*range(self.motion.start, self.motion.stop), *range(first, len(self.ukf.x))]
         self.ukf.x[reset] = 0.0
         self.ukf.P[reset, :] = self.ukf.P[:, reset] = 0.0
-        filtered_noise = self.model.noise[4:8] * np.tile(noise_factor, 2)
-        self.ukf.P[reset, reset] = np.concatenate([self.model.start[:4], filtered_noise])
+        factors = np.concatenate([self.input_factors(noise_factor), noise_factor])
+        filtered = self.noise[count : 2 * count] * factors
+        start = np.diag(self.model.arrays.start)[: self.sizes.motion]
+        self.ukf.P[reset, reset] = np.concatenate([start, filtered])
 
     # Results and timers
 
     def write_results(self, noise_factor: Array, nis: float, count: int, row: Array) -> None:
         """Fill a row of results."""
-        x, P, p = self.ukf.x, self.ukf.P, self.p
-        row[MEAN : MEAN + 3] = x[:3]
-        row[SD : SD + 3] = np.sqrt(np.diag(P)[:3])
-        row[DEFLECTION : DEFLECTION + 2] = x[[p, p + 2]]
-        row[DEFLECTION_SD : DEFLECTION_SD + 2] = np.sqrt(np.diag(P)[[p, p + 2]])
-        row[NOISE_FACTOR : NOISE_FACTOR + 2] = noise_factor
-        row[NIS], row[READINGS] = nis, count
-        row[DRIFT] = self.statistics[DRIFT_DETECTED]
+        x, P, into, sizes = self.ukf.x, self.ukf.P, self.model.into, self.sizes
+        na, ne, ny = sizes.answers, sizes.elements, sizes.outputs
+        row[into.mean : into.mean + na] = x[:na]
+        row[into.sd : into.sd + na] = np.sqrt(np.diag(P)[:na])
+        deflections = [self.p + 2 * e for e in range(ne)]
+        row[into.deflection : into.deflection + ne] = x[deflections]
+        row[into.deflection_sd : into.deflection_sd + ne] = np.sqrt(np.diag(P)[deflections])
+        row[into.noise_factor : into.noise_factor + ny] = noise_factor
+        row[into.nis], row[into.readings] = nis, count
+        row[into.drift] = self.statistics[self.model.at.drift_detected]
 
     def advance_timers(self, h: float) -> None:
         """Take a snapshot of the parameters if one is due, and advance the timers."""
-        statistics, p = self.statistics, self.p
-        statistics[SNAPSHOT_TIME] += h
-        fast_factor = float(np.max(statistics[FAST_FACTOR : FAST_FACTOR + 2]))
-        due = statistics[SNAPSHOT_TIME] >= SNAPSHOT_INTERVAL
+        statistics, p, at = self.statistics, self.p, self.model.at
+        statistics[at.snapshot_time] += h
+        fast = statistics[at.fast_factor : at.fast_factor + self.sizes.outputs]
+        fast_factor = float(np.max(fast))
+        due = statistics[at.snapshot_time] >= SNAPSHOT_INTERVAL
         if due and fast_factor <= self.settings.fast_threshold:
-            statistics[SNAPSHOT_TIME] = 0.0
+            statistics[at.snapshot_time] = 0.0
             self.snapshots[0] = self.snapshots[1]
             self.snapshots[1, :, 0] = self.ukf.x[:p]
             self.snapshots[1, :, 1:] = _upper_root(self.ukf.P[:p, :p])
-        statistics[REVIEW_TIME] += h
+        statistics[at.review_time] += h
         faulty = fast_factor > self.settings.fault_threshold
-        statistics[FAULT_TIME] = statistics[FAULT_TIME] + h if faulty else 0.0
+        statistics[at.fault_time] = statistics[at.fault_time] + h if faulty else 0.0
 
 
 def _upper_root(P: Array) -> Array:

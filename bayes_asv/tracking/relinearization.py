@@ -18,22 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.ukf import run
-from bayes_asv.filters.ukf_state import (
-    COLUMNS,
-    DEVIANCE,
-    FAST_FACTOR,
-    INFORMATION_GAIN,
-    FilterSettings,
-    Model,
-    State,
-    Steps,
-)
+from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
+from bayes_asv.tracking.filter_model import FilterModel
 
 __all__ = ["Window", "concatenate_steps", "relinearize", "slice_steps"]
 
 Array = NDArray[np.float64]
 
-_INITIAL = 6  # motion and biases at the start of the window
 _MAX_ROUNDS = 10
 _CONVERGED = 0.05  # standard deviations by which the estimate moves
 _MAX_MOVE = 1.5  # prior standard deviations of a parameter in one round
@@ -82,6 +73,7 @@ class _JointPrior:
     η ~ N(0, Π).
     """
 
+    model: FilterModel
     mean: Array
     D: Array
     x: Array
@@ -90,16 +82,18 @@ class _JointPrior:
     statistics: Array
 
     @classmethod
-    def of(cls, start: State, statistics: Array) -> _JointPrior:
-        p = len(start.mu)
-        factor = np.linalg.cholesky(start.Pi[:_INITIAL, :_INITIAL])
-        by_u = np.linalg.solve(factor, start.Pi[:_INITIAL]).T  # regression of the state on u
-        D = np.eye(p + _INITIAL)
+    def of(cls, start: State, statistics: Array, model: FilterModel) -> _JointPrior:
+        p, initial, ny = len(start.mu), model.sizes.lasting, model.sizes.outputs
+        factor = np.linalg.cholesky(start.Pi[:initial, :initial])
+        by_u = np.linalg.solve(factor, start.Pi[:initial]).T  # regression of the state on u
+        D = np.eye(p + initial)
         D[:p, :p] = start.D
         statistics = statistics.copy()
-        statistics[FAST_FACTOR : FAST_FACTOR + 2] = 1.0  # the slow factor holds for the window
+        fast = model.at.fast_factor
+        statistics[fast : fast + ny] = 1.0  # the slow factor holds for the window
         return cls(
-            mean=np.concatenate([start.mu, np.zeros(_INITIAL)]),
+            model=model,
+            mean=np.concatenate([start.mu, np.zeros(initial)]),
             D=D,
             x=start.x,
             slope=np.vstack([np.linalg.solve(start.D, start.J), by_u.T]),
@@ -110,7 +104,7 @@ class _JointPrior:
     def state_at(self, reference: Array, D: Array) -> State:
         """Express the prior with another reference and with directions D."""
         statistics = self.statistics.copy()
-        statistics[DEVIANCE] = 0.0
+        statistics[self.model.at.deviance] = 0.0
         to_d = np.linalg.inv(D.T)
         return State(
             mu=reference.copy(),
@@ -122,7 +116,7 @@ class _JointPrior:
             Pi=self.Pi.copy(),
             statistics=statistics,
             snapshots=np.zeros((2, 0, 0)),
-            autocovariance=np.zeros((2, 2, 0)),
+            autocovariance=np.zeros((self.model.sizes.outputs, 2, 1)),
         )
 
     def deviance(self, q: Array) -> float:
@@ -134,15 +128,16 @@ class _JointPrior:
 def _pass(
     prior: _JointPrior,
     window: Window,
-    model: Model,
+    model: FilterModel,
     settings: FilterSettings,
     reference: Array,
     D: Array,
 ) -> tuple[State, float]:
     """Filter a window with a fixed reference; return its final state and −2 log posterior."""
     state = prior.state_at(reference, D)
-    run(0, True, state, model, settings, window.steps, np.empty((0, COLUMNS)))
-    deviance = float(state.statistics[DEVIANCE]) + prior.deviance(reference)
+    out = np.empty((0, model.into.width))
+    run(model.sizes, 0, True, state, model.arrays, settings, window.steps, out)
+    deviance = float(state.statistics[model.at.deviance]) + prior.deviance(reference)
     return state, deviance if np.isfinite(deviance) else np.inf
 
 
@@ -152,7 +147,7 @@ def _estimate(state: State) -> tuple[Array, Array]:
 
 
 def relinearize(
-    window: Window, current: State, model: Model, settings: FilterSettings
+    window: Window, current: State, model: FilterModel, settings: FilterSettings
 ) -> tuple[State, float]:
     """Filter a window repeatedly at its own estimate until that converges.
 
@@ -163,7 +158,7 @@ def relinearize(
     current : State
         State of the filter at the end of the window: the search starts at its parameters, and the
         result inherits its statistics.
-    model, settings : Model and FilterSettings
+    model, settings : FilterModel and FilterSettings
         Those of the filter.
 
     Returns
@@ -174,10 +169,11 @@ def relinearize(
         Largest change of a parameter from ``current``, in standard deviations of ``current``.
     """
     p = len(current.mu)
-    prior = _JointPrior.of(window.start, current.statistics)
-    D = np.eye(p + _INITIAL)
+    prior = _JointPrior.of(window.start, current.statistics, model)
+    initial = model.sizes.lasting
+    D = np.eye(p + initial)
     D[:p, :p] = current.D
-    reference = np.concatenate([current.mu, np.zeros(_INITIAL)])
+    reference = np.concatenate([current.mu, np.zeros(initial)])
     state, deviance = _pass(prior, window, model, settings, reference, D)
     for _ in range(_MAX_ROUNDS):
         target, D = _estimate(state)
@@ -202,7 +198,7 @@ def relinearize(
     moved = np.linalg.solve(current.D.T, mean[:p] - current.mu)
     J = state.F @ state.J
     statistics = current.statistics.copy()
-    statistics[INFORMATION_GAIN] = 0.0
+    statistics[model.at.information_gain] = 0.0
     result = State(
         mu=mean[:p].copy(),
         D=np.ascontiguousarray(D[:p, :p]),

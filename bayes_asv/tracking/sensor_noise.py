@@ -1,15 +1,18 @@
-"""Noise, resolution, bandwidth and range of the four accelerometers, as the filter needs them."""
+"""Noise, resolution, bandwidth and range of a car's sensors, as the filter needs them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.car_model import CarModel, Output
 from bayes_asv.preprocessing.noise_level import quiet_level
 
 __all__ = ["SensorModel", "estimate_noise", "sensor_model"]
@@ -19,27 +22,34 @@ Array = NDArray[np.float64]
 # Weights of five samples in the error of the cubic through the outer four at the middle one.
 _INTERPOLATION_ERROR = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 _MIN_READINGS = 8  # for an estimate of the noise
-_UNKNOWN_NOISE = 0.1  # m/s², with fewer readings
+# Noise with fewer readings, SI units: 10 mg, 0.2 °/s and 1 mm.
+_UNKNOWN_NOISE = {"acceleration": 0.1, "angular_rate": 4e-3, "deflection": 1e-3}
 
 
 @dataclass(frozen=True)
 class SensorModel:
-    """The four sensors, in the order of ``CHANNELS``.
+    """The sensors of a car on C channels.
 
     Parameters
     ----------
-    noise : (4,) array
-        Standard deviation of one sample without quantization, m/s²; NaN where it is not given.
-    resolution : (4,) array
-        Quantization step, m/s²; zero where there is none.
+    car : CarModel
+        The car.
+    channels : tuple of Channel
+        What they measure.
+    noise : (C,) array
+        Standard deviation of one sample without quantization, SI units; NaN where it is not given.
+    resolution : (C,) array
+        Quantization step, SI units; zero where there is none.
     bandwidth : float or None
         Common pole of all readings after bandwidth matching, Hz.
     bandwidths : tuple of float or None
         Pole of each sensor, Hz.
-    low, high : (4,) arrays
-        Limits of the range less half a quantization step, m/s²: readings beyond are clipped.
+    low, high : (C,) arrays
+        Limits of the range less half a quantization step, SI units: readings beyond are clipped.
     """
 
+    car: CarModel
+    channels: tuple[Channel, ...]
     noise: Array
     resolution: Array
     bandwidth: float | None
@@ -48,25 +58,48 @@ class SensorModel:
     high: Array
 
     @property
+    def inputs(self) -> tuple[int, ...]:
+        """Numbers of the channels that are the inputs of the elements, in their order."""
+        by_element = {self.car.element_of(x): c for c, x in enumerate(self.channels) if x.is_input}
+        return tuple(by_element[e] for e in range(len(self.car.elements)))
+
+    @property
+    def outputs(self) -> tuple[int, ...]:
+        """Numbers of the output channels."""
+        return tuple(c for c, channel in enumerate(self.channels) if not channel.is_input)
+
+    @property
     def poles(self) -> Array:
-        """Common pole of all readings (4,), rad/s; zero without a bandwidth."""
-        return np.full(4, 2.0 * math.pi * (self.bandwidth or 0.0))
+        """Pole (C,) that the readings passed, rad/s; zero without one.
+
+        An accelerometer without a bandwidth is taken to be like the slowest of the others; another
+        sensor without one is taken to have no filter.
+        """
+        filtered = [
+            own is not None or channel.quantity == "acceleration"
+            for own, channel in zip(self.bandwidths, self.channels, strict=True)
+        ]
+        return np.where(filtered, 2.0 * math.pi * (self.bandwidth or 0.0), 0.0)
+
+    @property
+    def output_models(self) -> tuple[Output, ...]:
+        """Outputs, and whether each passed the common filter."""
+        pole = 2.0 * math.pi * (self.bandwidth or 0.0)
+        return tuple(
+            Output(self.channels[c], 1.0 / pole if pole > 0.0 and self.poles[c] == 0.0 else 0.0)
+            for c in self.outputs
+        )
 
     def noise_parameters(self) -> Array:
-        """Noise (12,) as ``ukf_state.Model`` takes it.
+        """Noise (3 C,) as ``ukf_state.Model`` takes it: white, filtered and poles.
 
         The noise of a sensor passes its filter, if it has one; quantization noise is white.
         """
-        out = np.zeros(12)
-        for column, c in enumerate((0, 2, 1, 3)):  # wheels, then chassis
-            white = self.resolution[c] ** 2 / 12.0
-            if self.bandwidth is None:
-                white += self.noise[c] ** 2
-            else:
-                out[4 + column] = self.noise[c] ** 2
-            out[column] = white
-            out[8 + column] = self.poles[c]
-        return out
+        order = [*self.inputs, *self.outputs]
+        poles = self.poles[order]
+        variance = self.noise[order] ** 2
+        white = self.resolution[order] ** 2 / 12.0 + np.where(poles > 0.0, 0.0, variance)
+        return np.concatenate([white, np.where(poles > 0.0, variance, 0.0), poles])
 
     def interpolation_noise(self, channel: int, rate: float) -> float:
         """Variance (m²/s⁴) of the error of a cubic through four neighbours for noise alone."""
@@ -76,23 +109,51 @@ class SensorModel:
         filtered = float(w @ correlation @ w) * float(self.noise[channel]) ** 2
         return filtered + float(w @ w) * float(self.resolution[channel]) ** 2 / 12.0
 
+    def estimated(self, channel: int, signal: Array) -> float:
+        """Estimate the noise of one sample of a channel from its readings, SI units."""
+        unknown = _UNKNOWN_NOISE[self.channels[channel].quantity]
+        return estimate_noise(signal, float(self.resolution[channel]), unknown)
 
-def sensor_model(vehicle: Vehicle, counts: tuple[bool, ...] = (False,) * 4) -> SensorModel:
-    """Collect the figures of a vehicle's sensors.
+
+def sensor_model(
+    vehicle: Vehicle, car: CarModel, names: Sequence[str], counts: Sequence[bool] | None = None
+) -> SensorModel:
+    """Collect the figures of a car's sensors.
 
     Parameters
     ----------
     vehicle : Vehicle
         As read.
-    counts : tuple of 4 bool
-        Channels in counts, whose scale is then their quantization step.
+    car : CarModel
+        Its model, which explains all the channels.
+    names : sequence of C str
+        Names of the channels.
+    counts : sequence of C bool, optional
+        Channels in counts, whose scale is then their quantization step; none by default.
 
     Returns
     -------
     SensorModel
-        A sensor without a bandwidth is taken to have that of the slowest of the others.
+
+    Raises
+    ------
+    InputError
+        If an input of the car is missing, or nothing else is measured.
     """
-    sensors = [vehicle.sensor(name) for name in CHANNELS]
+    counts = (False,) * len(names) if counts is None else counts
+    for element in car.elements:
+        if f"{element.name}_wheel" not in names:
+            raise InputError(
+                "channels", f"lack {element.name}_wheel, which the {car.name} car needs",
+                "choose the car that fits these channels",
+            )  # fmt: skip
+    channels = tuple(vehicle.channel(name) for name in names)
+    if all(channel.is_input for channel in channels):
+        raise InputError(
+            "channels", f"measure nothing that the {car.name} car explains",
+            "record the acceleration of the body, its pitch rate or the suspension travel",
+        )  # fmt: skip
+    sensors = [vehicle.sensor(name) for name in names]
     given = [s.bandwidth for s in sensors if s.bandwidth is not None]
     resolution = [
         s.resolution or (abs(s.counts_scale or 0.0) if raw else 0.0)
@@ -100,6 +161,8 @@ def sensor_model(vehicle: Vehicle, counts: tuple[bool, ...] = (False,) * 4) -> S
     ]
     margin = [0.5 * abs(s.resolution or s.counts_scale or 0.0) for s in sensors]
     return SensorModel(
+        car=car,
+        channels=channels,
         noise=np.array([math.nan if s.noise is None else s.noise for s in sensors]),
         resolution=np.array(resolution),
         bandwidth=min(given) if given else None,
@@ -109,16 +172,20 @@ def sensor_model(vehicle: Vehicle, counts: tuple[bool, ...] = (False,) * 4) -> S
     )
 
 
-def estimate_noise(signal: Array, resolution: float) -> float:
-    """Estimate the noise of one sample (m/s²) from the quietest quarter of a signal.
+def estimate_noise(
+    signal: Array, resolution: float, unknown: float = _UNKNOWN_NOISE["acceleration"]
+) -> float:
+    """Estimate the noise of one sample from the quietest quarter of a signal.
 
     Parameters
     ----------
     signal : (N,) array
-        Readings, m/s²; NaN where missing.
+        Readings, SI units; NaN where missing.
     resolution : float
-        Quantization step, m/s².
+        Quantization step, SI units.
+    unknown : float
+        Noise where there are too few readings, SI units.
     """
     if np.count_nonzero(np.isfinite(signal)) < _MIN_READINGS:
-        return max(resolution, _UNKNOWN_NOISE)
+        return max(resolution, unknown)
     return quiet_level(signal, resolution)

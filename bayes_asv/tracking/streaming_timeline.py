@@ -1,8 +1,9 @@
 """Conversion of rows, as they arrive, into time steps and readings for the filter.
 
 It does what :mod:`bayes_asv.preprocessing.timeline` does with a whole recording: true sampling
-times of every channel, matched bandwidths, splines through the wheels' samples, chassis readings in
-order of time.  A row is held back until both wheels' splines are final around its readings
+times of every channel, matched bandwidths, splines through the wheels' samples, readings of the
+outputs in order of time.  A row is held back until all wheels' splines are final around its
+readings
 (:data:`bayes_asv.tracking.streaming_spline.LOOKAHEAD`).  The size of chunks has no effect.
 """
 
@@ -15,13 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
 from bayes_asv.filters.ukf_state import Steps
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.models.car_model import CarModel, fastest_motion, state_space
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -29,8 +29,6 @@ __all__ = ["Rows", "StreamingTimeline", "TimelineChunk", "max_gap", "max_step"]
 
 Array = NDArray[np.float64]
 
-_WHEELS = (0, 2)
-_CHASSIS = (1, 3)
 _SAME_INSTANT = 1e-8  # s
 # A step of h truncates the moments' series with a relative error of (λh)⁸/8!, see
 # preprocessing.timeline.
@@ -48,11 +46,11 @@ class Rows(NamedTuple):
     ----------
     stamp : (R,) array
         Stamps, s.
-    step : (R, 2) int array
-        Index of the step that ends at the front and at the rear chassis reading, counted from the
-        first step ever; −1 where there is none.
-    measured : (R, 2) array
-        Those readings, m/s²; NaN where one is missing or clipped, or where a wheel is unknown.
+    step : (R, ny) int array
+        Index of the step that ends at the reading of each output, counted from the first step
+        ever; −1 where there is none.
+    measured : (R, ny) array
+        Those readings, SI units; NaN where one is missing or clipped, or where a wheel is unknown.
     """
 
     stamp: Array
@@ -99,10 +97,9 @@ class _BandwidthMatcher:
         return out
 
 
-def max_step(vehicle: Vehicle) -> float:
-    """Longest step (s) over which the moments describe the wheels accurately for this car."""
-    car = HalfCar(*(getattr(vehicle, name).value for name in HalfCar._fields))
-    fastest = float(np.max(np.abs(np.linalg.eigvals(deflection_form(car).A))))
+def max_step(car: CarModel) -> float:
+    """Longest step (s) over which the moments describe the wheels accurately for a car."""
+    fastest = fastest_motion(state_space(car, car.nominal, ()))
     return min(_MAX_STEP, _MAX_PHASE / fastest)
 
 
@@ -117,9 +114,9 @@ class StreamingTimeline:
     Parameters
     ----------
     vehicle : Vehicle
-        Gives delays, and limits the step.
+        Gives delays.
     sensors : SensorModel
-        With the noise of every channel.
+        With the noise of every channel; its car limits the step.
     rate : float
         Rows per second, Hz.
     timing : Timing, optional
@@ -131,32 +128,37 @@ class StreamingTimeline:
     ) -> None:
         self._sensors = sensors
         gap = max_gap(rate)
-        self._max_step = max_step(vehicle)
+        self._max_step = max_step(sensors.car)
         self._max_gap = gap
-        delays = (None,) * 4 if timing is None else timing.delay
-        declared = vehicle.sensors_of(CHANNELS)
+        count = len(sensors.channels)
+        self._inputs, self._outputs = list(sensors.inputs), list(sensors.outputs)
+        delays = (None,) * count if timing is None else timing.delay
+        declared = vehicle.sensors_of([channel.name for channel in sensors.channels])
         self._delay = np.array(
             [s.delay if d is None else d for s, d in zip(declared, delays, strict=True)]
         )
-        self._clock = np.zeros(4) if timing is None else np.array(timing.clock)
+        self._clock = np.zeros(count) if timing is None else np.array(timing.clock)
         self._matchers = [
             _BandwidthMatcher(b, sensors.bandwidth, gap)
             if b is not None and sensors.bandwidth is not None and b > sensors.bandwidth * 1.000001
             else None
             for b in sensors.bandwidths
         ]
-        self._wheels = [StreamingSpline(sensors.interpolation_noise(c, rate), gap) for c in _WHEELS]
+        self._wheels = [
+            StreamingSpline(sensors.interpolation_noise(c, rate), gap) for c in self._inputs
+        ]
         self._origin: float | None = None
         self._last_stamp = -math.inf
         self._end: float | None = None  # of the last step
         self._step_count = 0
-        # pending rows: stamp; times, readings, kinds and steps of both chassis channels
+        # pending rows: stamp; times, readings, kinds and steps of the outputs
+        ny = len(self._outputs)
         self._stamp = np.empty(0)
-        self._time = np.empty((0, 2))
-        self._reading = np.empty((0, 2))
-        self._kind = np.empty((0, 2), np.int8)
-        self._step = np.empty((0, 2), np.int64)
-        self._scheduled = np.empty((0, 2), bool)
+        self._time = np.empty((0, ny))
+        self._reading = np.empty((0, ny))
+        self._kind = np.empty((0, ny), np.int8)
+        self._step = np.empty((0, ny), np.int64)
+        self._scheduled = np.empty((0, ny), bool)
 
     def push(self, times: Array, acc: Array) -> TimelineChunk:
         """Add rows; return the steps and rows that became ready.
@@ -165,8 +167,8 @@ class StreamingTimeline:
         ----------
         times : (n,) array
             Stamps, s, increasing.
-        acc : (n, 4) array
-            Accelerations, m/s²; NaN where missing.
+        acc : (n, C) array
+            Readings of the channels, SI units; NaN where missing.
 
         Raises
         ------
@@ -187,10 +189,11 @@ class StreamingTimeline:
         return self._ready(everything=True)
 
     def _check(self, times: Array, acc: Array) -> None:
-        if times.ndim != 1 or acc.shape != (len(times), 4):
+        count = len(self._sensors.channels)
+        if times.ndim != 1 or acc.shape != (len(times), count):
             raise InputError(
                 "rows", f"times {times.shape} and readings {acc.shape} do not match",
-                "give times (n,) and readings (n, 4)",
+                f"give times (n,) and readings (n, {count})",
             )  # fmt: skip
         steps = np.diff(times, prepend=self._last_stamp)
         valid = np.isfinite(times) & (steps > 0.0)
@@ -206,8 +209,8 @@ class StreamingTimeline:
         if self._origin is None:
             self._origin = float(times[0])
         self._last_stamp = float(times[-1])
-        true = np.empty((4, len(times)))
-        for c in range(4):
+        true = np.empty((len(self._delay), len(times)))
+        for c in range(len(true)):
             elapsed = (
                 times
                 if self._clock[c] == 0.0
@@ -225,39 +228,39 @@ class StreamingTimeline:
         for c, matcher in enumerate(self._matchers):
             if matcher is not None:
                 value[c] = matcher.apply(true[c], value[c])
-        for wheel, c in zip(self._wheels, _WHEELS, strict=True):
+        for wheel, c in zip(self._wheels, self._inputs, strict=True):
             wheel.push(true[c], value[c], low[c], high[c])
         kind = np.where(high, AT_LEAST, np.where(low, AT_MOST, VALUE)).astype(np.int8)
         kind[~np.isfinite(value)] = MISSING
-        chassis = list(_CHASSIS)
+        outputs, ny = self._outputs, len(self._outputs)
         n = len(times)
         self._stamp = np.concatenate([self._stamp, times])
-        self._time = np.concatenate([self._time, true[chassis].T])
-        self._reading = np.concatenate([self._reading, np.nan_to_num(value[chassis].T)])
-        self._kind = np.concatenate([self._kind, kind[chassis].T])
-        self._step = np.concatenate([self._step, np.full((n, 2), -1)])
-        self._scheduled = np.concatenate([self._scheduled, np.zeros((n, 2), bool)])
+        self._time = np.concatenate([self._time, true[outputs].T])
+        self._reading = np.concatenate([self._reading, np.nan_to_num(value[outputs].T)])
+        self._kind = np.concatenate([self._kind, kind[outputs].T])
+        self._step = np.concatenate([self._step, np.full((n, ny), -1)])
+        self._scheduled = np.concatenate([self._scheduled, np.zeros((n, ny), bool)])
 
     def _ready(self, everything: bool = False) -> TimelineChunk:
         """Schedule the readings before the horizon, and return the rows that are complete."""
         if not len(self._stamp):
-            return TimelineChunk(
-                _no_steps(), Rows(np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)))
-            )
-        # After the newest reading of either chassis channel an earlier one may still come.
+            return TimelineChunk(self._no_steps(), Rows(self._stamp, self._step, self._reading))
+        # After the newest reading of an output an earlier one of another may still come.
         horizon = min(*(w.horizon for w in self._wheels), *self._time[-1].tolist())
         if everything:
             horizon = math.inf
         due = ~self._scheduled & (self._time <= horizon + _SAME_INSTANT)
-        row, axle = np.nonzero(due)
-        time = self._time[row, axle]
+        row, output = np.nonzero(due)
+        time = self._time[row, output]
         self._scheduled |= due
-        covered = self._wheels[0].covers(time) & self._wheels[1].covers(time)
-        self._kind[row[~covered], axle[~covered]] = MISSING
-        steps = _no_steps()
+        covered = np.logical_and.reduce([wheel.covers(time) for wheel in self._wheels])
+        self._kind[row[~covered], output[~covered]] = MISSING
+        steps = self._no_steps()
         if covered.any():
-            steps = self._schedule(row[covered], axle[covered], time[covered])
-        complete = int(np.argmin(np.append(np.logical_and(*self._scheduled.T), False)))
+            steps = self._schedule(row[covered], output[covered], time[covered])
+        # reduce over the transpose: over rows of two columns it is slow
+        done = np.logical_and.reduce(np.ascontiguousarray(self._scheduled.T))
+        complete = int(np.argmin(np.append(done, False)))
         measured = np.where(self._kind[:complete] == VALUE, self._reading[:complete], np.nan)
         rows = Rows(self._stamp[:complete], self._step[:complete], measured)
         for name in ("_stamp", "_time", "_reading", "_kind", "_step", "_scheduled"):
@@ -267,10 +270,10 @@ class StreamingTimeline:
                 wheel.discard(self._end)
         return TimelineChunk(steps, rows)
 
-    def _schedule(self, row: NDArray[np.int64], axle: NDArray[np.int64], time: Array) -> Steps:
+    def _schedule(self, row: NDArray[np.int64], output: NDArray[np.int64], time: Array) -> Steps:
         """Make steps that end at readings, divided where they would be too long."""
         order = np.argsort(time, kind="stable")
-        row, axle, time = row[order], axle[order], time[order]
+        row, output, time = row[order], output[order], time[order]
         start = float(time[0]) if self._end is None else self._end
         new = np.append(True, np.diff(time) > _SAME_INSTANT)
         instant = np.cumsum(new) - 1
@@ -284,27 +287,28 @@ class StreamingTimeline:
         instants = np.interp(np.arange(total), np.append(-1, end), np.append(start, distinct))
         instants[end] = distinct
         step = np.diff(instants, prepend=start)
-        moments = np.empty((total, 2, ORDER))
-        spread = np.empty((total, 4))
+        ne, ny = len(self._wheels), len(self._outputs)
+        moments = np.empty((total, ne, ORDER))
+        spread = np.empty((total, 2 * ne))
         covered = step <= self._max_gap
-        for a, wheel in enumerate(self._wheels):
-            moments[:, a], wheel_spread, wheel_covered = wheel.integrate(instants, start)
-            spread[:, a], spread[:, 2 + a] = wheel_spread[:, 0], wheel_spread[:, 1]
+        for e, wheel in enumerate(self._wheels):
+            moments[:, e], wheel_spread, wheel_covered = wheel.integrate(instants, start)
+            spread[:, e], spread[:, ne + e] = wheel_spread[:, 0], wheel_spread[:, 1]
             covered &= wheel_covered
-        kind = np.full((total, 2), MISSING, np.int8)
-        reading = np.zeros((total, 2))
+        kind = np.full((total, ny), MISSING, np.int8)
+        reading = np.zeros((total, ny))
         at = end[instant]
-        kind[at, axle] = self._kind[row, axle]
-        reading[at, axle] = self._reading[row, axle]
-        self._step[row, axle] = self._step_count + at
+        kind[at, output] = self._kind[row, output]
+        reading[at, output] = self._reading[row, output]
+        self._step[row, output] = self._step_count + at
         self._step_count += total
         self._end = float(instants[-1])
         restart = ~covered & (step > 0.0)
         return Steps(step, moments, spread, kind, reading, restart)
 
-
-def _no_steps() -> Steps:
-    return Steps(
-        np.empty(0), np.empty((0, 2, ORDER)), np.empty((0, 4)), np.empty((0, 2), np.int8),
-        np.empty((0, 2)), np.empty(0, bool),
-    )  # fmt: skip
+    def _no_steps(self) -> Steps:
+        ne, ny = len(self._wheels), len(self._outputs)
+        return Steps(
+            np.empty(0), np.empty((0, ne, ORDER)), np.empty((0, 2 * ne)),
+            np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool),
+        )  # fmt: skip

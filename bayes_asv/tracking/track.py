@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.half_car import HalfCar
 from bayes_asv.tracking.consistency import ConsistencySummary
-from bayes_asv.tracking.data_checks import unidentified_parameters
 from bayes_asv.tracking.filter import parameter_covariance
 from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.parameters import Coordinates
@@ -25,6 +22,7 @@ __all__ = ["TrackResult", "conclude", "track"]
 
 Array = NDArray[np.float64]
 
+_STEP = 1e-4  # of a coordinate
 _CHUNK = 16_384  # rows
 _REFERENCE_CHUNK = 64  # rows, so that the progress of the slow engine is visible
 
@@ -56,10 +54,12 @@ class TrackResult:
         Of the coordinates after the last row.
     consistency : ConsistencySummary
         Consistency of the filter.
-    noise : (4,) array
-        Given or estimated noise of each sensor, m/s².
+    noise : (C,) array
+        Given or estimated noise of each sensor, SI units.
     resets : tuple of float
         Times at which the motion was reset, s after the first row.
+    channels : tuple of Channel
+        Channels that were used, in the order of ``noise``.
     rate : float
         Rows per second, Hz.
     forget : float or None
@@ -86,43 +86,49 @@ class TrackResult:
     consistency: ConsistencySummary
     noise: Array
     resets: tuple[float, ...]
+    channels: tuple[Channel, ...]
     rate: float
     forget: float | None
     engine: str
     seconds: float
 
-    def log_moments(self, exponents: dict[str, float]) -> tuple[float, float]:
-        """Mean and standard deviation of the logarithm of a product of powers.
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Nominal value of every parameter and of what is derived from them, SI units."""
+        return {name: float(x[0]) for name, x in self._values(None).items()}
 
-        Parameters
-        ----------
-        exponents : dict of str to float
-            Exponent of each quantity, such as ``{"i": 0.5, "m": -0.5}`` for the radius of gyration;
-            ``1 - wdf`` is the rear weight share.  The logarithm of a share is linearized at the
-            mean.
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Names of what is derived from the parameters."""
+        derived = self.coordinates.car.derived
+        return () if derived is None else tuple(derived(self.coordinates.car.nominal))
 
-        Returns
-        -------
-        mean, sd : float
+    def _values(self, z: Array | None) -> dict[str, Array]:
+        """Parameters and what is derived from them at coordinates (W, p), or nominal, each (W,)."""
+        car = self.coordinates.car
+        values = car.nominal
+        if z is not None:
+            vectors = self.coordinates.parameter_vectors(z)
+            values = {name: vectors[:, k] for k, name in enumerate(car.names)}
+        return values if car.derived is None else {**values, **car.derived(values)}
+
+    def log_moments(self, name: str) -> tuple[float, float]:
+        """Mean and standard deviation of the logarithm of a parameter or a derived quantity.
+
+        The logarithm, which is linear in most coordinates, is linearized at the mean.
         """
-        space = self.coordinates
-        value = space.parameter_vectors(self.mean[None])[0]
-        total, gradient = 0.0, np.zeros(len(space))
-        for name, exponent in exponents.items():
-            own, sign = ("wdf", -1.0) if name == "1 - wdf" else (name, 1.0)
-            x = float(value[HalfCar._fields.index(own)])
-            x = x if sign > 0.0 else 1.0 - x
-            total += exponent * math.log(x)
-            if own in space.names:
-                k = space.names.index(own)
-                gradient[k] += exponent * space.scale[k] * (1.0 if space.log[k] else sign / x)
-        return total, float(np.sqrt(gradient @ self.covariance @ gradient))
+        p = len(self.coordinates)
+        points = self.mean + _STEP * np.vstack([np.zeros(p), np.eye(p), -np.eye(p)])
+        logs = np.log(self._values(points)[name])
+        gradient = (logs[1 : p + 1] - logs[p + 1 :]) / (2.0 * _STEP)
+        return float(logs[0]), float(np.sqrt(gradient @ self.covariance @ gradient))
 
 
 def track(
     recording: Recording,
     vehicle: Vehicle,
     *,
+    car: str = "half",
     forget: float | None = None,
     engine: str = "compiled",
     progress: Callable[[float, str], None] | None = None,
@@ -135,6 +141,8 @@ def track(
         As read.
     vehicle : Vehicle
         The car.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
     forget, engine
         As for :class:`bayes_asv.tracking.tracker.Tracker`.
     progress : callable, optional
@@ -147,11 +155,12 @@ def track(
     Raises
     ------
     InputError
-        When a channel is in counts and the vehicle lacks its calibration.
+        When a channel is in counts and the vehicle lacks its calibration, or the recording lacks
+        what the car needs.
     """
     began = time.perf_counter()
     acc = accelerations(recording, vehicle).T
-    tracker = tracker_for(recording, vehicle, forget=forget, engine=engine)
+    tracker = tracker_for(recording, vehicle, car=car, forget=forget, engine=engine)
     parts = []
     chunk = _CHUNK if engine == "compiled" else _REFERENCE_CHUNK
     for at in range(0, len(recording.time), chunk):
@@ -201,14 +210,10 @@ def conclude(
         state = tracker.filter.state
         mean, covariance = state.mu.copy(), parameter_covariance(state)
         resets = tuple(tracker.filter.resets)
-    reasons = checks.reasons(tracker.vehicle, tracker.sensors, name)
-    if not reasons:
-        prior_sd = space.scale[:3]
-        sd = prior_sd * np.sqrt(np.diag(covariance)[:3])
-        inconsistent = consistency.verdict == "inconsistent"
-        reasons = unidentified_parameters(sd, prior_sd, inconsistent=inconsistent)
-    all_warnings = [*warnings, *checks.warnings(name)]
-    unknown = [name for name in CHANNELS if tracker.vehicle.sensor(name).noise is None]
+    reasons = tracker.unanswered(name)
+    all_warnings = [*warnings, *checks.warnings(tracker.sensors, name)]
+    channels = tracker.sensors.channels
+    unknown = [c.name for c in channels if tracker.vehicle.sensor(c.name).noise is None]
     if unknown:
         all_warnings.append(
             f"the vehicle file gives no noise for {', '.join(unknown)}; it was estimated from the "
@@ -231,6 +236,7 @@ def conclude(
         consistency=consistency,
         noise=tracker.sensors.noise,
         resets=resets,
+        channels=channels,
         rate=tracker.rate,
         forget=tracker.forget,
         engine=tracker.engine,

@@ -16,26 +16,21 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.recording import COUNTS, Recording, Timing, nominal_rate, timing
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters.ukf_state import (
-    COLUMNS,
-    DEFLECTION,
-    DEFLECTION_SD,
-    INNOVATION,
-    MEAN,
-    NIS,
-    NOISE_FACTOR,
-    PREDICTED,
-    PREDICTED_SD,
-    READINGS,
-    SD,
-)
+from bayes_asv.models.cars import car_model
+from bayes_asv.preprocessing.timeline import used_channels
 from bayes_asv.tracking.checkpoint import read_checkpoint, restore, write_checkpoint
 from bayes_asv.tracking.consistency import ConsistencyMonitor
-from bayes_asv.tracking.data_checks import DataChecks
-from bayes_asv.tracking.filter import DEFAULT_SETTINGS, ENGINES, OnlineFilter, filter_model
+from bayes_asv.tracking.data_checks import DataChecks, unidentified_parameters
+from bayes_asv.tracking.filter import (
+    DEFAULT_SETTINGS,
+    ENGINES,
+    OnlineFilter,
+    parameter_covariance,
+)
+from bayes_asv.tracking.filter_model import filter_model
 from bayes_asv.tracking.frames import Frames, concatenate, empty_frames
 from bayes_asv.tracking.parameters import coordinates
-from bayes_asv.tracking.sensor_noise import SensorModel, estimate_noise, sensor_model
+from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
 from bayes_asv.tracking.streaming_timeline import StreamingTimeline, TimelineChunk
 
 __all__ = ["Tracker", "tracker_for"]
@@ -50,7 +45,7 @@ _MIN_RECENT = 64  # steps
 
 
 class Tracker:
-    """Tracks c_f, c_r and i, and the suspension deflections, row by row.
+    """Tracks the parameters of a car that are asked for, and its suspension deflections, by rows.
 
     Parameters
     ----------
@@ -58,16 +53,20 @@ class Tracker:
         Nominal and known values, sensors.
     rate : float
         Rows per second, Hz.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
+    channels : sequence of str
+        Names of the channels in a row; those that the car does not explain are left out.
     forget : float, optional
-        Time constant of the parameters' random walk, s: in this time c_f, c_r and i change by 10 %,
-        one standard deviation; constant parameters without it.
+        Time constant of the parameters' random walk, s: in this time those that are asked for
+        change by 10 %, one standard deviation; constant parameters without it.
     engine : {'compiled', 'filterpy'}
         Implementation of the filter; the results are the same.
     timing : Timing, optional
         Delays and clocks of the recording.
-    counts : tuple of 4 bool
+    counts : sequence of bool, optional
         Channels whose readings came in counts: their quantization step and the standard deviation
-        of their scale matter.
+        of their scale matter; none by default.
 
     Attributes
     ----------
@@ -79,7 +78,8 @@ class Tracker:
     Raises
     ------
     InputError
-        For an impossible rate or time constant, or an unknown engine.
+        For an impossible rate or time constant, an unknown engine, or channels that do not fit the
+        car.
     """
 
     def __init__(
@@ -87,10 +87,12 @@ class Tracker:
         vehicle: Vehicle,
         rate: float,
         *,
+        car: str = "half",
+        channels: Sequence[str] = CHANNELS,
         forget: float | None = None,
         engine: str = "compiled",
         timing: Timing | None = None,
-        counts: Sequence[bool] = (False,) * 4,
+        counts: Sequence[bool] | None = None,
     ) -> None:
         if not (math.isfinite(rate) and rate > 0.0):
             raise InputError(
@@ -106,18 +108,40 @@ class Tracker:
         self.rate = rate
         self.forget = forget
         self.engine = engine
-        self.timing = timing
-        self.counts = tuple(counts)
-        self.coordinates = coordinates(vehicle, _scale_sds(vehicle, self.counts))
-        self._sensors = sensor_model(vehicle, self.counts)
+        model = car_model(car, vehicle)
+        self.channels = tuple(channels)
+        self._columns = [
+            c for c, name in enumerate(channels) if model.explains(vehicle.channel(name))
+        ]
+        raw = (False,) * len(self.channels) if counts is None else tuple(counts)
+        self.counts = tuple(raw[c] for c in self._columns)
+        self.timing = self._own_timing(timing)
+        names = [self.channels[c] for c in self._columns]
+        self.coordinates = coordinates(model, names, _scale_sds(vehicle, names, self.counts))
+        self._sensors = sensor_model(vehicle, model, names, self.counts)
         self._noise_declared = bool(np.all(np.isfinite(self._sensors.noise)))
         self._pending: list[tuple[Array, Array]] = []  # rows from which noise is estimated
         self._timeline: StreamingTimeline | None = None
         self._filter: OnlineFilter | None = None
-        self.consistency = ConsistencyMonitor(rate, self._noise_declared)
-        self.data_checks = DataChecks(rate)
+        outputs = len(self._sensors.outputs)
+        self.consistency = ConsistencyMonitor(rate, self._noise_declared, outputs)
+        self.data_checks = DataChecks(rate, len(names))
         if self._noise_declared:
             self._start_filter(self._sensors)
+
+    def _own_timing(self, timing: Timing | None) -> Timing | None:
+        """Clocks and delays of the channels that are used."""
+        if timing is None:
+            return None
+        return Timing(
+            tuple(timing.delay[c] for c in self._columns),
+            tuple(timing.clock[c] for c in self._columns),
+        )
+
+    @property
+    def answers(self) -> tuple[str, ...]:
+        """Names of the parameters that are tracked."""
+        return self.coordinates.answers
 
     @property
     def sensors(self) -> SensorModel:
@@ -152,8 +176,8 @@ class Tracker:
         ----------
         times : (n,) array
             Stamps, s, increasing from call to call.
-        acc : (n, 4) array
-            Accelerations of the four channels, m/s², NaN where missing.
+        acc : (n, C) array
+            Readings of the channels, SI units, NaN where missing.
 
         Returns
         -------
@@ -166,8 +190,20 @@ class Tracker:
             When a stamp is not after the one before, or shapes do not match.
         """
         times, acc = np.asarray(times, np.float64), np.asarray(acc, np.float64)
+        if times.ndim != 1 or acc.shape != (len(times), len(self.channels)):
+            raise InputError(
+                "rows", f"times {times.shape} and readings {acc.shape} do not match",
+                f"give times (n,) and readings (n, {len(self.channels)})",
+            )  # fmt: skip
+        if len(self._columns) < len(self.channels):
+            acc = acc[:, self._columns]
         if self._timeline is None:
             return self._collect(times, acc)
+        return self._process(times, acc)
+
+    def _process(self, times: Array, acc: Array) -> Frames:
+        """Process rows of the channels that are used."""
+        assert self._timeline is not None
         chunk = self._timeline.push(times, acc)
         self.data_checks.update(times, acc, self._sensors)
         return self._advance(chunk)
@@ -176,7 +212,7 @@ class Tracker:
         """Process the rows that were held back: no row will follow."""
         parts = []
         if self._timeline is None and not self._pending:
-            return empty_frames()
+            return self._no_frames()
         if self._timeline is None:
             parts.append(self._estimate_noise())
         assert self._timeline is not None
@@ -191,13 +227,28 @@ class Tracker:
         timing : Timing, optional
             Delays and clocks of that recording.
         """
-        self.timing = timing
+        self.timing = self._own_timing(timing)
         if self._timeline is None:
             return
-        self._timeline = StreamingTimeline(self.vehicle, self._sensors, self.rate, timing)
+        self._timeline = StreamingTimeline(self.vehicle, self._sensors, self.rate, self.timing)
         self.filter.start_recording()
-        self._recent = np.empty((0, COLUMNS))
+        self._recent = np.empty((0, self.filter.model.into.width))
         self._step_count = 0
+
+    def unanswered(self, source: str) -> list[str]:
+        """List why the rows so far cannot answer; empty when they can."""
+        reasons = self.data_checks.reasons(self._sensors, source)
+        if reasons or not self.started:
+            return reasons
+        space = self.coordinates
+        sd = space.scale * np.sqrt(np.diag(parameter_covariance(self.filter.state)))
+        return unidentified_parameters(
+            space.car,
+            [self._sensors.channels[c] for c in self._sensors.outputs],
+            dict(zip(space.answers, space.scale, strict=False)),
+            dict(zip(space.answers, sd, strict=False)),
+            inconsistent=self.consistency.summary().verdict == "inconsistent",
+        )
 
     def save(self, path: PathLike) -> None:
         """Save the tracker to a file, from which :meth:`restore` continues.
@@ -229,10 +280,14 @@ class Tracker:
         settings, plain, arrays = read_checkpoint(path)
         where = os.fspath(path)
         try:
+            # Settings that files of earlier versions lack are those of the half car.
+            settings = {"model": "half", "channels": list(CHANNELS), **settings}
             clocks = settings["timing"]
             tracker = cls(
                 vehicle,
                 settings["rate"],
+                car=settings["model"],
+                channels=settings["channels"],
                 forget=settings["forget"],
                 engine=settings["engine"],
                 timing=None if clocks is None else Timing(*(tuple(c) for c in clocks)),
@@ -262,6 +317,8 @@ class Tracker:
             if self.timing is None
             else [list(self.timing.delay), list(self.timing.clock)],
             "counts": list(self.counts),
+            "model": space.car.name,
+            "channels": [channel.name for channel in self._sensors.channels],
             "noise": self._sensors.noise.tolist(),
             "steps": self._sensors.resolution.tolist(),
             "bandwidths": list(self._sensors.bandwidths),
@@ -273,16 +330,11 @@ class Tracker:
 
     def _collect(self, times: Array, acc: Array) -> Frames:
         """Hold rows back until noise levels can be estimated."""
-        if times.ndim != 1 or acc.shape != (len(times), 4):
-            raise InputError(
-                "rows", f"times {times.shape} and readings {acc.shape} do not match",
-                "give times (n,) and readings (n, 4)",
-            )  # fmt: skip
         if len(times):
             self._pending.append((times.copy(), acc.copy()))
         ends = [t for part, _ in self._pending for t in (part[0], part[-1])]
         if not ends or ends[-1] - ends[0] < _NOISE_SECONDS:
-            return empty_frames()
+            return self._no_frames()
         return self._estimate_noise()
 
     def _estimate_noise(self) -> Frames:
@@ -293,19 +345,23 @@ class Tracker:
         early = acc[times <= times[0] + _NOISE_SECONDS]
         noise = self._sensors.noise.copy()
         for c in np.flatnonzero(~np.isfinite(noise)):
-            noise[c] = estimate_noise(early[:, c], self._sensors.resolution[c])
+            noise[c] = self._sensors.estimated(int(c), early[:, c])
         self._start_filter(replace(self._sensors, noise=noise))
-        return self.feed(times, acc)
+        return self._process(times, acc)
+
+    def _no_frames(self) -> Frames:
+        car = self.coordinates.car
+        return empty_frames(len(self.answers), len(car.elements), len(self._sensors.outputs))
 
     def _start_filter(self, sensors: SensorModel) -> None:
         self._sensors = sensors
         self._timeline = StreamingTimeline(self.vehicle, sensors, self.rate, self.timing)
-        model = filter_model(self.coordinates, sensors.noise_parameters(), self.forget)
+        model = filter_model(self.coordinates, sensors, self.forget)
         settings = DEFAULT_SETTINGS
         if not self._noise_declared:
             settings = settings._replace(prior_readings=_ESTIMATED_PRIOR_READINGS)
         self._filter = OnlineFilter(model, self.engine, settings)
-        self._recent = np.empty((0, COLUMNS))  # results of the last steps
+        self._recent = np.empty((0, model.into.width))  # results of the last steps
         self._step_count = 0
 
     def _advance(self, chunk: TimelineChunk) -> Frames:
@@ -317,7 +373,7 @@ class Tracker:
         self._recent = results[-keep:].copy()
         rows = chunk.rows
         if not len(rows.stamp):
-            return empty_frames()
+            return self._no_frames()
         first = self._step_count - len(results)
         return self._frames(rows.stamp, rows.step - first, rows.measured, results)
 
@@ -330,63 +386,72 @@ class Tracker:
         ----------
         stamp : (R,) array
             Stamps of the rows, s.
-        step : (R, 2) int array
-            Index into ``results`` of the step at either chassis reading; negative without one.
-        measured : (R, 2) array
-            Those readings, m/s².
-        results : (N, COLUMNS) array
+        step : (R, ny) int array
+            Index into ``results`` of the step at the reading of each output; negative without one.
+        measured : (R, ny) array
+            Those readings, SI units.
+        results : (N, columns) array
             Results after steps.
         """
+        into, sizes = self.filter.model.into, self.filter.model.sizes
+        na, ne, ny = sizes.answers, sizes.elements, sizes.outputs
         if not len(results):
-            results = np.zeros((1, COLUMNS))
-            results[0, SD : SD + 3] = 1.0
-            results[0, NOISE_FACTOR : NOISE_FACTOR + 2] = 1.0
-        # logical_or of two columns instead of any(axis=1), which is slow for rows of two
-        missing = np.logical_or(*(step < 0).T)
+            results = np.zeros((1, into.width))
+            results[0, into.sd : into.sd + na] = 1.0
+            results[0, into.noise_factor : into.noise_factor + ny] = 1.0
+        # reductions over columns of the transpose: any(axis=1) is slow for short rows
+        missing = np.logical_or.reduce((step < 0).T)
         step = np.clip(step, 0, len(results) - 1)
-        last = np.maximum.accumulate(np.where(missing, 0, np.maximum(*step.T)))
+        last = np.maximum.accumulate(np.where(missing, 0, np.maximum.reduce(step.T)))
         at_last = results[last]
-        apart = step[:, 0] != step[:, 1]
-        # usually both axles are read at the same instant
-        simultaneous = not (apart.any() or missing.any())
-        own = [at_last, at_last] if simultaneous else [results[step[:, axle]] for axle in range(2)]
-        nis = np.where(apart, own[0][:, NIS] + own[1][:, NIS], at_last[:, NIS])
-        count = np.where(apart, own[0][:, READINGS] + own[1][:, READINGS], at_last[:, READINGS])
-        nis, count = np.where(missing, 0.0, nis), np.where(missing, 0.0, count)
+        # usually all outputs are read at the same instant
+        simultaneous = not missing.any() and all(
+            np.array_equal(step[:, 0], step[:, y]) for y in range(1, ny)
+        )
+        own = [at_last] * ny if simultaneous else [results[step[:, y]] for y in range(ny)]
+        if simultaneous:
+            nis, count = at_last[:, into.nis], at_last[:, into.readings]
+        else:  # each instant once, whatever was read at it
+            alike = [1.0 / np.add.reduce((step == step[:, y : y + 1]).T) for y in range(ny)]
+            nis, count = (
+                sum((own[y][:, column] * alike[y] for y in range(ny)), np.zeros(len(step)))
+                for column in (into.nis, into.readings)
+            )
+            nis, count = np.where(missing, 0.0, nis), np.where(missing, 0.0, np.rint(count))
 
-        def by_axle(column: int) -> Array:
-            values = np.column_stack([own[axle][:, column + axle] for axle in range(2)])
+        def by_output(column: int) -> Array:
+            values = np.column_stack([own[y][:, column + y] for y in range(ny)])
             values[missing] = np.nan
             return values
 
-        innovations = np.nan_to_num(by_axle(INNOVATION))
-        noise_factor = at_last[:, NOISE_FACTOR : NOISE_FACTOR + 2]
+        innovations = np.nan_to_num(by_output(into.innovation))
+        noise_factor = at_last[:, into.noise_factor : into.noise_factor + ny]
         window = self.consistency.update(nis, count, innovations, noise_factor)
-        deflection = at_last[:, DEFLECTION : DEFLECTION + 2].copy()
-        deflection_sd = at_last[:, DEFLECTION_SD : DEFLECTION_SD + 2].copy()
+        deflection = at_last[:, into.deflection : into.deflection + ne].copy()
+        deflection_sd = at_last[:, into.deflection_sd : into.deflection_sd + ne].copy()
         deflection[missing] = deflection_sd[missing] = np.nan
         return Frames(
             time=stamp,
-            median=np.exp(self.coordinates.log_parameters(at_last[:, MEAN : MEAN + 3])),
-            log_sd=self.coordinates.scale[:3] * at_last[:, SD : SD + 3],
+            median=np.exp(self.coordinates.log_parameters(at_last[:, into.mean : into.mean + na])),
+            log_sd=self.coordinates.scale[:na] * at_last[:, into.sd : into.sd + na],
             deflection=deflection,
             deflection_sd=deflection_sd,
             measured=measured,
-            predicted=by_axle(PREDICTED),
-            predicted_sd=by_axle(PREDICTED_SD),
+            predicted=by_output(into.predicted),
+            predicted_sd=by_output(into.predicted_sd),
             nis=nis,
             readings=count,
             nis_mean=window.mean,
             nis_low=window.low,
             nis_high=window.high,
             consistent=window.consistent,
-            inflation=np.sqrt(np.maximum(np.maximum(*noise_factor.T), 1.0)),
+            inflation=np.sqrt(np.maximum(np.maximum.reduce(noise_factor.T), 1.0)),
         )
 
 
-def _scale_sds(vehicle: Vehicle, counts: Sequence[bool]) -> list[float]:
+def _scale_sds(vehicle: Vehicle, names: Sequence[str], counts: Sequence[bool]) -> list[float]:
     """Relative standard deviation of each sensor's scale, where its readings are in counts."""
-    sensors = [vehicle.sensor(name) for name in CHANNELS]
+    sensors = [vehicle.sensor(name) for name in names]
     return [
         s.counts_scale_sd / abs(s.counts_scale) if raw and s.counts_scale else 0.0
         for s, raw in zip(sensors, counts, strict=True)
@@ -397,6 +462,7 @@ def tracker_for(
     recording: Recording,
     vehicle: Vehicle,
     *,
+    car: str = "half",
     rate: float | None = None,
     forget: float | None = None,
     engine: str = "compiled",
@@ -406,17 +472,27 @@ def tracker_for(
     Parameters
     ----------
     recording : Recording
-        Gives units, delays and clocks.
+        Gives channels, units, delays and clocks.
     vehicle : Vehicle
         The car.
+    car : str
+        Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
     rate : float, optional
         Rows per second, Hz; that of the recording's stamps without it.
     forget, engine
         As for :class:`Tracker`.
+
+    Raises
+    ------
+    InputError
+        If the recording lacks what the car needs.
     """
+    used_channels(recording, vehicle, car_model(car, vehicle))
     return Tracker(
         vehicle,
         nominal_rate(recording) if rate is None else rate,
+        car=car,
+        channels=recording.channels,
         forget=forget,
         engine=engine,
         timing=timing(recording),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayes_asv.live.history import BAND_SIDES, PARAMETER_POINTS, TRACES, History
+from bayes_asv.live.history import PARAMETER_POINTS, History
 from bayes_asv.live.metadata import view_metadata
 from bayes_asv.tracking.frames import empty_frames
 from tests.live.synthetic import BAJA, frames, recording
@@ -36,7 +36,7 @@ def test_display_units_and_bands() -> None:
     _append(history, 1.0, [])
     snapshot = history.snapshot()
     expected = frames(BAJA, recording(1.0, 200.0).time, recording(1.0, 200.0).values.T)
-    column = {name: snapshot.traces[:, n] for n, name in enumerate(TRACES)}
+    column = {name: snapshot.traces[:, n] for n, name in enumerate(METADATA.traces)}
     # the 95 % quantile of a normal variable to six figures
     for axle, name in enumerate(("front", "rear")):
         np.testing.assert_allclose(
@@ -59,7 +59,7 @@ def test_display_units_and_bands() -> None:
         snapshot.estimates[:, 2] * LBF * INCH, expected.median[:, 2], rtol=1e-6
     )
     np.testing.assert_allclose(snapshot.estimates[:, 3:6], expected.log_sd, rtol=1e-6)
-    assert len(BAND_SIDES) == len(TRACES) == snapshot.traces.shape[1]
+    assert len(METADATA.band_sides) == len(METADATA.traces) == snapshot.traces.shape[1]
 
 
 def test_extremes_so_far() -> None:
@@ -67,7 +67,7 @@ def test_extremes_so_far() -> None:
     _append(history, 2.0, [7, 8, 150])
     snapshot = history.snapshot()
     for axle, name in enumerate(("front", "rear")):
-        deflection = snapshot.traces[:, TRACES.index(f"{name} deflection")]
+        deflection = snapshot.traces[:, METADATA.traces.index(f"{name} deflection")]
         smallest = [deflection[: n + 1].min() for n in range(len(deflection))]
         largest = [deflection[: n + 1].max() for n in range(len(deflection))]
         np.testing.assert_array_equal(snapshot.extremes[:, 2 * axle], smallest)

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bayes_asv.live.downsampling import bucket_rows, downsample
-from bayes_asv.live.history import BAND_SIDES, TRACES
 from bayes_asv.live.metadata import view_metadata
 from bayes_asv.live.session import Session
 from bayes_asv.live.viewer import POINTS, Viewer, metadata_message
 from tests.live.synthetic import BAJA, CurveBuffer, FakeClock, frames, recording
+
+METADATA = view_metadata(BAJA, "x", None)
 
 
 def _session(seconds: float, rate: float) -> tuple[Session, FakeClock]:
@@ -64,7 +65,9 @@ def test_messages_add_up_to_the_history(
         playback = session.playback()
         snapshot, rows = playback.snapshot, playback.rows
         size = bucket_rows(min(window, 6.0) * rate, POINTS)
-        stamps, points = downsample(snapshot.time[:rows], snapshot.traces[:rows], size, BAND_SIDES)
+        stamps, points = downsample(
+            snapshot.time[:rows], snapshot.traces[:rows], size, METADATA.band_sides
+        )
         np.testing.assert_allclose(traces.time, stamps[-len(traces.time) :], atol=1e-6)
         np.testing.assert_allclose(
             _as_array(traces.columns), points[-len(traces.time) :], rtol=1e-4, atol=1e-30
@@ -125,7 +128,7 @@ def test_gaps_are_not_drawn(window: float) -> None:
         message = viewer.message()
         assert message is not None
         traces.take(message["traces"])
-    gaps = [n for n, value in enumerate(traces.columns[TRACES.index("front measured")])
+    gaps = [n for n, value in enumerate(traces.columns[METADATA.traces.index("front measured")])
              if value is None]  # fmt: skip
     assert len(gaps) == 1
     assert 7.0 <= traces.time[gaps[0]] < 7.2
@@ -142,7 +145,7 @@ def test_messages_are_strict_json() -> None:
     session.control("seek", 0.9)
     message = Viewer(session, 5.0).message()
     text = json.dumps(message, allow_nan=False)
-    column = json.loads(text)["traces"]["columns"][TRACES.index("front measured")]
+    column = json.loads(text)["traces"]["columns"][METADATA.traces.index("front measured")]
     assert column[20:50] == [None] * 30
     assert None not in column[:20]
 

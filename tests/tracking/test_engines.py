@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import accelerations
-from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters import ukf
+from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING
-from bayes_asv.filters.ukf_state import COLUMNS, DRIFT, NOISE_FACTOR, Steps
+from bayes_asv.filters.ukf_state import Steps
+from bayes_asv.models.cars import car_model
+from bayes_asv.simulation.roads import road
+from bayes_asv.simulation.simulate import simulate
 from bayes_asv.tracking import reference_ukf
-from bayes_asv.tracking.filter import DEFAULT_SETTINGS, filter_model, initial_state
+from bayes_asv.tracking.filter import DEFAULT_SETTINGS, ENGINES, initial_state
+from bayes_asv.tracking.filter_model import FilterModel, filter_model
 from bayes_asv.tracking.parameters import coordinates
 from bayes_asv.tracking.relinearization import slice_steps
-from bayes_asv.tracking.sensor_noise import sensor_model
+from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
 from bayes_asv.tracking.streaming_timeline import StreamingTimeline
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.tracking.drives import tracked
@@ -26,9 +31,17 @@ ROWS = 70
 NO_EVENTS = DEFAULT_SETTINGS._replace(information_gain=1e9, review_interval=1e9, fault_duration=1e9)
 
 
+def _sensors(car: Vehicle) -> SensorModel:
+    return sensor_model(car, car_model("half", car), CHANNELS)
+
+
+def _model(car: Vehicle, forget: float | None = None) -> FilterModel:
+    return filter_model(coordinates(car_model("half", car), CHANNELS), _sensors(car), forget)
+
+
 def _steps(car: Vehicle, terrain: str = "bump", first: int = 150) -> Steps:
     _, _, recording = case(terrain, 3, DECLARED)
-    timeline = StreamingTimeline(car, sensor_model(car), 400.0)
+    timeline = StreamingTimeline(car, _sensors(car), 400.0)
     chunk = timeline.push(recording.time, accelerations(recording, car).T)
     return slice_steps(chunk.steps, first, first + ROWS)
 
@@ -41,14 +54,18 @@ def _both(
     **settings: float,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Results of both engines: rows, event and final state."""
-    space = coordinates(car)
-    model = filter_model(space, sensor_model(car).noise_parameters(), forget)
+    return _ends(_model(car, forget), steps, width, **settings)
+
+
+def _ends(
+    model: FilterModel, steps: Steps, width: float = 1.0, **settings: float
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     ends = []
-    for run in (ukf.run, reference_ukf.run):
-        state, out = initial_state(model), np.zeros((len(steps.step), COLUMNS))
+    for run in ENGINES.values():
+        state, out = initial_state(model), np.zeros((len(steps.step), model.into.width))
         state.D[:] *= width
         event = run(0, False, state, model, NO_EVENTS._replace(**settings), steps, out)
-        ends.append([out, np.asarray(event), *state[:7], state.statistics[:11]])
+        ends.append([out, np.asarray(event), *state[:7], state.statistics[: model.at.deviance]])
     return ends[0], ends[1]
 
 
@@ -82,9 +99,9 @@ def test_raised_noise_factor_and_drift() -> None:
     steps.reading[30:, 1] += 2.0
     ends = _both(car, steps, width=0.02, drift_threshold=1.2)
     assert _differing(ends) == []
-    out = ends[0][0]
-    assert out[:, NOISE_FACTOR + 1].max() > 3.0
-    assert out[:, DRIFT].max() == 1.0
+    out, into = ends[0][0], _model(car).into
+    assert out[:, into.noise_factor + 1].max() > 3.0
+    assert out[:, into.drift].max() == 1.0
 
 
 def test_uncertain_scales_without_bandwidth() -> None:
@@ -96,13 +113,13 @@ def test_uncertain_scales_without_bandwidth() -> None:
             for n, s in car.sensors.items()
         },
     )
-    space = coordinates(car, (0.02, 0.02, 0.02, 0.02))
+    space = coordinates(car_model("half", car), CHANNELS, (0.02, 0.02, 0.02, 0.02))
     assert len(space) == 7
     steps = _steps(vehicle(EXACT))
-    model = filter_model(space, sensor_model(car).noise_parameters())
+    model = filter_model(space, _sensors(car))
     outs = []
-    for run in (ukf.run, reference_ukf.run):
-        state, out = initial_state(model), np.zeros((ROWS, COLUMNS))
+    for run in ENGINES.values():
+        state, out = initial_state(model), np.zeros((ROWS, model.into.width))
         run(0, False, state, model, NO_EVENTS, steps, out)
         outs.append(out)
     np.testing.assert_allclose(outs[0], outs[1], rtol=1e-9, atol=1e-9)
@@ -121,7 +138,7 @@ def test_trackers_with_relinearization() -> None:
 
 def test_reference_filter_has_no_fixed_reference() -> None:
     car = vehicle(EXACT)
-    model = filter_model(coordinates(car), sensor_model(car).noise_parameters())
+    model = _model(car)
     with pytest.raises(ValueError, match="fixed reference"):
         reference_ukf.run(
             0,
@@ -130,5 +147,45 @@ def test_reference_filter_has_no_fixed_reference() -> None:
             model,
             DEFAULT_SETTINGS,
             _steps(car),
-            np.zeros((ROWS, COLUMNS)),
+            np.zeros((ROWS, model.into.width)),
         )
+
+
+WHEELS = ("front_wheel", "rear_wheel")
+CORNERS = tuple(f"{axle}_{side}" for axle in ("front", "rear") for side in ("left", "right"))
+SENSORS = {
+    "quarter-front": ("front_wheel", "front_chassis"),
+    "quarter-rear": ("rear_wheel", "rear_travel", "rear_chassis"),
+    "half": (*WHEELS, "front_travel", "body_pitch_rate", "rear_chassis"),
+    "roll": (
+        *(f"{corner}_wheel" for corner in CORNERS), "front_left_chassis", "front_right_chassis",
+        "rear_chassis", "rear_left_travel", "body_pitch_rate",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_any_car_with_any_sensors(name: str) -> None:
+    """Missing and clipped readings, anti-roll bars, springs that share an unknown, input biases."""
+    file = "baja2008_roll.toml" if name == "roll" else "baja2008.toml"
+    given = read_vehicle(Path(__file__).parents[2] / "data" / "vehicles" / file)
+    names = SENSORS[name]
+    declared = {n: Sensor(noise=1e-4) for n in names if n.endswith("_travel")}
+    declared |= {n: Sensor(noise=2e-3) for n in names if n.endswith("_rate")}
+    declared |= {n: replace(given.sensor(n), noise=0.05) for n in names if n not in declared}
+    given = replace(given, sensors={**given.sensors, **declared})
+    if given.roll is not None:
+        given = replace(given, roll=replace(given.roll, front_bar=2000.0))
+    rough = road("bump", np.random.default_rng(2))
+    recording = simulate(given, rough, car=name, channels=names, seconds=1.0).recording
+    car = car_model(name, given)
+    sensors = sensor_model(given, car, names)
+    timeline = StreamingTimeline(given, sensors, 400.0)
+    chunk = timeline.push(recording.time, accelerations(recording, given).T)
+    steps = slice_steps(chunk.steps, 220, 220 + (25 if name == "roll" else ROWS))
+    steps.kind[::7, 0] = MISSING
+    steps.kind[5::9, -1] = AT_LEAST
+    model = filter_model(coordinates(car, names), sensors, 20.0)
+    assert model.sizes.directions == int("body_pitch_rate" in names) + int(name == "roll")
+    # a part of the prior's width: the first readings would move the parameters by factors
+    assert _differing(_ends(model, steps, 0.3)) == []

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
+from bayes_asv.models.cars import car_model
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.frames import Frames
 from tests.posterior.cases import DECLARED, vehicle
@@ -145,7 +146,7 @@ def test_alarm_for_a_worn_damper_only() -> None:
     nominal = vehicle(DECLARED)
     _, frames = tracked(recording, forget=60.0)
     at_start = car.c_f / nominal.c_f.value
-    monitor = AlarmMonitor(nominal, 0.85 * at_start, 0.99, 1.0)
+    monitor = AlarmMonitor(car_model("half", nominal), 0.85 * at_start, 0.99, 1.0)
     alarm = _alarm(frames, monitor)
     assert alarm is not None
     assert alarm.axle == "front"
@@ -154,9 +155,9 @@ def test_alarm_for_a_worn_damper_only() -> None:
     assert alarm.time - alarm.since >= 1.0
     assert alarm.low < alarm.median < alarm.high
     # chunk size has no effect
-    again = _alarm(frames, AlarmMonitor(nominal, 0.85 * at_start, 0.99, 1.0), 13)
+    again = _alarm(frames, AlarmMonitor(car_model("half", nominal), 0.85 * at_start, 0.99, 1.0), 13)
     assert again == alarm
-    silent = AlarmMonitor(nominal, 0.6 * at_start, 0.99, 1.0)
+    silent = AlarmMonitor(car_model("half", nominal), 0.6 * at_start, 0.99, 1.0)
     assert _alarm(frames, silent) is None
     assert silent.rows == len(frames)
     assert np.all(silent.probability < 0.5)
@@ -166,6 +167,6 @@ def test_inconsistent_filter_raises_no_alarm() -> None:
     _, recording = long_drive(24.0, 12, 0.3, 20.0)
     _, frames = tracked(recording, forget=60.0)
     never = replace(frames, consistent=np.zeros(len(frames), bool))
-    monitor = AlarmMonitor(vehicle(DECLARED), 1.5, 0.99, 1.0)
+    monitor = AlarmMonitor(car_model("half", vehicle(DECLARED)), 1.5, 0.99, 1.0)
     assert _alarm(never, monitor) is None
     assert monitor.rows_consistent == 0

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, Timing, accelerations, sample_times, timing
 from bayes_asv.domain.vehicle import Vehicle
@@ -18,7 +19,7 @@ from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.ukf_state import Steps
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.timeline import prepare
-from bayes_asv.tracking.sensor_noise import sensor_model
+from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
 from bayes_asv.tracking.streaming_spline import LOOKAHEAD
 from bayes_asv.tracking.streaming_timeline import Rows, StreamingTimeline, TimelineChunk, max_gap
 from tests.posterior.cases import EXACT, case, vehicle
@@ -29,11 +30,15 @@ Array = NDArray[np.float64]
 CAR = vehicle(EXACT)
 
 
+def _sensors(car: Vehicle) -> SensorModel:
+    return sensor_model(car, car_model("half", car), CHANNELS)
+
+
 def _scheduled(
     recording: Recording, sizes: list[int], car: Vehicle = CAR, clocks: Timing | None = None
 ) -> TimelineChunk:
     """All steps and rows, the rows arriving in chunks of these sizes."""
-    timeline = StreamingTimeline(car, sensor_model(car), 400.0, clocks or timing(recording))
+    timeline = StreamingTimeline(car, _sensors(car), 400.0, clocks or timing(recording))
     acc = accelerations(recording, car).T
     parts, at = [], 0
     for size in sizes:
@@ -91,7 +96,7 @@ def test_chunk_size_has_no_effect(sizes: list[int], seed: int) -> None:
 
 def test_rows_wait_for_the_lookahead() -> None:
     _, _, recording = case("bump", 1, EXACT, seconds=0.2)
-    timeline = StreamingTimeline(CAR, sensor_model(CAR), 400.0)
+    timeline = StreamingTimeline(CAR, _sensors(CAR), 400.0)
     acc = accelerations(recording, CAR).T
     done = [
         len(timeline.push(recording.time[k : k + 1], acc[k : k + 1]).rows.stamp) for k in range(60)
@@ -186,13 +191,13 @@ def test_clipped_readings_are_bounds() -> None:
     ],
 )
 def test_impossible_rows_are_refused(times: list[float], acc: Array) -> None:
-    timeline = StreamingTimeline(CAR, sensor_model(CAR), 400.0)
+    timeline = StreamingTimeline(CAR, _sensors(CAR), 400.0)
     with pytest.raises(InputError):
         timeline.push(np.array(times), acc)
 
 
 def test_no_rows_give_no_steps() -> None:
-    timeline = StreamingTimeline(CAR, sensor_model(CAR), 400.0)
+    timeline = StreamingTimeline(CAR, _sensors(CAR), 400.0)
     assert len(timeline.push(np.empty(0), np.empty((0, 4))).rows.stamp) == 0
     assert len(timeline.finish().steps.step) == 0
     assert MISSING == 0

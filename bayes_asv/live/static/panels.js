@@ -1,9 +1,13 @@
-// The panels of the page: three parameters, two axles, and the prediction errors of the filter.
+// The panels of the page: parameters, suspension elements, measured outputs, and the prediction errors.
 
 import { Chart, Limits, extremes, plain } from "./charts.js";
 
-const AXLES = ["front", "rear"];
-const PAINT = { c_f: "front", c_r: "rear", i: "pitch" };
+// Colour of a parameter, an output or an element: that of its axle.
+function paint(name) {
+  if (name.startsWith("front") || name.startsWith("c_f")) return "front";
+  return name.startsWith("rear") || name.startsWith("c_r") ? "rear" : "pitch";
+}
+
 const MAX_WIDTH = 5; // times the newest: wider bands may leave the chart
 
 function element(tag, kind, text = "") {
@@ -32,11 +36,18 @@ export class Panels {
     this.scene = scene;
     this.times = times;
     this.index = Object.fromEntries(scene.traces.map((name, n) => [name, n]));
-    this.acceleration = new Limits();
-    this.deflection = new Limits();
-    this.ranges = { acceleration: [-1, 1], deflection: [-1, 1], nis: [0, 2] };
+    // Outputs of one unit share their scale.
+    this.units = [...new Set(scene.outputs.map((output) => output.unit))];
+    this.limits = Object.fromEntries([...this.units, "deflection"].map((unit) => [unit, new Limits()]));
+    this.ranges = { deflection: [-1, 1], nis: [0, 2] };
+    for (const unit of this.units) this.ranges[`of ${unit}`] = [-1, 1];
     this.cards = scene.parameters.map((parameter, n) => this.card(parameter, n));
-    this.axles = AXLES.flatMap((axle) => this.axle(axle));
+    this.moved = {};
+    const apart = scene.outputs.filter((output) => !scene.elements.includes(output.key));
+    this.axles = [
+      ...scene.elements.flatMap((name) => this.element(name)),
+      ...apart.map((output) => this.output(output, this.panel())),
+    ];
     this.nis = this.innovations();
     this.charts = [...this.cards.map((card) => card.chart), ...this.axles, this.nis];
   }
@@ -75,7 +86,7 @@ export class Panels {
     const container = element("div", "chart");
     box.append(title, figures, parts.interval, parts.sense, parts.chance, container);
     document.getElementById("cards").append(box);
-    const colour = PAINT[parameter.name];
+    const colour = paint(parameter.name);
     parts.chart = new Chart(container, {
       label: parameter.unit,
       time: "time [s]",
@@ -99,51 +110,64 @@ export class Panels {
     return parts;
   }
 
-  axle(axle) {
+  panel() {
     const box = element("article", "panel");
-    const { acceleration, deflection, limits } = this.scene;
-    const [first, sensed] = heading(
-      `${capital(axle)} chassis acceleration`,
-      ["measured", "measured"], [axle, "predicted"],
-    );
-    const [second, moved] = heading(`${capital(axle)} suspension deflection`);
-    moved.id = `reach-${axle}`; // shows the travel so far, unless a cursor is on the chart
-    const places = [element("div", "chart"), element("div", "chart")];
-    box.append(first, places[0], second, places[1]);
     document.getElementById("axles").append(box);
-    const at = (name) => this.index[`${axle} ${name}`];
-    const value = (name, n) => plain(this.traces?.columns[at(name)]?.[n]);
-    const stamp = (n) => plain(this.traces?.time[n], 3);
-    const shared = { x: () => this.span(), sync: "traces" };
-    return [
-      new Chart(places[0], {
-        ...shared,
-        label: `${acceleration}, up positive`,
-        curves: [
-          { column: at("predicted high"), width: 0 },
-          { column: at("predicted low"), width: 0 },
-          { column: at("measured"), colour: "measured", width: 4 },
-          { column: at("predicted"), colour: axle, width: 1.5 },
-        ],
-        bands: [[0, 1, `${axle}-band`]],
-        y: () => this.ranges.acceleration,
-        onCursor: (n) => setText(sensed, n === null ? "" : `${stamp(n)} s: ${value("measured", n)} / ${value("predicted", n)}`),
-      }),
-      new Chart(places[1], {
-        ...shared,
-        label: `${deflection}, extension positive`,
-        time: "time [s]",
-        curves: [
-          { column: at("deflection high"), width: 0 },
-          { column: at("deflection low"), width: 0 },
-          { column: at("deflection"), colour: axle, width: 2 },
-        ],
-        bands: [[0, 1, `${axle}-band`]],
-        marks: () => stops(limits[axle], deflection),
-        y: () => this.ranges.deflection,
-        onCursor: (n) => setText(moved, n === null ? (this.reach?.[axle] ?? "") : `${stamp(n)} s: ${value("deflection", n)} (${value("deflection low", n)} to ${value("deflection high", n)})`),
-      }),
-    ];
+    return box;
+  }
+
+  // What is measured above a suspension element, if anything is, and its deflection.
+  element(name) {
+    const box = this.panel();
+    const above = this.scene.outputs.find((output) => output.key === name);
+    const charts = above ? [this.output(above, box)] : [];
+    const { deflection, limits } = this.scene;
+    const colour = paint(name);
+    const [title, moved] = heading(`${capital(name.replace("_", " "))} suspension deflection`);
+    moved.id = `reach-${name}`; // shows the travel so far, unless a cursor is on the chart
+    const place = element("div", "chart");
+    box.append(title, place);
+    const at = (what) => this.index[`${name} ${what}`];
+    const value = (what, n) => plain(this.traces?.columns[at(what)]?.[n]);
+    this.moved[name] = new Chart(place, {
+      x: () => this.span(),
+      sync: "traces",
+      label: `${deflection}, extension positive`,
+      time: "time [s]",
+      curves: [
+        { column: at("deflection high"), width: 0 },
+        { column: at("deflection low"), width: 0 },
+        { column: at("deflection"), colour: colour, width: 2 },
+      ],
+      bands: [[0, 1, `${colour}-band`]],
+      marks: () => stops(limits[name], deflection),
+      y: () => this.ranges.deflection,
+      onCursor: (n) => setText(moved, n === null ? (this.reach?.[name] ?? "") : `${plain(this.traces?.time[n], 3)} s: ${value("deflection", n)} (${value("deflection low", n)} to ${value("deflection high", n)})`),
+    });
+    return [...charts, this.moved[name]];
+  }
+
+  output(output, box) {
+    const colour = paint(output.key);
+    const [title, sensed] = heading(capital(output.label), ["measured", "measured"], [colour, "predicted"]);
+    const place = element("div", "chart");
+    box.append(title, place);
+    const at = (what) => this.index[`${output.key} ${what}`];
+    const value = (what, n) => plain(this.traces?.columns[at(what)]?.[n]);
+    return new Chart(place, {
+      x: () => this.span(),
+      sync: "traces",
+      label: `${output.unit}, ${output.sign}`,
+      curves: [
+        { column: at("predicted high"), width: 0 },
+        { column: at("predicted low"), width: 0 },
+        { column: at("measured"), colour: "measured", width: 4 },
+        { column: at("predicted"), colour: colour, width: 1.5 },
+      ],
+      bands: [[0, 1, `${colour}-band`]],
+      y: () => this.ranges[`of ${output.unit}`],
+      onCursor: (n) => setText(sensed, n === null ? "" : `${plain(this.traces?.time[n], 3)} s: ${value("measured", n)} / ${value("predicted", n)}`),
+    });
   }
 
   innovations() {
@@ -181,19 +205,22 @@ export class Panels {
       setText(card.sense, capital(text.sense));
       setText(card.chance, text.chance);
     });
-    this.reach = Object.fromEntries(AXLES.map((axle, n) => [axle, now.travel[n] && `so far ${now.travel[n]}`]));
-    AXLES.forEach((axle, n) => {
-      if (!this.axles[2 * n + 1].hasCursor) setText(document.getElementById(`reach-${axle}`), this.reach[axle]);
-    });
+    this.reach = Object.fromEntries(this.scene.elements.map((name, n) => [name, now.travel[n] && `so far ${now.travel[n]}`]));
+    for (const [name, chart] of Object.entries(this.moved)) {
+      if (!chart.hasCursor) setText(document.getElementById(`reach-${name}`), this.reach[name]);
+    }
   }
 
   draw(traces, run) {
     [this.traces, this.run] = [traces, run];
-    const all = (name) => AXLES.map((axle) => traces.columns[this.index[`${axle} ${name}`]]);
+    const all = (names, what) => names.map((name) => traces.columns[this.index[`${name} ${what}`]]);
     // Bands may leave the chart, because they are very wide at first.
-    this.ranges.acceleration = this.acceleration.cover(...extremes([...all("measured"), ...all("predicted")]));
+    for (const unit of this.units) {
+      const keys = this.scene.outputs.filter((output) => output.unit === unit).map((output) => output.key);
+      this.ranges[`of ${unit}`] = this.limits[unit].cover(...extremes([...all(keys, "measured"), ...all(keys, "predicted")]));
+    }
     const ends = Object.values(this.scene.limits).flat().filter((end) => end !== null);
-    this.ranges.deflection = this.deflection.cover(...extremes([...all("deflection"), ends]));
+    this.ranges.deflection = this.limits.deflection.cover(...extremes([...all(this.scene.elements, "deflection"), ends]));
     const [, top] = extremes([traces.columns[this.index.nis]]);
     const [, band] = extremes([traces.columns[this.index["nis high"]].slice(-50)]);
     this.ranges.nis = [0, Math.min(Math.max(1.3 * top || 0, 1.3 * band || 0, 1.6), 50)];

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.domain.quantities import QUANTITIES
+from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.report.documents.quantities import Z95, SummaryFields, Units, provenance
+from bayes_asv.models.car_model import CarParameter
+from bayes_asv.report.documents.quantities import SummaryFields, Units, provenance
 from bayes_asv.report.schema import TrackDocument, WatchDocument
 from bayes_asv.report.schema import track as schema
 from bayes_asv.report.schema.parts import Known, Parameter, Quantity, Summary, VehicleInfo
 from bayes_asv.report.sections.online_filter import consistency_lines
-from bayes_asv.tracking.alarm import AXLES, Alarm, AlarmMonitor
+from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.consistency import LAGS, WINDOW
-from bayes_asv.tracking.data_checks import unidentified_parameters
-from bayes_asv.tracking.frames import PARAMETERS, Frames
+from bayes_asv.tracking.frames import Frames
 from bayes_asv.tracking.track import TrackResult
 from bayes_asv.tracking.tracker import Tracker
 
@@ -30,28 +30,9 @@ __all__ = ["Trace", "track_document", "watch_document"]
 
 Array = NDArray[np.float64]
 
-_GIVEN: Final = ("m", "l", "wdf", "k_f", "k_r")
 _MAX_POINTS: Final = 1500  # of a curve
 _PACKAGES: Final = ("numpy", "scipy", "numba", "filterpy")
 _PIECE: Final = 1 << 20  # bytes
-
-
-class _Product(NamedTuple):
-    """Logarithm of a constant, and powers of the car's parameters."""
-
-    log_constant: float
-    powers: dict[str, float]
-
-
-# Each answer as a product of powers of the car's parameters.
-_ANSWERS: Final = {
-    "c_f": _Product(0.0, {"c_f": 1.0}),
-    "c_r": _Product(0.0, {"c_r": 1.0}),
-    "i": _Product(0.0, {"i": 1.0}),
-    "k_g": _Product(0.0, {"i": 0.5, "m": -0.5}),
-    "zeta_f": _Product(-math.log(2.0), {"c_f": 1.0, "k_f": -0.5, "m": -0.5, "wdf": -0.5}),
-    "zeta_r": _Product(-math.log(2.0), {"c_r": 1.0, "k_r": -0.5, "m": -0.5, "1 - wdf": -0.5}),
-}
 
 
 def track_document(result: TrackResult, trace: str | None = None, seed: int = 0) -> TrackDocument:
@@ -67,14 +48,19 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
         As given; the filter draws nothing.
     """
     vehicle, ok = result.vehicle, result.verdict == "ok"
+    car = result.coordinates.car
+    answers = (*result.coordinates.answers, *result.derived)
+    given = [p for p in car.parameters if p.kind != "estimated" and p.terms]
     document = TrackDocument(
         schema="bayes_asv/track/1",
+        car=car.name,
+        channels=[channel.name for channel in result.channels],
         verdict=result.verdict,
         reasons=list(result.reasons),
         warnings=list(result.warnings),
-        parameters={n: _parameter(n, result) for n in _ANSWERS} if ok else {},
+        parameters={n: _parameter(n, result) for n in answers} if ok else {},
         consistency=_consistency(result),
-        known={n: _known(n, result) for n in _GIVEN},
+        known={p.name: _known(p, result) for p in given},
         track=_curves(result) if ok else None,
         filter=schema.Filter(
             engine=result.engine,
@@ -104,7 +90,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
 def _log_normal(log_mean: float, log_sd: float, factor: float) -> SummaryFields:
     """Summary of a log-normal distribution in other units."""
     mean, sd = (float(v) for v in _moments(np.array(log_mean), np.array(log_sd)))
-    low, median, high = (math.exp(log_mean + z * log_sd) for z in (-Z95, 0.0, Z95))
+    low, median, high = (math.exp(log_mean + z * log_sd) for z in (-NORMAL_975, 0.0, NORMAL_975))
     return {
         "mean": factor * mean, "median": factor * median, "sd": factor * sd,
         "eti95": [factor * low, factor * high],
@@ -113,11 +99,8 @@ def _log_normal(log_mean: float, log_sd: float, factor: float) -> SummaryFields:
 
 def _parameter(name: str, result: TrackResult) -> Parameter:
     """One answer after the last row, log-normal."""
-    log_constant, powers = _ANSWERS[name]
-    log_mean, log_sd = result.log_moments(powers)
-    log_mean += log_constant
-    given = getattr(result.vehicle, name)
-    nominal = float(given if isinstance(given, float) else given.value)
+    log_mean, log_sd = result.log_moments(name)
+    nominal = result.nominal[name]
     z = (math.log(nominal) - log_mean) / max(log_sd, 1e-300)
     units, si = Units(result.vehicle.units), Units("SI")
     factor = units.convert_parameter(1.0, name)
@@ -131,15 +114,17 @@ def _parameter(name: str, result: TrackResult) -> Parameter:
     )
 
 
-def _known(name: str, result: TrackResult) -> Known:
+def _known(given: CarParameter, result: TrackResult) -> Known:
     """One given value, and its posterior."""
-    units, coordinates = Units(result.vehicle.units), result.coordinates
-    given = getattr(result.vehicle, name)
+    units, coordinates, name = Units(result.vehicle.units), result.coordinates, given.name
+    declared = getattr(result.vehicle, name, None)  # of one side of an axle there is none
+    log_sd = math.sqrt(sum((weight * sd) ** 2 for _, weight, sd in given.terms))
+    sd = given.nominal * log_sd if declared is None else declared.sd
     known = Known(
         label=QUANTITIES[name][1],
         unit=units.unit_of(name),
-        value=units.convert_parameter(given.value, name),
-        sd=units.convert_parameter(given.sd, name),
+        value=units.convert_parameter(given.nominal, name),
+        sd=units.convert_parameter(sd, name),
     )
     if name in coordinates.names and result.verdict == "ok":
         k = coordinates.names.index(name)
@@ -149,13 +134,15 @@ def _known(name: str, result: TrackResult) -> Known:
         if coordinates.log[k]:
             known.posterior = Summary(**_log_normal(mean, sd, factor))
         else:
-            ends = [factor * (mean + side * Z95 * sd) for side in (-1.0, 1.0)]
+            ends = [factor * (mean + side * NORMAL_975 * sd) for side in (-1.0, 1.0)]
             known.posterior = Summary(mean=factor * mean, sd=factor * sd, eti95=ends)
     return known
 
 
 def _consistency(result: TrackResult) -> schema.Consistency:
     consistency = result.consistency
+    outputs = [channel.name for channel in result.channels if not channel.is_input]
+    by_output = dict(zip(outputs, consistency.correlation.tolist(), strict=True))
     return schema.Consistency(
         nis_mean=consistency.nis_mean,
         nis_band95=list(consistency.nis_band95),
@@ -166,9 +153,10 @@ def _consistency(result: TrackResult) -> schema.Consistency:
         largest_noise_level=math.sqrt(consistency.max_noise_factor),
         colour=consistency.max_box_pierce,
         autocorrelation=schema.Autocorrelation(
-            front=consistency.correlation[0].tolist(),
-            rear=consistency.correlation[1].tolist(),
-            band95=Z95 / math.sqrt(max(consistency.readings // 2, 1)),
+            front=by_output.get("front_chassis", []),
+            rear=by_output.get("rear_chassis", []),
+            outputs=by_output,
+            band95=NORMAL_975 / math.sqrt(max(consistency.readings // len(by_output), 1)),
             lags=LAGS,
             lag_seconds=1.0 / result.rate,
         ),
@@ -182,14 +170,15 @@ def _curves(result: TrackResult) -> schema.TrackCurves:
     # An inconsistency between two points of a curve is kept as well.
     since = np.append(0, keep[:-1] + 1)
     parameters = {}
-    for k, name in enumerate(PARAMETERS):
+    for k, name in enumerate(result.coordinates.answers):
         median, sd = frames.median[keep, k], frames.log_sd[keep, k]
         dimension = QUANTITIES[name][0]
         parameters[name] = schema.ParameterCurve(
             unit=units.unit_of(name),
             median=units.curve(median, dimension),
             band95=[
-                units.curve(median * np.exp(side * Z95 * sd), dimension) for side in (-1.0, 1.0)
+                units.curve(median * np.exp(side * NORMAL_975 * sd), dimension)
+                for side in (-1.0, 1.0)
             ],
         )
     return schema.TrackCurves(
@@ -223,15 +212,10 @@ def watch_document(
         As given; nothing is drawn.
     """
     name = Path(source).name
-    reasons = [] if alarm else tracker.data_checks.reasons(tracker.vehicle, tracker.sensors, name)
-    if alarm is None and not reasons and tracker.started:
-        before = tracker.coordinates.scale[:3]
-        D = tracker.filter.state.D[:, :3]
-        inconsistent = tracker.consistency.summary().verdict == "inconsistent"
-        after = before * np.sqrt(np.sum(D**2, axis=0))
-        reasons = unidentified_parameters(after, before, inconsistent=inconsistent)
+    reasons = [] if alarm else tracker.unanswered(name)
     return WatchDocument(
         schema="bayes_asv/watch/1",
+        car=tracker.coordinates.car.name,
         verdict="alarm" if alarm else "refused" if reasons else "ok",
         reasons=list(reasons),
         warnings=[],
@@ -249,7 +233,7 @@ def watch_document(
             eti95=[alarm.low, alarm.high],
         ),
         probability={
-            axle: float(p) for axle, p in zip(AXLES, monitor.probability, strict=True)
+            place: float(p) for place, p in zip(monitor.places, monitor.probability, strict=True)
         },
         seconds_watched=monitor.rows / tracker.rate,
         share_of_time=monitor.rows_consistent / max(monitor.rows, 1),
@@ -262,7 +246,7 @@ def watch_document(
 class Trace:
     """State of the filter after each row, as CSV in the vehicle's units.
 
-    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of c_f, c_r and i, then ``nis mean`` (one
+    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of all answers, then ``nis mean`` (one
     before the first reading that counts), ``inflation`` and ``consistent`` (1 or 0).  The rows are
     kept in an unnamed temporary file and not in memory.
 
@@ -270,19 +254,22 @@ class Trace:
     ----------
     vehicle : Vehicle
         Determines the units.
+    names : sequence of str
+        The answers; by default those of the half car.
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, names: Sequence[str] = ("c_f", "c_r", "i")) -> None:
+        self._names = tuple(names)
         self._units = Units(vehicle.units)
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the trace
-        names = [f"{name} {what}" for name in PARAMETERS for what in ("mean", "sd")]
+        names = [f"{name} {what}" for name in self._names for what in ("mean", "sd")]
         columns = ["time [s]", *names, "nis mean", "inflation", "consistent"]
         self._file.write((",".join(columns) + "\n").encode())
 
     def append(self, frames: Frames) -> None:
         """Append the frames that follow."""
         values = [frames.time]
-        for k, name in enumerate(PARAMETERS):
+        for k, name in enumerate(self._names):
             for value in _moments(np.log(frames.median[:, k]), frames.log_sd[:, k]):
                 values.append(self._units.convert_parameter(value, name))
         values += [frames.nis_mean, frames.inflation, frames.consistent.astype(float)]

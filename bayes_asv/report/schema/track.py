@@ -8,10 +8,11 @@ from pydantic import Field, model_validator
 
 from bayes_asv.report.schema.parts import (
     MAX_POINTS,
-    Axle,
     Band,
+    Channel,
     Count,
     Curve,
+    ElementName,
     Finite,
     Interval,
     Known,
@@ -37,8 +38,13 @@ __all__ = ["TrackDocument", "WatchDocument"]
 class Autocorrelation(Model):
     """Autocorrelation of the innovations, from lag 0."""
 
-    front: Annotated[list[MaybeNumber], Field(max_length=1000)]
-    rear: Annotated[list[MaybeNumber], Field(max_length=1000)]
+    front: Annotated[list[MaybeNumber], Field(max_length=1000)] = Field(default_factory=list)
+    rear: Annotated[list[MaybeNumber], Field(max_length=1000)] = Field(default_factory=list)
+    """Those of the chassis above an axle; empty where it is not measured."""
+    outputs: dict[Channel, Annotated[list[MaybeNumber], Field(max_length=1000)]] = Field(
+        default_factory=dict
+    )
+    """By measured output."""
     band95: NonNegative
     lags: Count = 0
     lag_seconds: NonNegative
@@ -85,7 +91,7 @@ class TrackCurves(Model):
     """The filter against time, seconds from the first row."""
 
     time: Curve
-    parameters: dict[Annotated[str, OneOf("c_f", "c_r", "i")], ParameterCurve]
+    parameters: dict[QuantityName, ParameterCurve]
     nis: NisCurve
     inflation: Curve
     """Factor on the standard deviation of the noise."""
@@ -120,6 +126,10 @@ class TrackDocument(Model):
     """Parameters from the online filter; written by ``bayes-asv track``."""
 
     schema_name: Literal["bayes_asv/track/1"] = Field(alias="schema")
+    car: Annotated[str, Field(max_length=64)] = "half"
+    """Model of the car."""
+    channels: Annotated[list[Channel], Field(max_length=100)] = Field(default_factory=list)
+    """What was measured; empty in a document of an earlier version, which is of the half car."""
     verdict: Annotated[str, OneOf("ok", "refused")]
     reasons: Texts
     """Why it was refused."""
@@ -144,10 +154,13 @@ class TrackDocument(Model):
         if self.verdict == "refused" and not self.reasons:
             raise ValueError("it is refused without a reason")
         if self.verdict == "ok":
-            missing = [n for n in ("c_f", "c_r", "i") if n not in self.parameters]
+            if self.track is None or not self.track.parameters:
+                raise ValueError("it has a verdict but no curves")
+            needed = ("c_f", "c_r", "i") if self.car == "half" else tuple(self.track.parameters)
+            missing = [n for n in needed if n not in self.parameters]
             if missing:
                 raise ValueError(f"it has a verdict but no parameter {missing[0]}")
-            if self.track is None or len(self.track.parameters) < 3:
+            if any(n not in self.track.parameters for n in needed):
                 raise ValueError("it has a verdict but no curves")
         return self
 
@@ -164,7 +177,8 @@ class AlarmSettings(Model):
 class AlarmInfo(Model):
     """An alarm."""
 
-    axle: Axle
+    axle: ElementName
+    """Place of the damper."""
     time: Finite
     since: Finite
     probability: Share
@@ -176,12 +190,14 @@ class WatchDocument(Model):
     """Whether a damper became too soft; written by ``bayes-asv watch``."""
 
     schema_name: Literal["bayes_asv/watch/1"] = Field(alias="schema")
+    car: Annotated[str, Field(max_length=64)] = "half"
+    """Model of the car."""
     verdict: Annotated[str, OneOf("alarm", "ok", "refused")]
     reasons: Texts
     warnings: Texts
     asked: AlarmSettings
     alarm: AlarmInfo | None
-    probability: dict[Axle, MaybeShare]
+    probability: dict[ElementName, MaybeShare]
     """That a damper is worn, at the end."""
     seconds_watched: NonNegative
     share_of_time: Share

@@ -43,12 +43,12 @@ Array = NDArray[np.float64]
 
 RECOVERED: Final = "The filter was inconsistent for some time and has recovered."
 INCONSISTENT: Final = (
-    "Not to be relied on: the half car and the sensors of the vehicle file do not explain this "
+    "Not to be relied on: the {car} car and the sensors of the vehicle file do not explain this "
     "recording. The figures are the last state of the filter."
 )
 INCONSISTENT_STEPS: Final = (
     "Check whether a sensor is loose, or its noise in the vehicle file too small.",
-    "Run 'bayes-asv diagnose' to find what the half car lacks: unequal compression and rebound "
+    "Run 'bayes-asv diagnose' to find what the {car} car lacks: unequal compression and rebound "
     "damping, a stop, friction.",
     "Run 'bayes-asv estimate', which also estimates the noise and states how much of the motion is "
     "explained.",
@@ -58,12 +58,12 @@ INCONSISTENT_STEPS: Final = (
 _FAULTS: Final = {
     "swollen": (
         "The noise had to be raised to {level} the level of the vehicle file: a sensor is faulty, "
-        "a value given as exact is wrong, or something moves that the half car does not describe."
+        "a value given as exact is wrong, or something moves that the {car} car does not describe."
     ),
     "coloured": (
         "The innovations are autocorrelated: the parameters changed, a given value is wrong, or "
-        "the car does something that the half car does not describe. Meanwhile the filter lets the "
-        "parameters vary, which widens the intervals."
+        "the car does something that the {car} car does not describe. Meanwhile the filter lets "
+        "the parameters vary, which widens the intervals."
     ),
     "uneven": "For a part of the time the errors did not match the stated uncertainty.",
     "optimistic": "The errors were larger than stated: the noise is larger than given.",
@@ -75,7 +75,6 @@ _FAULTS: Final = {
 _MAX_LEVEL: Final = 200.0  # a larger noise level is called hundreds of times
 _MAX_RESETS: Final = 5  # whose times are listed
 
-_PAINT: Final = {"c_f": "front", "c_r": "rear", "i": "muted"}
 _MARGIN: Final = 5.0  # half-widths of the last band that the axis shows at least
 _LEARNT: Final = 8.0  # widths of the last band: a parameter with a wider one is not learnt yet
 _MAX_NIS: Final = 12.0  # end of the axis
@@ -152,7 +151,7 @@ def consistency_lines(document: TrackDocument) -> list[str]:
     )
     raised = consistency.largest_noise_level
     level = f"{number(raised, 0.1 * raised)} times" if raised < _MAX_LEVEL else "hundreds of times"
-    lines += [_FAULTS[fault].format(level=level) for fault in consistency.faults]
+    lines += [_FAULTS[fault].format(level=level, car=document.car) for fault in consistency.faults]
     if resets:
         times = ", ".join(f"{number(t, 0.1)} s" for t in resets[:_MAX_RESETS])
         further = len(resets) - _MAX_RESETS
@@ -188,7 +187,7 @@ def _parameter_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
         low, high = (svg.curve_array(side) for side in curve.band95)
         parameter = document.parameters.get(name)
         nominal = None if parameter is None else parameter.nominal
-        paint = svg.COLOURS[_PAINT[name]]
+        paint = svg.axle_colour(LABELS[name])
         figure = svg.canvas(height=2.4)
         axes = figure.subplots()
         _shade_inconsistent(axes, time, curves.consistent)
@@ -263,19 +262,22 @@ def _autocorrelations(consistency: Consistency) -> tuple[svg.Panel, ...]:
     correlation = consistency.autocorrelation
     if correlation is None:
         return ()
-    curves = {"front": correlation.front, "rear": correlation.rear}
+    # Documents of earlier versions have the two chassis accelerations of the half car alone.
+    by_axle = {"front": correlation.front, "rear": correlation.rear}
+    half = set(correlation.outputs) <= {"front_chassis", "rear_chassis"}
+    curves = by_axle if half else correlation.outputs
 
-    def draw(axes: Axes, axle: str) -> str | None:
-        values = [v or 0.0 for v in curves[axle][1:]]
+    def draw(axes: Axes, place: str) -> str | None:
+        values = [v or 0.0 for v in curves[place][1:]]
         if not values:
             return None
-        colour = svg.COLOURS[axle]
+        name = place.replace("_", " ")
         svg.draw_autocorrelation(
-            axes, values, correlation.band95, correlation.lag_seconds, axle, colour
+            axes, values, correlation.band95, correlation.lag_seconds, name, svg.axle_colour(place)
         )
-        return f"{axle} innovations of the online filter: autocorrelation with its 95 % band"
+        return f"{name} innovations of the online filter: autocorrelation with its 95 % band"
 
-    return svg.axle_panels("track-lags-{}", draw, 2.2)
+    return svg.axle_panels("track-lags-{}", draw, 2.2, tuple(curves))
 
 
 def watch_lines(document: WatchDocument) -> list[str]:
@@ -286,22 +288,27 @@ def watch_lines(document: WatchDocument) -> list[str]:
     if alarm is not None:
         low, high = alarm.eti95
         return [
-            f"ALARM: the {alarm.axle} damper is {worn}, with a probability of "
+            f"ALARM: the {alarm.axle.replace('_', ' ')} damper is {worn}, with a probability of "
             f"{probability(alarm.probability)}.",
             f"Its rate is {percent(alarm.share_of_nominal)} of nominal (95 %: {percent(low)} to "
             f"{percent(high)}). The alarm was raised at {number(alarm.time, 0.1)} s, after "
             f"{number(alarm.time - alarm.since, 0.1)} s above the required probability.",
-            f"Next: stop and inspect the {alarm.axle} damper: oil, seals, gas charge, heat.",
+            f"Next: stop and inspect the {alarm.axle.replace('_', ' ')} damper: oil, seals, gas "
+            "charge, heat.",
         ]
     if document.verdict == "refused":
         return [
             "No alarm, and no answer either.",
             *(f"Why: {plain(reason)}." for reason in document.reasons),
         ]
-    front, rear = (probability(document.probability.get(axle)) for axle in svg.AXLES)
+    places = [
+        f"{probability(p)} at the {place.replace('_', ' ')}"
+        for place, p in document.probability.items()
+    ]
+    listed = " and ".join([", ".join(places[:-1]), places[-1]] if len(places) > 1 else places)
     lines = [
         f"No alarm in {number(document.seconds_watched, 1.0)} s: the probability that a damper is "
-        f"{worn} is {front} at the front and {rear} at the rear."
+        f"{worn} is {listed}."
     ]
     if document.share_of_time < 0.95:
         lines.append(
