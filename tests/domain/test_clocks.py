@@ -35,7 +35,7 @@ def test_a_clock_is_written_back(tmp_path: Path) -> None:
     (clock,) = vehicle.clocks
     assert clock.name == "rear board"
     assert (clock.offset, clock.offset_sd) == pytest.approx((-0.003, 0.005))
-    assert (clock.drift, clock.drift_sd) == (pytest.approx(20e-6), 0.0)
+    assert (clock.drift, clock.drift_sd) == pytest.approx((20e-6, 0.0))
     again = tmp_path / "again.toml"
     again.write_text(to_toml(vehicle), encoding="utf-8")
     assert read_vehicle(again) == vehicle

@@ -154,3 +154,23 @@ def test_a_clock_of_all_channels_or_of_none_is_no_unknown() -> None:
     assert synchronised([recording], vehicle, clocks[1:]).modes == ((),)
     line = prepare(recording, vehicle, car_model("half", vehicle))
     assert not np.any(space(vehicle, (line,)).origin)
+
+
+def test_two_possible_offsets_are_both_told_and_no_damper_is_judged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    car, vehicle = drawn(10)
+    recording = recorded(car, "bump", 2.0, 400.0, 0.012, 0.0, 7)
+    timed = synchronised([recording], vehicle, (CLOCK,))
+    assert timed.ambiguity is None
+    (mode,) = timed.modes[0]
+    rival = mode._replace(value=mode.value - (0.02, 0.0), probability=0.3)
+    both = replace(timed, modes=((mode._replace(probability=0.7), rival),))
+    monkeypatch.setattr("bayes_asv.estimation.synchronised", lambda *arguments: both)
+    result = estimate([recording], replace(vehicle, clocks=(CLOCK,)), seed=1)
+    assert result.doubt is not None
+    assert any(
+        "12 ms later than stamped (probability 0.7)" in text
+        and "8 ms earlier than stamped (probability 0.3)" in text
+        for text in result.warnings
+    )
