@@ -71,7 +71,7 @@ def initial_state(model: FilterModel) -> State:
     return State(
         mu=mu,
         D=D,
-        x=np.zeros(sizes.states),
+        x=model.start_mean.copy(),
         J=np.zeros((p, sizes.states)),
         m=np.zeros(p),
         F=np.eye(p),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,27 @@ from bayes_asv.tracking.geometry import Polynomial, trace
 from bayes_asv.tracking.parameters import Coordinates
 from bayes_asv.tracking.sensor_noise import SensorModel
 
-__all__ = ["FilterModel", "filter_model"]
+__all__ = ["FilterModel", "StandstillBias", "filter_model", "standstill_bias", "twists"]
 
 Array = NDArray[np.float64]
 
 _DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected
 _MOST_FACTORS = 4  # of a term of the geometry
+# At standstill: a deflection along a twist changes nothing that a bias of the outputs could not.
+_TWIST, _TWIST_RATE = 1e-3, 1e-2  # m and m/s
+
+
+class StandstillBias(NamedTuple):
+    """Biases of the inputs along their directions, from the mean of readings at standstill.
+
+    Parameters
+    ----------
+    mean, sd : (nd,) arrays
+        m/s².
+    """
+
+    mean: Array
+    sd: Array
 
 
 @dataclass(frozen=True)
@@ -51,6 +66,8 @@ class FilterModel:
         Numbers of the channels that are inputs and outputs.
     sizes : Sizes
         Sizes of the filter.
+    start_mean : (ns,) array
+        Prior mean of the states.
     arrays : Model
         Figures for compiled code.
     """
@@ -60,6 +77,7 @@ class FilterModel:
     inputs: tuple[int, ...]
     output_channels: tuple[int, ...]
     sizes: Sizes
+    start_mean: Array
     arrays: Model
 
     @property
@@ -79,7 +97,10 @@ class FilterModel:
 
 
 def filter_model(
-    coordinates: Coordinates, sensors: SensorModel, forget: float | None = None
+    coordinates: Coordinates,
+    sensors: SensorModel,
+    forget: float | None = None,
+    standstill: StandstillBias | None = None,
 ) -> FilterModel:
     """Assemble the model of car and sensors.
 
@@ -91,6 +112,10 @@ def filter_model(
         Sensors with their noise.
     forget : float, optional
         Time constant of the parameters' random walk, s; constant parameters without it.
+    standstill : StandstillBias, optional
+        Biases of the inputs, for a car whose wheels can twist against each other.  The body cannot
+        follow such a twist, no spring resists it, and a bias of the wheel sensors along it grows
+        with time: while the parameters are unknown as well, an unknown bias would hide them.
 
     Raises
     ------
@@ -113,6 +138,17 @@ def filter_model(
     nx = size.motion
     order = [*range(nx), *range(nx + nd, nx + nd + ny), *range(nx, nx + nd)]
     start = start_covariance(system._replace(N=directions), outputs)[np.ix_(order, order)]
+    mean = np.zeros(size.states)
+    if standstill is not None:
+        first = nx + ny
+        mean[first : first + nd] = standstill.mean
+        start[first : first + nd] = start[:, first : first + nd] = 0.0
+        start[first : first + nd, first : first + nd] = np.diag(standstill.sd**2)
+        twist = _twists(car)
+        for of, sd in ((0, _TWIST), (1, _TWIST_RATE)):
+            states = np.ix_(range(of, 2 * ne, 2), range(of, 2 * ne, 2))
+            follow = np.eye(ne) - twist @ twist.T
+            start[states] = follow @ start[states] @ follow + sd**2 * twist @ twist.T
     arrays = Model(
         base=coordinates.base,
         element=coordinates.element,
@@ -136,7 +172,46 @@ def filter_model(
         by_state=found.by_state,
         reads_states=bool(found.by_state.any()),
     )
-    return FilterModel(coordinates, outputs, sensors.inputs, sensors.outputs, size, arrays)
+    return FilterModel(coordinates, outputs, sensors.inputs, sensors.outputs, size, mean, arrays)
+
+
+def twists(car: CarModel) -> bool:
+    """Whether the wheels of a car can move in a way that its body cannot follow."""
+    return len(car.elements) > len(car.coordinates)
+
+
+def _twists(car: CarModel) -> Array:
+    """Orthonormal motions (ne, k) of the wheels that the body cannot follow."""
+    left, strength, _ = np.linalg.svd(car.heights(car.nominal)[0])
+    return np.asarray(left[:, np.count_nonzero(strength > 1e-10 * strength[0]) :])
+
+
+def standstill_bias(sensors: SensorModel, early: Array, rate: float) -> StandstillBias:
+    """Estimate the biases of the inputs from the first readings, taken at standstill.
+
+    Parameters
+    ----------
+    sensors : SensorModel
+        With the poles of the sensors, which correlate their noise.
+    early : (n, C) array
+        Readings; NaN where missing.
+    rate : float
+        Rows per second, Hz.
+    """
+    outputs = sensors.output_models
+    directions = bias_directions(state_space(sensors.car, sensors.car.nominal, outputs))
+    along = early[:, list(sensors.inputs)] @ directions
+    along = along[np.isfinite(along).all(axis=1)]
+    if len(along) < _FEWEST:
+        return StandstillBias(np.zeros(directions.shape[1]), np.full(directions.shape[1], _BIAS))
+    pole = float(np.max(sensors.poles[list(sensors.inputs)]))
+    correlation = np.exp(-pole / rate) if pole > 0.0 else 0.0
+    spread = along.var(axis=0) * (1.0 + correlation) / (1.0 - correlation)
+    return StandstillBias(along.mean(axis=0), np.sqrt(spread / len(along)))
+
+
+_FEWEST = 20  # rows from which a mean is taken
+_BIAS = 0.7  # m/s²: deviation of a sensor's bias, see models.outputs
 
 
 def _symbols(coordinates: Coordinates) -> dict[str, Any]:

@@ -27,7 +27,12 @@ from bayes_asv.tracking.filter import (
     OnlineFilter,
     parameter_covariance,
 )
-from bayes_asv.tracking.filter_model import filter_model
+from bayes_asv.tracking.filter_model import (
+    StandstillBias,
+    filter_model,
+    standstill_bias,
+    twists,
+)
 from bayes_asv.tracking.frames import Frames, concatenate, empty_frames
 from bayes_asv.tracking.parameters import coordinates
 from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
@@ -37,7 +42,8 @@ __all__ = ["Tracker", "tracker_for"]
 
 Array = NDArray[np.float64]
 
-_NOISE_SECONDS = 0.5  # of the recording from which a noise level that is not given is estimated
+# Of the recording, from which a noise level that is not given and biases are estimated.
+_NOISE_SECONDS = 0.5
 _ESTIMATED_PRIOR_READINGS = 4.0  # readings that such an estimate is worth
 # Steps are kept this long (s) for rows whose readings were scheduled at different times.
 _RECENT_SECONDS = 1.2
@@ -126,7 +132,8 @@ class Tracker:
         outputs = len(self._sensors.outputs)
         self.consistency = ConsistencyMonitor(rate, self._noise_declared, outputs)
         self.data_checks = DataChecks(rate, len(names))
-        if self._noise_declared:
+        self._standstill: StandstillBias | None = None
+        if self._noise_declared and not twists(model):
             self._start_filter(self._sensors)
 
     def _own_timing(self, timing: Timing | None) -> Timing | None:
@@ -281,7 +288,9 @@ class Tracker:
         where = os.fspath(path)
         try:
             # Settings that files of earlier versions lack are those of the half car.
-            settings = {"model": "half", "channels": list(CHANNELS), **settings}
+            settings = {
+                "model": "half", "channels": list(CHANNELS), "standstill": None, **settings
+            }  # fmt: skip
             clocks = settings["timing"]
             tracker = cls(
                 vehicle,
@@ -294,6 +303,8 @@ class Tracker:
                 counts=settings["counts"],
             )
             noise = np.array(settings["noise"])
+            if settings["standstill"] is not None:
+                tracker._standstill = StandstillBias(*map(np.array, settings["standstill"]))
             if tracker._filter is None:
                 tracker._start_filter(replace(tracker._sensors, noise=noise))
             if tracker._settings() != settings:
@@ -319,6 +330,9 @@ class Tracker:
             "counts": list(self.counts),
             "model": space.car.name,
             "channels": [channel.name for channel in self._sensors.channels],
+            "standstill": None
+            if self._standstill is None
+            else [part.tolist() for part in self._standstill],
             "noise": self._sensors.noise.tolist(),
             "steps": self._sensors.resolution.tolist(),
             "bandwidths": list(self._sensors.bandwidths),
@@ -329,7 +343,7 @@ class Tracker:
         }
 
     def _collect(self, times: Array, acc: Array) -> Frames:
-        """Hold rows back until noise levels can be estimated."""
+        """Hold rows back until noise levels and biases can be estimated."""
         if len(times):
             self._pending.append((times.copy(), acc.copy()))
         ends = [t for part, _ in self._pending for t in (part[0], part[-1])]
@@ -338,7 +352,7 @@ class Tracker:
         return self._estimate_noise()
 
     def _estimate_noise(self) -> Frames:
-        """Estimate the missing noise levels, and process the rows held back."""
+        """Estimate missing noise levels and biases, and process the rows held back."""
         times = np.concatenate([t for t, _ in self._pending])
         acc = np.concatenate([a for _, a in self._pending])
         self._pending = []
@@ -346,6 +360,8 @@ class Tracker:
         noise = self._sensors.noise.copy()
         for c in np.flatnonzero(~np.isfinite(noise)):
             noise[c] = self._sensors.estimated(int(c), early[:, c])
+        if twists(self._sensors.car):
+            self._standstill = standstill_bias(self._sensors, early, self.rate)
         self._start_filter(replace(self._sensors, noise=noise))
         return self._process(times, acc)
 
@@ -356,7 +372,7 @@ class Tracker:
     def _start_filter(self, sensors: SensorModel) -> None:
         self._sensors = sensors
         self._timeline = StreamingTimeline(self.vehicle, sensors, self.rate, self.timing)
-        model = filter_model(self.coordinates, sensors, self.forget)
+        model = filter_model(self.coordinates, sensors, self.forget, self._standstill)
         settings = DEFAULT_SETTINGS
         if not self._noise_declared:
             settings = settings._replace(prior_readings=_ESTIMATED_PRIOR_READINGS)
