@@ -32,7 +32,15 @@ from bayes_asv.posterior.fitted_model import Dataset, FittedModel, setting
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.timeline import PreparedRecording
-from bayes_asv.preprocessing.tone_removal import Notch, main_tones, notch_filter, notched, passing
+from bayes_asv.preprocessing.tone_removal import (
+    Notch,
+    engine_tones,
+    main_tones,
+    notch_filter,
+    notched,
+    own_modes,
+    passing,
+)
 
 __all__ = [
     "Engine",
@@ -211,16 +219,21 @@ def _detect(
                 break
         else:
             by_rate.append((rate, [nu]))
-    detected = [
-        detect_tones(runs, rate, _LOWEST_TONE, alarm / len(by_rate), engine=engine)
-        for rate, runs in by_rate
-    ]
-    tones: tuple[Notch, ...] = ()
+    modes = own_modes(model.space.car, dataset.vehicle.unsprung)
+    detected = []
+    for rate, runs in by_rate:
+        one = detect_tones(runs, rate, _LOWEST_TONE, alarm / len(by_rate), engine=engine)
+        if engine:
+            tones = engine_tones(one.tones, runs, rate, modes)
+            # the probability is that of the strongest line: without it there is no engine
+            one = one._replace(tones=tones) if tones[:1] == one.tones[:1] else DetectedTones()
+        detected.append(one)
+    found: tuple[Notch, ...] = ()
     for one in sorted(detected, key=lambda one: one.log_p):
-        tones = _union(tones, one.tones)
-    if not tones:
+        found = _union(found, one.tones)
+    if not found:
         return DetectedTones()
-    return DetectedTones(tones, min(one.log_p for one in detected) + math.log(len(by_rate)))
+    return DetectedTones(found, min(one.log_p for one in detected) + math.log(len(by_rate)))
 
 
 def _accelerations(dataset: Dataset, model: FittedModel, run: int) -> Array:

@@ -19,10 +19,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
-from scipy.stats import chi2, f, gamma
+from scipy.signal import sosfilt, sosfreqz
+from scipy.stats import f, gamma
 
-from bayes_asv.preprocessing.tone_removal import Notch, notch_filter, notch_of, passing
+from bayes_asv.preprocessing.tone_removal import (
+    Notch,
+    is_persistent,
+    is_wide,
+    notch_filter,
+    notch_of,
+)
 
 __all__ = ["DetectedTones", "detect_tones"]
 
@@ -39,11 +45,6 @@ _MIN_FLOOR_LINES = 17  # where there are so many
 _MAX_FLOOR_SHARE = 0.5  # of all lines
 _MIN_RATIO = 1.5  # of a line to its floor; below it may be a slope or the edge of a notch
 _MIN_GAIN = 0.5  # of a notch, below which no tone is looked for in it
-_MAX_WANDER = 1.5  # highest over lowest frequency of adjacent bands of one tone
-_ADJACENT = 2.6  # half-widths of a band, as far as the next one may be
-_MOMENT = 0.25  # s
-_AROUND = 1.5  # half-widths of a notch in which the persistence of a tone is judged
-_PERSISTENT = 0.55  # least median over mean energy of all moments, beyond noise
 _SETTLING = 3.0  # time constants of the narrowest notch, during which an onset still rings
 _LOG_P_UNDERFLOW = -600.0  # below which a log-probability is replaced by a bound
 
@@ -95,7 +96,7 @@ def detect_tones(
             break
         first = first if tones else log_p
         tones.append(notch_of(frequency))
-    if engine and tones and (_wide(tones) or not _persistent(signals, tones[0], rate)):
+    if engine and tones and (is_wide(tones) or not is_persistent(signals, tones[0], rate)):
         return DetectedTones()
     return DetectedTones(tuple(tones), first)
 
@@ -107,38 +108,6 @@ def _without(tones: Sequence[Notch], signals: Sequence[Array], rate: float) -> l
     sections = notch_filter(tones, rate)
     settled = round(_SETTLING / (2.0 * math.pi * min(n.half_width for n in tones)) * rate)
     return [sosfilt(sections, x, axis=0)[settled:] for x in signals if len(x) > settled]
-
-
-def _wide(tones: Sequence[Notch]) -> bool:
-    """Whether the bands adjacent to the strongest are more than one tone that wanders."""
-    low = high = tones[0].frequency
-    for _ in tones:
-        reach = _ADJACENT * notch_of(high).half_width
-        adjacent = [n.frequency for n in tones if low - reach <= n.frequency <= high + reach]
-        low, high = min(adjacent), max(adjacent)
-    return high > _MAX_WANDER * low
-
-
-def _persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
-    """Whether a tone is present at most times, and not in a few strong moments."""
-    band = passing(Notch(tone.frequency, _AROUND * tone.half_width), rate)
-    passed = float(np.mean(np.abs(sosfreqz(band, 2048)[1]) ** 4))  # forwards and backwards
-    length = max(1, round(_MOMENT * rate))
-    moments = [np.zeros(0)]
-    for run in runs:
-        if len(run) < 2 * length:
-            continue
-        power = np.sum(sosfiltfilt(band, run, axis=0) ** 2, axis=1)
-        whole = power[: len(power) // length * length].reshape(-1, length)
-        noise = run.shape[1] * passed * max(float(np.mean(run**2)), 1e-12)
-        moments.append(whole.mean(axis=1) / noise)
-    energy = np.concatenate(moments)
-    if not len(energy):
-        return False
-    # of noise in a moment, of all channels
-    freedom = 4.0 * runs[0].shape[1] * _AROUND * tone.half_width * _MOMENT
-    median = float(np.median(energy)) - float(chi2(freedom).median()) / freedom
-    return bool(median > _PERSISTENT * (float(np.mean(energy)) - 1.0))
 
 
 def _most_significant(

@@ -42,7 +42,13 @@ from bayes_asv.preprocessing.data_checks import (
     preflight,
 )
 from bayes_asv.preprocessing.timeline import PreparedRecording, changed, prepare
-from bayes_asv.preprocessing.tone_removal import find_tones, main_tones, notched
+from bayes_asv.preprocessing.tone_removal import (
+    engine_tones,
+    find_tones,
+    main_tones,
+    notched,
+    own_modes,
+)
 
 __all__ = ["MapFit", "best_fit", "foreseen", "lay_out", "sensor_for", "untold"]
 
@@ -261,7 +267,9 @@ def _without_tones(
     out, any_found = [], False
     for run, line in enumerate(target.space.timelines):
         nu = line.paired(target.innovations(mode.z, run))
-        tones = find_tones(nu[:, list(line.accelerations)], 1.0 / line.reading_step)
+        used, rate = nu[:, list(line.accelerations)], 1.0 / line.reading_step
+        modes = own_modes(line.car, vehicle.unsprung)
+        tones = engine_tones(find_tones(used, rate), [used], rate, modes)
         any_found |= bool(tones)
         out.append(changed(line, partial(notched, notches=tones)) if tones else line)
     return tuple(out) if any_found else None

@@ -19,19 +19,35 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.models.car_model import state_space
+from bayes_asv.domain.vehicle import Unsprung
+from bayes_asv.models.car_model import CarModel, state_space
+from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.missing_band import missing_band
 from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, between_samples
 
-__all__ = ["Notch", "find_tones", "main_tones", "notch_filter", "notch_of", "notched", "passing"]
+__all__ = [
+    "Notch", "engine_tones", "find_tones", "is_persistent", "is_wide", "main_tones",
+    "notch_filter", "notch_of", "notched", "own_modes", "passing",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 _MOST = 16
 _NARROWEST, _WIDEST = 2.0, 8.0  # Hz, half-width of a notch: it rings as long as it is narrow
 _WANDER = 0.05  # of its frequency that a tone wanders to either side
-_LOWEST = 5.0  # Hz: below it the car itself moves
+# Idling engines turn at 600 rev/min and more, and fast ones at 15 000; what shakes a frame are
+# half orders (a cylinder of a four-stroke engine fires every other turn) up to the fourth.
+_IDLE, _MOST_ORDER = 10.0, 4.0  # Hz; turns
+_ORDERS_OFF = 0.03  # relative error of the ratio of two tones of an engine
+_LOWEST = 0.5 * _IDLE
+_NEAR_HALF_RATE = 0.95  # of half the rate: what is above is an image of slow motion
+_MOST_ROWS = 4  # rows after which the work of a logger repeats itself
+_MAX_WANDER = 1.5  # highest over lowest frequency of adjacent bands of one tone
+_ADJACENT = 2.6  # half-widths of a band, as far as the next one may be
+_MOMENT = 0.25  # s
+_AROUND = 1.5  # half-widths of a notch in which the persistence of a tone is judged
+_PERSISTENT = 0.55  # least median over mean energy of all moments, beyond noise
 _SEGMENT = 2.5  # s of a spectrum
 _NEIGHBOURS = 41  # lines of a spectrum whose median is the floor of the middle one
 _ALARM = 1e-4  # false tones a spectrum of white noise
@@ -121,6 +137,143 @@ def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ..
             break
         notches.append(notch_of(frequency))
     return tuple(notches)
+
+
+def engine_tones(
+    tones: Sequence[Notch],
+    runs: Sequence[Array],
+    rate: float,
+    modes: Sequence[tuple[float, float]] = (),
+) -> tuple[Notch, ...]:
+    """Select the tones that an engine can have.
+
+    An engine turns at 600 rev/min or more, whatever else the car does, so that at least one of its
+    tones is above 10 Hz, is present at most times, and covers a narrow band.  It is not tied to the
+    clock of the logger.  A mode of the car has a wide line, and no harmonics: a tone within such a
+    line is an engine's only if it has.
+
+    Parameters
+    ----------
+    tones : sequence of Notch
+        As found, the strongest first.
+    runs : sequence of (R, n) arrays
+        Signals in which they were found.
+    rate : float
+        Groups of readings a second, Hz.
+    modes : sequence of (frequency, damping ratio)
+        Modes of the car and of its wheels, Hz.
+
+    Returns
+    -------
+    tuple of Notch
+        In the order given.
+    """
+    signals = [np.nan_to_num(run) for run in runs]
+    longest = max((len(run) for run in signals), default=1)
+    line = rate / longest
+
+    def plain(tone: Notch) -> bool:
+        f = tone.frequency
+        if f < _IDLE or f > _NEAR_HALF_RATE * 0.5 * rate:
+            return False
+        if any(abs(f - rate / rows) < 1.5 * line for rows in range(2, _MOST_ROWS + 1)):
+            return False
+        beside = [t for t in tones if _harmonic(t, tone, line) and not _at_mode(t.frequency, modes)]
+        if _at_mode(f, modes) and not beside:
+            return False
+        return is_persistent(signals, tone, rate)
+
+    if not tones or is_wide(tones):
+        return ()
+    own = [tone for tone in tones if plain(tone)]
+    return tuple(
+        tone
+        for tone in tones
+        if any(
+            abs(tone.frequency - one.frequency) < _ADJACENT * one.half_width
+            or _harmonic(tone, one, line)
+            for one in own
+        )
+    )
+
+
+def own_modes(car: CarModel, unsprung: Unsprung | None = None) -> list[tuple[float, float]]:
+    """Natural frequencies (Hz) and damping ratios of a nominal car and, if given, of its wheels."""
+    out = [(mode.natural, mode.ratio) for mode in nominal_modes(car)]
+    if unsprung is None:
+        return out
+    nominal = {name: float(np.ravel(x)[0]) for name, x in car.nominal.items()}
+    for axle in ("front", "rear"):
+        mass = getattr(unsprung, f"{axle}_mass")
+        rate = getattr(unsprung, f"{axle}_tyre_rate") + nominal.get(f"k_{axle[0]}", 0.0)
+        damping = getattr(unsprung, f"{axle}_tyre_damping") + nominal.get(f"c_{axle[0]}", 0.0)
+        out.append(
+            (math.sqrt(rate / mass) / (2.0 * math.pi), 0.5 * damping / math.sqrt(rate * mass))
+        )
+    return out
+
+
+def _at_mode(frequency: float, modes: Sequence[tuple[float, float]]) -> bool:
+    """Whether a frequency is within the half-power band of a mode."""
+    return any(abs(frequency - f) < ratio * f for f, ratio in modes)
+
+
+def _harmonic(tone: Notch, other: Notch, line: float) -> bool:
+    """Whether two tones are different multiples of half a speed, as far as lines (Hz) tell."""
+    orders = range(1, round(2.0 * _MOST_ORDER) + 1)
+    return any(
+        i != j
+        and abs(tone.frequency - other.frequency * i / j)
+        < _ORDERS_OFF * tone.frequency + 0.5 * line
+        for i in orders
+        for j in orders
+        if other.frequency * 2.0 / j >= _IDLE
+    )
+
+
+def is_wide(tones: Sequence[Notch]) -> bool:
+    """Whether the bands adjacent to the strongest are more than one tone that wanders."""
+    low = high = tones[0].frequency
+    for _ in tones:
+        reach = _ADJACENT * notch_of(high).half_width
+        adjacent = [n.frequency for n in tones if low - reach <= n.frequency <= high + reach]
+        low, high = min(adjacent), max(adjacent)
+    return high > _MAX_WANDER * low
+
+
+def is_persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
+    """Whether a tone is present at most times, and not in a few strong moments.
+
+    Parameters
+    ----------
+    runs : sequence of (R, n) arrays
+        Normalised innovations, without gaps.
+    tone : Notch
+        Where.
+    rate : float
+        Groups of readings a second, Hz.
+    """
+    from scipy.signal import sosfiltfilt, sosfreqz
+    from scipy.stats import chi2
+
+    band = passing(Notch(tone.frequency, _AROUND * tone.half_width), rate)
+    passed = float(np.mean(np.abs(sosfreqz(band, 2048)[1]) ** 4))  # forwards and backwards
+    length = max(1, round(_MOMENT * rate))
+    moments = [np.zeros(0)]
+    for run in runs:
+        if len(run) < 2 * length:
+            continue
+        power = np.sum(sosfiltfilt(band, run, axis=0) ** 2, axis=1)
+        whole = power[: len(power) // length * length].reshape(-1, length)
+        noise = run.shape[1] * passed * max(float(np.mean(run**2)), 1e-12)
+        moments.append(whole.mean(axis=1) / noise)
+    energy = np.concatenate(moments)
+    if not len(energy):
+        return False
+    # of noise in a moment, of all channels
+    freedom = 4.0 * runs[0].shape[1] * _AROUND * tone.half_width * _MOMENT
+    median = float(np.median(energy)) - float(chi2(freedom).median()) / freedom
+    return bool(median > _PERSISTENT * (float(np.mean(energy)) - 1.0))
 
 
 def notch_of(frequency: float) -> Notch:

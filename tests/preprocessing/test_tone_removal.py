@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.signal import sosfreqz
 
 from bayes_asv.domain.recording import Recording
@@ -17,14 +18,16 @@ from bayes_asv.posterior.map_fit import best_fit, lay_out
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from bayes_asv.preprocessing.tone_removal import (
     Notch,
+    engine_tones,
     find_tones,
     main_tones,
     notch_filter,
     notched,
     passing,
 )
-from tests.posterior.cases import EXACT, as_recording, case, vehicle
-from tests.rig import DEFAULT_SPEEDS, TERRAINS, Engine, SensorSpec, baja, draw, drive
+from benchmarks.resampled_exports import declared, export, heavy
+from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
+from tests.rig import DEFAULT_SPEEDS, TERRAINS, Engine, RigCar, SensorSpec, baja, draw, drive
 
 
 def test_white_noise_has_no_tones() -> None:
@@ -154,3 +157,69 @@ def test_time_goes_by_from_the_beginning_of_the_record_not_of_what_a_filter_left
     assert line.elapsed[-1] == pytest.approx(plain.elapsed[-1])
     twice = notched(line, [Notch(25.0, 3.0)])
     assert twice.elapsed[-1] == pytest.approx(plain.elapsed[-1])
+
+
+_T = np.arange(1000) / 400.0
+
+
+def _noisy(seed: int, signal: NDArray[np.float64]) -> list[float]:
+    """Frequencies of tones that pass for an engine's, of a signal in white noise."""
+    nu = np.random.default_rng(seed).normal(size=(len(_T), 2)) + signal[:, None]
+    modes = [(2.0, 0.5), (3.0, 0.8), (12.0, 0.12)]
+    return [n.frequency for n in engine_tones(find_tones(nu, 400.0), [nu], 400.0, modes)]
+
+
+def test_what_no_engine_turns_at_is_no_engine() -> None:
+    """A line below idle, one at a mode of the wheels, a shock, an image of the logger's rate."""
+    burst = 60.0 * np.exp(-(((_T - 1.2) / 0.08) ** 2)) * np.sin(2.0 * math.pi * 25.0 * _T)
+    for seed in range(5):
+        for frequency in (5.5, 7.0, 12.0, 197.0, 100.0):
+            assert _noisy(seed, 4.0 * np.sin(2.0 * math.pi * frequency * _T + 1.0)) == []
+        assert _noisy(seed, burst) == []
+
+
+def test_an_engine_keeps_its_half_orders_and_its_tone_at_a_mode() -> None:
+    """Idling at 700 rev/min, with orders 0.5, 1 and 2, of which 1 is at the mode of the wheels."""
+    drift = 1.0 + 0.01 * np.sin(2.0 * math.pi * 0.5 * _T)
+    turns = np.cumsum(11.67 * drift) / 400.0
+    signal = sum(
+        (a * np.sin(2.0 * math.pi * order * turns + order) for order, a in
+         ((0.5, 3.0), (1.0, 4.0), (2.0, 5.0))), start=np.zeros(len(_T)),
+    )  # fmt: skip
+    for seed in range(3):
+        found = _noisy(seed, signal)
+        for order in (0.5, 1.0, 2.0):
+            assert any(abs(f / order - 11.67) < 0.1 * 11.67 for f in found)
+
+
+def _wrong(car: RigCar) -> dict[str, RigCar]:
+    """The car as it is given, with mistakes."""
+    return {
+        "right": car,
+        "half the springs": replace(car, k_f=0.5 * car.k_f, k_r=0.5 * car.k_r),
+        "twice the mass": replace(car, m=2.0 * car.m),
+        "weight at the other axle": replace(car, wdf=1.0 - car.wdf + 0.1),
+    }
+
+
+@pytest.mark.parametrize("terrain", ["bump", "stops"])
+@pytest.mark.parametrize("nominal", [baja(), heavy()], ids=lambda car: car.name[:5])
+def test_a_run_over_a_bump_has_no_engine(terrain: str, nominal: RigCar) -> None:
+    """Right and wrong inputs, channels of the two axles exchanged, one late, one held."""
+    run = drive(nominal, TERRAINS[terrain](5), DEFAULT_SPEEDS[terrain], 400.0, 2.5, SensorSpec(), 5)
+    plain = as_recording(run, "plain.csv")
+    late = plain.values.copy()
+    late[1, 4:] = late[1, :-4]
+    stamps, held = export(plain.time, plain.values, "held", 400, 800)
+    runs = [
+        *((plain, car) for car in _wrong(nominal).values()),
+        (replace(plain, values=plain.values[[2, 3, 0, 1]]), nominal),
+        (replace(plain, values=late), nominal),
+        (replace(plain, time=stamps, values=held), nominal),
+    ]
+    for recording, given_car in runs:
+        car = declared(given_car, SensorSpec(), DECLARED)
+        lines, reasons, _ = lay_out((recording,), car)
+        if reasons:
+            continue
+        assert not any("shakes the frame" in w for w in best_fit(lines, car).warnings)
