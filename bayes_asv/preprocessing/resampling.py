@@ -72,13 +72,16 @@ _FURTHER = tuple(Fraction(p, 25) for p in range(1, 25)) + tuple(
 _RELATIONS = 4  # that a window has at least
 _MOST_RELATIONS = 16  # of a window that are looked at
 _ABOVE_STEP = 2.0  # rms of the other relations over that of rounding where they tell something
-_ROUNDING = 1.7  # rms of the relations over that of rounding, where they hold
-_EXACT = 1e-3  # energy of relations that hold over that of the same relations a row later
-_LEAST_CONTRAST = 1.0  # of the logarithms of both energies
-_PLAIN_CONTRAST = 4.6
-_LESS_THAN_ROUNDED = 0.1
-_FEWEST_WINDOWS, _FEWEST_BLOCKS = 10, 5
+# Where relations hold, they leave the rounding of the export, and in part that of the samples, or
+# next to nothing of what they leave at other rows (a program rounds to digits, not to steps).
+_ROUNDING, _EXACT = 1.7, 1e-3
+# Some 500 patterns of up to 25 offsets are tested in each of four channels or more: at this level
+# one record in fifty thousand passes by chance, and has to pass the rounding as well.
 _ALARM = 1e-9
+_LEAST_CONTRAST = 1.0  # of the logarithms of what relations leave at other rows and where they hold
+_FEWEST_WINDOWS, _FEWEST_BLOCKS = 10, 5
+# Relations of numbers that were not rounded again hold to the last digit; then no test is needed.
+_LESS_THAN_ROUNDED, _PLAIN_CONTRAST = 0.01, 9.2
 _ALIKE = 2.0  # ratio of rms of two patterns of relations that hold as well
 _SEGMENTS = (256, 64)  # rows of which a spectrum is taken
 _QUIET = 0.01  # share of the variance of a record in which there is noise alone
