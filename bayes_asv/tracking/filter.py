@@ -256,7 +256,11 @@ class OnlineFilter:
     def _relinearize(self) -> None:
         """Run the window again at the estimate; stop keeping it once that changes nothing."""
         window = Window(self._window_start, concatenate_steps(self._window_steps))
-        state, moved = relinearize(window, self.state, self.model, self.settings)
+        try:
+            state, moved = relinearize(window, self.state, self.model, self.settings)
+        except np.linalg.LinAlgError:  # a covariance that rounding has made singular
+            self._start_window()
+            return
         self._window_steps = [window.steps]
         self.state.statistics[self.model.at.information_gain] = 0.0
         self._settled_passes = self._settled_passes + 1 if moved < _SETTLED else 0

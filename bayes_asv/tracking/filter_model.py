@@ -207,10 +207,14 @@ def standstill_bias(sensors: SensorModel, early: Array, rate: float) -> Standsti
     pole = float(np.max(sensors.poles[list(sensors.inputs)]))
     correlation = np.exp(-pole / rate) if pole > 0.0 else 0.0
     spread = along.var(axis=0) * (1.0 + correlation) / (1.0 - correlation)
-    return StandstillBias(along.mean(axis=0), np.sqrt(spread / len(along)))
+    # What one step hides does not average out at standstill.
+    steps = sensors.resolution[list(sensors.inputs)] ** 2 / 12.0 + _LEAST**2
+    variance = spread / len(along) + steps @ directions**2
+    return StandstillBias(along.mean(axis=0), np.sqrt(variance))
 
 
 _FEWEST = 20  # rows from which a mean is taken
+_LEAST = 1e-3  # m/s², a ten-thousandth of gravity, below which no bias is known
 _BIAS = 0.7  # m/s²: deviation of a sensor's bias, see models.outputs
 
 

@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 
 # Of the recording, from which a noise level that is not given and biases are estimated.
 _NOISE_SECONDS = 0.5
+# Bias along a twist of the wheels, m/s², that leaves 0.1 m after two seconds.
+_STANDSTILL_SD = 0.05
 _ESTIMATED_PRIOR_READINGS = 4.0  # readings that such an estimate is worth
 # Steps are kept this long (s) for rows whose readings were scheduled at different times.
 _RECENT_SECONDS = 1.2
@@ -249,13 +251,21 @@ class Tracker:
             return reasons
         space = self.coordinates
         sd = space.scale * np.sqrt(np.diag(parameter_covariance(self.filter.state)))
-        return unidentified_parameters(
+        still = self._standstill
+        moving = still is not None and bool(np.any(still.sd > _STANDSTILL_SD))
+        begin = [
+            f"{source} does not begin at standstill: from its first {_NOISE_SECONDS:g} s the "
+            f"online filter of the {space.car.name} car learns by how much the wheel sensors are "
+            "off against each other; start the recording a second before the car moves"
+        ]
+        found = unidentified_parameters(
             space.car,
             [self._sensors.channels[c] for c in self._sensors.outputs],
             dict(zip(space.answers, space.scale, strict=False)),
             dict(zip(space.answers, sd, strict=False)),
             inconsistent=self.consistency.summary().verdict == "inconsistent",
         )
+        return begin + found if found and moving else found
 
     def save(self, path: PathLike) -> None:
         """Save the tracker to a file, from which :meth:`restore` continues.

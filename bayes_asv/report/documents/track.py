@@ -18,7 +18,7 @@ from bayes_asv.models.car_model import CarParameter
 from bayes_asv.report.documents.quantities import SummaryFields, Units, provenance
 from bayes_asv.report.schema import TrackDocument, WatchDocument
 from bayes_asv.report.schema import track as schema
-from bayes_asv.report.schema.parts import Known, Parameter, Quantity, Summary, VehicleInfo
+from bayes_asv.report.schema.parts import Element, Known, Parameter, Quantity, Summary, VehicleInfo
 from bayes_asv.report.sections.online_filter import consistency_lines
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.consistency import LAGS, WINDOW
@@ -54,6 +54,10 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
     document = TrackDocument(
         schema="bayes_asv/track/1",
         car=car.name,
+        elements={
+            e.name: Element(axle=e.axle, side=e.side, damping=e.damping, spring=e.spring)
+            for e in car.elements
+        },
         channels=[channel.name for channel in result.channels],
         verdict=result.verdict,
         reasons=list(result.reasons),

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, decode, read_bytes
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
-from bayes_asv.report.schema.estimate import EstimateDocument, half_car
-from bayes_asv.report.schema.parts import Model
+from bayes_asv.report.schema.estimate import EstimateDocument
+from bayes_asv.report.schema.parts import Model, half_car
 from bayes_asv.report.schema.track import TrackDocument, WatchDocument
 
 __all__ = [

@@ -17,6 +17,7 @@ from bayes_asv.report.schema.parts import (
     Count,
     Curve,
     Effect,
+    Element,
     ElementName,
     Finite,
     Interval,
@@ -38,6 +39,7 @@ from bayes_asv.report.schema.parts import (
     Unit,
     VehicleInfo,
     check_lengths,
+    half_car,
 )
 from bayes_asv.report.schema.track import TrackDocument
 
@@ -387,25 +389,6 @@ class Run(Model):
         for part in self.travel.entries.values():
             check_lengths(n, part.deflection, part.velocity, *part.band95)
         return self
-
-
-class Element(Model):
-    """A spring and a damper between body and wheel: of one axle, or of one side of it."""
-
-    axle: Axle
-    side: Annotated[str, OneOf("left", "right")] | None = None
-    damping: QuantityName
-    """Name of the parameter that is its damping rate."""
-    spring: QuantityName
-    """Name of the parameter that is its spring rate."""
-
-
-def half_car() -> dict[str, Element]:
-    """Suspension elements of the half car, the model of documents that name none."""
-    return {
-        "front": Element(axle="front", damping="c_f", spring="k_f"),
-        "rear": Element(axle="rear", damping="c_r", spring="k_r"),
-    }
 
 
 class SideRatio(Summary):

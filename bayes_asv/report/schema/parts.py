@@ -30,6 +30,7 @@ __all__ = [
     "Effect",
     "EffectName",
     "EffectValue",
+    "Element",
     "ElementName",
     "Finite",
     "Interval",
@@ -53,6 +54,7 @@ __all__ = [
     "Unit",
     "VehicleInfo",
     "check_lengths",
+    "half_car",
 ]
 
 MAX_POINTS: Final = 100_000
@@ -248,3 +250,22 @@ def check_lengths(count: int | None, *curves: list[Any]) -> None:
     wanted = len(curves[0]) if count is None and curves else count
     if any(len(curve) != wanted for curve in curves):
         raise ValueError("curves of one figure differ in length")
+
+
+class Element(Model):
+    """A spring and a damper between body and wheel: of one axle, or of one side of it."""
+
+    axle: Axle
+    side: Annotated[str, OneOf("left", "right")] | None = None
+    damping: QuantityName
+    """Name of the parameter that is its damping rate."""
+    spring: QuantityName
+    """Name of the parameter that is its spring rate."""
+
+
+def half_car() -> dict[str, Element]:
+    """Suspension elements of the half car, the model of documents that name none."""
+    return {
+        "front": Element(axle="front", damping="c_f", spring="k_f"),
+        "rear": Element(axle="rear", damping="c_r", spring="k_r"),
+    }

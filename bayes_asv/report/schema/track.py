@@ -12,6 +12,7 @@ from bayes_asv.report.schema.parts import (
     Channel,
     Count,
     Curve,
+    Element,
     ElementName,
     Finite,
     Interval,
@@ -30,6 +31,7 @@ from bayes_asv.report.schema.parts import (
     Unit,
     VehicleInfo,
     check_lengths,
+    half_car,
 )
 
 __all__ = ["TrackDocument", "WatchDocument"]
@@ -128,6 +130,8 @@ class TrackDocument(Model):
     schema_name: Literal["bayes_asv/track/1"] = Field(alias="schema")
     car: Annotated[str, Field(max_length=64)] = "half"
     """Model of the car."""
+    elements: dict[ElementName, Element] = Field(default_factory=half_car)
+    """Its suspension elements."""
     channels: Annotated[list[Channel], Field(max_length=100)] = Field(default_factory=list)
     """What was measured; empty in a document of an earlier version, which is of the half car."""
     verdict: Annotated[str, OneOf("ok", "refused")]

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
-from bayes_asv.report.schema import EstimateDocument, TrackDocument, half_car
+from bayes_asv.report.schema import EstimateDocument, TrackDocument
 from bayes_asv.report.schema.parts import Parameter
 from bayes_asv.report.sections.long_logs import log_lines
 from bayes_asv.report.sections.online_filter import (
@@ -82,8 +82,7 @@ def headline(document: EstimateDocument | TrackDocument) -> str:
 
 def _dampers(document: EstimateDocument | TrackDocument) -> dict[str, str]:
     """Place of each damper in words, by the name of its damping rate."""
-    elements = document.elements if isinstance(document, EstimateDocument) else half_car()
-    return {element.damping: name.replace("_", " ") for name, element in elements.items()}
+    return {element.damping: name.replace("_", " ") for name, element in document.elements.items()}
 
 
 def _damper_sentences(document: EstimateDocument | TrackDocument) -> str:
