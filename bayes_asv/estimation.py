@@ -12,15 +12,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.input_mistakes import Doubt, doubt_about
+from bayes_asv.analysis.input_mistakes import Doubt, check_input
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
 from bayes_asv.analysis.run_consistency import (
-    MOST_COMPARED,
+    MAX_COMPARED,
     RunConsistency,
     compare_runs,
-    run_alone,
+    fit_single_run,
 )
-from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
+from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
@@ -31,13 +31,13 @@ from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
 from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
-from bayes_asv.posterior.map_fit import best_fit, foreseen, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs, unidentified_before_fit
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate", "runs_worth_taking"]
+__all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate", "select_runs"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -231,9 +231,11 @@ def estimate(
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
     recordings = tuple(at_own_rate(recording) for recording in recordings)
-    runs, logs = runs_worth_taking(recordings, vehicle, below, car)
+    runs, logs = select_runs(recordings, vehicle, below, car)
     if not logs:
-        return _of_runs(recordings, vehicle, likelihood, below, seed, progress, sites, car)
+        return _estimate_prepared(
+            recordings, vehicle, likelihood, below, seed, progress, sites, car
+        )
     model = car_model(car, vehicle)
     empty = tuple(_nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
@@ -242,7 +244,7 @@ def estimate(
             "refused", empty, (), vehicle, model, (), likelihood, seed, 0.0, below=below
         )
     else:
-        found = _of_runs(runs, vehicle, likelihood, below, seed, progress, sites, car)
+        found = _estimate_prepared(runs, vehicle, likelihood, below, seed, progress, sites, car)
         warnings += empty
     return replace(
         found,
@@ -253,7 +255,7 @@ def estimate(
     )
 
 
-def runs_worth_taking(
+def select_runs(
     recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None, car: str = "half"
 ) -> tuple[tuple[Recording, ...], tuple[LogEvents, ...]]:
     """Take the best events of long recordings, and all others whole.
@@ -304,7 +306,7 @@ def _nothing_in(log: LogEvents) -> str:
     )
 
 
-def _of_runs(
+def _estimate_prepared(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     likelihood: str,
@@ -319,12 +321,12 @@ def _of_runs(
     tell = progress or (lambda share, words: None)
     model = car_model(car, vehicle)
     clocks, sites = _clocks(recordings, vehicle, sites)
-    lines, reasons, warnings = lay_out(recordings, vehicle, below, car)
+    lines, reasons, warnings = prepare_runs(recordings, vehicle, below, car)
     found, agreement, timed = None, None, None
     untold: tuple[str, ...] = ()
     if not reasons:
         tell(0.0, "checking what the recordings can tell")
-        untold = foreseen(lines, vehicle)
+        untold = unidentified_before_fit(lines, vehicle)
         if clocks:
             tell(0.0, "comparing the clocks")
             timed = synchronised(recordings, vehicle, clocks, below, car, likelihood)
@@ -337,9 +339,9 @@ def _of_runs(
                 len(lines) > 1
                 and likelihood == "innovations"
                 and not sites
-                and len(model.estimated) <= MOST_COMPARED
+                and len(model.estimated) <= MAX_COMPARED
             ):  # the other form claims too much
-                alone = [run_alone(line, vehicle, seed) for line in lines]
+                alone = [fit_single_run(line, vehicle, seed) for line in lines]
                 agreement = compare_runs(alone, math.prod(_APART), seed)
             if agreement is not None and agreement.apart:
                 reasons, warnings = agreement.reasons, warnings + agreement.warnings
@@ -358,13 +360,13 @@ def _of_runs(
     if below is None and not sites:
         tell(0.05, "checking the input")
         at_mode = recordings if timed is None else timed.recordings
-        doubt = doubt_about(at_mode, vehicle, car, refused=bool(reasons))
+        doubt = check_input(at_mode, vehicle, car, refused=bool(reasons))
     if timed is not None and timed.ambiguity is not None:
         warnings += (timed.ambiguity,)
         doubt = doubt or Doubt((), timed.ambiguity)
     if agreement is not None and found is None and not reasons:
         tell(0.9, "the runs do not agree")
-        told = _apart(agreement, recordings, vehicle, warnings, seed)
+        told = _estimate_random_effects(agreement, recordings, vehicle, warnings, seed)
         tell(1.0, "done")
         return replace(told, doubt=doubt, seconds=time.perf_counter() - began)
     if reasons or found is None:
@@ -403,7 +405,7 @@ def _of_runs(
     )
     exact = timed is None or not any(timed.modes)
     budget = ensembles.converged and exact and not sites
-    width = find_width(target, found.mode, vehicle) if budget else None
+    width = find_budget(target, found.mode, vehicle) if budget else None
     tell(1.0, "done")
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
@@ -449,7 +451,7 @@ def _clocks(
     return clocks, tuple(site for site in sites if site.effect is not CLOCK_OFFSET)
 
 
-def _apart(
+def _estimate_random_effects(
     agreement: RunConsistency,
     recordings: Sequence[Recording],
     vehicle: Vehicle,

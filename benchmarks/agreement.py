@@ -34,11 +34,11 @@ from scipy.stats import binomtest
 
 from bayes_asv import __version__
 from bayes_asv.analysis.predictive_checks import predictive_checks
-from bayes_asv.analysis.random_effects import Site, contrast, population
-from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, run_alone
+from bayes_asv.analysis.random_effects import RunLikelihood, contrast, population
+from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, fit_single_run
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -93,8 +93,8 @@ def drives(
             run = drive(
                 car, where, DEFAULT_SPEEDS[terrain], 400.0, 2.0, sensors, noise, forces=forces
             )
-            lines, reasons, _ = lay_out([as_recording(run, f"{terrain}.csv")], vehicle)
-            return None if reasons else run_alone(lines[0], vehicle, noise % 1000)
+            lines, reasons, _ = prepare_runs([as_recording(run, f"{terrain}.csv")], vehicle)
+            return None if reasons else fit_single_run(lines[0], vehicle, noise % 1000)
 
         yield terrain, go
 
@@ -183,7 +183,9 @@ def gaussian(seed: int, times: int = 200) -> list[dict[str, Any]]:
             for k in range(times):
                 value = own * rng.standard_normal((count, 3))
                 value[:, 0] += spread * rng.standard_normal(count)
-                sites = [Site(np.diag((prior / own) ** 2), prior * v / own**2) for v in value]
+                sites = [
+                    RunLikelihood(np.diag((prior / own) ** 2), prior * v / own**2) for v in value
+                ]
                 found = population(sites, way, DRAWS, k)
                 low, high = prior[0] * np.quantile(found.centre[:, 0], [0.025, 0.975])
                 rows.append(

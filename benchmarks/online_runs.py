@@ -17,7 +17,7 @@ from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.ukf_state import Steps
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.filter import DEFAULT_SETTINGS, ENGINES, Engine, initial_state
 from bayes_asv.tracking.filter_model import filter_model
@@ -91,7 +91,7 @@ def covered(
 def compared(terrain: str, seed: int) -> Row:
     """Compare the last row of a drive of two seconds with mode and curvature of the posterior."""
     _, _, recording = case(terrain, seed, EXACT)
-    lines, _, _ = lay_out([recording], vehicle(EXACT))
+    lines, _, _ = prepare_runs([recording], vehicle(EXACT))
     found = best_fit(lines, vehicle(EXACT))
     mode = found.space.cars(found.mode.z[None])[0, : len(NAMES)]
     sd = np.array([found.space.log_deviation(found.mode.covariance, n) for n in NAMES])

@@ -46,9 +46,9 @@ from bayes_asv.planning.measurement import with_default_noise
 from bayes_asv.planning.plan import plan
 from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.planning.ride_simulation import Pass, default_tyres, simulate_passes
-from bayes_asv.posterior.importance import importance
+from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.information import fisher_information
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from benchmarks.plan_cars import CARS, chance_car
 from benchmarks.plan_picture import draw_picture
 from tests.rig import (
@@ -121,7 +121,7 @@ def rig_recording(car: RigCar, planned: Drive, seed: int) -> Recording:
 def fitted(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int]) -> MapFit | None:
     """Mode of the posterior of rig runs; None when they are refused."""
     runs = [rig_recording(car, planned, seed) for seed in seeds]
-    lines, reasons, _ = lay_out(runs, vehicle)
+    lines, reasons, _ = prepare_runs(runs, vehicle)
     if reasons:
         return None
     found = best_fit(lines, vehicle)
@@ -140,7 +140,7 @@ def posterior(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int
     found = fitted(car, vehicle, planned, seeds)
     if found is None:
         return None
-    draws = importance(found.target, found.mode, _DRAWS, seeds[0])
+    draws = importance_sample(found.target, found.mode, _DRAWS, seeds[0])
     value = found.space.quantities(draws.z, seeds[0])
     mean = np.array([draws.mean(value[name]) for name in PARAMETERS])
     sd = np.array([draws.sd(value[name]) for name in PARAMETERS])
@@ -284,7 +284,7 @@ def information_rows(runs: int, seed: int) -> list[Row]:
                 if got is None:
                     continue
                 true = vehicle_of(car, EXACT)
-                lines, _, _ = lay_out([rig_recording(car, at, first)], true)
+                lines, _, _ = prepare_runs([rig_recording(car, at, first)], true)
                 about = half_car(true).about
                 formula = predicted(fisher_information(lines[0], true, about), 1, true)
                 ratios.append(got / formula)

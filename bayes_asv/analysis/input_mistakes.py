@@ -43,14 +43,14 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
-from bayes_asv.preprocessing.data_checks import dead_channels, least_rate
+from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
 __all__ = [
     "Doubt",
     "Fit",
     "Mistake",
-    "doubt_about",
+    "check_input",
     "likely_mistakes",
     "rear_leads",
     "screening_fit",
@@ -207,13 +207,13 @@ def screening_fit(
         Evaluations of the Jacobian at most.
     """
     model = car_model(car, vehicle)
-    least = least_rate(nominal_modes(model))
+    least = min_sampling_rate(nominal_modes(model))
     for recording in recordings:
         if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
             return None
     lines = tuple(prepare(one, vehicle, model) for one in recordings)
     target = Posterior(space(vehicle, lines), tuple(WHITE for _ in lines))
-    n = target.space.lasting_dimension
+    n = target.space.shared_dimension
     dimension = target.space.dimension
 
     def at(car_part: Array) -> Array:
@@ -317,7 +317,7 @@ def _cut(recording: Recording, rows: slice) -> Recording:
     return replace(recording, time=recording.time[rows], values=recording.values[:, rows])
 
 
-def doubt_about(
+def check_input(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", refused: bool = False
 ) -> Doubt | None:
     """Check the input of an estimate and look for a mistake where something is wrong.

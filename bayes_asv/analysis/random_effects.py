@@ -24,8 +24,16 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 __all__ = [
-    "LARGEST_SPREAD", "SAME", "SPREAD_SCALE", "Contrast", "Population", "Site",
-    "contrast", "own_values", "population", "site_of",
+    "LARGEST_SPREAD",
+    "SAME",
+    "SPREAD_SCALE",
+    "Contrast",
+    "RandomEffectsPosterior",
+    "RunLikelihood",
+    "contrast",
+    "estimates_of_runs",
+    "likelihood_of_run",
+    "population",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -50,7 +58,7 @@ _COARSE, _FINE = 11, 21  # nodes a deviation, first and final grid
 _EDGE = 1e-4  # share of the mass that the final grid may leave out at either end
 
 
-class Site(NamedTuple):
+class RunLikelihood(NamedTuple):
     """Gaussian likelihood of one run over the car's n coordinates.
 
     Parameters
@@ -64,9 +72,9 @@ class Site(NamedTuple):
     precision: Array
     linear: Array
 
-    def around(self, centre: Array) -> Site:
+    def around(self, centre: Array) -> RunLikelihood:
         """Return the same likelihood with the coordinates counted from ``centre``."""
-        return Site(self.precision, self.linear - self.precision @ centre)
+        return RunLikelihood(self.precision, self.linear - self.precision @ centre)
 
 
 class Contrast(NamedTuple):
@@ -91,7 +99,7 @@ class Contrast(NamedTuple):
         return float(gammaincc(0.5 * self.freedom, 0.5 * max(self.q, 0.0)))
 
 
-def site_of(mean: Array, covariance: Array) -> Site:
+def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
     """Take the standard normal prior out of a Gaussian posterior.
 
     Parameters
@@ -110,10 +118,12 @@ def site_of(mean: Array, covariance: Array) -> Site:
     told = np.where(speaks, told, 0.0)
     # A site's own mean is the posterior's, scaled back from the pull of the prior.
     linear = np.where(speaks, (vectors.T @ mean) * (1.0 + told), 0.0)
-    return Site((vectors * told) @ vectors.T, vectors @ linear)
+    return RunLikelihood((vectors * told) @ vectors.T, vectors @ linear)
 
 
-def contrast(sites: Sequence[Site], way: Array, which: Sequence[int] | None = None) -> Contrast:
+def contrast(
+    sites: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
+) -> Contrast:
     """Test whether runs share their values.
 
     Parameters
@@ -147,7 +157,9 @@ def contrast(sites: Sequence[Site], way: Array, which: Sequence[int] | None = No
     return Contrast(2.0 * (full - held), full_rank - held_rank)
 
 
-def _highest(sites: Sequence[Site], prior: Array, pull: Array, free: Array) -> tuple[float, int]:
+def _highest(
+    sites: Sequence[RunLikelihood], prior: Array, pull: Array, free: Array
+) -> tuple[float, int]:
     """Largest log-likelihood with columns free in every run, and the rank of what was fitted."""
     precision, linear = prior.copy(), pull.copy()
     value, rank = 0.0, 0
@@ -176,7 +188,7 @@ def _pseudo(matrix: Array) -> tuple[Array, int]:
     return (vectors * inverse) @ vectors.T, int(np.count_nonzero(speaks))
 
 
-def own_values(site: Site, way: Array, centre: Array) -> tuple[Array, Array]:
+def estimates_of_runs(site: RunLikelihood, way: Array, centre: Array) -> tuple[Array, Array]:
     """Ask one run alone for its values when what runs share is held.
 
     Parameters
@@ -207,7 +219,7 @@ def own_values(site: Site, way: Array, centre: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Population:
+class RandomEffectsPosterior:
     """Draws of the random-effects model.
 
     Parameters
@@ -229,7 +241,9 @@ class Population:
     log_density: Array
 
 
-def population(sites: Sequence[Site], way: Array, count: int, seed: int) -> Population:
+def population(
+    sites: Sequence[RunLikelihood], way: Array, count: int, seed: int
+) -> RandomEffectsPosterior:
     """Posterior of the mean car and of the spread of runs about it.
 
     Parameters
@@ -270,12 +284,12 @@ def population(sites: Sequence[Site], way: Array, count: int, seed: int) -> Popu
     log_det = np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
     density = log_evidence + _log_prior(spread, way) + log_det - 0.5 * np.sum(shift**2, axis=1)
     fresh = centre + (rng.standard_normal((count, free)) * spread) @ way.T
-    return Population(centre, spread, fresh, density)
+    return RandomEffectsPosterior(centre, spread, fresh, density)
 
 
-def _first_axes(sites: Sequence[Site], way: Array, middle: Array) -> list[Array]:
+def _first_axes(sites: Sequence[RunLikelihood], way: Array, middle: Array) -> list[Array]:
     """Nodes of log τ for each quantity: none at all, then from no effect to the largest."""
-    own = np.array([own_values(site, way, middle)[1] for site in sites])
+    own = np.array([estimates_of_runs(site, way, middle)[1] for site in sites])
     least = np.where(np.isfinite(own), own, SPREAD_SCALE).min(axis=0) * _NO_EFFECT
     top = math.log(LARGEST_SPREAD)
     return [
@@ -294,7 +308,7 @@ def _log_prior(spread: Array, way: Array) -> Array:
 
 
 def _on_grid(
-    axes: list[Array], sites: Sequence[Site], way: Array, middle: Array
+    axes: list[Array], sites: Sequence[RunLikelihood], way: Array, middle: Array
 ) -> tuple[Array, Array]:
     """Nodes (G, 3) of log τ and their posterior weights (G,)."""
     nodes = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
@@ -330,7 +344,7 @@ def _narrowed(axis: Array, mass: Array) -> Array:
 
 
 def _given_spread(
-    spread: Array, sites: Sequence[Site], way: Array, middle: Array
+    spread: Array, sites: Sequence[RunLikelihood], way: Array, middle: Array
 ) -> tuple[Array, Array, Array]:
     """Mean car given each of G spreads: mean (G, n), root of its precision, log evidence (G,).
 

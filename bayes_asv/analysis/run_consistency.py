@@ -18,18 +18,18 @@ from numpy.typing import NDArray
 
 from bayes_asv.analysis.random_effects import (
     Contrast,
-    Population,
-    Site,
+    RandomEffectsPosterior,
+    RunLikelihood,
     contrast,
-    own_values,
+    estimates_of_runs,
+    likelihood_of_run,
     population,
-    site_of,
 )
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.fit_checks import misfit
+from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.posterior.importance import Weighted, importance
+from bayes_asv.posterior.importance import WeightedDraws, importance_sample
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.parameters import ParameterSpace
@@ -37,16 +37,16 @@ from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
     "DISAGREE_BELOW",
-    "MOST_COMPARED",
+    "MAX_COMPARED",
     "RunConsistency",
     "SingleRunFit",
     "compare_runs",
-    "run_alone",
+    "fit_single_run",
 ]
 
 Array = NDArray[np.float64]
 
-MOST_COMPARED = 3
+MAX_COMPARED = 3
 """Parameters that may differ from run to run: spreads of so many are integrated on a grid."""
 
 DISAGREE_BELOW = 0.01
@@ -82,7 +82,7 @@ class SingleRunFit:
     fit: MapFit
     z: Array
     effective: float
-    site: Site
+    site: RunLikelihood
     faults: tuple[str, ...]
 
     @property
@@ -117,7 +117,7 @@ class RunConsistency:
     whole: Contrast
     each: dict[str, Contrast]
     runs: tuple[SingleRunFit, ...]
-    population: Population
+    population: RandomEffectsPosterior
     shift: Array
     sd: Array
 
@@ -146,7 +146,7 @@ class RunConsistency:
         there = sd[np.isfinite(sd)]
         return 100.0 * float(np.sqrt(np.mean(there**2))) if len(there) else math.nan
 
-    def own_values(self, name: str) -> tuple[Array, Array]:
+    def estimates_of_runs(self, name: str) -> tuple[Array, Array]:
         """Tell what every run says with the given values held: values and deviations (R,).
 
         SI units; nan and infinite where a run says nothing.
@@ -224,11 +224,11 @@ class RunConsistency:
         few = " (two runs say little about a spread, so it is wide)" if len(self.runs) == 2 else ""
         return (
             f"the runs do not agree: {'; '.join(parts)}; the interval allows for that{few}; "
-            "something changes between the runs, or the half car does not know it"
+            "the car changes between the runs, or the model lacks it"
         )
 
 
-def run_alone(line: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRunFit:
+def fit_single_run(line: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRunFit:
     """Posterior of one run by itself, by weighted draws.
 
     Parameters
@@ -246,18 +246,20 @@ def run_alone(line: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRun
     """
     fit = best_fit((line,), vehicle)
     with shared_work(fit.target) as shared:
-        weighted = importance(shared, fit.mode, _WEIGHTED, seed)
+        weighted = importance_sample(shared, fit.mode, _WEIGHTED, seed)
     w = weighted.weight
     rng = np.random.default_rng([seed, 8])
     # Systematic: every draw is kept as often as its weight says, give or take one.
     at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_KEPT)) / _KEPT)
     z = weighted.z[rng.permutation(np.minimum(at, len(w) - 1))]
     line = fit.space.timelines[0]
-    faults, _ = misfit(line, free_run(fit.target, fit.mode.z, 0), bool(fit.shares))
+    faults, _ = explained_power_findings(
+        line, free_run(fit.target, fit.mode.z, 0), bool(fit.shares)
+    )
     return SingleRunFit(fit, z, weighted.effective, _site(fit, weighted), tuple(faults))
 
 
-def _site(fit: MapFit, weighted: Weighted) -> Site:
+def _site(fit: MapFit, weighted: WeightedDraws) -> RunLikelihood:
     """Likelihood of a run by its posterior's moments, or by its mode where they are worth little.
 
     The second happens to runs whose verdict is open anyway; it only must not get in the way.
@@ -266,11 +268,11 @@ def _site(fit: MapFit, weighted: Weighted) -> Site:
     if weighted.effective >= _FEWEST:
         car, w = weighted.z[:, :n], weighted.weight
         mean = w @ car
-        return site_of(mean, (car - mean).T @ ((car - mean) * w[:, None]))
+        return likelihood_of_run(mean, (car - mean).T @ ((car - mean) * w[:, None]))
     mean, covariance = fit.mode.z[:n], fit.mode.covariance[:n, :n]
     if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
-        return Site(np.zeros((n, n)), np.zeros(n))
-    return site_of(mean, covariance)
+        return RunLikelihood(np.zeros((n, n)), np.zeros(n))
+    return likelihood_of_run(mean, covariance)
 
 
 def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunConsistency:
@@ -299,7 +301,7 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     else:
         verdict = "disagree" if whole.p < DISAGREE_BELOW else "agree"
     found = population(sites, way, count, seed)
-    own = [own_values(site, way, found.centre.mean(axis=0)) for site in sites]
+    own = [estimates_of_runs(site, way, found.centre.mean(axis=0)) for site in sites]
     return RunConsistency(
         verdict=verdict,
         whole=whole,

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import MISSING
-from bayes_asv.posterior.denoised_inputs import calm
+from bayes_asv.posterior.denoised_inputs import denoise_and_predict
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, foretold
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, update_patterns
 from bayes_asv.posterior.free_simulation import free_run, simulated
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -106,14 +106,14 @@ class FixedGainFilter:
 
     def response(self, perturbation: Perturbation) -> Array:
         """Change of the predictions (N,) by a perturbation of the run, in standard deviations."""
-        perturbed = self.posterior.scored(self.z, self.run, perturbation)[0]
+        perturbed = self.posterior.innovations_and_variances(self.z, self.run, perturbation)[0]
         return np.asarray((self.innovations - perturbed)[self.has_reading])
 
 
 def fixed_gain_filter(posterior: Posterior, z: Array, run: int) -> FixedGainFilter:
     """Return the filter of a model at coordinates (D,) on one run."""
     start = free_run(posterior, z, run).begin
-    innovations, log_variances, _ = posterior.scored(z, run)
+    innovations, log_variances, _ = posterior.innovations_and_variances(z, run)
     residuals = _residuals(posterior, z, run, start)
     return FixedGainFilter(posterior, z, run, start, residuals, innovations, log_variances)
 
@@ -138,7 +138,7 @@ def coordinate_sensitivities(filters: Sequence[FixedGainFilter], count: int) -> 
 
 def _run_sensitivities(at: FixedGainFilter, count: int) -> Array:
     sensitivities = np.zeros((count, np.count_nonzero(at.has_reading)))
-    relevant = [k for k in at.posterior.space.seen_by(at.run) if k < count]
+    relevant = [k for k in at.posterior.space.coordinates_of_run(at.run) if k < count]
 
     def along(k: int) -> Array:
         return at.sensitivity(at.posterior, at.z + _STEP * np.eye(len(at.z))[k]) / _STEP
@@ -198,7 +198,7 @@ def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
     """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
     recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.lines)))
     denoised = replace(dataset, lines=recordings, quiet=True)
-    return foretold(denoised, replace(model, target=denoised.target(model.sites)))
+    return update_patterns(denoised, replace(model, target=denoised.target(model.sites)))
 
 
 def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
@@ -222,7 +222,7 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
         At its mode on them.
     """
     dataset = replace(dataset, patterns=model.target.patterns)
-    posterior, z, count = dataset.target(model.sites), model.mode.z, model.space.lasting_dimension
+    posterior, z, count = dataset.target(model.sites), model.mode.z, model.space.shared_dimension
     filters = tuple(fixed_gain_filter(posterior, z, run) for run in range(len(dataset.lines)))
     settled, at_mode = np.concatenate([_settled(one) for one in filters]), model.mode.slopes
     means, scales = at_mode.means.copy(), at_mode.scales.copy()
@@ -239,5 +239,5 @@ def _settled(one: FixedGainFilter) -> NDArray[np.bool_]:
 
 
 def _denoised(dataset: Dataset, model: FittedModel, run: int) -> PreparedRecording:
-    recording, before, after = calm(model.target, model.mode.z, run, dataset.vehicle)
+    recording, before, after = denoise_and_predict(model.target, model.mode.z, run, dataset.vehicle)
     return replace(recording, reading=recording.reading + after - before)

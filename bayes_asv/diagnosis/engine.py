@@ -28,18 +28,18 @@ from bayes_asv.diagnosis.tone_detection import DetectedTones, detect_tones
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.effects import BOTH, EFFECTS
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, setting
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import (
     Notch,
+    band_pass_filter,
     engine_tones,
     main_tones,
     notch_filter,
     notched,
     own_modes,
-    passing,
 )
 
 __all__ = [
@@ -154,7 +154,7 @@ def remove_engine_tones(
     engine = Engine(*estimates, main_tones(tones), engine_probability(log_p))
     holdout_removed = []
     for recording in holdout:
-        single = setting(dataset.vehicle, (recording,))
+        single = make_dataset(dataset.vehicle, (recording,))
         own = _detect(single, fit_holdout(single), alarm)
         holdout_removed.append(notched(recording, _union(tones, own.tones)))
     return removed, refit, engine, tuple(holdout_removed)
@@ -178,7 +178,7 @@ def _remove(
 ) -> tuple[Dataset, FittedModel]:
     """Remove tones from all recordings, and fit the model to the rest."""
     recordings = tuple(notched(recording, tones) for recording in dataset.lines)
-    removed = setting(dataset.vehicle, recordings)
+    removed = make_dataset(dataset.vehicle, recordings)
     return removed, fit(removed)
 
 
@@ -239,7 +239,7 @@ def _detect(
 def _accelerations(dataset: Dataset, model: FittedModel, run: int) -> Array:
     """Normalised innovations (R, n) of the accelerations of one run, nan where one is missing."""
     recording = dataset.lines[run]
-    nu = recording.paired(model.target.scored(model.mode.z, run)[0])
+    nu = recording.paired(model.target.innovations_and_variances(model.mode.z, run)[0])
     return nu[:, list(recording.accelerations)]
 
 
@@ -342,7 +342,7 @@ def _noise_bands(tone: Notch, others: Sequence[Notch], rate: float) -> list[floa
 
 
 def _analytic(signal: Array, tone: Notch, rate: float) -> Complex:
-    return np.asarray(hilbert(sosfiltfilt(passing(tone, rate), signal, axis=0), axis=0))
+    return np.asarray(hilbert(sosfiltfilt(band_pass_filter(tone, rate), signal, axis=0), axis=0))
 
 
 def _response(model: FittedModel, run: int, frequency: float, place: str) -> Complex:

@@ -37,7 +37,7 @@ from bayes_asv.diagnosis.thresholds import (
     TOLERANCE_PREFERRED,
 )
 from bayes_asv.diagnosis.unlisted_faults_test import best_unlisted_explanation
-from bayes_asv.posterior.fitted_model import refitted
+from bayes_asv.posterior.fitted_model import fit_again
 
 __all__ = ["Selection", "reconsider_pulses", "select_effects", "start_selection"]
 
@@ -301,5 +301,5 @@ def reconsider_pulses(
         return selection
     # evidence is comparable on the same denoised inputs only
     denoised, old = other.assessed.denoised, selection.assessed.model
-    behind = model_evidence(denoised, refitted(denoised, old, old.sites)).log_evidence
+    behind = model_evidence(denoised, fit_again(denoised, old, old.sites)).log_evidence
     return other if other.assessed.evidence.log_evidence > behind else selection

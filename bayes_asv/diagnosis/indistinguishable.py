@@ -49,7 +49,7 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     modes = []
     for model in (one, other):
         posterior = predicted.target(model.sites, hold=True)
-        modes.append(fitted(posterior, model.carried_to(posterior.space)).mode)
+        modes.append(fitted(posterior, model.transfer(posterior.space)).mode)
     # the misfit of the first to its own prediction is that of the initial state alone
     return max(2.0 * (modes[0].log_posterior - modes[1].log_posterior), 0.0)
 

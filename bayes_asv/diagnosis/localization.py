@@ -80,7 +80,10 @@ class Localization:
 
 def localize(dataset: Dataset, model: FittedModel) -> Localization:
     """Find where the innovations of a model have too much energy or a systematic mean."""
-    passes = [model.target.scored(model.mode.z, run) for run in range(len(dataset.lines))]
+    passes = [
+        model.target.innovations_and_variances(model.mode.z, run)
+        for run in range(len(dataset.lines))
+    ]
     outputs = [channel.name for channel in dataset.channels if not channel.is_input]
     energy, count = np.zeros(len(outputs)), np.zeros(len(outputs))
     windows: list[tuple[int, float, float]] = []

@@ -197,7 +197,7 @@ def best_alternative(
         Number of named effects, and of those that they were selected from.
     """
     posterior = dataset.target(())
-    z = model.carried_to(posterior.space)
+    z = model.transfer(posterior.space)
     best, description = -math.inf, ""
     for _ in range(_ROUNDS):
         alternative = _fit_alternative(dataset, posterior, z)
@@ -222,9 +222,9 @@ def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alter
     plain = FittedModel((), posterior, LaplaceFit(z, at_z, True))
     denoised = denoised_model(dataset, plain)
     # least squares of the innovations on the car's coordinates, then on each fault as well
-    car = slice(posterior.space.lasting_dimension)
+    car = slice(posterior.space.shared_dimension)
     of_car = denoised.derivatives.only(car)
-    of_car = replace(of_car, scales=0.0 * of_car.scales, given_back=0.0 * z[car])
+    of_car = replace(of_car, scales=0.0 * of_car.scales, removed_band_correction=0.0 * z[car])
     projection = nuisance_projection(of_car, z[car], of_car.means[:0])
     faults = unlisted_fault_scores(denoised, projection)
     k = int(np.argmax(faults.gains))
@@ -248,6 +248,6 @@ def _loss(posterior: Posterior, mode: LaplaceFit, settled: NDArray[np.bool_]) ->
     """
     at_mode = mode.slopes
     runs = range(len(posterior.space.timelines))
-    back = sum(float(posterior.given_back(mode.z[None], run)[0]) for run in runs)
+    back = sum(float(posterior.removed_band_correction(mode.z[None], run)[0]) for run in runs)
     twice = np.sum((at_mode.nu**2 + at_mode.logs)[settled]) + mode.z @ mode.z
     return 0.5 * float(twice) - back

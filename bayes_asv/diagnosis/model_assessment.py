@@ -13,7 +13,7 @@ from bayes_asv.diagnosis.thresholds import NEEDED_EVIDENCE
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, tolerance_evidence
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_candidates import Candidate, candidates
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, foretold, refitted
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, fit_again, update_patterns
 
 __all__ = [
     "AssessedModel",
@@ -79,7 +79,7 @@ def _denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, Dataset, F
     rounds = 2 if any(site.effect.acts == "reading" for site in model.sites) else 1
     for _ in range(rounds):
         model = replace(model, target=dataset.target(model.sites))
-        dataset = foretold(dataset, model)
+        dataset = update_patterns(dataset, model)
     return dataset, *fit_denoised(dataset, replace(model, target=dataset.target(model.sites)))
 
 
@@ -94,8 +94,8 @@ def refit_shared(model: FittedModel, dataset: Dataset) -> FittedModel:
 
 
 def _refit(model: FittedModel, dataset: Dataset, sites: tuple[Site, ...]) -> FittedModel:
-    dataset = foretold(dataset, refitted(dataset, model, sites))
-    return refitted(dataset, model, sites)
+    dataset = update_patterns(dataset, fit_again(dataset, model, sites))
+    return fit_again(dataset, model, sites)
 
 
 def fit_pooled(
@@ -126,7 +126,7 @@ def fit_pooled(
 
 def submodel(assessed: AssessedModel, sites: tuple[Site, ...]) -> FittedModel:
     """Fit the model with some of its effects only, on its denoised inputs."""
-    return refitted(assessed.denoised, assessed.model, sites)
+    return fit_again(assessed.denoised, assessed.model, sites)
 
 
 def remove_effects(
@@ -172,7 +172,7 @@ def supported_by_holdout(
     pooled, model, evidence = fit_pooled(assessed, holdout)
     own = len(assessed.dataset.lines)  # these come first
     fit = replace(pooled, lines=pooled.lines[:own], patterns=pooled.patterns[:own])
-    own_model = refitted(fit, model, model.sites)
+    own_model = fit_again(fit, model, model.sites)
     own_evidence = model_evidence(fit, own_model)
     sites = tuple(e.site for e in effects)
     on_fit = replace(assessed, denoised=fit, model=own_model, evidence=own_evidence)

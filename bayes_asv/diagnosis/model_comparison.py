@@ -250,7 +250,7 @@ def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> 
     split = tuple(replace(extended.site, where=place) for place in places)
     sites = (*(s for s in model.sites if s != extended.site), *split)
     posterior = dataset.target(sites)
-    start = model.carried_to(posterior.space)
+    start = model.transfer(posterior.space)
     for site in split:
         for p in site.effect.parameters:
             z = model.mode.z[model.space.names.index(extended.site.coordinate_name(p))]

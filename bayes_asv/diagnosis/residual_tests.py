@@ -16,7 +16,7 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.preprocessing.quantization import crawling
+from bayes_asv.preprocessing.quantization import is_slow
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
 
@@ -46,9 +46,9 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
     """
     statistic, freedom = 0.0, 0
     for run, recording in enumerate(model.space.timelines):
-        nu = model.target.scored(model.mode.z, run)[0]
+        nu = model.target.innovations_and_variances(model.mode.z, run)[0]
         # the error of a coarse converter is autocorrelated where the signal moves slowly
-        nu[np.any([crawling(recording, c) for c in recording.outputs], axis=0)] = np.nan
+        nu[np.any([is_slow(recording, c) for c in recording.outputs], axis=0)] = np.nan
         nu = recording.paired(nu)
         nu = nu[np.all(np.isfinite(nu), axis=1)]
         n = len(nu)

@@ -25,9 +25,9 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.outputs import relative_offset
 from bayes_asv.posterior.effect_candidates import Candidate
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, transfer_coordinates
 from bayes_asv.posterior.likelihood import shared_work
-from bayes_asv.preprocessing.quantization import wandering
+from bayes_asv.preprocessing.quantization import spurious_drift
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["NuisanceProjection", "ScoreTest", "nuisance_projection", "score_test", "standardized"]
@@ -150,13 +150,15 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
 
     def sensitivity(candidate: Candidate) -> Array:
         posterior = dataset.target((*model.sites, candidate.site))
-        extended = carried(model.space, z, posterior.space, candidate.site, candidate.values)
+        extended = transfer_coordinates(
+            model.space, z, posterior.space, candidate.site, candidate.values
+        )
         by_run = {}
         for run, at in enumerate(denoised.filters):
             if candidate.site.run not in (None, run):
                 continue
             if candidate.edge:  # an added force leaves the gain as it is: one pass is enough
-                predicted = at.innovations - posterior.scored(extended, run)[0]
+                predicted = at.innovations - posterior.innovations_and_variances(extended, run)[0]
                 by_run[run] = predicted[at.has_reading]
             else:
                 by_run[run] = at.sensitivity(posterior, extended)
@@ -205,12 +207,12 @@ def _feigned_slope(recording: PreparedRecording, name: str) -> float:
     if name not in names:
         return 0.0
     c = names.index(name)
-    slope = wandering(recording, c) / relative_offset(recording.channels[c].quantity)
+    slope = spurious_drift(recording, c) / relative_offset(recording.channels[c].quantity)
     follows = np.round(recording.rigid_gain, 12)  # what an inverse leaves of zero is no gain
     if c in recording.inputs:
         return 0.0 if np.any(follows[:, recording.inputs.index(c)]) else slope
     for gain, wheel in zip(follows[recording.outputs.index(c)], recording.inputs, strict=True):
-        slope = float(np.hypot(slope, gain * wandering(recording, wheel)))
+        slope = float(np.hypot(slope, gain * spurious_drift(recording, wheel)))
     return slope
 
 

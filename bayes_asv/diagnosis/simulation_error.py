@@ -18,7 +18,7 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fisher_scoring import slopes
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, foretold_at
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, update_patterns_at
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
 
@@ -102,15 +102,15 @@ def _frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior,
     """Carry a model's car and effects to recordings; effects of a single run only to their own."""
     sites: tuple[Site, ...] = tuple(s for s in model.sites if own or s.run is None)
     posterior = dataset.target(sites)
-    z = model.carried_to(posterior.space)
+    z = model.transfer(posterior.space)
     if any(s.effect.acts == "reading" for s in sites):  # a sensor's fault follows from its signal
-        posterior = foretold_at(dataset, posterior, z).target(sites)
+        posterior = update_patterns_at(dataset, posterior, z).target(sites)
     return posterior, _fit_noise(posterior, z)
 
 
 def _fit_noise(posterior: Posterior, z: Array) -> Array:
     """Estimate the noise levels again, everything else held."""
-    first = posterior.space.lasting_dimension
+    first = posterior.space.shared_dimension
     z = z.copy()
     z[first:] = 0.0
     for _ in range(_NOISE_ROUNDS):

@@ -108,11 +108,11 @@ class OffsetPosterior(Posterior):
     log_variances: tuple[Array, ...] = ()
     cost: float = 0.0
 
-    def scored(
+    def innovations_and_variances(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
         """Return what the plain posterior does, the offset subtracted from the innovations."""
-        nu, logs, states = super().scored(z, run, nudge)
+        nu, logs, states = super().innovations_and_variances(z, run, nudge)
         change = np.exp(-0.5 * (logs - self.log_variances[run])) * self.offset[run]
         return np.where(logs != 0.0, nu - change, 0.0), logs, states
 
@@ -122,10 +122,10 @@ class OffsetPosterior(Posterior):
 
         def log_likelihood(at: tuple[int, int]) -> float:
             w, run = at
-            nu, logs, _ = self.scored(z[w], run)
+            nu, logs, _ = self.innovations_and_variances(z[w], run)
             valid = logs != 0.0
             part = nu[valid] ** 2 + logs[valid] + math.log(2.0 * math.pi)
-            return float(self.given_back(z[w : w + 1], run)[0] - 0.5 * part.sum())
+            return float(self.removed_band_correction(z[w : w + 1], run)[0] - 0.5 * part.sum())
 
         runs = range(len(self.space.timelines))
         work = self.pool.map if self.pool else map
@@ -141,7 +141,7 @@ def with_offset(
     by_run, log_variances, begin = [], [], 0
     change = offsets @ sensitivities
     for run in range(len(model.space.timelines)):
-        logs = model.target.scored(model.mode.z, run)[1]
+        logs = model.target.innovations_and_variances(model.mode.z, run)[1]
         valid = logs != 0.0
         offset = np.zeros_like(logs)
         end = begin + int(np.count_nonzero(valid))

@@ -29,7 +29,7 @@ from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
-from bayes_asv.preprocessing.wiener_filter import clear_wheel, denoised, sample_noise
+from bayes_asv.preprocessing.wiener_filter import denoise_wheel, denoised, sample_noise
 
 __all__ = ["unlisted_fault_sensitivities"]
 
@@ -320,7 +320,7 @@ def _distorted(
     """Perturbation of a run by the distortion of one channel; mean squares of change and signal."""
     if c in recording.inputs:
         u = recording.inputs.index(c)
-        knots, samples = clear_wheel(recording, u, bandwidth)
+        knots, samples = denoise_wheel(recording, u, bandwidth)
         change = distortion(knots, samples)
         signal = WheelSignal(CubicSpline(knots, change), knots, recording.wheels[u].deviation)
         driven = np.zeros_like(recording.moments)

@@ -54,8 +54,8 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.clock_errors import synchronised
-from bayes_asv.posterior.fitted_model import base, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
@@ -106,10 +106,12 @@ def diagnose(
     recordings = [at_own_rate(one) for one in recordings]
     holdout = [at_own_rate(one) for one in holdout]
     fit_runs, holdout_runs, notes = _split(recordings, holdout, vehicle, car)
-    fit, reasons, warnings = lay_out(fit_runs, vehicle, car=car)
+    fit, reasons, warnings = prepare_runs(fit_runs, vehicle, car=car)
     if reasons:
         return Diagnosis("refused", reasons, warnings, (), vehicle, seed, car=car)
-    held, unusable, _ = lay_out(holdout_runs, vehicle, car=car) if holdout_runs else ((), (), ())
+    held, unusable, _ = (
+        prepare_runs(holdout_runs, vehicle, car=car) if holdout_runs else ((), (), ())
+    )
     if unusable:
         notes.append("the held-out recordings cannot be used: " + "; ".join(unusable))
         held = ()
@@ -118,8 +120,8 @@ def diagnose(
         for runs, lines in ((fit_runs, fit), (holdout_runs, held))
     )
     progress(0.05, f"fitting the linear {car} car")
-    dataset = setting(vehicle, fit)
-    given = Split(dataset, setting(vehicle, held) if held else None, base(dataset))
+    dataset = make_dataset(vehicle, fit)
+    given = Split(dataset, make_dataset(vehicle, held) if held else None, base(dataset))
     search = _search(given, held, seed, progress)
     localization = localize(search.without_tones.fit, search.without_tones.linear)
     validated = validate(
@@ -225,7 +227,7 @@ def _search(
             dataset, linear = removed, base(removed)
             again = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
             selection = select_effects(again, seed, progress)
-    holdout = given.holdout if engine is None or not held else setting(given.fit.vehicle, held)
+    holdout = given.holdout if engine is None or not held else make_dataset(given.fit.vehicle, held)
     split = Split(dataset, holdout, linear)
     return _Search(selection, engine, split, held, first.p_value, first.test.site_count)
 
@@ -256,7 +258,9 @@ def _synchronised(
     clocks = declared_clocks(runs, vehicle) if lines else ()
     if not clocks:
         return lines
-    return lay_out(synchronised(runs, vehicle, clocks, car=car).recordings, vehicle, car=car)[0]
+    return prepare_runs(synchronised(runs, vehicle, clocks, car=car).recordings, vehicle, car=car)[
+        0
+    ]
 
 
 def _split(
@@ -279,7 +283,7 @@ def _split(
     wheels = [whole.channels.index(f"{element.name}_wheel") for element in elements]
     power = [float(np.nanvar(half.values[wheels], axis=1).sum()) for half in (first, second)]
     usable = middle >= _MIN_ROWS and not any(
-        lay_out([half], vehicle, car=car)[1] for half in (first, second)
+        prepare_runs([half], vehicle, car=car)[1] for half in (first, second)
     )
     if power[1] > _MIN_EXCITATION * power[0] and usable:
         return [first], [second], [f"the second half of {name} is held out for the validation"]

@@ -66,7 +66,7 @@ def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None
         then = np.zeros((ne, 1))
         early = np.zeros((ne, coupled, 1))
         late = np.zeros((ne, coupled, 1))
-        bent = table.shape[1] > 0
+        nonlinear = table.shape[1] > 0
         ahead = np.empty((rows, 1))
         room = np.empty((rows, 2, 1))
         mean = np.zeros((coupled, 1))
@@ -88,7 +88,7 @@ def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None
                 advance_mean(nx, nu, rows, coupled, 1, base, drive, k, moments, mean, ahead)
                 if ne > 0:
                     advance_forces(
-                        nx, ne, nd, nu, 1, bent, table, rates, powers, B, E, N, pole, mean, k,
+                        nx, ne, nd, nu, 1, nonlinear, table, rates, powers, B, E, N, pole, mean, k,
                         inputs, elapsed, added, W0, W1, now, then, early, late, ahead,
                     )  # fmt: skip
                 for a in range(rows):

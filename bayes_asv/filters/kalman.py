@@ -274,7 +274,7 @@ def _compiled(
         then = np.zeros((ne, lanes))
         early = np.zeros((ne, coupled, lanes))
         late = np.zeros((ne, coupled, lanes))
-        bent = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
+        nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         values = 0
         h_known = -1.0
         for k in range(step.shape[0]):
@@ -295,10 +295,10 @@ def _compiled(
                 advance_mean(nx, nu, rows, coupled, lanes, base, drive, k, moments, mean, ahead)
                 if ne > 0:
                     advance_forces(
-                        nx, ne, nd, nu, lanes, bent, table, rates, powers, B, E, N, pole, mean, k,
-                        inputs, elapsed, added, W0, W1, now, then, early, late, ahead,
+                        nx, ne, nd, nu, lanes, nonlinear, table, rates, powers, B, E, N, pole, mean,
+                        k, inputs, elapsed, added, W0, W1, now, then, early, late, ahead,
                     )  # fmt: skip
-                    if bent:
+                    if nonlinear:
                         linearise(rows, ne, coupled, lanes, base, W0, W1, early, late, carry)
                 for a in range(rows):
                     for q in range(lanes):

@@ -161,7 +161,7 @@ def advance_forces(
     nd: int,
     nu: int,
     lanes: int,
-    bent: bool,
+    nonlinear: bool,
     table: Array,
     rates: Array,
     powers: Array,
@@ -187,26 +187,26 @@ def advance_forces(
     ``early`` and ``late`` (ne, coupled, L) get the slopes of the forces at both ends; ``bent`` says
     whether there are any laws beside the forces ``added`` (N, ne).
     """
-    if bent:
+    if nonlinear:
         _excess_forces(
             nx, ne, nd, nu, lanes, table, rates, powers, B, E, N, pole, mean, mean, k - 1,
             inputs, elapsed, now, early,
         )  # fmt: skip
     for e in range(ne):
         for q in range(lanes):
-            now[e, q] = now[e, q] + added[k - 1, e] if bent else added[k - 1, e]
+            now[e, q] = now[e, q] + added[k - 1, e] if nonlinear else added[k - 1, e]
     for a in range(nx + ne):
         for e in range(ne):
             for q in range(lanes):
                 ahead[a, q] += W0[a, e, q] * now[e, q]
-    if bent:
+    if nonlinear:
         _excess_forces(
             nx, ne, nd, nu, lanes, table, rates, powers, B, E, N, pole, ahead, mean, k,
             inputs, elapsed, then, late,
         )  # fmt: skip
     for e in range(ne):
         for q in range(lanes):
-            then[e, q] = then[e, q] + added[k, e] if bent else added[k, e]
+            then[e, q] = then[e, q] + added[k, e] if nonlinear else added[k, e]
     for a in range(nx + ne):
         for e in range(ne):
             for q in range(lanes):

@@ -238,7 +238,9 @@ def _parse_cell(cell: str, where: str, name: str) -> float:
         )
     if abs(value) > MAX_MAGNITUDE:
         raise InputError(
-            where, f"{name} is {value:g}, which no sensor reads", "leave a missing cell empty"
+            where,
+            f"{name} is {value:g}, which is implausible for a sensor",
+            "leave a missing cell empty",
         )
     return value
 

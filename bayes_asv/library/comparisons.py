@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.analysis.random_effects import Site, contrast, site_of
+from bayes_asv.analysis.random_effects import RunLikelihood, contrast, likelihood_of_run
 from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
-from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.library.estimates import Estimate
 from bayes_asv.library.extras import import_extra
 from bayes_asv.library.result import html_table, json_text
@@ -280,16 +280,16 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
     return Comparison(both, verdict, (), whole.p, changes)
 
 
-def _site(result: EngineEstimate) -> Site:
+def _site(result: EngineEstimate) -> RunLikelihood:
     """Gaussian likelihood over the car's coordinates, from the moments of the draws."""
     space = result.space
     assert space is not None
     z = space.car_coordinates(result.draws)
     flat = z.reshape(-1, z.shape[-1])
-    return site_of(flat.mean(axis=0), np.cov(flat, rowvar=False))
+    return likelihood_of_run(flat.mean(axis=0), np.cov(flat, rowvar=False))
 
 
-def _change(sites: list[Site], way: Array, space: ParameterSpace) -> tuple[Array, Array]:
+def _change(sites: list[RunLikelihood], way: Array, space: ParameterSpace) -> tuple[Array, Array]:
     """Mean and standard deviation (3,) of the changes u of the logarithms."""
     n, count = way.shape
     sigma = np.array([space.log_prior_of(name)[1] for name in space.car.estimated])

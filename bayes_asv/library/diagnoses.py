@@ -127,9 +127,9 @@ def diagnose(
 
 def _without_rest(runs: tuple[Recording, ...], vehicle: Vehicle, car: str) -> tuple[Recording, ...]:
     """Replace recordings that are too long to be taken whole by their best events."""
-    from bayes_asv.estimation import runs_worth_taking
+    from bayes_asv.estimation import select_runs
 
-    events, _ = runs_worth_taking(runs, vehicle, None, car)
+    events, _ = select_runs(runs, vehicle, None, car)
     if runs and not events:
         raise InputError(
             runs[0].source, "has no event that tells about the car", "drive over bumps"

@@ -218,7 +218,7 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
-        short = estimation.runs_worth_taking(runs, vehicle, below, car)[0] if names else ()
+        short = estimation.select_runs(runs, vehicle, below, car)[0] if names else ()
         sites, report = _sites(names, short, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,

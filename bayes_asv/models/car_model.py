@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CarModel", "CarParameter", "Element", "Output", "Values", "bias_directions", "constant",
-    "estimated", "fastest_motion", "given", "start_covariance", "state_space",
+    "estimated", "fastest_rate", "given", "initial_covariance", "state_space",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -314,12 +314,12 @@ def bias_directions(system: StateSpace) -> Array:
     return np.ascontiguousarray(directions[: np.count_nonzero(size > 1e-10)].T)
 
 
-def fastest_motion(system: StateSpace) -> float:
+def fastest_rate(system: StateSpace) -> float:
     """Largest absolute eigenvalue of the first parameter set, rad/s."""
     return float(np.max(np.abs(np.linalg.eigvals(system.A[0]))))
 
 
-def start_covariance(system: StateSpace, outputs: Sequence[Output]) -> Array:
+def initial_covariance(system: StateSpace, outputs: Sequence[Output]) -> Array:
     """Prior covariance of (x, d, b) when a recording begins, of one parameter set.
 
     Deflections have a standard deviation of 0.1 m, their rates 1 m/s, body rates 1 rad/s.  Each

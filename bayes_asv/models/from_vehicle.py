@@ -62,17 +62,17 @@ def full_car(vehicle: Vehicle) -> FullCar7:
     """
     wheels, roll = _unsprung(vehicle), _roll(vehicle)
 
-    def halved(front: float, rear: float) -> tuple[float, float, float, float]:
+    def split_between_axles(front: float, rear: float) -> tuple[float, float, float, float]:
         return (0.5 * front, 0.5 * front, 0.5 * rear, 0.5 * rear)
 
     return FullCar7(
         m=vehicle.m.value, i=vehicle.i.value, i_roll=roll.inertia.value,
         l_f=vehicle.l_f, l_r=vehicle.l_r, t_f=roll.front_track.value, t_r=roll.rear_track.value,
-        m_u=halved(wheels.front_mass, wheels.rear_mass),
-        k=halved(vehicle.k_f.value, vehicle.k_r.value),
-        c=halved(vehicle.c_f.value, vehicle.c_r.value),
-        k_t=halved(wheels.front_tyre_rate, wheels.rear_tyre_rate),
-        c_t=halved(wheels.front_tyre_damping, wheels.rear_tyre_damping),
+        m_u=split_between_axles(wheels.front_mass, wheels.rear_mass),
+        k=split_between_axles(vehicle.k_f.value, vehicle.k_r.value),
+        c=split_between_axles(vehicle.c_f.value, vehicle.c_r.value),
+        k_t=split_between_axles(wheels.front_tyre_rate, wheels.rear_tyre_rate),
+        c_t=split_between_axles(wheels.front_tyre_damping, wheels.rear_tyre_damping),
         bar_f=roll.front_bar, bar_r=roll.rear_bar,
     )  # fmt: skip
 

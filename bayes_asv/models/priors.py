@@ -7,8 +7,13 @@ import math
 from bayes_asv.domain.vehicle import Given, Nominal
 
 __all__ = [
-    "DAMPING_FACTOR", "INERTIA_FACTOR", "NOISE_GIVEN_SD", "NOISE_UNKNOWN_SD", "WORST",
-    "log_normal_sd", "prior_log_sd",
+    "DAMPING_FACTOR",
+    "INERTIA_FACTOR",
+    "MAX_PRIOR_DISTANCE",
+    "NOISE_GIVEN_SD",
+    "NOISE_UNKNOWN_SD",
+    "log_normal_sd",
+    "prior_log_sd",
 ]  # fmt: skip
 
 DAMPING_FACTOR = 3.0
@@ -19,7 +24,7 @@ NOISE_GIVEN_SD = 0.3
 """Deviation of a noise level's logarithm: a data sheet's figure is good to about a third."""
 NOISE_UNKNOWN_SD = math.log(3.0)
 """The same without one: the quiet part of the record gives the level to a factor of three."""
-WORST = 30.0
+MAX_PRIOR_DISTANCE = 30.0
 """Prior deviations beyond which nothing is tried."""
 
 

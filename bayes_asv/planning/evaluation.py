@@ -21,7 +21,7 @@ from bayes_asv.planning.measurement import (
 )
 from bayes_asv.planning.ride_simulation import Motion
 from bayes_asv.posterior.information import Unknowns, fisher_information, unknowns
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 
 __all__ = ["Evaluation", "MeasuredCar", "evaluate", "measured_car"]
 
@@ -175,7 +175,7 @@ def _evaluate_recordings(
     information = np.zeros((len(about.names), len(about.names)))
     for number, one in enumerate(filtered):
         recording = simulate_recording(vehicle, one, drive.rate, drive.seconds, seed + number)
-        prepared, reasons, _ = lay_out([recording], vehicle, None, measured.car.name)
+        prepared, reasons, _ = prepare_runs([recording], vehicle, None, measured.car.name)
         if reasons:
             return list(reasons), [], information
         information += fisher_information(prepared[0], vehicle, about) / len(filtered)

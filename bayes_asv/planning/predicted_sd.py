@@ -53,7 +53,7 @@ def predicted_sd(information: Array, passes: float, about: Unknowns) -> dict[str
 
 def sd_floors(about: Unknowns) -> dict[str, float]:
     """Compute the relative standard deviation of every answer after infinitely many passes."""
-    return _relative(fisher.least_sd(about, about.answers))
+    return _relative(fisher.sd_floor(about, about.answers))
 
 
 def required_passes(

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.composite_likelihood import FEWEST_PARTS, PERIODS, share
-from bayes_asv.posterior.fit_checks import swollen_noise
+from bayes_asv.posterior.fit_checks import excess_noise_sentence
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.residual_ar import find_colour
+from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["InBand", "fit_in_band", "notes"]
+__all__ = ["BandFit", "fit_in_band", "notes"]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _MOST_LAGS = 4
 _TOLD = 0.8  # share below which it is worth a word
 
 
-class InBand(NamedTuple):
+class BandFit(NamedTuple):
     """A mode in a band.
 
     Parameters
@@ -57,24 +57,24 @@ class InBand(NamedTuple):
     shares: tuple[float | None, ...] = ()
 
 
-def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> InBand:
+def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> BandFit:
     """Climb to the mode of recordings of which a band is left.
 
     Parameters
     ----------
     lines : tuple of PreparedRecording
-        From :func:`bayes_asv.preprocessing.band.limited`.
+        From :func:`bayes_asv.preprocessing.band.low_pass_recording`.
     vehicle : Vehicle
         Gives the priors.
 
     Returns
     -------
-    InBand
+    BandFit
     """
     if all(noise is not None for line in lines for noise in line.noise):
         mode, target = _climb(Posterior(space(vehicle, lines), (WHITE,) * len(lines)), None)
         if _sensors_explain(target, mode):
-            return InBand(mode, target)
+            return BandFit(mode, target)
     mode, target = _climb(Posterior(space(vehicle, lines, "coloured"), (WHITE,) * len(lines)), None)
     # The colour has the scale of what is left, so that the noise levels are but units.
     where = space(vehicle, lines, "coloured", frozenset(range(len(lines))))
@@ -90,7 +90,7 @@ def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> InBan
         for colour, part in zip(target.colours, shares, strict=True)
     )
     mode, target = _climb(Posterior(where, counted), mode.z)
-    return InBand(mode, target, shares)
+    return BandFit(mode, target, shares)
 
 
 def notes(line: PreparedRecording, part: float | None) -> list[str]:
@@ -132,7 +132,7 @@ def _sensors_explain(target: Posterior, mode: Mode) -> bool:
     noise = {n: float(x[0]) for n, x in target.space.nuisance(mode.z[None]).items()}
     for run, line in enumerate(target.space.timelines):
         nu = line.paired(target.innovations(mode.z, run))
-        if swollen_noise(line, noise, run) or find_colour(nu).order > 0:
+        if excess_noise_sentence(line, noise, run) or fit_residual_ar(nu).order > 0:
             return False
     return mode.converged
 
@@ -141,7 +141,7 @@ def _colour(target: Posterior, z: Array, run: int) -> ResidualAR:
     """Colour and scale of what one run leaves."""
     line = target.space.timelines[run]
     nu = line.paired(target.innovations(z, run, WHITE))
-    found = find_colour(nu, 1, _MOST_LAGS)
+    found = fit_residual_ar(nu, 1, _MOST_LAGS)
     if found.order > 0:
         return found
     whole = nu[np.isfinite(nu).all(axis=1)]

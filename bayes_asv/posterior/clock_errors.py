@@ -30,7 +30,7 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.timeline import (
@@ -167,7 +167,7 @@ class _Job:
     def prepared(self, points: Sequence[Array]) -> list[PreparedRecording]:
         """Prepare the run at several errors, with the same readings at all of them."""
         copies = self._inside([self.at(x) for x in points])
-        lines, _, _ = lay_out(copies, self.vehicle, self.below, self.car)
+        lines, _, _ = prepare_runs(copies, self.vehicle, self.below, self.car)
         return common_readings(lines)
 
     def _inside(self, copies: list[Recording]) -> list[Recording]:
@@ -206,7 +206,7 @@ def synchronised(
     Parameters
     ----------
     recordings : sequence of Recording
-        Runs that passed :func:`bayes_asv.posterior.map_fit.lay_out`.
+        Runs that passed :func:`bayes_asv.posterior.map_fit.prepare_runs`.
     vehicle, below, car, likelihood
         As for :func:`bayes_asv.estimation.estimate`.
     clocks : sequence of Clock
@@ -369,7 +369,7 @@ def _least_squares(job: _Job, line: PreparedRecording, clocks: Sequence[int]) ->
     target = Posterior(space(job.vehicle, (line,), kind), (WHITE,))
     where = target.space
     every = where.clock_coordinates(0)
-    free = [*range(where.lasting_dimension), *(every[k] for k in clocks)]
+    free = [*range(where.shared_dimension), *(every[k] for k in clocks)]
     scale = where.scales(1.0)[free]
 
     def at(x: Array) -> Array:

@@ -21,9 +21,9 @@ from bayes_asv.posterior.input_noise_smoother import without_noise
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
-from bayes_asv.preprocessing.wiener_filter import clear_wheel
+from bayes_asv.preprocessing.wiener_filter import denoise_wheel
 
-__all__ = ["DenoisedInputs", "above", "calm"]
+__all__ = ["DenoisedInputs", "above", "denoise_and_predict"]
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class DenoisedInputs(NamedTuple):
     after: Array
 
 
-def calm(target: Posterior, z: Array, run: int, vehicle: Vehicle) -> DenoisedInputs:
+def denoise_and_predict(target: Posterior, z: Array, run: int, vehicle: Vehicle) -> DenoisedInputs:
     """Quieten the wheels of a recording, and simulate the chassis above them.
 
     Parameters
@@ -62,7 +62,7 @@ def calm(target: Posterior, z: Array, run: int, vehicle: Vehicle) -> DenoisedInp
     line = without_noise(target, z, run)
     driven = line.moments.copy()
     for u, (wheel, c) in enumerate(zip(line.wheels, line.inputs, strict=True)):
-        knots, signal = clear_wheel(line, u, vehicle.sensor(line.channels[c].name).bandwidth)
+        knots, signal = denoise_wheel(line, u, vehicle.sensor(line.channels[c].name).bandwidth)
         quiet = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
         driven[:, u] = moments(quiet, line.instants, ORDER)
     still = replace(line, moments=driven)

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from bayes_asv.domain.errors import InputError
 from bayes_asv.models.effects import EFFECTS, Site, site
 from bayes_asv.posterior.effect_candidates import Candidate, candidates
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, carried, fitted, foretold
+from bayes_asv.posterior.fitted_model import (
+    Dataset,
+    FittedModel,
+    fitted,
+    transfer_coordinates,
+    update_patterns,
+)
 
 __all__ = ["added", "read_site", "with_effects"]
 
@@ -69,7 +75,7 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
     """
     target = where.target(())
     stage = fitted(target, np.zeros(target.space.dimension))
-    where = foretold(where, stage)
+    where = update_patterns(where, stage)
     for one in sites:
         stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
         groups = [group for group in _groups(stage, where, one) if group]
@@ -82,7 +88,7 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
         stage = max(
             (added(where, stage, group) for group in groups), key=lambda s: s.mode.log_posterior
         )
-        where = foretold(where, stage)
+        where = update_patterns(where, stage)
     return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
 
 
@@ -154,7 +160,7 @@ def added(
             sizes += [-s for s in sizes if two_sided and s > 0.0]
             tried += [{**candidate.values, first.name: size} for size in sizes]
         for values in tried:
-            z = carried(stage.space, stage.mode.z, target.space, site, values)
+            z = transfer_coordinates(stage.space, stage.mode.z, target.space, site, values)
             begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
     begun.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
@@ -172,7 +178,7 @@ def added(
 
 def _again(where: Dataset, stage: FittedModel) -> FittedModel:
     """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
-    better = foretold(where, stage)
+    better = update_patterns(where, stage)
     return fitted(better.target(stage.sites), stage.mode.z)
 
 

@@ -28,10 +28,10 @@ from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Site
 from bayes_asv.models.outputs import relative_offset
-from bayes_asv.preprocessing.input_bias import moments_of_one
+from bayes_asv.preprocessing.input_bias import unit_input_moments
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
-from bayes_asv.preprocessing.wiener_filter import clear_wheel
+from bayes_asv.preprocessing.wiener_filter import denoise_wheel
 
 __all__ = ["SensorPatterns", "Values", "law_table", "patterns"]
 
@@ -51,7 +51,7 @@ def law_table(car: CarModel, values: Values, run: int) -> Array:
             continue
         packed = site.effect.packed(value)
         elements = site.elements(car)
-        if site.effect.halved:
+        if site.effect.split_between_axles:
             packed = (packed[0] / len(elements), *packed[1:])
         law = [*packed, *[0.0] * (4 - len(packed))]
         out += [[e, site.effect.code, *law] for e in elements]
@@ -159,7 +159,7 @@ class SensorPatterns:
         )
         return _corrected(self, line, known, tuple(float(x) for x in zeros))
 
-    def mended(self, c: int, fault: str, value: float) -> Array:
+    def undo_sensor_effects(self, c: int, fault: str, value: float) -> Array:
         """Return what to add to one channel to undo one fault of its sensor."""
         of_input = self.sharper[c] is not None
         if fault == "lag":
@@ -192,9 +192,9 @@ def _corrected(
     reading = line.reading - line.rigid_gain @ level
     for c, fault, value in faults:
         if c in line.inputs:
-            driven[:, line.inputs.index(c)] += known.mended(c, fault, value)
+            driven[:, line.inputs.index(c)] += known.undo_sensor_effects(c, fault, value)
         else:
-            reading[:, line.outputs.index(c)] += known.mended(c, fault, value)
+            reading[:, line.outputs.index(c)] += known.undo_sensor_effects(c, fault, value)
     return NominalReadings(driven, reading, known.wheel - level)
 
 
@@ -228,7 +228,7 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         corner = vehicle.sensor(channel.name).bandwidth
         if c in line.inputs:
             u = line.inputs.index(c)
-            time, signal = clear_wheel(line, u, corner)
+            time, signal = denoise_wheel(line, u, corner)
             laid = partial(_moments, line, time, line.wheels[u].deviation)
             through = CubicSpline(time, signal)
             slow = signal if corner is None else low_passed(time, through.c, 2.0 * math.pi * corner)
@@ -251,7 +251,7 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
     return SensorPatterns(
         pole, wheel_at, tuple(moved), tuple(later), line.reading_step, tuple(sharper), tuple(above),
-        tuple(ramp), moments_of_one(line),
+        tuple(ramp), unit_input_moments(line),
     )  # fmt: skip
 
 

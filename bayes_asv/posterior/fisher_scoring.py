@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["LaplaceFit", "ScoreAndInformation", "climb", "slopes", "taught"]
+__all__ = ["LaplaceFit", "ScoreAndInformation", "maximise", "secant_update", "slopes"]
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class ScoreAndInformation:
         Changes of the log variances.
     log_posterior : float
         Its value, not normalised.
-    given_back : (D,) array
+    removed_band_correction : (D,) array
         Slope of what bands that were cut out give back.
     """
 
@@ -57,7 +57,7 @@ class ScoreAndInformation:
     means: Array
     scales: Array
     log_posterior: float
-    given_back: Array
+    removed_band_correction: Array
 
     def only(self, kept: NDArray[np.bool_] | slice) -> ScoreAndInformation:
         """Return the slopes along some of the coordinates."""
@@ -65,13 +65,13 @@ class ScoreAndInformation:
             self,
             means=self.means[kept],
             scales=self.scales[kept],
-            given_back=self.given_back[kept],
+            removed_band_correction=self.removed_band_correction[kept],
         )
 
     def gradient(self, z: Array) -> Array:
         """Slope (D,) of the log-posterior."""
         of_data = self.means @ self.nu + 0.5 * self.scales @ (self.nu**2 - 1.0)
-        return of_data + self.given_back - z
+        return of_data + self.removed_band_correction - z
 
     def precision(self) -> Array:
         """Return the expected curvature (D, D) of minus the log-posterior."""
@@ -117,7 +117,7 @@ class LaplaceFit:
 
 def _passes(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
     """Innovations and log variances (2 E,) of one run."""
-    nu, logs, _ = target.scored(z, run)
+    nu, logs, _ = target.innovations_and_variances(z, run)
     return nu.ravel(), logs.ravel()
 
 
@@ -142,7 +142,7 @@ def slopes(
     space = target.space
     runs = range(len(space.timelines))
     last = len(z) if last is None else last
-    seen = [space.seen_by(run) for run in runs]
+    seen = [space.coordinates_of_run(run) for run in runs]
     along = [own[(own >= first) & (own < last)] for own in seen]
     moves: list[tuple[int, int | None]] = [(run, None) for run in runs]
     moves += [(run, k) for run in runs for k in along[run]]
@@ -169,7 +169,9 @@ def slopes(
         parts.append((nu[there], logs[there], means, scales))
         if space.timelines[run].cut is not None:
             moved = z + _STEP * np.eye(len(z))[own]
-            change = target.given_back(moved, run) - target.given_back(z[None], run)
+            change = target.removed_band_correction(moved, run) - target.removed_band_correction(
+                z[None], run
+            )
             returned[own] += change / _STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     value = _value(target, z)
@@ -184,7 +186,7 @@ def _with_step(z: Array, k: int) -> Array:
     return out
 
 
-def climb(target: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:
+def maximise(target: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:
     """Climb from a start to the mode.
 
     Parameters
@@ -202,7 +204,7 @@ def climb(target: Posterior, start: Array, floor: float = -math.inf) -> LaplaceF
     LaplaceFit
         Not converged when it did not settle in twenty rounds: a value, not an error.
     """
-    lasting = target.space.lasting_dimension
+    lasting = target.space.shared_dimension
     # noise held: it cannot swell on the way
     z, _ = _ascend(target, start, lasting, _FIRST, 1.0, tempered=True)
     z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH, floor=floor)
@@ -236,7 +238,7 @@ def _ascend(
         slope = (gradient + z[:last]) / hot - z[:last]
         expected = precision = (precision - np.eye(last)) / hot + np.eye(last)
         for taken, change in learnt if doubted else ():
-            precision = taught(precision, taken, change)
+            precision = secant_update(precision, taken, change)
         while True:
             ridge = precision + damping * np.diag(np.diag(precision))
             step: Array = np.asarray(np.linalg.solve(ridge, slope), np.float64)
@@ -274,7 +276,7 @@ def _gain(precision: Array, gradient: Array) -> float:
     return 0.5 * float(gradient @ np.linalg.solve(precision, gradient))
 
 
-def taught(precision: Array, step: Array, change: Array) -> Array:
+def secant_update(precision: Array, step: Array, change: Array) -> Array:
     """Correct an expected curvature by how a slope changed along a step.
 
     Broyden, Fletcher, Goldfarb & Shanno's update.  A climb that had to turn back believes it: half

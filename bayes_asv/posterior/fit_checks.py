@@ -6,18 +6,18 @@ import numpy as np
 
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.free_simulation import FreeRun, left_in_band
-from bayes_asv.preprocessing.data_checks import DOUBTFUL
+from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["meant_for", "misfit", "swollen_noise"]
+__all__ = ["excess_noise_sentence", "explained_power_findings", "model_bandwidth"]
 
 _BAND = 2.5  # times the fastest mode: where the half car has to explain what is measured
 _NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is not this half car
 _FARTHEST = 0.4  # m of suspension travel that no small car has
-_SWOLLEN = 3.0  # times the given noise beyond which something else hides in it
+_EXCESS_NOISE = 3.0  # times the given noise beyond which something else hides in it
 
 
-def misfit(
+def explained_power_findings(
     line: PreparedRecording, free: FreeRun, widened: bool = False
 ) -> tuple[list[str], list[str]]:
     """Look whether the fitted half car explains the motion it is meant for.
@@ -35,7 +35,7 @@ def misfit(
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    top = meant_for(line)
+    top = model_bandwidth(line)
     for c, left in zip(line.outputs, left_in_band(line, free, top), strict=True):
         share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
         words = (
@@ -48,7 +48,7 @@ def misfit(
                 "clocks, and that the sensors sit on hubs and frame above the axles; if all that "
                 "is right, this car does something that the linear model cannot"
             )
-        elif left > DOUBTFUL:
+        elif left > MAX_UNEXPLAINED:
             words += "; something that it does not know is at work"
             warnings.append(
                 words if widened else f"{words}, and the intervals do not account for it"
@@ -62,13 +62,13 @@ def misfit(
     return reasons, warnings
 
 
-def meant_for(line: PreparedRecording) -> float:
+def model_bandwidth(line: PreparedRecording) -> float:
     """Frequency (Hz) up to which the half car has to explain a recording."""
     top = _BAND * nominal_modes(line.car)[-1].natural
     return top if line.below is None else min(top, line.below)
 
 
-def swollen_noise(line: PreparedRecording, found: dict[str, float], run: int) -> list[str]:
+def excess_noise_sentence(line: PreparedRecording, found: dict[str, float], run: int) -> list[str]:
     """Warn where noise had to grow far beyond what is given for the sensor.
 
     Parameters
@@ -88,7 +88,7 @@ def swollen_noise(line: PreparedRecording, found: dict[str, float], run: int) ->
     for c, channel in enumerate(line.channels):
         given = line.noise[c]
         level = found.get(f"noise {channel.name} {run}")
-        if given is not None and level is not None and level > _SWOLLEN * given:
+        if given is not None and level is not None and level > _EXCESS_NOISE * given:
             out.append(
                 f"the noise of the {channel.words} sensor in {line.source} came out "
                 f"{level / given:.0f} times what the vehicle file says: a value given as exact is "

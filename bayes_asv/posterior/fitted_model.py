@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
-from bayes_asv.posterior.denoised_inputs import above, calm
+from bayes_asv.posterior.denoised_inputs import above, denoise_and_predict
 from bayes_asv.posterior.effects import SensorPatterns, patterns
-from bayes_asv.posterior.fisher_scoring import LaplaceFit, climb
-from bayes_asv.posterior.free_simulation import beginning
+from bayes_asv.posterior.fisher_scoring import LaplaceFit, maximise
+from bayes_asv.posterior.free_simulation import initial_state
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.preprocessing.input_bias import without_mean_input
@@ -23,8 +23,15 @@ from bayes_asv.preprocessing.quantization import still_wheels_doubted, without_w
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
-    "Dataset", "FittedModel", "base", "carried", "fitted", "foretold", "foretold_at", "refitted",
-    "setting",
+    "Dataset",
+    "FittedModel",
+    "base",
+    "fit_again",
+    "fitted",
+    "make_dataset",
+    "transfer_coordinates",
+    "update_patterns",
+    "update_patterns_at",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -65,7 +72,7 @@ class Dataset:
         return Posterior(where, (WHITE,) * len(self.lines), patterns=self.patterns)
 
 
-def setting(vehicle: Vehicle, lines: tuple[PreparedRecording, ...]) -> Dataset:
+def make_dataset(vehicle: Vehicle, lines: tuple[PreparedRecording, ...]) -> Dataset:
     """Set recordings up, with patterns that stand on the readings themselves."""
     lines = tuple(without_mean_input(still_wheels_doubted(line)) for line in lines)
     found = tuple(patterns(line, vehicle, line.reading) for line in lines)
@@ -82,7 +89,7 @@ def _begun(where: Dataset, run: int) -> PreparedRecording:
     filter that takes a zero of a sensor for travel meets stops that are far away.
     """
     target = where.target(())
-    begin, sd = beginning(target, np.zeros(target.space.dimension), run)
+    begin, sd = initial_state(target, np.zeros(target.space.dimension), run)
     start = where.lines[run].start
     states = 2 * len(where.lines[run].car.elements)
     shrink = np.ones(len(start))
@@ -91,17 +98,19 @@ def _begun(where: Dataset, run: int) -> PreparedRecording:
     return replace(where.lines[run], start=shrink[:, None] * start * shrink)
 
 
-def foretold(where: Dataset, stage: FittedModel) -> Dataset:
+def update_patterns(where: Dataset, stage: FittedModel) -> Dataset:
     """Return the setting with patterns that stand on what a stage foretells from quiet wheels."""
-    return foretold_at(where, stage.target, stage.mode.z)
+    return update_patterns_at(where, stage.target, stage.mode.z)
 
 
-def foretold_at(where: Dataset, target: Posterior, z: Array) -> Dataset:
+def update_patterns_at(where: Dataset, target: Posterior, z: Array) -> Dataset:
     """Return the setting with patterns that stand on what a model foretells at coordinates (D,)."""
 
     def one(run: int) -> SensorPatterns:
         declared = (
-            above(target, z, run) if where.quiet else calm(target, z, run, where.vehicle).after
+            above(target, z, run)
+            if where.quiet
+            else denoise_and_predict(target, z, run, where.vehicle).after
         )
         return patterns(where.lines[run], where.vehicle, declared)
 
@@ -134,12 +143,12 @@ class FittedModel:
         """Coordinates and priors."""
         return self.target.space
 
-    def carried_to(self, new: ParameterSpace) -> Array:
+    def transfer(self, new: ParameterSpace) -> Array:
         """Coordinates of the mode in a larger or smaller model, everything in common kept."""
-        return carried(self.space, self.mode.z, new, None, {})
+        return transfer_coordinates(self.space, self.mode.z, new, None, {})
 
 
-def carried(
+def transfer_coordinates(
     old: ParameterSpace,
     z: Array,
     new: ParameterSpace,
@@ -170,14 +179,14 @@ def carried(
 def fitted(target: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
     """Climb to the mode of a model; some of the way where a floor (nats) is out of reach."""
     with shared_work(target) as shared:
-        mode = climb(shared, start, floor)
+        mode = maximise(shared, start, floor)
     return FittedModel(target.space.sites, replace(target, pool=None), mode)
 
 
-def refitted(where: Dataset, stage: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
+def fit_again(where: Dataset, stage: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
     """Fit a model with some effects to recordings, from where a stage has its mode."""
     target = where.target(sites)
-    return fitted(target, stage.carried_to(target.space))
+    return fitted(target, stage.transfer(target.space))
 
 
 def base(where: Dataset) -> FittedModel:

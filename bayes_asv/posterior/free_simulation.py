@@ -15,7 +15,12 @@ from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
-    "FreeRun", "beginning", "free_run", "left_in_band", "simulate_free", "simulated",
+    "FreeRun",
+    "free_run",
+    "initial_state",
+    "left_in_band",
+    "simulate_free",
+    "simulated",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -64,7 +69,7 @@ def free_run(target: Posterior, z: Array, run: int) -> FreeRun:
     return found._replace(output=found.output + (recording.reading - nominal.reading))
 
 
-def beginning(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
+def initial_state(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
     """Where a recording begins, and its standard deviation, (nx + nd + ny,) each.
 
     What is left of the recording is taken for white noise.

@@ -14,10 +14,10 @@ from scipy.special import ndtri
 from scipy.stats import chi2, qmc
 
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.proposal import FREEDOM, Proposal
+from bayes_asv.posterior.proposal import DEGREES_OF_FREEDOM, Proposal
 from bayes_asv.posterior.sampler import Density
 
-__all__ = ["Weighted", "importance"]
+__all__ = ["WeightedDraws", "importance_sample"]
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _INFLATION = 1.2  # of the curvature's covariance, so that no tail is left out
 
 
 @dataclass(frozen=True)
-class Weighted:
+class WeightedDraws:
     """Weighted draws of a posterior.
 
     Parameters
@@ -67,7 +67,7 @@ class Weighted:
         return float(np.sqrt(self.weight @ (value - self.mean(value)) ** 2))
 
 
-def importance(target: Density, mode: Mode, count: int, seed: int) -> Weighted:
+def importance_sample(target: Density, mode: Mode, count: int, seed: int) -> WeightedDraws:
     """Draw evenly from a Student t at the mode and weigh by the posterior.
 
     Parameters
@@ -89,10 +89,10 @@ def importance(target: Density, mode: Mode, count: int, seed: int) -> Weighted:
     proposal = Proposal.around(mode, _INFLATION)
     d = len(mode.z)
     even = qmc.Sobol(d + 1, rng=np.random.default_rng(seed)).random(count)
-    stretch = np.sqrt(FREEDOM / chi2.ppf(even[:, d:], FREEDOM))
-    z = proposal.bent(ndtri(even[:, :d]) * stretch)
+    stretch = np.sqrt(DEGREES_OF_FREEDOM / chi2.ppf(even[:, d:], DEGREES_OF_FREEDOM))
+    z = proposal.skewed(ndtri(even[:, :d]) * stretch)
     log_ratio = target.log_posterior(z) - proposal.log_density(z)
     top = float(np.max(log_ratio))
     weight = np.exp(log_ratio - top)
     total = float(weight.sum())
-    return Weighted(z, weight / total, top + float(np.log(total / count)))
+    return WeightedDraws(z, weight / total, top + float(np.log(total / count)))

@@ -29,8 +29,14 @@ from bayes_asv.posterior.parameters import identified_directions, space
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
-    "UNMEASURED", "WIDE_PRIOR", "Unknowns", "fisher_information", "least_sd", "predicted_sd",
-    "unknowns", "unmeasured",
+    "UNMEASURED",
+    "WIDE_PRIOR",
+    "Unknowns",
+    "fisher_information",
+    "predicted_sd",
+    "sd_floor",
+    "unknowns",
+    "unmeasured",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -210,7 +216,7 @@ def predicted_sd(
     return dict(zip(directions, np.sqrt(variance).tolist(), strict=True))
 
 
-def least_sd(about: Unknowns, directions: Mapping[str, Array]) -> dict[str, float]:
+def sd_floor(about: Unknowns, directions: Mapping[str, Array]) -> dict[str, float]:
     """Compute the standard deviations of logarithms in the limit of infinitely many passes.
 
     Directions along which the state-space model stays as it is keep their prior.  A mass known to

@@ -139,7 +139,7 @@ class Posterior:
     retimed_patterns: tuple[tuple[SensorPatterns, ...], ...] = ()
     expansions: tuple[ClockExpansion | None, ...] = ()
 
-    def with_colours(self, colours: tuple[ResidualAR, ...]) -> Posterior:
+    def with_residual_ar(self, colours: tuple[ResidualAR, ...]) -> Posterior:
         """Return the same posterior with other residual autoregressions."""
         return replace(self, colours=colours)
 
@@ -179,7 +179,7 @@ class Posterior:
         if retimed is None:
             return None
         clocks = self.space.clock_coordinates(run)
-        own = [k for k in self.space.seen_by(run) if k not in clocks]
+        own = [k for k in self.space.coordinates_of_run(run) if k not in clocks]
         variance, axes = np.linalg.eigh(covariance[np.ix_(own, own)])
         way = np.zeros((len(z), len(own)))
         way[own] = axes * np.sqrt(np.maximum(variance, 0.0))
@@ -207,9 +207,9 @@ class Posterior:
             )
         elif not self.space.sites:
             value = kalman.log_likelihood(system, noise, recording.measurements)
-            value += self.given_back(z, run)
+            value += self.removed_band_correction(z, run)
         else:
-            value = self._with_effects(z, run, recording) + self.given_back(z, run)
+            value = self._with_effects(z, run, recording) + self.removed_band_correction(z, run)
         return np.asarray(value)
 
     def _with_effects(self, z: Array, run: int, recording: PreparedRecording) -> Array:
@@ -249,7 +249,7 @@ class Posterior:
         pole = self.patterns[run].pole
         return data, Laws(tables, pole, nominal.wheel, recording.elapsed, added)
 
-    def given_back(self, z: Array, run: int) -> Array:
+    def removed_band_correction(self, z: Array, run: int) -> Array:
         """½ log det of a band that was cut out of a run (W,), at coordinates (W, D)."""
         cut = self.space.timelines[run].cut
         if cut is None:
@@ -284,7 +284,7 @@ class Posterior:
     def innovations(self, z: Array, run: int, colour: ResidualAR | None = None) -> Array:
         """Normalised innovations (E, ny) of one run at coordinates (D,), white if all is well."""
         if self.space.sites:
-            return self.scored(z, run)[0]
+            return self.innovations_and_variances(z, run)[0]
         colour = self.colours[run] if colour is None else colour
         recording = self.space.timelines[run]
         retimed = recording.retimed
@@ -310,7 +310,7 @@ class Posterior:
             system, noise, recording.measurements, recording.closes, *colour
         )
 
-    def scored(
+    def innovations_and_variances(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
         """Innovations (E, ny), logarithms of their variances (E, ny) and states of one run.

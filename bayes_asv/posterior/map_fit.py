@@ -21,8 +21,17 @@ from bayes_asv.posterior.band_fit import fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.effects import SensorPatterns
-from bayes_asv.posterior.fit_checks import meant_for, misfit, swollen_noise
-from bayes_asv.posterior.fitted_model import FittedModel, carried, foretold_at, setting
+from bayes_asv.posterior.fit_checks import (
+    excess_noise_sentence,
+    explained_power_findings,
+    model_bandwidth,
+)
+from bayes_asv.posterior.fitted_model import (
+    FittedModel,
+    make_dataset,
+    transfer_coordinates,
+    update_patterns_at,
+)
 from bayes_asv.posterior.free_simulation import free_run, left_in_band
 from bayes_asv.posterior.information import (
     WIDE_PRIOR,
@@ -34,8 +43,8 @@ from bayes_asv.posterior.information import (
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
-from bayes_asv.posterior.residual_ar import find_colour
-from bayes_asv.preprocessing.band import check_band, limited, too_short
+from bayes_asv.posterior.residual_ar import fit_residual_ar
+from bayes_asv.preprocessing.band import check_band, low_pass_recording, too_short
 from bayes_asv.preprocessing.coherence import suggest_band
 from bayes_asv.preprocessing.data_checks import (
     dead_channels,
@@ -50,7 +59,7 @@ from bayes_asv.preprocessing.tone_removal import (
     own_modes,
 )
 
-__all__ = ["MapFit", "best_fit", "foreseen", "lay_out", "sensor_for", "untold"]
+__all__ = ["MapFit", "best_fit", "prepare_runs", "sensor_for", "unidentified_before_fit", "untold"]
 
 Array = NDArray[np.float64]
 
@@ -73,7 +82,7 @@ class MapFit:
         Those of the reasons that say that a recording is not of this half car.
     shares : tuple of float or None
         In a band, the share of its readings that each run counts for; see
-        :class:`bayes_asv.posterior.band_fit.InBand`.
+        :class:`bayes_asv.posterior.band_fit.BandFit`.
     """
 
     target: Posterior
@@ -89,7 +98,7 @@ class MapFit:
         return self.target.space
 
 
-def lay_out(
+def prepare_runs(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     below: float | None = None,
@@ -135,7 +144,7 @@ def lay_out(
         short = [too_short(line, below) for line in lines]
         reasons += [why for why in short if why is not None]
         if not reasons:
-            lines = tuple(limited(line, below) for line in lines)
+            lines = tuple(low_pass_recording(line, below) for line in lines)
             warnings.append(f"only the motion below {below:g} Hz was used")
     return lines, tuple(reasons), tuple(warnings)
 
@@ -151,7 +160,7 @@ def best_fit(
     Parameters
     ----------
     lines : tuple of PreparedRecording
-        Recordings that passed :func:`lay_out`.
+        Recordings that passed :func:`prepare_runs`.
     vehicle : Vehicle
         Gives the priors.
     likelihood : str
@@ -178,12 +187,12 @@ def best_fit(
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
     for run, line in enumerate(where.timelines):
         free = free_run(target, mode.z, run)
-        why, notes = misfit(line, free, bool(shares))
+        why, notes = explained_power_findings(line, free, bool(shares))
         if line.below is None and (why or notes):
-            top = meant_for(line)
+            top = model_bandwidth(line)
             why += suggest_band(line, left_in_band(line, free, top) ** 2, top)
         faults += why
-        warnings += notes + swollen_noise(line, noise, run) + _cut_out(line)
+        warnings += notes + excess_noise_sentence(line, noise, run) + _cut_out(line)
         if shares:
             warnings += band_notes(line, shares[run])
     return MapFit(target, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
@@ -207,14 +216,14 @@ def _with_sites(
 ) -> tuple[Mode, Posterior]:
     """Climb to the mode of a model with effects, its noise levels free."""
     alone = tuple(replace(line, retimed=None) for line in lines)
-    where, stage = with_effects(setting(vehicle, alone), sites)
+    where, stage = with_effects(make_dataset(vehicle, alone), sites)
     whole = space(vehicle, lines, sites=stage.sites)
     others = _retimed_patterns(lines, vehicle, stage)
     target = Posterior(
         whole, (WHITE,) * len(lines), patterns=where.patterns, retimed_patterns=others
     )
-    start = stage.carried_to(whole)
-    start[whole.lasting_dimension :] = whole.origin[whole.lasting_dimension :]
+    start = stage.transfer(whole)
+    start[whole.shared_dimension :] = whole.origin[whole.shared_dimension :]
     with shared_work(target) as shared:
         return find_mode(shared, start), target
 
@@ -229,10 +238,10 @@ def _retimed_patterns(
         there = tuple(
             replace(x, retimed=None) if x.retimed is None else x.retimed.lines[k] for x in lines
         )
-        where = setting(vehicle, there)
+        where = make_dataset(vehicle, there)
         target = where.target(stage.sites)
-        z = carried(stage.space, stage.mode.z, target.space, None, {})
-        found.append(foretold_at(where, target, z).patterns)
+        z = transfer_coordinates(stage.space, stage.mode.z, target.space, None, {})
+        found.append(update_patterns_at(where, target, z).patterns)
     return tuple(zip(*found, strict=True)) if found else ()
 
 
@@ -291,7 +300,7 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
         hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
         where = space(vehicle, whole.timelines, whole.likelihood, hold)
         start = where.origin
-        start[: where.lasting_dimension] = mode.z[: where.lasting_dimension]
+        start[: where.shared_dimension] = mode.z[: where.shared_dimension]
         with shared_work(Posterior(where, found)) as shared:
             mode = find_mode(shared, start)
         target = Posterior(where, found)
@@ -301,20 +310,22 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
 def _colour_of(target: Posterior, mode: Mode, run: int) -> ResidualAR:
     """Colour of one run's innovations, scaled for what a filter took out of them."""
     line = target.space.timelines[run]
-    found = find_colour(line.paired(target.innovations(mode.z, run, WHITE)))
+    found = fit_residual_ar(line.paired(target.innovations(mode.z, run, WHITE)))
     if found.order == 0:
         return WHITE
     left = 1.0 if line.cut is None else line.cut.left
     return found._replace(root=found.root * math.sqrt(left))
 
 
-def foreseen(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> tuple[str, ...]:
+def unidentified_before_fit(
+    lines: tuple[PreparedRecording, ...], vehicle: Vehicle
+) -> tuple[str, ...]:
     """Say, before anything is fitted, which answers recordings cannot give.
 
     Parameters
     ----------
     lines : tuple of PreparedRecording
-        Recordings that passed :func:`lay_out`.
+        Recordings that passed :func:`prepare_runs`.
     vehicle : Vehicle
         Gives the priors, and the values at which the information is computed.
 
@@ -369,9 +380,9 @@ def untold(car: CarModel, measured: Sequence[Channel], name: str, prior: float) 
     label = f"{QUANTITIES[name][1]} ({name})"
     fix = sensor_for(car, measured, name) or f"{_drive(car, name)}, faster or over a higher one"
     if prior > WIDE_PRIOR:
-        return f"the recording says next to nothing about the {label}: {fix}"
+        return f"the recording hardly constrains the {label}: {fix}"
     return (
-        f"the recording adds next to nothing to the given {label} and its sd, so its interval is "
+        f"the recording hardly improves on the given {label} and its sd, so its interval is "
         f"that of the vehicle file: {fix}"
     )
 

@@ -79,7 +79,7 @@ def find_mode(target: Posterior, start: Array | None = None) -> Mode:
 def _least_squares(target: Posterior) -> tuple[Array, Array]:
     """Best of several least-squares fits, noise held at its prior centre."""
     space = target.space
-    n = space.lasting_dimension
+    n = space.shared_dimension
     runs = range(len(space.timelines))
     levels = [
         (k, one.run, [c.name for c in outputs].index(one.channel))
@@ -141,7 +141,7 @@ def derivatives(target: Posterior, z: Array, scale: Array) -> tuple[float, Array
     gradient = -z * scale
     hessian = -np.diag(scale**2)
     for run in range(len(target.space.timelines)):
-        own = target.space.seen_by(run)
+        own = target.space.coordinates_of_run(run)
         d = len(own)
         steps = np.zeros((d, len(z)))
         steps[np.arange(d), own] = _STEP * scale[own]

@@ -23,12 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from bayes_asv.domain.units import STANDARD_GRAVITY
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
 from bayes_asv.models.car_model import CarModel, Output, Values, state_space
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Parameter, Scale, Site
-from bayes_asv.models.priors import NOISE_GIVEN_SD, NOISE_UNKNOWN_SD, WORST
+from bayes_asv.models.priors import MAX_PRIOR_DISTANCE, NOISE_GIVEN_SD, NOISE_UNKNOWN_SD
 from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
 from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import ClockError, PreparedRecording
@@ -186,7 +187,7 @@ def _sizes(car: CarModel) -> Scale:
     # The mass that an element feels in the first coordinate: all of it in heave.
     mass = float(car.inertia(nominal)[0, 0] / car.heights(nominal)[0, 0, 0] ** 2)
     return Scale(
-        load=mass * 9.80665 / count,
+        load=mass * STANDARD_GRAVITY / count,
         spring=sum(float(nominal[element.spring][0]) for element in car.elements) / count,
     )
 
@@ -294,7 +295,7 @@ class ParameterSpace:
         return sum(c.kind in ("car", "fraction") for c in self.coordinates)
 
     @cached_property
-    def lasting_dimension(self) -> int:
+    def shared_dimension(self) -> int:
         """Number of coordinates of the car, of gains and of effects, which come first."""
         return self.car_dimension + sum(c.kind in ("gain", "effect") for c in self.coordinates)
 
@@ -476,14 +477,14 @@ class ParameterSpace:
     def log_prior(self, z: Array) -> Array:
         """Log density (W,) of the prior; −inf where no car can be."""
         value = -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * math.log(2.0 * math.pi)
-        bad = np.any(~(np.abs(z) < WORST), axis=1)
+        bad = np.any(~(np.abs(z) < MAX_PRIOR_DISTANCE), axis=1)
         for k, one in enumerate(self.coordinates[: self.car_dimension]):
             if one.kind == "fraction":
                 fraction = one.centre + one.scale * z[:, k]
                 bad |= (fraction <= 0.01) | (fraction >= 0.99)
         return np.where(bad, -np.inf, value)
 
-    def seen_by(self, run: int) -> NDArray[np.int64]:
+    def coordinates_of_run(self, run: int) -> NDArray[np.int64]:
         """Coordinates that one run's likelihood depends on."""
         own = {True: (None, self._sensors_of(run)), False: (None, run)}
         return np.array(

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from bayes_asv.posterior.newton import Mode
 
-__all__ = ["FREEDOM", "Proposal"]
+__all__ = ["DEGREES_OF_FREEDOM", "Proposal"]
 
 Array = NDArray[np.float64]
 
-FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
+DEGREES_OF_FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
 
 
 class Proposal:
@@ -29,9 +29,9 @@ class Proposal:
         self.inverse = np.linalg.inv(self.root)
         d = len(middle)
         self._log_constant = (
-            math.lgamma(0.5 * (FREEDOM + d))
-            - math.lgamma(0.5 * FREEDOM)
-            - 0.5 * d * math.log(FREEDOM * math.pi)
+            math.lgamma(0.5 * (DEGREES_OF_FREEDOM + d))
+            - math.lgamma(0.5 * DEGREES_OF_FREEDOM)
+            - 0.5 * d * math.log(DEGREES_OF_FREEDOM * math.pi)
             - float(np.sum(np.log(np.diag(self.root))))
         )
 
@@ -48,25 +48,27 @@ class Proposal:
         low, middle, high = np.quantile(points, [0.05, 0.5, 0.95], axis=0)
         left = np.maximum(middle - low, 1e-12) / 1.645
         right = np.maximum(high - middle, 1e-12) / 1.645
-        bent = (points - middle) / np.where(points < middle, left, right)
+        skewed = (points - middle) / np.where(points < middle, left, right)
         d = points.shape[1]
-        spread = bent.T @ bent / len(bent) + 1e-6 * np.eye(d)
+        spread = skewed.T @ skewed / len(skewed) + 1e-6 * np.eye(d)
         return cls(middle, left, right, inflation * spread)
 
     def log_density(self, z: Array) -> Array:
         """Log density (N,) at points (N, D)."""
         scale = np.where(z < self.middle, self.left, self.right)
         u = ((z - self.middle) / scale) @ self.inverse.T
-        power = 0.5 * (FREEDOM + z.shape[1])
-        radial = -power * np.log1p(np.sum(u**2, axis=1) / FREEDOM)
+        power = 0.5 * (DEGREES_OF_FREEDOM + z.shape[1])
+        radial = -power * np.log1p(np.sum(u**2, axis=1) / DEGREES_OF_FREEDOM)
         return np.asarray(self._log_constant + radial - np.sum(np.log(scale), axis=1))
 
     def draw(self, count: int, random: np.random.RandomState) -> Array:
         """Draw (count, D) points."""
-        stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM, size=(count, 1)))
-        return self.bent(random.normal(size=(count, len(self.middle))) * stretch)
+        stretch = np.sqrt(
+            DEGREES_OF_FREEDOM / random.chisquare(DEGREES_OF_FREEDOM, size=(count, 1))
+        )
+        return self.skewed(random.normal(size=(count, len(self.middle))) * stretch)
 
-    def bent(self, t: Array) -> Array:
+    def skewed(self, t: Array) -> Array:
         """Points (N, D) from standard Student t variables (N, D)."""
         y = t @ self.root.T
         return np.asarray(self.middle + y * np.where(y < 0.0, self.left, self.right))

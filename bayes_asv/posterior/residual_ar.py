@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.posterior.likelihood import WHITE, ResidualAR
 
-__all__ = ["find_colour", "long_run_variance", "portmanteau"]
+__all__ = ["fit_residual_ar", "long_run_variance", "portmanteau"]
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ _MARGIN = 5.0
 _MEMORY = 0.1  # s over which innovations of a wrong model may hang together: a period of its modes
 
 
-def find_colour(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualAR:
+def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualAR:
     """Fit the autoregression that the information criterion asks for.
 
     Parameters

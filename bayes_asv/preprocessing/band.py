@@ -23,7 +23,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
 from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
-__all__ = ["ABOVE_MODES", "check_band", "limited", "low_pass", "too_short"]
+__all__ = ["ABOVE_MODES", "check_band", "low_pass", "low_pass_recording", "too_short"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -107,7 +107,7 @@ def too_short(line: PreparedRecording, below: float) -> str | None:
     )
 
 
-def limited(line: PreparedRecording, below: float) -> PreparedRecording:
+def low_pass_recording(line: PreparedRecording, below: float) -> PreparedRecording:
     """Keep the motion below a frequency.
 
     Parameters

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
-from bayes_asv.preprocessing.data_checks import DOUBTFUL
+from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["FEWEST_WINDOWS", "Coherence", "coherence", "suggest_band"]
@@ -130,7 +130,7 @@ def suggest_band(line: PreparedRecording, left: Array, top: float) -> list[str]:
     if seen is None:
         return []
     bound = 1.0 - seen.explained(0.0, top)
-    if not np.any((left > DOUBTFUL**2) & (left > _DRAWN * bound)):
+    if not np.any((left > MAX_UNEXPLAINED**2) & (left > _DRAWN * bound)):
         return []
     for below in range(int(_HIGHEST * fastest), 0, -1):
         if below < ABOVE_MODES * fastest or too_short(line, below) is not None:

@@ -19,19 +19,26 @@ from bayes_asv.preprocessing.timeline import (
     used_channels,
 )  # fmt: skip
 
-__all__ = ["DOUBTFUL", "SHAKEN", "clipping_limit", "dead_channels", "least_rate", "preflight"]
+__all__ = [
+    "MAX_UNEXPLAINED",
+    "MIN_EXCITATION",
+    "clipping_limit",
+    "dead_channels",
+    "min_sampling_rate",
+    "preflight",
+]
 
 _PERIODS = 1.0  # of the slowest mode that a record must last
 _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
 _REAL = 0.5  # of that for a mode that does not oscillate: 5 were enough for poles of 18 to 32 Hz
 _FEWEST = 100  # rows
-DOUBTFUL = 0.3
+MAX_UNEXPLAINED = 0.3
 """Share left over (rms) beyond which the intervals are too good to be true."""
-_RATTLED = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
+_MAX_WHEEL_RMS = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
 _RAIL = 0.1
 """Share of its range by which a sensor may exceed it: data sheets state the range that is assured,
 and converters end a few per cent beyond it."""
-SHAKEN = 5.0
+MIN_EXCITATION = 5.0
 """Wheel rms in units of its noise, below which nothing was driven over."""
 
 
@@ -120,10 +127,10 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
             f"least {needed:.2f} s and {_FEWEST} rows; start the recording a second before the "
             "bump and let it run until the car has stopped bouncing"
         )
-    if rate < least_rate(found):
+    if rate < min_sampling_rate(found):
         reasons.append(
             f"{line.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at up "
-            f"to {fastest:.1f} Hz; record at {_round_rate(least_rate(found))} Hz or more"
+            f"to {fastest:.1f} Hz; record at {_round_rate(min_sampling_rate(found))} Hz or more"
         )
     for c, channel in enumerate(line.channels):
         clipped = int(np.count_nonzero(line.clipped[c]))
@@ -161,12 +168,12 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
         signal = line.values[c][np.isfinite(line.values[c])]
         shaken = float(np.std(signal))
         floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
-        if shaken < SHAKEN * floor or shaken < 0.05:
+        if shaken < MIN_EXCITATION * floor or shaken < 0.05:
             reasons.append(
                 f"the {name} hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
                 "over a bump, a parking stop or a rough road"
             )
-        elif shaken > _RATTLED:
+        elif shaken > _MAX_WHEEL_RMS:
             reasons.append(
                 f"the {name} moves at {shaken:.0f} m/s² rms in {line.source}, which no car "
                 "takes; check the unit of the column and the scale of the sensor"
@@ -181,7 +188,7 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     sides = [e for e, element in enumerate(line.car.elements) if element.side == "left"]
     if sides and not reasons and all(_alike(line, e) for e in sides):
         reasons.append(
-            f"left and right wheels of {line.source} move alike, so nothing rolls the car; drive "
+            f"left and right wheels of {line.source} move alike, so roll is not excited; drive "
             "one side over something before the other, or choose the half car"
         )
     given = [
@@ -212,7 +219,7 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     return reasons, warnings
 
 
-def least_rate(found: list[Mode]) -> float:
+def min_sampling_rate(found: list[Mode]) -> float:
     """Rows a second below which a car of these modes moves between the samples."""
     return _SAMPLES_A_PERIOD * max(m.natural * (1.0 if m.damped else _REAL) for m in found)
 
@@ -229,7 +236,7 @@ def _alike(line: PreparedRecording, left: int) -> bool:
         )
         for c in (one, other)
     ]
-    return rms < SHAKEN * float(np.hypot(*noise))
+    return rms < MIN_EXCITATION * float(np.hypot(*noise))
 
 
 def _beyond_range(readings: NDArray[np.float64], sensor: Sensor) -> bool:

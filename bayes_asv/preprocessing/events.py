@@ -48,7 +48,7 @@ from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import ORDER, Measurements
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.modes import nominal_modes
-from bayes_asv.preprocessing.data_checks import SHAKEN, clipping_limit, least_rate
+from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, clipping_limit, min_sampling_rate
 from bayes_asv.preprocessing.noise_level import quiet_level
 from bayes_asv.preprocessing.timeline import rails, used_channels
 
@@ -218,7 +218,7 @@ def find_events(
         vehicle.channel(recording.channels[c]) for c in used_channels(recording, vehicle, car)
     ]
     ys = tuple(Output(one) for one in channels if not one.is_input)
-    log = _binned(recording, vehicle, car, _BINS * least_rate(modes))
+    log = _binned(recording, vehicle, car, _BINS * min_sampling_rate(modes))
     unknowns = _unknowns(car)
     answers = np.array([unknowns[name] for name in car.estimated])
     found = _sensitivity(car, ys, unknowns, log.inputs, log.step)
@@ -253,7 +253,7 @@ def find_events(
     bounded = float(np.max(level[~lost & railed], initial=0.0))
     if most < _WORTH * bounded:  # all that moves the car reaches a rail
         most = bounded
-    worth = max(_WORTH * most, SHAKEN**2 * feigned)
+    worth = max(_WORTH * most, MIN_EXCITATION**2 * feigned)
     decay = 1.0 / min(2.0 * math.pi * mode.natural * mode.ratio for mode in modes)
     settling = decay * math.log(max(math.sqrt(worth / max(feigned, 1e-300)), 1.0))
     tail = max(math.ceil(settling / log.step), window)
@@ -503,7 +503,7 @@ def _states(log: _Binned, spans: Sequence[tuple[int, int]], window: int) -> dict
     for a, b in spans:
         free[a:b] = False
     power = uniform_filter1d(log.inputs**2, window, axis=0)
-    still = np.all(power < (SHAKEN * log.input_sd) ** 2, axis=1)
+    still = np.all(power < (MIN_EXCITATION * log.input_sd) ** 2, axis=1)
     named = {"standing": free & still, "little motion": free & ~still}
     return {name: float(np.count_nonzero(bins) * log.step) for name, bins in named.items()}
 

@@ -18,7 +18,7 @@ from bayes_asv.filters.kalman import ORDER
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["INPUT_BIAS_SD", "moments_of_one", "without_mean_input"]
+__all__ = ["INPUT_BIAS_SD", "unit_input_moments", "without_mean_input"]
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ INPUT_BIAS_SD = 0.15
 """How well the mean reading gives a bias, m/s²: the wheel's speed at both ends over the time."""
 
 
-def moments_of_one(line: PreparedRecording) -> Array:
+def unit_input_moments(line: PreparedRecording) -> Array:
     """Moments (E, ORDER) of an input of 1 m/s²."""
     time = line.wheels[0].knots
     one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, line.wheels[0].deviation)
@@ -45,7 +45,7 @@ def without_mean_input(line: PreparedRecording) -> PreparedRecording:
     )
     return replace(
         line,
-        moments=line.moments - rest[:, None] * moments_of_one(line)[:, None],
+        moments=line.moments - rest[:, None] * unit_input_moments(line)[:, None],
         reading=line.reading - line.rigid_gain @ rest,
         wheels=wheels,
     )

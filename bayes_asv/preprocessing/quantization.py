@@ -24,7 +24,12 @@ from bayes_asv.filters.kalman import MISSING
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
-    "crawling", "offset", "standing", "still_wheels_doubted", "wandering", "without_waiting",
+    "is_slow",
+    "is_stationary",
+    "offset",
+    "spurious_drift",
+    "still_wheels_doubted",
+    "without_waiting",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -60,7 +65,7 @@ def still_wheels_doubted(line: PreparedRecording) -> PreparedRecording:
     ten bits and the noise of its data sheets, gave 22 false alarms as they are and one with doubt
     of the wheels; 30 of them gave ten with fewer readings of a chassis that stands still.
     """
-    beyond = [_beyond(line, c) * standing(line, c) for c in line.inputs]
+    beyond = [_beyond(line, c) * is_stationary(line, c) for c in line.inputs]
     doubt = np.stack(beyond, axis=1) * line.spread[:, : len(beyond)]
     spread = line.noise_spread + np.hstack([np.zeros_like(doubt), doubt])
     return replace(line, spread=spread, doubt=doubt)
@@ -72,7 +77,7 @@ def without_waiting(line: PreparedRecording) -> PreparedRecording:
     What does not move on a coarse converter tells nothing but a zero that is off by as much as a
     step, and the longer it waits the more it is believed.
     """
-    still = np.all([standing(line, c) for c in range(len(line.channels))], axis=0)
+    still = np.all([is_stationary(line, c) for c in range(len(line.channels))], axis=0)
     if still.all() or not still.any():
         return line
     moving = line.instants[~still]
@@ -80,12 +85,12 @@ def without_waiting(line: PreparedRecording) -> PreparedRecording:
     return replace(line, kind=np.where(waits[:, None], MISSING, line.kind))
 
 
-def standing(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
+def is_stationary(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
     """Whether a channel stands still on a coarse converter at each instant (E,)."""
     return _covers_less(line, c, lambda readings: _SPAN)
 
 
-def crawling(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
+def is_slow(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
     """Whether a channel crosses so few steps of a coarse converter that its errors remember.
 
     What moves by a part of a step from reading to reading errs in saw teeth of several readings.
@@ -107,13 +112,13 @@ def _covers_less(
     return np.asarray(np.interp(line.instants, time, less) > 0.5)
 
 
-def wandering(line: PreparedRecording, c: int) -> float:
+def spurious_drift(line: PreparedRecording, c: int) -> float:
     """Slope (m/s³) of a channel's zero that its converter alone may feign over a recording.
 
     A zero that moves by as much as a converter's offset, between the beginning and the end of a
     run, is no fault.
     """
-    still = float(np.mean(standing(line, c)))
+    still = float(np.mean(is_stationary(line, c)))
     largest = offset(float(line.steps[c]), float(line.noise[c] or 0.0))
     return 2.0 * largest * still / float(np.ptp(line.times[c, np.isfinite(line.values[c])]))
 

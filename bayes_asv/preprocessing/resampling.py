@@ -209,6 +209,8 @@ def _pattern(values: Array, ratio: Fraction, form: Form, rounding: float) -> _Pa
     """Find a row with a sample: one at which the relations of a form hold, again and again."""
     relations = _relations(ratio, form)
     period = ratio.denominator
+    if len(values) < len(relations) + period:
+        return None
     windows = np.lib.stride_tricks.sliding_window_view(values, len(relations))
     count = len(windows) // period
     if count < _FEWEST_BLOCKS:
@@ -367,6 +369,8 @@ def _like_others(values: Array, found: list[Resampling | None]) -> Resampling | 
                 return one
             continue
         relations = _relations(one.ratio, one.form)
+        if len(values) < one.origin + len(relations):
+            continue
         windows = np.lib.stride_tricks.sliding_window_view(values, len(relations))
         left = windows[one.origin :: one.ratio.denominator] @ relations
         if np.mean(left**2) < (_ROUNDING * rounding) ** 2:

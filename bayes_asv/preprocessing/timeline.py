@@ -20,13 +20,18 @@ from bayes_asv.models.car_model import (
     CarModel,
     Output,
     bias_directions,
-    fastest_motion,
-    start_covariance,
+    fastest_rate,
+    initial_covariance,
     state_space,
 )  # fmt: skip
 from bayes_asv.models.cars import cars_with
 from bayes_asv.preprocessing.missing_band import MissingBand
-from bayes_asv.preprocessing.wheel_spline import WheelSignal, equalised, moments, wheel_signal
+from bayes_asv.preprocessing.wheel_spline import (
+    WheelSignal,
+    match_bandwidths,
+    moments,
+    wheel_signal,
+)
 
 __all__ = [
     "FEWEST_READINGS", "ClockError", "MeasurementSchedule", "PreparedRecording", "Retimed",
@@ -452,7 +457,7 @@ def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRe
         inputs=inputs,
         outputs=outputs,
         **plan._asdict(),
-        start=start_covariance(system._replace(N=directions), models),
+        start=initial_covariance(system._replace(N=directions), models),
         wheels=wheels,
         values=values,
         times=times,
@@ -497,7 +502,7 @@ def schedule(
     -------
     MeasurementSchedule
     """
-    longest = min(longest, _LONGEST_PHASE / fastest_motion(state_space(car, car.nominal, ())))
+    longest = min(longest, _LONGEST_PHASE / fastest_rate(state_space(car, car.nominal, ())))
     instants, kind, reading, pairs = _instants(values, times, rails, wheels, outputs, longest)
     closes = np.zeros(len(instants), bool)
     closes[pairs.max(axis=1)] = True
@@ -543,7 +548,7 @@ def common_bandwidth(
     for c, b in enumerate(bandwidth):
         there = np.isfinite(values[c])
         if b is not None:
-            out[c, there] = equalised(times[c, there], values[c, there], b, target)
+            out[c, there] = match_bandwidths(times[c, there], values[c, there], b, target)
         elif channels[c].quantity != "acceleration":
             poles[c] = 0.0
     return out, poles

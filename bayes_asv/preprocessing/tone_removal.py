@@ -24,11 +24,20 @@ from bayes_asv.models.car_model import CarModel, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.missing_band import missing_band
 from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
-from bayes_asv.preprocessing.wheel_spline import WheelSignal, between_samples
+from bayes_asv.preprocessing.wheel_spline import WheelSignal, interpolation_sd
 
 __all__ = [
-    "Notch", "engine_tones", "find_tones", "is_persistent", "is_wide", "main_tones",
-    "notch_filter", "notch_of", "notched", "own_modes", "passing",
+    "Notch",
+    "band_pass_filter",
+    "engine_tones",
+    "find_tones",
+    "is_persistent",
+    "is_wide",
+    "main_tones",
+    "notch_filter",
+    "notch_of",
+    "notched",
+    "own_modes",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -95,7 +104,7 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
     return out
 
 
-def passing(notch: Notch, rate: float) -> Array:
+def band_pass_filter(notch: Notch, rate: float) -> Array:
     """Second-order sections (T, 6) that pass the band of a notch, at ``rate`` samples a second."""
     from scipy.signal import butter
 
@@ -256,7 +265,7 @@ def is_persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
     from scipy.signal import sosfiltfilt, sosfreqz
     from scipy.stats import chi2
 
-    band = passing(Notch(tone.frequency, _AROUND * tone.half_width), rate)
+    band = band_pass_filter(Notch(tone.frequency, _AROUND * tone.half_width), rate)
     passed = float(np.mean(np.abs(sosfreqz(band, 2048)[1]) ** 4))  # forwards and backwards
     length = max(1, round(_MOMENT * rate))
     moments = [np.zeros(0)]
@@ -387,7 +396,7 @@ def _wheel(
     """Interpolate a filtered wheel once the filter has settled."""
     there = np.isfinite(filtered) & (times >= settled)
     knots, value = times[there], filtered[there]
-    deviation = between_samples(knots, value)
+    deviation = interpolation_sd(knots, value)
     middle = 0.5 * (knots[1:] + knots[:-1])
     at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.deviation) - 1)
     # Beside a clipped sample more is unknown than the sharpness of the curve tells.

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from bayes_asv.filters.one_pole import low_passed
 
-__all__ = ["WheelSignal", "between_samples", "equalised", "moments", "wheel_signal"]
+__all__ = ["WheelSignal", "interpolation_sd", "match_bandwidths", "moments", "wheel_signal"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -48,7 +48,7 @@ class WheelSignal(NamedTuple):
     deviation: Array
 
 
-def equalised(time: Array, signal: Array, bandwidth: float, target: float) -> Array:
+def match_bandwidths(time: Array, signal: Array, bandwidth: float, target: float) -> Array:
     """Pass a signal on from its sensor's one-pole filter to a slower one.
 
     A common filter on inputs and outputs leaves a linear relation as it is; sensors of
@@ -75,7 +75,7 @@ def equalised(time: Array, signal: Array, bandwidth: float, target: float) -> Ar
     return np.asarray(share * signal + (1.0 - share) * slow)
 
 
-def between_samples(time: Array, signal: Array) -> Array:
+def interpolation_sd(time: Array, signal: Array) -> Array:
     """Deviation of an interval's mean acceleration for what happened between its samples.
 
     Each sample is predicted by the cubic through its four neighbours.  What that misses, less
@@ -141,7 +141,7 @@ def wheel_signal(time: Array, signal: Array, low: Flags, high: Flags) -> WheelSi
         beyond = np.clip(beyond, 0.0, np.abs(signal[clipped]))
         value[clipped] += np.where(high[clipped], beyond, -beyond)
     knots, value = time[there], value[there]
-    deviation = between_samples(knots, value)
+    deviation = interpolation_sd(knots, value)
     if clipped.any():
         excess = np.abs(value - signal[there])
         reach = np.where(clipped[there], np.maximum(excess, 0.1 * np.abs(value)), 0.0)

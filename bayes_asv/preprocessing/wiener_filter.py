@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["clear_wheel", "denoised", "sample_noise"]
+__all__ = ["denoise_wheel", "denoised", "sample_noise"]
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _LINES = 9  # of a spectrum that are averaged
 _CERTAIN = 2.0  # times the noise that a line has to hold before any of it passes
 
 
-def clear_wheel(line: PreparedRecording, axle: int, corner: float | None) -> tuple[Array, Array]:
+def denoise_wheel(line: PreparedRecording, axle: int, corner: float | None) -> tuple[Array, Array]:
     """Knots (K,) of a wheel's signal, s, and its readings there without most of their noise.
 
     Parameters

@@ -13,7 +13,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.models.car_model import state_space
 from bayes_asv.models.half_car import HalfCar
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.reference.integrated import Integrated, integrate, simulate_states
@@ -155,7 +155,7 @@ def grey_box(
         if value not in known:
             raise ValueError(f"{value!r} is none of {', '.join(known)}")
     recording = at_own_rate(recording)
-    lines, reasons, warnings = lay_out((recording,), vehicle)
+    lines, reasons, warnings = prepare_runs((recording,), vehicle)
     if reasons:
         nothing = np.zeros((0, 2))
         return PointEstimate(

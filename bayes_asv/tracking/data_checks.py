@@ -14,7 +14,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
 from bayes_asv.posterior.map_fit import untold
-from bayes_asv.preprocessing.data_checks import clipping_limit, least_rate
+from bayes_asv.preprocessing.data_checks import clipping_limit, min_sampling_rate
 from bayes_asv.tracking.sensor_noise import SensorModel
 
 __all__ = ["DataChecks", "unidentified_parameters"]
@@ -81,10 +81,10 @@ class DataChecks:
                 f"{source} is too short: {seconds:.2f} s in {self.rows} rows, and this car needs "
                 f"at least {needed:.2f} s and {_MIN_ROWS} rows; record longer"
             )
-        if self.rate < least_rate(modes):
+        if self.rate < min_sampling_rate(modes):
             out.append(
                 f"{source} was taken at {self.rate:.0f} Hz, too slow for this car, which moves at "
-                f"up to {fastest:.1f} Hz; record at {least_rate(modes):.0f} Hz or more"
+                f"up to {fastest:.1f} Hz; record at {min_sampling_rate(modes):.0f} Hz or more"
             )
         n = np.maximum(self.present, 1)
         rms = np.sqrt(np.maximum(self.squares / n - (self.total / n) ** 2, 0.0))

@@ -22,7 +22,7 @@ from bayes_asv.models.car_model import (
     CarModel,
     Output,
     bias_directions,
-    start_covariance,
+    initial_covariance,
     state_space,
 )
 from bayes_asv.tracking.geometry import Polynomial, trace
@@ -137,7 +137,7 @@ def filter_model(
     # prior of (x, d, b) in the order (x, b, d)
     nx = size.motion
     order = [*range(nx), *range(nx + nd, nx + nd + ny), *range(nx, nx + nd)]
-    start = start_covariance(system._replace(N=directions), outputs)[np.ix_(order, order)]
+    start = initial_covariance(system._replace(N=directions), outputs)[np.ix_(order, order)]
     mean = np.zeros(size.states)
     if standstill is not None:
         first = nx + ny

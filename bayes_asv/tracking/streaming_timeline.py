@@ -21,7 +21,7 @@ from bayes_asv.domain.recording import Timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
 from bayes_asv.filters.ukf_state import Steps
-from bayes_asv.models.car_model import CarModel, fastest_motion, state_space
+from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -69,7 +69,7 @@ class TimelineChunk(NamedTuple):
 class _BandwidthMatcher:
     """Filters a sensor's readings down to a slower pole, recursively.
 
-    As ``preprocessing.wheel_spline.equalised``: (1 + s/ω) / (1 + s/ω₀) on a piecewise linear
+    As ``preprocessing.wheel_spline.match_bandwidths``: (1 + s/ω) / (1 + s/ω₀) on a piecewise linear
     signal; it restarts after a gap.
     """
 
@@ -99,7 +99,7 @@ class _BandwidthMatcher:
 
 def max_step(car: CarModel) -> float:
     """Longest step (s) over which the moments describe the wheels accurately for a car."""
-    fastest = fastest_motion(state_space(car, car.nominal, ()))
+    fastest = fastest_rate(state_space(car, car.nominal, ()))
     return min(_MAX_STEP, _MAX_PHASE / fastest)
 
 

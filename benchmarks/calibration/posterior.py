@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from bayes_asv.posterior.importance import Weighted, importance
+from bayes_asv.posterior.importance import WeightedDraws, importance_sample
 from bayes_asv.posterior.map_fit import MapFit
 from bayes_asv.posterior.sampler import run_ensembles
 from benchmarks.calibration.quantities import Conditional
@@ -38,7 +38,7 @@ class Posterior:
         False when the ensembles did not agree: the product would not have answered.
     """
 
-    draws: Weighted
+    draws: WeightedDraws
     how: str
     converged: bool = True
 
@@ -61,24 +61,24 @@ def posterior(fit: MapFit, seed: int) -> Posterior:
     """
     if fit.mode.converged:
         for count in _COUNTS:
-            draws = importance(fit.target, fit.mode, count, seed)
+            draws = importance_sample(fit.target, fit.mode, count, seed)
             if draws.effective >= ENOUGH:
                 return Posterior(draws, str(count))
     chains = run_ensembles(fit.target, fit.mode, seed)
     z = chains.draws.reshape(-1, fit.space.dimension)
     return Posterior(
-        Weighted(z, np.full(len(z), 1.0 / len(z)), float("nan")), "ensembles", chains.converged
+        WeightedDraws(z, np.full(len(z), 1.0 / len(z)), float("nan")), "ensembles", chains.converged
     )
 
 
-def place(draws: Weighted, what: Conditional) -> float:
+def place(draws: WeightedDraws, what: Conditional) -> float:
     """Posterior probability that a quantity lies below its truth."""
     if what.sd == 0.0:
         return draws.below(what.mean, what.truth)
     return draws.mean(np.asarray(ndtr((what.truth - what.mean) / what.sd)))
 
 
-def spread(draws: Weighted, what: Conditional) -> float:
+def spread(draws: WeightedDraws, what: Conditional) -> float:
     """Width of the equal-tailed 95 % interval as a deviation: a normal's width over 2 · 1.96."""
     shares = np.array([0.025, 0.975])
     if what.sd == 0.0:

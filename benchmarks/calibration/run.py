@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.estimation import estimate
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.sampler import run_ensembles
 from benchmarks.calibration.bound import bounds
 from benchmarks.calibration.cells import MODEL, NAMES, Cell
@@ -88,7 +88,7 @@ def one(cell: Cell, seed: int, run: int) -> Row:
 
 
 def _from_the_rig(cell: Cell, case: Case, run: int) -> Row:
-    lines, reasons, _ = lay_out((case.recording,), case.vehicle)
+    lines, reasons, _ = prepare_runs((case.recording,), case.vehicle)
     fit = None
     if not reasons:
         fit = best_fit(lines, case.vehicle)
@@ -123,7 +123,7 @@ def _from_the_rig(cell: Cell, case: Case, run: int) -> Row:
 
 def _from_the_model(cell: Cell, drawn: Drawn, run: int) -> Row:
     """Judge every coordinate and the log-likelihood, whatever the product would refuse."""
-    lines, reasons, _ = lay_out((drawn.recording,), drawn.vehicle)
+    lines, reasons, _ = prepare_runs((drawn.recording,), drawn.vehicle)
     fit = best_fit(lines, drawn.vehicle)
     found = posterior(fit, run)
     judged = _everything(fit, found.draws.z, drawn)

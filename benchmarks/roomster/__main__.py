@@ -76,7 +76,7 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
         "spread_percent": {n: agreement.spread_percent(n) for n in ("c_f", "c_r", "i")},
         "own_percent": {n: agreement.own_percent(n) for n in ("c_f", "c_r", "i")},
         "own": {
-            n: [x.tolist() for x in agreement.own_values(n)] for n in ("c_f", "c_r", "i")
+            n: [x.tolist() for x in agreement.estimates_of_runs(n)] for n in ("c_f", "c_r", "i")
         },
         "mean_car": {
             n: {"mean": float(mean_car[n].mean()), "sd": float(mean_car[n].std()),

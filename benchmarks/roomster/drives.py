@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.random_effects import Contrast, Site, contrast
-from bayes_asv.analysis.run_consistency import SingleRunFit, run_alone
+from bayes_asv.analysis.random_effects import Contrast, RunLikelihood, contrast
+from bayes_asv.analysis.run_consistency import SingleRunFit, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import simulate_free
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.preprocessing.coherence import coherence
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
@@ -53,10 +53,10 @@ def run_of(
     recording: Recording, vehicle: Vehicle, seed: int, below: float = BELOW
 ) -> tuple[PreparedRecording, SingleRunFit]:
     """Lay a drive out below a frequency and ask it alone."""
-    lines, reasons, _ = lay_out([recording], vehicle, below)
+    lines, reasons, _ = prepare_runs([recording], vehicle, below)
     if reasons:
         raise SystemExit("\n".join(reasons))
-    return lines[0], run_alone(lines[0], vehicle, seed)
+    return lines[0], fit_single_run(lines[0], vehicle, seed)
 
 
 def ratios(run: SingleRunFit) -> Array:
@@ -137,7 +137,7 @@ def _left_by_car(
 
 def at_full_band(recording: Recording, vehicle: Vehicle) -> Row:
     """Tell what the estimator says of a drive when no band is given."""
-    lines, reasons, _ = lay_out([recording], vehicle)
+    lines, reasons, _ = prepare_runs([recording], vehicle)
     fit = best_fit(lines, vehicle)
     car = {name: float(x[0]) for name, x in fit.space.values(fit.mode.z[None]).items()}
     return {
@@ -210,8 +210,8 @@ def _way(run: SingleRunFit) -> Array:
     return np.stack([where.from_logs({name: 1.0})[:n] for name in ("c_f", "c_r", "i")], axis=1)
 
 
-def _scaled(site: Site, by: float) -> Site:
-    return Site(by * site.precision, by * site.linear)
+def _scaled(site: RunLikelihood, by: float) -> RunLikelihood:
+    return RunLikelihood(by * site.precision, by * site.linear)
 
 
 def _part(recording: Recording, rows: NDArray[np.bool_]) -> Recording:

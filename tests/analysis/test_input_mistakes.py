@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.input_mistakes import doubt_about, rear_leads, screening_fit
+from bayes_asv.analysis.input_mistakes import check_input, rear_leads, screening_fit
 from bayes_asv.analysis.nominal_mistakes import nominal_mistakes
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
@@ -67,7 +67,7 @@ MISTAKES = {
 def test_a_mistake_is_named(kind: str) -> None:
     make, words = MISTAKES[kind]
     recording, car = make(*worn(3))
-    doubt = doubt_about([recording], car)
+    doubt = check_input([recording], car)
     assert doubt is not None
     assert words in doubt.mistakes[0].words
     assert doubt.mistakes[0].probability > 0.5
@@ -78,7 +78,7 @@ def test_a_mistake_is_named(kind: str) -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_right_input_raises_no_doubt(terrain: str, seed: int) -> None:
     recording, car = worn(seed, terrain)
-    assert doubt_about([recording], car) is None
+    assert check_input([recording], car) is None
 
 
 def test_an_estimate_says_its_doubt_first_and_a_refusal_its_cause() -> None:

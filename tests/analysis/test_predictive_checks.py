@@ -10,12 +10,12 @@ import pytest
 from scipy.stats import kstest
 
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
-from bayes_asv.analysis.run_consistency import SingleRunFit, run_alone
+from bayes_asv.analysis.run_consistency import SingleRunFit, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -32,9 +32,9 @@ from tests.rig import (
 
 
 def alone(recording: Recording, sensors: SensorSpec | None = None) -> SingleRunFit:
-    lines, reasons, _ = lay_out([recording], vehicle(EXACT, sensors))
+    lines, reasons, _ = prepare_runs([recording], vehicle(EXACT, sensors))
     assert not reasons
-    return run_alone(lines[0], vehicle(EXACT, sensors), 0)
+    return fit_single_run(lines[0], vehicle(EXACT, sensors), 0)
 
 
 def checks_of(run: SingleRunFit, seed: int = 0) -> tuple[Check, ...]:
@@ -152,7 +152,7 @@ def test_missing_rows_and_two_clocks_are_replicated_alike() -> None:
 def test_a_slow_record_has_no_band_above_what_it_can_hold() -> None:
     _, _, recording = case("bump", 3, EXACT)
     slow = replace(recording, time=recording.time[::8], values=recording.values[:, ::8])
-    line = lay_out([slow], vehicle(EXACT))[0][0]
+    line = prepare_runs([slow], vehicle(EXACT))[0][0]
     fit = best_fit((line,), vehicle(EXACT))
     checks = predictive_checks(fit.target, np.repeat(fit.mode.z[None], 8, axis=0), 0, 0)
     bands = {check.band for check in checks if check.band is not None}
@@ -168,8 +168,8 @@ def test_clipped_readings_do_not_make_a_peak_too_small() -> None:
     car = vehicle(EXACT)
     narrow = replace(car.sensor("front_chassis"), high=top * INCH)
     car = replace(car, sensors={**car.sensors, "front_chassis": narrow})
-    lines, _, _ = lay_out([replace(recording, values=values)], car)
-    run = run_alone(lines[0], car, 0)
+    lines, _, _ = prepare_runs([replace(recording, values=values)], car)
+    run = fit_single_run(lines[0], car, 0)
     peak = next(c for c in checks_of(run) if c.axle == 0 and c.quantity == "peak")
     assert peak.of == "reading"
     assert peak.p_family > 0.01

@@ -15,11 +15,11 @@ from bayes_asv.analysis.random_effects import (
     LARGEST_SPREAD,
     SAME,
     SPREAD_SCALE,
-    Site,
+    RunLikelihood,
     contrast,
-    own_values,
+    estimates_of_runs,
+    likelihood_of_run,
     population,
-    site_of,
 )
 
 Array = NDArray[np.float64]
@@ -31,16 +31,16 @@ def _car(rng: np.random.Generator, n: int = 6) -> Array:
     return np.asarray(rng.normal(size=(n, 3)) / np.array([1.1, 1.1, 0.7]))
 
 
-def _site(rng: np.random.Generator, centre: Array, sharp: float = 300.0) -> Site:
+def _site(rng: np.random.Generator, centre: Array, sharp: float = 300.0) -> RunLikelihood:
     """A run's likelihood, its mean scattered about ``centre`` as its precision says."""
     n = len(centre)
     root = sharp * rng.normal(size=(n, n))
     precision = root @ root.T + sharp * np.eye(n)
     mean = rng.multivariate_normal(centre, np.linalg.inv(precision))
-    return Site(precision, precision @ mean)
+    return RunLikelihood(precision, precision @ mean)
 
 
-def _dense(sites: list[Site], way: Array, together: list[int]) -> float:
+def _dense(sites: list[RunLikelihood], way: Array, together: list[int]) -> float:
     """Least sum of squares with a car a run whose columns ``together`` are equal in all."""
     n, runs = len(way), len(sites)
     rows, values = [], []
@@ -68,20 +68,20 @@ def test_a_site_gives_its_posterior_back(seed: int) -> None:
     rng = np.random.default_rng(seed)
     site = _site(rng, rng.normal(size=5), 3.0)
     covariance = np.asarray(np.linalg.inv(np.eye(5) + site.precision), np.float64)
-    back = site_of(covariance @ site.linear, covariance)
+    back = likelihood_of_run(covariance @ site.linear, covariance)
     assert back.precision == pytest.approx(site.precision, rel=1e-6, abs=1e-6)
     assert back.linear == pytest.approx(site.linear, rel=1e-6, abs=1e-6)
 
 
 def test_a_run_that_says_nothing_leaves_nothing() -> None:
-    site = site_of(np.array([0.02, 3.0]), np.diag([0.99, 1e-4]))
+    site = likelihood_of_run(np.array([0.02, 3.0]), np.diag([0.99, 1e-4]))
     assert site.precision[0, 0] == 0.0
     assert site.linear[0] == 0.0
     assert site.linear[1] / site.precision[1, 1] == pytest.approx(3.0, rel=1e-3)
 
 
 def test_a_run_known_without_any_doubt_does_not_break_the_rest() -> None:
-    site = site_of(np.array([0.5, -0.5]), np.zeros((2, 2)))
+    site = likelihood_of_run(np.array([0.5, -0.5]), np.zeros((2, 2)))
     assert np.all(np.isfinite(site.precision))
     assert np.linalg.solve(site.precision, site.linear) == pytest.approx([0.5, -0.5])
     way = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -131,12 +131,12 @@ def test_one_run_and_silent_runs_cannot_be_compared() -> None:
     rng = np.random.default_rng(2)
     way = _car(rng)
     site = _site(rng, np.zeros(6))
-    silent = Site(np.zeros((6, 6)), np.zeros(6))
+    silent = RunLikelihood(np.zeros((6, 6)), np.zeros(6))
     for sites in ([site], [site, silent]):
         found = contrast(sites, way)
         assert found.freedom == 0
         assert math.isnan(found.p)
-    shift, sd = own_values(silent, way, np.zeros(6))
+    shift, sd = estimates_of_runs(silent, way, np.zeros(6))
     assert np.all(np.isnan(shift))
     assert np.all(np.isinf(sd))
 
@@ -155,7 +155,7 @@ def test_what_is_given_as_exact_is_not_tested_and_cannot_differ() -> None:
 def test_own_values_are_the_runs_with_the_given_values_held() -> None:
     rng = np.random.default_rng(4)
     way, truth = _car(rng), np.array([0.02, -0.01, 0.03])
-    shift, sd = own_values(_site(rng, way @ truth), way, np.zeros(6))
+    shift, sd = estimates_of_runs(_site(rng, way @ truth), way, np.zeros(6))
     assert np.all(np.abs(shift - truth) < 4.5 * sd)
     assert np.all(sd < 0.01)
 
@@ -169,7 +169,7 @@ def test_one_quantity_against_an_integral(runs: int, apart: float) -> None:
     # One coordinate, its prior deviation a factor 3; the other two ways lead nowhere.
     scale = math.log(3.0)
     sites = [
-        Site(np.array([[(scale / s) ** 2]]), np.array([scale * v / s**2]))
+        RunLikelihood(np.array([[(scale / s) ** 2]]), np.array([scale * v / s**2]))
         for v, s in zip(value, sd, strict=True)
     ]
     found = population(sites, np.array([[1.0 / scale, 0.0, 0.0]]), 20_000, 1)

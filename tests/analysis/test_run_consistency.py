@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, run_alone
+from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import Estimate, estimate
 from bayes_asv.library.inference_data import write_netcdf
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.report.documents.estimate import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
@@ -37,9 +37,9 @@ def recordings(car: RigCar, factors: tuple[float, ...], seed: int) -> list[Recor
 
 
 def held(runs: list[Recording], known: Vehicle) -> RunConsistency:
-    lines, reasons, _ = lay_out(runs, known)
+    lines, reasons, _ = prepare_runs(runs, known)
     assert not reasons
-    return compare_runs([run_alone(line, known, 0) for line in lines], 4000, 0)
+    return compare_runs([fit_single_run(line, known, 0) for line in lines], 4000, 0)
 
 
 def car_of(given: dict[str, float], seed: int) -> RigCar:
@@ -145,8 +145,8 @@ def test_same_seed_same_answer_whatever_the_order(apart: tuple[RigCar, Estimate]
     car, result = apart
     assert result.agreement is not None
     one, two = result.agreement.runs
-    lines, _, _ = lay_out(recordings(car, (1.0, 1.05), 20)[:1], vehicle(DECLARED))
-    again = run_alone(lines[0], vehicle(DECLARED), 0)
+    lines, _, _ = prepare_runs(recordings(car, (1.0, 1.05), 20)[:1], vehicle(DECLARED))
+    again = fit_single_run(lines[0], vehicle(DECLARED), 0)
     assert np.array_equal(again.z, one.z)
     found, same, turned = (
         compare_runs(pair, 4000, 0) for pair in ([one, two], [one, two], [two, one])

@@ -81,7 +81,7 @@ def whitened_distance(
         Coordinates of the best car.
     """
     target = _target(recordings, vehicle)
-    n = target.space.lasting_dimension
+    n = target.space.shared_dimension
 
     def residual(car: Array) -> Array:
         joint = np.append(_innovations(target, car), car)
@@ -123,7 +123,7 @@ def _innovations(target: Posterior, car: Array) -> Array:
 
 def _levels(parameters: ParameterSpace) -> Array:
     """Noise coordinates for the given levels, all noise behind the sensor's filter."""
-    names = parameters.names[parameters.lasting_dimension :]
+    names = parameters.names[parameters.shared_dimension :]
     return np.array([_ALL_FILTERED if name.startswith("filtered") else 0.0 for name in names])
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import lsim
 
 import tests.rig as rig
-from tests.rig.mounting import carried, oscillate
+from tests.rig.mounting import oscillate, transfer_coordinates
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def test_mounts_act_in_succession_and_not_on_the_car() -> None:
     motion = rig.simulate(rig.baja(), rig.bump(), 4.4, -0.2, 0.5)
     tone, panel = rig.SensorTone(1, 30.0, 0.5), rig.Panel(1, 20.0, 0.2)
     one = panel.carry(tone.carry(motion.acceleration, motion.time), motion.time)
-    np.testing.assert_array_equal(carried(motion, (tone, panel)), one)
+    np.testing.assert_array_equal(transfer_coordinates(motion, (tone, panel)), one)
     how = (rig.bump(), 4.4, 400.0, 0.5, rig.SensorSpec.clean(), 0)
     plain = rig.drive(rig.baja(), *how)
     mounted = rig.drive(rig.baja(), *how, mountings=(tone,))

@@ -8,8 +8,14 @@ from dataclasses import replace
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, foretold, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import (
+    Dataset,
+    FittedModel,
+    base,
+    make_dataset,
+    update_patterns,
+)
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.battery.cases import Case
 
 __all__ = ["assess_linear", "fit_linear", "ignore_progress", "prepared"]
@@ -17,15 +23,15 @@ __all__ = ["assess_linear", "fit_linear", "ignore_progress", "prepared"]
 
 def prepared(recordings: Sequence[Recording], vehicle: Vehicle) -> Dataset:
     """Recordings prepared for a fit."""
-    lines, reasons, _ = lay_out(recordings, vehicle)
+    lines, reasons, _ = prepare_runs(recordings, vehicle)
     assert not reasons
-    return setting(vehicle, lines)
+    return make_dataset(vehicle, lines)
 
 
 def fit_linear(dataset: Dataset) -> tuple[Dataset, FittedModel]:
     """The linear half car, and recordings whose sensor patterns follow from its predictions."""
     model = base(dataset)
-    dataset = foretold(dataset, model)
+    dataset = update_patterns(dataset, model)
     return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
 
 

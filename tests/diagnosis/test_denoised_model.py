@@ -56,8 +56,8 @@ def car(tmp_path_factory: pytest.TempPathFactory) -> Vehicle:
 def test_denoising_leaves_the_innovations_unchanged(car: Vehicle) -> None:
     dataset, model = _linear(car, 3)
     denoised = denoise(dataset, model)
-    before, _, _ = model.target.scored(model.mode.z, 0)
-    after, _, _ = denoised.target(()).scored(model.mode.z, 0)
+    before, _, _ = model.target.innovations_and_variances(model.mode.z, 0)
+    after, _, _ = denoised.target(()).innovations_and_variances(model.mode.z, 0)
     np.testing.assert_allclose(after, before, atol=1e-9)
     change = denoised.lines[0].moments[:, :, 0] - dataset.lines[0].moments[:, :, 0]
     assert np.std(change) > 0.0
@@ -147,7 +147,7 @@ def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
     reading = output + recording.reading - inputs.reading
     exact = replace(dataset, lines=(replace(recording, reading=reading),))
     posterior = replace(exact.target(model.sites), patterns=model.target.patterns)
-    return posterior, z, model.space.lasting_dimension
+    return posterior, z, model.space.shared_dimension
 
 
 def _sensitivities(posterior: Posterior, z: Array, count: int) -> Array:
@@ -164,7 +164,7 @@ def _relative_difference(one: Array, other: Array) -> Array:
 def test_without_innovations_the_gain_does_not_matter(law: str | None) -> None:
     """A filter that has nothing to correct has the same sensitivities at fixed gain."""
     posterior, z, n = _on_own_prediction(law)
-    assert np.mean(posterior.scored(z, 0)[0] ** 2) < 1e-3
+    assert np.mean(posterior.innovations_and_variances(z, 0)[0] ** 2) < 1e-3
     free, fixed = slopes(posterior, z).means[:n], _sensitivities(posterior, z, n)
     assert np.all(_relative_difference(free, fixed) < 0.01)
 

@@ -47,7 +47,7 @@ def test_a_zero_offset_leaves_the_posterior_unchanged() -> None:
     zero = with_offset(model, np.zeros((1, len(model.mode.slopes.nu))), np.zeros(1))
     np.testing.assert_allclose(zero.log_posterior(z), model.target.log_posterior(z), atol=1e-6)
     # and the term is large enough to decide
-    assert sum(abs(model.target.given_back(z, run)[0]) for run in range(2)) > 20.0
+    assert sum(abs(model.target.removed_band_correction(z, run)[0]) for run in range(2)) > 20.0
 
 
 def test_the_gradient_of_noise_levels_accounts_for_the_missing_band() -> None:
@@ -57,7 +57,7 @@ def test_the_gradient_of_noise_levels_accounts_for_the_missing_band() -> None:
     at_z = slopes(model.target, z)
     levels = [k for k, name in enumerate(model.space.names) if name.startswith("noise ")]
     assert levels
-    ignoring_it = replace(at_z, given_back=np.zeros(len(z)))
+    ignoring_it = replace(at_z, removed_band_correction=np.zeros(len(z)))
     for k in levels:
         step = 0.01 * np.eye(len(z))[k]
         up, down = model.target.log_posterior(np.array([z + step, z - step]))

@@ -205,7 +205,7 @@ def test_a_pulse_is_replaced_by_an_effect_of_more_evidence(
     evidence = selection.assessed.evidence
     old = replace(evidence, by_scale=evidence.by_scale - behind)
     monkeypatch.setattr(forward_selection, "model_evidence", lambda denoised, model: old)
-    monkeypatch.setattr(forward_selection, "refitted", lambda denoised, model, sites: model)
+    monkeypatch.setattr(forward_selection, "fit_again", lambda denoised, model, sites: model)
     effects = reconsider_pulses(selection, 1, ignore_progress).effects
     assert effects == ((selection.effects[1], stop) if replaced else selection.effects)
 

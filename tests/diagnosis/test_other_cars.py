@@ -23,8 +23,8 @@ from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.channels import channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
-from bayes_asv.posterior.fitted_model import base, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.page import report_page
 from bayes_asv.report.schema import DiagnoseDocument
@@ -257,9 +257,9 @@ def test_a_sensor_of_a_wrong_scale_is_named(name: str, sensor: str) -> None:
 def test_a_worn_damper_of_one_corner_scores_highest_there() -> None:
     setup = SETUPS["roll"]
     car = _vehicle(setup)
-    lines, reasons, _ = lay_out([_recording(setup, car, 0, _asymmetric, {})], car, car="roll")
+    lines, reasons, _ = prepare_runs([_recording(setup, car, 0, _asymmetric, {})], car, car="roll")
     assert not reasons
-    dataset = setting(car, lines)
+    dataset = make_dataset(car, lines)
     test = assess(dataset, base(dataset), 0).test
     best = int(np.argmax(one_sided_squares(test.standardized_scores, test)))
     assert str(test.candidates[best].site) == "bound_rebound@front_left"

@@ -10,12 +10,12 @@ import pytest
 
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.domain.recording import Recording
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.battery.cases import case
 
 
 def _faults(recording: Recording) -> list[dict[str, Any]]:
-    lines, reasons, _ = lay_out([recording], case("null/stops~baja").vehicle)
+    lines, reasons, _ = prepare_runs([recording], case("null/stops~baja").vehicle)
     assert not reasons
     return list(find_recording_faults(lines))
 

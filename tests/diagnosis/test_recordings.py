@@ -21,7 +21,7 @@ from bayes_asv.diagnosis.workflow import diagnose, missing_effects
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.effect_fit import read_site, with_effects
-from bayes_asv.posterior.fitted_model import base, setting
+from bayes_asv.posterior.fitted_model import base, make_dataset
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import prepared
 
@@ -118,7 +118,7 @@ def test_an_engine_does_not_hide_what_effects_do_to_the_error() -> None:
     )
     assert isinstance(engine, Engine)
     assessed = assess(dataset, linear, 1)
-    without_tones = Split(dataset, setting(one.vehicle, held), linear)
+    without_tones = Split(dataset, make_dataset(one.vehicle, held), linear)
     errors = validation_errors(given, without_tones, assessed, [], engine, 1)
     silent = errors.without_engine
     assert silent is not None

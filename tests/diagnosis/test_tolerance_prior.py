@@ -84,7 +84,7 @@ def _with_narrow_priors(model: FittedModel, sites: list[Site], start: float) -> 
         effect = replace(site.effect, parameters=(narrow, *site.effect.parameters[1:]))
         narrowed.append(Site(effect, site.where))
     posterior = _car().denoised.target(tuple(narrowed))
-    z = model.carried_to(posterior.space)
+    z = model.transfer(posterior.space)
     for site in narrowed:
         first = site.effect.parameters[0]
         k = posterior.space.names.index(site.coordinate_name(first))

@@ -11,7 +11,7 @@ from bayes_asv.filters.kalman import Laws, filter_pass
 from bayes_asv.models.effects import EFFECTS, site
 from bayes_asv.posterior.effects import law_table, patterns
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.parameters import space
 from tests.posterior.cases import DECLARED, case, vehicle
 
@@ -29,7 +29,7 @@ CASES = {
 def target() -> Posterior:
     _, _, recording = case("bump", 1, DECLARED)
     car = vehicle(DECLARED)
-    lines, _, _ = lay_out((recording,), car)
+    lines, _, _ = prepare_runs((recording,), car)
     known = tuple(patterns(line, car, line.reading) for line in lines)
     return Posterior(space(car, lines), (WHITE,), patterns=known)
 
@@ -39,7 +39,7 @@ def test_without_laws_it_is_the_linear_recursion(target: Posterior) -> None:
     for _ in range(5):
         z = rng.normal(0.0, 0.3, target.space.dimension)
         plain = target.innovations(z, 0)
-        nu, logs, _ = target.scored(z, 0)
+        nu, logs, _ = target.innovations_and_variances(z, 0)
         np.testing.assert_allclose(nu, plain, rtol=1e-8, atol=1e-8)
         log_p = float(target.log_likelihood(z[None])[0])
         there = logs != 0.0

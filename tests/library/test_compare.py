@@ -9,7 +9,7 @@ import math
 import pytest
 
 import bayes_asv as asv
-from bayes_asv.analysis.random_effects import Site
+from bayes_asv.analysis.random_effects import RunLikelihood
 from bayes_asv.library import comparisons
 
 
@@ -95,7 +95,7 @@ def test_the_change_is_that_of_the_joint_normal_posterior(before: asv.Estimate) 
         reading, y = rng.normal(size=(n, n)), rng.normal(size=n)
         rows.append(np.hstack([reading, change * reading @ way]))
         values.append(y)
-        sites.append(Site(reading.T @ reading, reading.T @ y))
+        sites.append(RunLikelihood(reading.T @ reading, reading.T @ y))
     design = np.vstack(rows)
     solution = np.linalg.lstsq(design, np.concatenate(values))[0]
     covariance = np.linalg.inv(design.T @ design)

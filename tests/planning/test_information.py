@@ -12,9 +12,9 @@ from bayes_asv.models.car_model import Output
 from bayes_asv.models.cars import car_model
 from bayes_asv.planning.information import inseparable_groups
 from bayes_asv.planning.predicted_sd import predicted_sd
-from bayes_asv.posterior.information import fisher_information, least_sd, unknowns
+from bayes_asv.posterior.information import fisher_information, sd_floor, unknowns
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.newton import derivatives
 from bayes_asv.posterior.parameters import space
 from tests.posterior.cases import DECLARED, case, vehicle
@@ -30,7 +30,7 @@ def test_it_equals_the_curvature_of_the_posterior_at_the_true_car(terrain: str) 
     car = vehicle(DECLARED)
     still = dict.fromkeys(DECLARED, 0.0)
     truth, _, recording = case(terrain, 4, still)
-    lines, reasons, _ = lay_out([recording], car)
+    lines, reasons, _ = prepare_runs([recording], car)
     assert not reasons
     where = space(car, lines)
     logs = {
@@ -59,7 +59,7 @@ def test_it_equals_the_curvature_of_the_posterior_at_the_true_car(terrain: str) 
 def test_the_information_is_that_of_what_the_model_depends_on() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 6, DECLARED)
-    lines, _, _ = lay_out([recording], car)
+    lines, _, _ = prepare_runs([recording], car)
     about = unknowns(lines[0].car, lines[0].output_models)
     J = fisher_information(lines[0], car, about)
     assert pytest.approx(J.T) == J
@@ -95,6 +95,6 @@ def test_what_no_drive_separates_follows_from_the_channels(case: str, heads: set
     outputs = [Output(c) for c in map(given.channel, NAMES[case]) if not c.is_input]
     about = unknowns(model, outputs)
     assert {group.names[0] for group in inseparable_groups(about)} == heads
-    floor = least_sd(about, about.answers)
+    floor = sd_floor(about, about.answers)
     # springs known to 5 % hardly help to weigh the car
     assert floor[model.estimated[0]] == pytest.approx(0.01, rel=0.1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.recording import Recording
 from bayes_asv.posterior.band_fit import fit_in_band, notes
 from bayes_asv.posterior.composite_likelihood import agreement
-from bayes_asv.preprocessing.band import limited
+from bayes_asv.preprocessing.band import low_pass_recording
 from tests.posterior.cases import EXACT, case, prepared, vehicle
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def test_a_car_that_changes_on_the_way_counts_for_less_than_one_that_does_not() 
     _, _, steady = case("rough", 5, EXACT, rate=100.0, seconds=36.0)
     found = {}
     for name, recording in (("steady", steady), ("changing", _changing(steady, 1))):
-        line = limited(prepared(recording, car), 6.0)
+        line = low_pass_recording(prepared(recording, car), 6.0)
         found[name] = fit_in_band((line,), car)
     # The sensors explain the first one by themselves; not the second.
     assert found["steady"].target.space.likelihood == "innovations"
@@ -88,7 +88,7 @@ def test_a_car_that_changes_on_the_way_counts_for_less_than_one_that_does_not() 
 def test_a_short_recording_cannot_tell() -> None:
     car = vehicle(EXACT)
     _, _, recording = case("rough", 5, EXACT, rate=100.0, seconds=8.0)
-    line = limited(prepared(_changing(recording, 2), car), 6.0)
+    line = low_pass_recording(prepared(_changing(recording, 2), car), 6.0)
     found = fit_in_band((line,), car)
     assert found.shares == (None,)
     assert "too short to tell" in notes(line, None)[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from bayes_asv.posterior.effect_fit import read_site, with_effects
-from bayes_asv.posterior.fitted_model import setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.battery.cases import case
 
 
@@ -14,8 +14,8 @@ def test_a_lag_of_a_chassis_sensor_is_as_long_as_it_is() -> None:
     """Patterns from noisy wheels made it 16 % too short, and a narrower filter 17 nats better."""
     one = case("sensor_lag-400", 2, 0, "test")
     (true,) = one.truth.effects
-    lines, _, _ = lay_out(one.recordings, one.vehicle)
-    where = setting(one.vehicle, lines)
+    lines, _, _ = prepare_runs(one.recordings, one.vehicle)
+    where = make_dataset(one.vehicle, lines)
     fits = {}
     for name in ("sensor_lag", "sensor_bandwidth"):
         _, fits[name] = with_effects(where, (read_site(f"{name}@{true.where}"),))

@@ -9,8 +9,8 @@ from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.effect_candidates import candidates
 from bayes_asv.posterior.effect_fit import added
-from bayes_asv.posterior.fitted_model import base, fitted, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import base, fitted, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.cli.conftest import ROOT
 
 
@@ -22,9 +22,9 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
     data = ROOT / "data"
     vehicle = read_vehicle(data / "vehicles" / "baja2008.toml")
     run = read_recording(data / "recordings" / "valved-bump-400hz.csv")
-    lines, reasons, _ = lay_out([run], vehicle)
+    lines, reasons, _ = prepare_runs([run], vehicle)
     assert not reasons
-    where = setting(vehicle, lines)
+    where = make_dataset(vehicle, lines)
     where.lines[0].kind[:silent] = MISSING
     linear = base(where)
     group = [c for c in candidates(linear, vehicle) if str(c.site) == "bound_rebound@front"]

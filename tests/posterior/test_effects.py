@@ -12,8 +12,8 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.effect_fit import read_site, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
-from bayes_asv.posterior.fitted_model import Dataset, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import Dataset, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.posterior.cases import EXACT, as_recording, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
 
@@ -25,9 +25,9 @@ def driven(terrain: str, spec: SensorSpec) -> tuple[RigCar, Vehicle, Recording]:
 
 
 def laid(recording: Recording, car: Vehicle) -> Dataset:
-    lines, reasons, _ = lay_out((recording,), car)
+    lines, reasons, _ = prepare_runs((recording,), car)
     assert not reasons
-    return setting(car, lines)
+    return make_dataset(car, lines)
 
 
 def test_the_slopes_are_those_of_the_log_posterior() -> None:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from bayes_asv.posterior.effect_candidates import candidates
 from bayes_asv.posterior.effect_fit import added
-from bayes_asv.posterior.fisher_scoring import taught
-from bayes_asv.posterior.fitted_model import base, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fisher_scoring import secant_update
+from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from tests.battery.cases import case
 
 
@@ -21,8 +21,8 @@ def test_a_weight_that_is_wrong_is_reached_along_a_bent_ridge() -> None:
     The way back from there is bent; with damping alone 20 rounds covered a thirtieth of it.
     """
     one = case("weight_distribution-40", 31, 0)
-    lines, _, _ = lay_out(one.recordings, one.vehicle)
-    where = setting(one.vehicle, lines)
+    lines, _, _ = prepare_runs(one.recordings, one.vehicle)
+    where = make_dataset(one.vehicle, lines)
     plain = base(where)
     group = [c for c in candidates(plain, one.vehicle) if str(c.site) == "weight_distribution"]
     stage = added(where, plain, group)
@@ -38,11 +38,11 @@ def test_a_change_of_slope_is_believed_along_its_step(seed: int, steeper: float)
     expected = root @ root.T + np.eye(5)
     true = expected + steeper * np.outer(root[0], root[0])
     step = rng.normal(size=5)
-    found = taught(expected, step, true @ step)
+    found = secant_update(expected, step, true @ step)
     assert found @ step == pytest.approx(true @ step)
     assert np.linalg.eigvalsh(found)[0] > 0.0
 
 
 def test_a_slope_that_did_not_fall_teaches_nothing() -> None:
     step = np.array([1.0, 0.0])
-    assert np.array_equal(taught(np.eye(2), step, -0.5 * step), np.eye(2))
+    assert np.array_equal(secant_update(np.eye(2), step, -0.5 * step), np.eye(2))

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.uncertainty_budget import find_width
+from bayes_asv.analysis.uncertainty_budget import find_budget
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
 
@@ -38,7 +38,7 @@ def counted(gain: tuple[float, float, float, float]) -> tuple[RigCar, Recording]
 
 
 def fitted(car: Vehicle, recording: Recording) -> MapFit:
-    lines, reasons, warnings = lay_out((recording,), car)
+    lines, reasons, warnings = prepare_runs((recording,), car)
     assert not reasons
     assert warnings == ()
     fit = best_fit(lines, car)
@@ -90,7 +90,7 @@ def test_scales_that_are_off_are_allowed_for(off: tuple[RigCar, Recording]) -> N
         ]
     assert max(missed["wide"]) < 2.0
     assert max(missed["narrow"]) > 2.5  # what is declared exact and is not
-    width = find_width(wide.target, wide.mode, declared(DECLARED, 0.01))
+    width = find_budget(wide.target, wide.mode, declared(DECLARED, 0.01))
     for name, answer in width.answers.items():
         assert sum(answer.shares.values()) == pytest.approx(1.0, abs=1e-6)
         if name != "k_g":
@@ -108,6 +108,6 @@ def test_a_recording_that_is_not_in_counts_has_no_scale() -> None:
         [[s.counts_scale] for s in sensors]
     )
     told = Recording(recording.time, values, ("m/s^2",) * 4, (), "told.csv")
-    lines, _, warnings = lay_out((told,), car)
+    lines, _, warnings = prepare_runs((told,), car)
     assert not np.any(lines[0].scale_sd)
     assert sum("is not in counts" in w for w in warnings) == 4

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
-from bayes_asv.posterior.importance import Weighted, importance
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.importance import WeightedDraws, importance_sample
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.posterior.newton import Mode
 from bayes_asv.posterior.proposal import Proposal
 from bayes_asv.posterior.sampler import run_ensembles
@@ -36,19 +36,19 @@ class Skewed:
 
 def test_a_proposal_is_a_normalised_density() -> None:
     root = np.array([[1.0, 0.0], [0.6, 0.8]])
-    bent = Proposal(
+    skewed = Proposal(
         np.array([1.0, -2.0]), np.array([0.5, 1.0]), np.array([2.0, 1.0]), root @ root.T
     )
     # midpoints, so that the bend at the middle falls between two of them
     x, y = np.arange(-15.0, 40.0, 0.05) + 0.025, np.arange(-20.0, 16.0, 0.05) + 0.025
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    mass = np.exp(bent.log_density(grid)).sum() * 0.05**2
+    mass = np.exp(skewed.log_density(grid)).sum() * 0.05**2
     assert mass == pytest.approx(1.0, abs=2e-3)
 
 
 def test_a_skewed_integral_and_its_quantiles_come_out_right() -> None:
     target = Skewed()
-    found = importance(target, target.mode(4), 2048, 3)
+    found = importance_sample(target, target.mode(4), 2048, 3)
     assert found.log_evidence == pytest.approx(0.0, abs=0.02)
     assert found.effective > 1200.0
     value = np.exp(found.z[:, 2])
@@ -62,10 +62,10 @@ def test_a_skewed_integral_and_its_quantiles_come_out_right() -> None:
 def test_weighted_draws_agree_with_the_ensembles() -> None:
     _, _, recording = case("rough", 17, DECLARED)
     car = vehicle(DECLARED)
-    lines, reasons, _ = lay_out((recording,), car)
+    lines, reasons, _ = prepare_runs((recording,), car)
     assert not reasons
     fit = best_fit(lines, car)
-    weighted = importance(fit.target, fit.mode, 2048, 1)
+    weighted = importance_sample(fit.target, fit.mode, 2048, 1)
     ensembles = run_ensembles(fit.target, fit.mode, 1)
     one = fit.space.quantities(weighted.z, 1)
     other = fit.space.quantities(ensembles.draws.reshape(-1, fit.space.dimension), 1)
@@ -82,7 +82,7 @@ def test_weighted_draws_agree_with_the_ensembles() -> None:
 def test_a_probability_stays_one_where_its_weights_do_not_sum_exactly() -> None:
     weight = np.full(8, 0.125)
     weight[0] += 1e-15
-    draws = Weighted(np.zeros((8, 1)), weight, 0.0)
+    draws = WeightedDraws(np.zeros((8, 1)), weight, 0.0)
     value = np.arange(8.0)
     assert weight.sum() > 1.0
     assert draws.below(value, 8.0) == 1.0

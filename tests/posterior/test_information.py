@@ -11,7 +11,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Nominal, Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.posterior.information import fisher_information, predicted_sd, unknowns
-from bayes_asv.posterior.map_fit import best_fit, foreseen, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs, unidentified_before_fit
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
@@ -34,9 +34,9 @@ def _drive(vehicle: Vehicle, channels: tuple[str, ...] | None, car: str = "half"
 def test_the_fit_is_as_uncertain_as_its_recording_promises(
     car: str, channels: tuple[str, ...] | None
 ) -> None:
-    lines, reasons, _ = lay_out([_drive(BAJA, channels, car)], BAJA, None, car)
+    lines, reasons, _ = prepare_runs([_drive(BAJA, channels, car)], BAJA, None, car)
     assert not reasons
-    assert foreseen(lines, BAJA) == ()
+    assert unidentified_before_fit(lines, BAJA) == ()
     about = unknowns(lines[0].car, lines[0].output_models)
     asked = {name: about.parameters[name] for name in about.car.estimated}
     promised = predicted_sd(fisher_information(lines[0], BAJA, about), 1, about, asked)
@@ -49,8 +49,8 @@ def test_the_fit_is_as_uncertain_as_its_recording_promises(
 def test_what_the_sensors_cannot_tell_is_said_before_and_confirmed_after_the_fit() -> None:
     """A potentiometer at the front that reads to a metre knows nothing of the rear damper."""
     recording = _drive(COARSE, FRONT)
-    lines, _, _ = lay_out([recording], COARSE)
-    before = foreseen(lines, COARSE)
+    lines, _, _ = prepare_runs([recording], COARSE)
+    before = unidentified_before_fit(lines, COARSE)
     assert any("rear damping rate (c_r)" in w and "rear suspension travel" in w for w in before)
     found = estimate([recording], COARSE)
     assert found.verdict == "refused"
@@ -61,7 +61,7 @@ def test_what_the_sensors_cannot_tell_is_said_before_and_confirmed_after_the_fit
 def test_an_answer_that_is_the_users_own_is_marked_as_such() -> None:
     value = COARSE.c_r.value
     known = replace(COARSE, c_r=Nominal(value, 0.02 * value))
-    lines, _, _ = lay_out([_drive(known, FRONT)], known)
-    said = [words for words in foreseen(lines, known) if "(c_r)" in words]
+    lines, _, _ = prepare_runs([_drive(known, FRONT)], known)
+    said = [words for words in unidentified_before_fit(lines, known) if "(c_r)" in words]
     assert len(said) == 1
     assert "its interval is that of the vehicle file" in said[0]

@@ -12,7 +12,7 @@ from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
@@ -91,7 +91,7 @@ def test_the_spectrum_of_the_motion_is_no_engine(seed: int) -> None:
     channels = (*WHEELS, "front_travel", "rear_travel", "body_pitch_rate")
     ground = road("stops", np.random.default_rng([seed, 0]))
     drive = simulate(given, ground, rate=200.0, seconds=2.0, seed=seed, channels=channels)
-    lines, reasons, _ = lay_out([drive.recording], given)
+    lines, reasons, _ = prepare_runs([drive.recording], given)
     assert not reasons
     found = best_fit(lines, given)
     assert not [text for text in found.warnings if "shakes" in text]

@@ -11,7 +11,7 @@ import pytest
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.preprocessing.coherence import suggest_band
 from tests.posterior.cases import prepared
 
@@ -28,7 +28,7 @@ def _drive(name: str) -> Recording:
 
 def _below_4(recording: Recording) -> MapFit:
     car = read_vehicle(DRIVES / "roomster.toml")
-    lines, reasons, _ = lay_out((recording,), car, 4.0)
+    lines, reasons, _ = prepare_runs((recording,), car, 4.0)
     assert not reasons
     return best_fit(lines, car)
 

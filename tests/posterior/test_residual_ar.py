@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from bayes_asv.posterior.residual_ar import find_colour, portmanteau
+from bayes_asv.posterior.residual_ar import fit_residual_ar, portmanteau
 
 
 def test_white_innovations_stay_white() -> None:
     rng = np.random.default_rng(0)
-    orders = [find_colour(rng.normal(size=(800, 2))).order for _ in range(200)]
+    orders = [fit_residual_ar(rng.normal(size=(800, 2))).order for _ in range(200)]
     assert np.count_nonzero(orders) <= 2
 
 
@@ -17,7 +17,7 @@ def test_an_autoregression_is_found_and_whitened() -> None:
     nu = np.zeros((3000, 2))
     for k in range(2, 3000):
         nu[k] = a[0] @ nu[k - 1] + a[1] @ nu[k - 2] + [1.5, 0.7] * rng.normal(size=2)
-    colour = find_colour(nu)
+    colour = fit_residual_ar(nu)
     assert 2 <= colour.order <= 3
     np.testing.assert_allclose(colour.coefficients[:2], a, atol=0.08)
     np.testing.assert_allclose(1.0 / np.diag(colour.root), [1.5, 0.7], rtol=0.05)
@@ -27,12 +27,12 @@ def test_a_tone_is_coloured() -> None:
     rng = np.random.default_rng(2)
     t = np.arange(800) / 400.0
     nu = rng.normal(size=(800, 2)) + np.sin(2 * np.pi * 33.0 * t)[:, None]
-    colour = find_colour(nu)
+    colour = fit_residual_ar(nu)
     assert colour.order >= 2
 
 
 def test_too_few_innovations_are_left_alone() -> None:
-    assert find_colour(np.ones((10, 2))).order == 0
+    assert fit_residual_ar(np.ones((10, 2))).order == 0
 
 
 def test_portmanteau_is_uniform_on_white_noise_and_small_on_coloured() -> None:
@@ -50,6 +50,6 @@ def test_missing_innovations_do_not_dilute_a_colour() -> None:
     for k in range(1, 4000):
         nu[k] = 0.7 * nu[k - 1] + rng.normal(size=2)
     nu[rng.uniform(size=4000) < 0.15, 0] = np.nan
-    colour = find_colour(nu)
+    colour = fit_residual_ar(nu)
     np.testing.assert_allclose(colour.coefficients[0], 0.7 * np.eye(2), atol=0.06)
     np.testing.assert_allclose(np.diag(colour.root), 1.0, atol=0.06)

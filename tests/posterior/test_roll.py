@@ -17,10 +17,10 @@ from bayes_asv.filters.kalman import AT_LEAST, VALUE, log_likelihood
 from bayes_asv.io import read_recording, write_recording
 from bayes_asv.models.car_model import state_space
 from bayes_asv.posterior.fisher_scoring import slopes
-from bayes_asv.posterior.fit_checks import meant_for, misfit
+from bayes_asv.posterior.fit_checks import explained_power_findings, model_bandwidth
 from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.posterior.cases import prepared
@@ -105,7 +105,7 @@ def test_a_free_run_of_the_true_car_leaves_noise(
 ) -> None:
     car, result = estimated
     (fit,) = result.runs
-    assert max(left_in_band(fit.line, fit.free, meant_for(fit.line))) < 0.03
+    assert max(left_in_band(fit.line, fit.free, model_bandwidth(fit.line))) < 0.03
     road = bump()
     run = wide_drive(car, (road, shifted(road, 0.6)), 4.4, 800.0, 1.5, 0, quiet=True)
     line = prepared(as_recording(run), vehicle(tmp_path, {}, noise=False), "roll")
@@ -224,7 +224,7 @@ def test_a_wrong_column_is_not_explained(tmp_path: Path) -> None:
     reasons = []
     for order in ([0, 1, 2, 3, 4, 5, 6], [0, 1, 2, 3, 5, 4, 6]):
         line = prepared(as_recording(replace(run, channels=run.channels[order])), given, "roll")
-        refused, doubts = misfit(line, simulate_free(line, of_car(line, worn())))
+        refused, doubts = explained_power_findings(line, simulate_free(line, of_car(line, worn())))
         assert not doubts
         reasons.append(refused)
     assert not reasons[0]
@@ -239,14 +239,14 @@ def test_the_channels_have_to_fit(tmp_path: Path) -> None:
     given = vehicle(tmp_path, {})
     four = Recording(n, np.zeros((4, 200)), ("m/s^2",) * 4)
     with pytest.raises(InputError, match="lacks the channel front_left_wheel"):
-        lay_out([four], given, car="roll")
+        prepare_runs([four], given, car="roll")
     seven = Recording(n, np.zeros((7, 200)), ("m/s^2",) * 7, channels=ROLL_CHANNELS)
     text = (tmp_path / "car.toml").read_text(encoding="utf-8")
     (tmp_path / "no.toml").write_text(
         text[: text.index("[roll]")] + text[text.index("[sensors.") :], encoding="utf-8"
     )
     with pytest.raises(InputError, match=r"\[roll\]: is missing"):
-        lay_out([seven], read_vehicle(tmp_path / "no.toml"), car="roll")
+        prepare_runs([seven], read_vehicle(tmp_path / "no.toml"), car="roll")
 
 
 def test_seven_channels_are_written_and_read_back(tmp_path: Path) -> None:

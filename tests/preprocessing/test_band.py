@@ -18,8 +18,8 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
-from bayes_asv.preprocessing.band import check_band, limited, low_pass
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.preprocessing.band import check_band, low_pass, low_pass_recording
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
@@ -56,7 +56,7 @@ def _plain() -> Vehicle:
 
 
 def _band(recording: Recording, car: Vehicle, below: float = BELOW) -> PreparedRecording:
-    return limited(prepare(recording, car, car_model("half", car)), below)
+    return low_pass_recording(prepare(recording, car, car_model("half", car)), below)
 
 
 @settings(deadline=None, max_examples=60)
@@ -165,7 +165,7 @@ def test_a_band_without_the_cars_own_motion_is_refused() -> None:
 
 def test_a_record_too_short_for_the_filter_is_refused() -> None:
     _, _, recording = case("rough", 2, EXACT, seconds=2.0)
-    _, reasons, _ = lay_out((recording,), vehicle(EXACT), 4.0)
+    _, reasons, _ = prepare_runs((recording,), vehicle(EXACT), 4.0)
     assert len(reasons) == 1
     assert "too short for the motion below 4 Hz" in reasons[0]
 
@@ -183,7 +183,7 @@ def _shaken(number: int) -> tuple[RigCar, Recording]:
 
 
 def _fit(recording: Recording, below: float | None) -> MapFit:
-    lines, reasons, _ = lay_out((recording,), vehicle(EXACT), below)
+    lines, reasons, _ = prepare_runs((recording,), vehicle(EXACT), below)
     assert not reasons
     return best_fit(lines, vehicle(EXACT))
 

@@ -10,9 +10,9 @@ import pytest
 
 from bayes_asv.domain.recording import Recording, sample_times
 from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
-from bayes_asv.estimation import runs_worth_taking
+from bayes_asv.estimation import select_runs
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.preprocessing.data_checks import clipping_limit
 from bayes_asv.preprocessing.events import (
     AT_RAIL,
@@ -231,7 +231,7 @@ def test_information_is_that_of_the_posterior(
     model = car_model("half", exact)
     log = find_events(found.recording, exact, model)
     for event in of(log, drive, "bump")[:3]:
-        lines, reasons, _ = lay_out([event.recording], exact)
+        lines, reasons, _ = prepare_runs([event.recording], exact)
         fit = best_fit(lines, exact)
         assert not reasons
         assert not fit.reasons
@@ -270,11 +270,11 @@ def test_a_short_recording_is_taken_whole(vehicle: Vehicle, recording: Recording
     short = replace(
         recording, time=recording.time[:MOST_ROWS], values=recording.values[:, :MOST_ROWS]
     )
-    runs, logs = runs_worth_taking([short], vehicle)
+    runs, logs = select_runs([short], vehicle)
     assert runs == (short,)
     assert runs[0] is short
     assert logs == ()
-    runs, logs = runs_worth_taking([short, recording], vehicle)
+    runs, logs = select_runs([short, recording], vehicle)
     assert runs[0] is short
     assert len(logs) == 1
     assert len(runs) == 1 + sum(event.used for event in logs[0].events)

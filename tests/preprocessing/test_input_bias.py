@@ -9,8 +9,8 @@ import pytest
 
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.posterior.effect_fit import added, read_site, with_effects
-from bayes_asv.posterior.fitted_model import base, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.input_bias import without_mean_input
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.battery.cases import Case, case
@@ -20,7 +20,7 @@ _OFF = np.array([0.4, 0.4, -0.3, -0.3])  # m/s², wheel and chassis of each axle
 
 def _lines(one: Case, off: float) -> tuple[PreparedRecording, ...]:
     moved = [replace(r, values=r.values + off * _OFF[:, None]) for r in one.recordings]
-    lines, reasons, _ = lay_out(moved, one.vehicle)
+    lines, reasons, _ = prepare_runs(moved, one.vehicle)
     assert not reasons
     return lines
 
@@ -38,7 +38,7 @@ def test_a_level_of_wheel_and_chassis_is_taken_off() -> None:
 def test_a_zero_is_what_a_level_would_be() -> None:
     """Innovations with a level in the readings and the zero that says so, and with neither."""
     one = case("droop_stop-400", 5, 0)
-    where = setting(one.vehicle, _lines(one, 0.0))
+    where = make_dataset(one.vehicle, _lines(one, 0.0))
     site = read_site("droop_stop@front")
     target = where.target((site,))
     names = target.space.names
@@ -61,8 +61,10 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     patterns = (replace(known, wheel=known.wheel - one_axle), where.patterns[1])
     without = z.copy()
     without[at] = 0.0
-    expected, _, _ = replace(target, space=space, patterns=patterns).scored(without, 0)
-    found, _, _ = target.scored(z, 0)
+    expected, _, _ = replace(target, space=space, patterns=patterns).innovations_and_variances(
+        without, 0
+    )
+    found, _, _ = target.innovations_and_variances(z, 0)
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
@@ -76,8 +78,8 @@ def test_a_stop_is_found_where_it_is_though_wheels_read_wrong() -> None:
         off = np.zeros(4)
         off[0] = 0.15 * rng.choice((-1.0, 1.0))
         runs.append(replace(run, values=run.values + off[:, None]))
-    lines, _, _ = lay_out(runs, one.vehicle)
-    _, stage = with_effects(setting(one.vehicle, lines), (read_site("droop_stop@front"),))
+    lines, _, _ = prepare_runs(runs, one.vehicle)
+    _, stage = with_effects(make_dataset(one.vehicle, lines), (read_site("droop_stop@front"),))
     (found,) = stage.space.effects(stage.mode.z).values()
     assert found["gap"] == pytest.approx(truth["gap"], abs=0.002)
     assert float(np.mean(stage.mode.slopes.nu**2)) < 1.1
@@ -90,9 +92,9 @@ def test_a_recording_begins_no_further_from_rest_than_the_car_goes() -> None:
     """
     one = case("digressive_damper-4000", 1, 0, "test")
     (true,) = one.truth.effects
-    lines, _, _ = lay_out(one.recordings, one.vehicle)
+    lines, _, _ = prepare_runs(one.recordings, one.vehicle)
     site = read_site(f"digressive_damper@{true.where}")
-    where, stage = with_effects(setting(one.vehicle, lines), (site,))
+    where, stage = with_effects(make_dataset(one.vehicle, lines), (site,))
     found = assess(where, stage, 1).test
     friction = [c.site.effect.name == "coulomb_friction" for c in found.candidates]
     assert np.max(np.abs(found.standardized_scores[friction])) < 3.0
@@ -109,8 +111,8 @@ def test_a_filter_begins_where_the_whole_recording_shows() -> None:
     one = case("pair-40", 32, 4, "test")
     true = one.truth.effects[0]
     assert true.name == "bump_stop"
-    lines, _, _ = lay_out(one.recordings, one.vehicle)
-    where = setting(one.vehicle, lines)
+    lines, _, _ = prepare_runs(one.recordings, one.vehicle)
+    where = make_dataset(one.vehicle, lines)
     for line in where.lines:
         assert np.all(np.sqrt(np.diag(line.start)[[0, 2]]) < 0.01)
     model = assess(where, base(where), 1)

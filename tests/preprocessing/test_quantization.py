@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.residual_tests import whiteness_test
 from bayes_asv.filters.kalman import MISSING
-from bayes_asv.posterior.fitted_model import base, setting
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.quantization import (
-    crawling,
+    is_slow,
+    is_stationary,
     offset,
-    standing,
     still_wheels_doubted,
     without_waiting,
 )
@@ -32,7 +32,7 @@ _REAL = replace(SensorSpec(), noise=(0.855 * INCH, 0.513 * INCH, 0.855 * INCH, 0
 
 def _line(terrain: str, seed: int, sensors: SensorSpec, seconds: float = 2.5) -> PreparedRecording:
     _, _, recording = case(terrain, seed, DECLARED, seconds=seconds, sensors=sensors)
-    lines, reasons, _ = lay_out([recording], vehicle(DECLARED, sensors))
+    lines, reasons, _ = prepare_runs([recording], vehicle(DECLARED, sensors))
     assert not reasons
     return lines[0]
 
@@ -52,7 +52,7 @@ def test_a_car_that_waits_on_a_coarse_converter_has_nothing_missing() -> None:
     ps, memories = [], []
     for seed in range(1000, 1010):
         line = _line("stops" if seed % 2 == 0 else "bump", seed, _REAL)
-        where = setting(vehicle(DECLARED, _REAL), (line,))
+        where = make_dataset(vehicle(DECLARED, _REAL), (line,))
         model = assess(where, base(where), 0)
         ps.append(model.p_value)
         memories.append(whiteness_test(model.model)[1])
@@ -64,7 +64,7 @@ def test_the_longer_a_car_waits_the_less_it_says() -> None:
     """Of twenty such drives five had p below 0.05 while their waits were listened to."""
     for seed in (1004, 1009):  # 0.0021 and 0.0001
         line = _line("stops", seed, _REAL, seconds=6.0)
-        where = setting(vehicle(DECLARED, _REAL), (line,))
+        where = make_dataset(vehicle(DECLARED, _REAL), (line,))
         assert assess(where, base(where), 0).p_value > 0.05
 
 
@@ -84,7 +84,7 @@ def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
 def test_a_car_is_not_listened_to_while_it_waits() -> None:
     line = _line("bump", 1000, _REAL, seconds=6.0)
     heard = np.any(without_waiting(line).kind != MISSING, axis=1)
-    still = np.all([standing(line, c) for c in range(4)], axis=0)
+    still = np.all([is_stationary(line, c) for c in range(4)], axis=0)
     assert 0.2 < np.mean(heard) < 0.7
     assert np.all(still[~heard])
     first, last = line.instants[heard][[0, -1]]
@@ -115,10 +115,10 @@ def test_errors_of_a_converter_remember_while_little_moves(slope: float, remembe
 
 def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
     line = _line("bump", 1001, _REAL)
-    slow = crawling(line, 1)
-    assert np.all(slow[standing(line, 1)])
-    assert 0.1 < np.mean(slow & ~standing(line, 1)) < 0.9
-    stage = base(setting(vehicle(DECLARED, _REAL), (line,)))
+    slow = is_slow(line, 1)
+    assert np.all(slow[is_stationary(line, 1)])
+    assert 0.1 < np.mean(slow & ~is_stationary(line, 1)) < 0.9
+    stage = base(make_dataset(vehicle(DECLARED, _REAL), (line,)))
     monkeypatch.setattr(
         "bayes_asv.diagnosis.residual_tests.crawling",
         lambda line, c: np.ones(len(line.instants), bool),

@@ -14,16 +14,16 @@ from scipy.signal import sosfreqz
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from bayes_asv.preprocessing.tone_removal import (
     Notch,
+    band_pass_filter,
     engine_tones,
     find_tones,
     main_tones,
     notch_filter,
     notched,
-    passing,
 )
 from benchmarks.resampled_exports import declared, export, heavy
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
@@ -82,7 +82,7 @@ def test_a_filter_knows_the_end_of_its_band(frequency: float, rate: float) -> No
     assert np.all(np.isfinite(section))
     if frequency >= 0.5 * rate:
         assert section.tolist() == [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
-    assert np.all(np.isfinite(passing(Notch(frequency, 5.0), rate)))
+    assert np.all(np.isfinite(band_pass_filter(Notch(frequency, 5.0), rate)))
 
 
 def test_notches_cost_width_but_do_not_move_the_answer(plain: PreparedRecording) -> None:
@@ -132,7 +132,7 @@ def test_an_engine_does_not_move_the_answer() -> None:
             forces=(engine,),
         )  # fmt: skip
         nominal = vehicle(EXACT)
-        lines, reasons, _ = lay_out((as_recording(run, "engine.csv"),), nominal)
+        lines, reasons, _ = prepare_runs((as_recording(run, "engine.csv"),), nominal)
         assert not reasons
         fit = best_fit(lines, nominal)
         assert not fit.reasons
@@ -219,7 +219,7 @@ def test_a_run_over_a_bump_has_no_engine(terrain: str, nominal: RigCar) -> None:
     ]
     for recording, given_car in runs:
         car = declared(given_car, SensorSpec(), DECLARED)
-        lines, reasons, _ = lay_out((recording,), car)
+        lines, reasons, _ = prepare_runs((recording,), car)
         if reasons:
             continue
         assert not any("shakes the frame" in w for w in best_fit(lines, car).warnings)

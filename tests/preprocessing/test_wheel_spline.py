@@ -10,8 +10,8 @@ from scipy.signal import lsim
 from bayes_asv.preprocessing.wheel_spline import (
     Array,
     WheelSignal,
-    between_samples,
-    equalised,
+    interpolation_sd,
+    match_bandwidths,
     moments,
     wheel_signal,
 )
@@ -51,13 +51,13 @@ def test_equalising_a_fast_sensor_gives_what_the_slow_one_reads() -> None:
         pole: lsim(([2 * np.pi * pole], [1.0, 2 * np.pi * pole]), truth, time)[1]
         for pole in (50.0, 120.0)
     }
-    got = equalised(time, filtered[120.0], 120.0, 50.0)
+    got = match_bandwidths(time, filtered[120.0], 120.0, 50.0)
     np.testing.assert_allclose(got[400:], filtered[50.0][400:], atol=2e-4)
 
 
 def test_equalising_leaves_the_slowest_sensor_alone() -> None:
     x = np.arange(5.0)
-    assert equalised(x, x, 50.0, 50.0) is x
+    assert match_bandwidths(x, x, 50.0, 50.0) is x
 
 
 def test_what_happens_between_samples_is_seen_at_edges_only() -> None:
@@ -65,8 +65,8 @@ def test_what_happens_between_samples_is_seen_at_edges_only() -> None:
     time = np.arange(800) / 400.0
     smooth = 20.0 * np.sin(2 * np.pi * 3.0 * time)
     edge = np.where(time >= 1.0, 40.0 * (1.0 - np.exp(-314.0 * (time - 1.0))), 0.0)
-    quiet = between_samples(time, smooth + 0.02 * rng.normal(size=800))
-    sharp = between_samples(time, smooth + edge + 0.02 * rng.normal(size=800))
+    quiet = interpolation_sd(time, smooth + 0.02 * rng.normal(size=800))
+    sharp = interpolation_sd(time, smooth + edge + 0.02 * rng.normal(size=800))
     assert np.max(quiet) < 0.02
     near = np.abs(0.5 * (time[1:] + time[:-1]) - 1.0) < 0.012
     assert np.max(sharp[near]) > 0.3

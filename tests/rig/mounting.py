@@ -25,8 +25,8 @@ __all__ = [
     "OneSided",
     "Panel",
     "SensorTone",
-    "carried",
     "oscillate",
+    "transfer_coordinates",
 ]
 
 Reals = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ class Mounting(Protocol):
         ...
 
 
-def carried(motion: Motion, mountings: Sequence[Mounting]) -> Reals:
+def transfer_coordinates(motion: Motion, mountings: Sequence[Mounting]) -> Reals:
     """Return accelerations (4, n) at the sensors, one mounting after the other, m/s^2."""
     acceleration = motion.acceleration
     for mounting in mountings:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from .car import RigCar
 from .forces import ChassisForce
 from .motion import RATE, Motion, lagrange, simulate
-from .mounting import Mounting, carried
+from .mounting import Mounting, transfer_coordinates
 from .sensors import SensorSpec, sense
 from .terrain import Terrain
 from .units import INCH, LBF_PER_INCH, LBF_S2_INCH
@@ -119,7 +119,7 @@ def drive(
     t_start = min(0.0, terrain.lead_in) - _MARGIN - behind
     t_end = seconds + ahead + 0.02
     motion = simulate(car, terrain, speed, t_start, t_end, forces, internal_rate)
-    at_sensors = dataclasses.replace(motion, acceleration=carried(motion, mountings))
+    at_sensors = dataclasses.replace(motion, acceleration=transfer_coordinates(motion, mountings))
     reading = sense(at_sensors, sensors, car.l, rate, seconds, np.random.SeedSequence(seed))
     rows = np.concatenate(
         [motion.states[:, :8].T, motion.deflection, motion.deflection_rate, motion.tyre_force]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.estimation import estimate
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.tracking.drives import tracked
 
@@ -24,7 +24,7 @@ def test_last_estimate_agrees_with_the_map_estimate() -> None:
     shifts, ratios = [], []
     for terrain, seed in DRIVES:
         _, _, recording = case(terrain, seed, EXACT)
-        lines, _, _ = lay_out([recording], vehicle(EXACT))
+        lines, _, _ = prepare_runs([recording], vehicle(EXACT))
         found = best_fit(lines, vehicle(EXACT))
         mode = found.space.cars(found.mode.z[None])[0]
         _, frames = tracked(recording, vehicle(EXACT))

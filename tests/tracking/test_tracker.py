@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import accelerations
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.map_fit import best_fit, lay_out
+from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.shipped import shipped
 from bayes_asv.tracking.filter import parameter_covariance
 from bayes_asv.tracking.frames import Frames, concatenate
@@ -35,7 +35,7 @@ def test_estimate_agrees_with_the_posterior() -> None:
     """Mode and curvature of the posterior, on a shipped drive with uncertain given values."""
     recording = read_recording(str(shipped("recordings", "bump-400hz.csv")))
     car = read_vehicle(str(shipped("vehicles", "baja2008.toml")))
-    lines, reasons, _ = lay_out([recording], car)
+    lines, reasons, _ = prepare_runs([recording], car)
     assert not reasons
     found = best_fit(lines, car)
     mode = found.space.cars(found.mode.z[None])[0]

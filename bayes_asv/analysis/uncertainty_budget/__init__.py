@@ -10,8 +10,8 @@ does to the answers, ``budget`` the algebra, and ``find`` puts them together.
 from bayes_asv.analysis.uncertainty_budget.budget_of_posterior import (
     Answer,
     UncertaintyBudget,
-    find_width,
+    find_budget,
 )
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Shift
 
-__all__ = ["Answer", "Shift", "UncertaintyBudget", "find_width"]
+__all__ = ["Answer", "Shift", "UncertaintyBudget", "find_budget"]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.analysis.uncertainty_budget.budget import Budget, Remedy
 from bayes_asv.analysis.uncertainty_budget.noise_sources import (
     Source,
-    found_again,
+    impute_lost_readings,
     lost_readings,
     sources,
 )
@@ -23,12 +23,12 @@ from bayes_asv.analysis.uncertainty_budget.sensitivity import (
     parameters,
     prior_sd,
 )
-from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, Shift, find_shifts
+from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, Shift, find_biases
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.newton import Mode
 
-__all__ = ["Answer", "UncertaintyBudget", "find_width"]
+__all__ = ["Answer", "UncertaintyBudget", "find_budget"]
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ class UncertaintyBudget:
         return {name: float(g @ moved) for name, g in self.slopes.items()}
 
 
-def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBudget:
+def find_budget(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBudget:
     """Draw up the error budget of each answer.
 
     Parameters
@@ -141,14 +141,14 @@ def find_width(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBu
         if source.better is not None
     }
     if any(lost_readings(line).any() for line in logs.space.timelines):
-        bettered["lost readings"] = _all(found_again(logs, z), z)
+        bettered["lost readings"] = _all(impute_lost_readings(logs, z), z)
     answers = {}
     slopes_of = answer_slopes(logs)
     for name, g in slopes_of.items():
         answers[name] = _answer(
             g, known, target.space.car.estimated, budget, nudged, bettered, len(runs)
         )
-    shifts = find_shifts(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
+    shifts = find_biases(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
     return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of)
 
 

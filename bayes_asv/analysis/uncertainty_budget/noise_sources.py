@@ -19,7 +19,7 @@ from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["Source", "found_again", "lost_readings", "sources"]
+__all__ = ["Source", "impute_lost_readings", "lost_readings", "sources"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -139,7 +139,7 @@ def lost_readings(line: PreparedRecording) -> Flags:
     return lost
 
 
-def found_again(target: Posterior, z: Array) -> Posterior:
+def impute_lost_readings(target: Posterior, z: Array) -> Posterior:
     """Return the target with every lost chassis reading read as the car would have moved.
 
     Parameters

@@ -26,7 +26,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
-__all__ = ["HIDDEN", "Linearised", "Shift", "find_shifts"]
+__all__ = ["HIDDEN", "Linearised", "Shift", "find_biases"]
 
 Array = NDArray[np.float64]
 
@@ -35,8 +35,8 @@ HIDDEN = 40.0
 
 It is also how far the forecasts hold: on 16 drives of the rig 95 % of 1088 forecasts (272 faults,
 four answers) were within 0.05 deviations of where the mode went when the fault was put in, and
-all within 0.2 (``benchmarks/foretold.py``, seed 31).  With 100 instead of 40 it was 0.16 and 0.7
-on eight of them.
+all within 0.2 (``benchmarks/predicted_biases.py``, seed 31).  With 100 instead of 40 it was 0.16
+and 0.7 on eight of them.
 """
 
 _OFF = 0.01  # by which a value given as exact may be off
@@ -108,7 +108,7 @@ class Linearised:
         return pull, _noise_slope(self, self.logs, self.z)[0]
 
 
-def find_shifts(there: Linearised, vehicle: Vehicle) -> list[Shift]:
+def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
     """Foretell what undeclared faults would do, one at a time.
 
     Parameters
@@ -206,7 +206,7 @@ def _noise_slope(there: Linearised, target: Posterior, z: Array) -> tuple[Array,
     reach = _REACH / np.sqrt(np.diag(there.noise_precision))
     slope, curvature = -z[car:], there.noise_precision.copy()
     for run in range(len(there.slopes)):
-        own = target.space.seen_by(run)[car:]
+        own = target.space.coordinates_of_run(run)[car:]
         h = reach[own - car]
         steps = np.zeros((len(own), len(z)))
         steps[np.arange(len(own)), own] = h

@@ -97,7 +97,7 @@ def read_log(path: PathLike, rate: float | None = None) -> Log:
     data = read_bytes(path, MAX_FILE_SIZE)
     form = detect(data)
     if form is None:
-        raise InputError(source, "is of no format that is known here", "export it as CSV")
+        raise InputError(source, "is not in a known format", "export it as CSV")
     return read_file(form, LogFile(source, data, rate))
 
 

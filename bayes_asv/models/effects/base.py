@@ -172,7 +172,7 @@ class Effect:
     packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     force: Callable[..., Array] | None = None
     drive: str = ""
-    halved: bool = False
+    split_between_axles: bool = False
     travel: bool = False
     on_car: Callable[[dict[str, Array], Mapping[str, Array], str, CarModel], None] | None = None
     on_gain: Callable[[Mapping[str, Array]], Array] | None = None

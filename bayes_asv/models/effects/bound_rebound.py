@@ -32,7 +32,7 @@ def _force(
 
 EFFECT = Effect(
     name="bound_rebound",
-    title="bound and rebound rates that differ",
+    title="unequal compression and rebound damping",
     acts="suspension",
     sites=(*AXLES, BOTH),
     parameters=(

@@ -13,7 +13,7 @@ __all__ = ["EFFECT"]
 
 EFFECT = Effect(
     name="clock_offset",
-    title="channels whose clock is off",
+    title="an offset between clocks",
     acts="reading",
     sites=tuple(GROUPS),
     parameters=(

@@ -19,7 +19,7 @@ def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
 
 EFFECT = Effect(
     name="external_force",
-    title="a push from outside",
+    title="an external force",
     acts="suspension",
     sites=(*AXLES, BOTH),
     parameters=(
@@ -30,7 +30,7 @@ EFFECT = Effect(
     ),
     code=OUTSIDE,
     packed=_packed,
-    halved=True,
+    split_between_axles=True,
     in_one_run=True,
-    drive="the same drive again: a push will not come back",
+    drive="the same drive again: an external force does not recur",
 )

@@ -14,7 +14,7 @@ __all__ = ["BANDWIDTH", "DRIFT", "GAIN", "LAG"]
 
 GAIN = Effect(
     name="sensor_gain",
-    title="a scale that is not the given one",
+    title="a wrong gain",
     acts="reading",
     sites=KNOWN_CHANNELS,
     parameters=(Parameter("factor", "", "log", 1.0, 0.1, (1.0,)),),
@@ -26,7 +26,7 @@ GAIN = Effect(
 # half as large, of the wheel and of the chassis above it.
 LAG = Effect(
     name="sensor_lag",
-    title="a lag that is not declared",
+    title="an undeclared delay",
     acts="reading",
     sites=KNOWN_CHANNELS,
     parameters=(Parameter("lag", "s", "linear", 0.0, 2.5e-3, (0.0,)),),
@@ -36,7 +36,7 @@ LAG = Effect(
 )
 BANDWIDTH = Effect(
     name="sensor_bandwidth",
-    title="a filter whose corner is not the declared one",
+    title="a bandwidth other than declared",
     acts="reading",
     sites=KNOWN_CHANNELS,
     parameters=(Parameter("bandwidth", "share", "log", 1.0, 0.4, (1.0,)),),
@@ -47,7 +47,7 @@ BANDWIDTH = Effect(
 )
 DRIFT = Effect(
     name="sensor_drift",
-    title="a zero that drifts",
+    title="a drifting offset",
     acts="reading",
     sites=KNOWN_CHANNELS,
     parameters=(Parameter("slope", "m/s^3", "linear", 0.0, 0.5, (0.0,)),),

@@ -59,14 +59,14 @@ def _stop(name: str, title: str, code: int, sign: float, drive: str) -> Effect:
 
 BUMP = _stop(
     "bump_stop",
-    "a bump stop that is reached",
+    "bump-stop contact",
     BUMP_STOP,
     -1.0,
     "a higher bump, so that the stop is met more than once",
 )
 DROOP = _stop(
     "droop_stop",
-    "a droop stop that is reached",
+    "droop-stop contact",
     DROOP_STOP,
     1.0,
     "a drop off a kerb, so that the wheel hangs down",

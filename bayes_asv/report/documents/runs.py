@@ -256,7 +256,7 @@ def _own_values(
             unit=units.unit_of(name), **summary(units.convert_parameter(draws[name], name))
         )
         if name in comparison.compared:
-            means, sds = comparison.own_values(name)
+            means, sds = comparison.estimates_of_runs(name)
             mean, sd = (units.convert_parameter(float(v[n]), name) for v in (means, sds))
             if math.isfinite(mean) and math.isfinite(sd):
                 factor = math.exp(NORMAL_975 * sd / mean)

@@ -57,7 +57,7 @@ INCONSISTENT_STEPS: Final = (
 
 _FAULTS: Final = {
     "swollen": (
-        "The noise had to be raised to {level} the level of the vehicle file: a sensor is faulty, "
+        "The noise was inflated to {level} the level of the vehicle file: a sensor is faulty, "
         "a value given as exact is wrong, or something moves that the {car} car does not describe."
     ),
     "coloured": (

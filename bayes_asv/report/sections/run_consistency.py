@@ -1,4 +1,4 @@
-"""Consistency of several runs: sentences, table and _forest plot."""
+"""Consistency of several runs: sentences, table and forest plot."""
 
 from __future__ import annotations
 

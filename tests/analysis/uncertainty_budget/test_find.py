@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_width
+from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_budget
 from bayes_asv.analysis.uncertainty_budget.budget import Budget
 from bayes_asv.analysis.uncertainty_budget.noise_sources import sources
 from bayes_asv.analysis.uncertainty_budget.sensitivity import (
@@ -23,7 +23,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.newton import find_mode
 from bayes_asv.posterior.parameters import space
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
@@ -34,7 +34,7 @@ DIRECT = ("c_f", "c_r", "i")  # whose deviation a mode tells without a budget
 
 
 def fitted(car: Vehicle, *recordings: Recording) -> MapFit:
-    lines, reasons, _ = lay_out(recordings, car)
+    lines, reasons, _ = prepare_runs(recordings, car)
     assert not reasons
     fit = best_fit(lines, car)
     assert fit.mode.converged
@@ -60,7 +60,7 @@ def widths(fit: MapFit) -> dict[str, float]:
 
 def budget_of(car: Vehicle, *recordings: Recording) -> tuple[MapFit, UncertaintyBudget]:
     fit = fitted(car, *recordings)
-    return fit, find_width(fit.target, fit.mode, car)
+    return fit, find_budget(fit.target, fit.mode, car)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_every_noise_is_on_the_list(
 
 
 @pytest.mark.parametrize("name", ["m", "k_f"])
-def test_an_exact_value_narrows_as_foretold(
+def test_an_exact_value_narrows_as_predicted(
     declared: tuple[Recording, Vehicle, MapFit, UncertaintyBudget], name: str
 ) -> None:
     _, car, fit, width = declared
@@ -132,7 +132,7 @@ def test_a_share_is_what_a_slightly_better_value_is_worth(
         assert width.answers[answer].shares["m"] == pytest.approx(slope, abs=0.03), answer
 
 
-def test_a_better_weighing_halves_the_width_as_foretold(
+def test_a_better_weighing_halves_the_width_as_predicted(
     declared: tuple[Recording, Vehicle, MapFit, UncertaintyBudget],
 ) -> None:
     _, car, fit, width = declared
@@ -146,7 +146,7 @@ def test_a_better_weighing_halves_the_width_as_foretold(
     assert after["c_f"] / widths(fit)["c_f"] == pytest.approx(0.5, rel=0.02)
 
 
-def test_further_runs_halve_the_width_as_foretold() -> None:
+def test_further_runs_halve_the_width_as_predicted() -> None:
     """With springs given to 0.05 %, more of the same drive helps, though less than 1/√n says."""
     _, _, recording = case("bump", 33, EXACT)
     car = vehicle({**EXACT, "k_f": 5e-4, "k_r": 5e-4})
@@ -161,27 +161,27 @@ def test_further_runs_halve_the_width_as_foretold() -> None:
         assert width.answers[answer].twice == pytest.approx(twice[answer], rel=0.03)
 
 
-def test_a_quieter_sensor_narrows_as_foretold() -> None:
+def test_a_quieter_sensor_narrows_as_predicted() -> None:
     """The rig really drives with half the noise; mean over three drives, seeds 300 to 302.
 
     Without steps: the level of a noise that a converter rounds away is found by chance.
     """
     usual = replace(SensorSpec(), adc=None)
     quiet = replace(usual, noise=(0.5 * usual.noise[0], *usual.noise[1:]))
-    foretold, came = [], []
+    update_patterns, came = [], []
     for seed in range(300, 303):
         car = vehicle(EXACT, usual)
         answer = budget_of(car, case("bump", seed, EXACT, sensors=usual)[2])[1].answers["c_f"]
-        foretold.append(math.log(answer.better["noise front_wheel"] / answer.sd))
+        update_patterns.append(math.log(answer.better["noise front_wheel"] / answer.sd))
         _, _, recording = case("bump", seed, EXACT, sensors=quiet)
         after = widths(fitted(vehicle(EXACT, quiet), recording))["c_f"]
         came.append(math.log(after / answer.sd))
     # Noise levels found in 800 samples differ by a few percent from drive to drive.
-    assert np.mean(foretold) == pytest.approx(np.mean(came), abs=0.05)
-    assert np.mean(foretold) < -0.3
+    assert np.mean(update_patterns) == pytest.approx(np.mean(came), abs=0.05)
+    assert np.mean(update_patterns) < -0.3
 
 
-def test_a_finer_converter_narrows_as_foretold(
+def test_a_finer_converter_narrows_as_predicted(
     exact: tuple[Recording, Vehicle, MapFit, UncertaintyBudget],
 ) -> None:
     """The rig drives the same without steps."""
@@ -201,7 +201,7 @@ def test_a_finer_converter_narrows_as_foretold(
         assert sd < 0.9 * widths(fit)[name]
 
 
-def test_readings_found_again_narrow_as_foretold() -> None:
+def test_readings_found_again_narrow_as_predicted() -> None:
     _, _, whole = case("stops", 41, EXACT)
     values = whole.values.copy()
     values[1, 100:400:3] = np.nan  # 100 of 800 front chassis readings
@@ -220,7 +220,7 @@ def test_under_a_colour_the_sensors_are_not_blamed(
 ) -> None:
     _, car, fit, width = declared
     colour = ResidualAR(np.array([[[0.5, 0.0], [0.0, 0.5]]]), np.eye(2))
-    coloured = find_width(fit.target.with_colours((colour,)), fit.mode, car)
+    coloured = find_budget(fit.target.with_residual_ar((colour,)), fit.mode, car)
     assert width.white
     assert not coloured.white
     for answer in coloured.answers.values():
@@ -231,9 +231,9 @@ def test_under_a_colour_the_sensors_are_not_blamed(
 
 def test_white_residuals_have_a_budget_without_wheel_noise() -> None:
     car = vehicle(EXACT)
-    lines, _, _ = lay_out((case("rough", 4, EXACT)[2],), car)
+    lines, _, _ = prepare_runs((case("rough", 4, EXACT)[2],), car)
     fit = best_fit(lines, car, "output-error")
-    width = find_width(fit.target, fit.mode, car)
+    width = find_budget(fit.target, fit.mode, car)
     for name, sd in widths(fit).items():
         assert width.answers[name].sd == pytest.approx(sd, rel=0.02)
         noises = width.answers[name].noises

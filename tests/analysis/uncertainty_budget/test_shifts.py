@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.uncertainty_budget import Shift, UncertaintyBudget, find_width
+from bayes_asv.analysis.uncertainty_budget import Shift, UncertaintyBudget, find_budget
 from bayes_asv.analysis.uncertainty_budget.sensitivity import in_logs, information, jacobian
 from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import HIDDEN
@@ -18,7 +18,7 @@ from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, drive
@@ -39,7 +39,7 @@ def driven(spec: SensorSpec, seed: int, sds: dict[str, float]) -> Recording:
 
 
 def fitted(car: Vehicle, recording: Recording) -> MapFit:
-    lines, reasons, _ = lay_out((recording,), car)
+    lines, reasons, _ = prepare_runs((recording,), car)
     assert not reasons
     return best_fit(lines, car)
 
@@ -78,7 +78,7 @@ class Case(NamedTuple):
 def made(sds: dict[str, float]) -> Case:
     car = vehicle(sds, STEPLESS)
     fit = fitted(car, driven(STEPLESS, 7, sds))
-    return Case(car, fit, find_width(fit.target, fit.mode, car), sds)
+    return Case(car, fit, find_budget(fit.target, fit.mode, car), sds)
 
 
 Answers = dict[str, float]
@@ -94,16 +94,16 @@ def exact() -> Case:
     return made(EXACT)
 
 
-def moved_and_foretold(of: Case, kind: str, where: str) -> tuple[Answers, Answers]:
-    """How a fault moves the answers, and what was foretold, in deviations of each."""
+def moved_and_predicted(of: Case, kind: str, where: str) -> tuple[Answers, Answers]:
+    """How a fault moves the answers, and what was predicted, in deviations of each."""
     shift = next(s for s in of.width.shifts if (s.kind, s.where) == (kind, where))
     before = answers(of.fit)
     after = answers(fitted(of.car, driven(faulty(STEPLESS, shift), 7, of.sds)))
-    foretold = of.width.by_answer(shift.moved)
-    sd = {name: of.width.answers[name].sd for name in foretold}
+    predicted = of.width.by_answer(shift.moved)
+    sd = {name: of.width.answers[name].sd for name in predicted}
     return (
         {name: (after[name] - before[name]) / sd[name] for name in sd},
-        {name: foretold[name] / sd[name] for name in sd},
+        {name: predicted[name] / sd[name] for name in sd},
     )
 
 
@@ -112,33 +112,33 @@ def moved_and_foretold(of: Case, kind: str, where: str) -> tuple[Answers, Answer
     ("kind", "where"),
     [("gain", "rear_chassis"), ("delay", "front_chassis"), ("place", "front_chassis")],
 )
-def test_a_faulty_sensor_moves_the_answer_as_foretold(
+def test_a_faulty_sensor_moves_the_answer_as_predicted(
     declared: Case, kind: str, where: str
 ) -> None:
-    moved, foretold = moved_and_foretold(declared, kind, where)
-    assert moved == pytest.approx(foretold, rel=0.2, abs=0.25)
+    moved, predicted = moved_and_predicted(declared, kind, where)
+    assert moved == pytest.approx(predicted, rel=0.2, abs=0.25)
 
 
 @pytest.mark.parametrize(("kind", "where"), [("gain", "front_wheel"), ("bandwidth", "rear_wheel")])
 def test_it_does_as_well_where_given_values_are_exact(exact: Case, kind: str, where: str) -> None:
-    moved, foretold = moved_and_foretold(exact, kind, where)
-    assert moved == pytest.approx(foretold, rel=0.2, abs=0.25)
+    moved, predicted = moved_and_predicted(exact, kind, where)
+    assert moved == pytest.approx(predicted, rel=0.2, abs=0.25)
 
 
 @pytest.mark.parametrize("name", ["l", "wdf"])
-def test_a_value_wrongly_given_as_exact_moves_the_answer_as_foretold(name: str) -> None:
+def test_a_value_wrongly_given_as_exact_moves_the_answer_as_predicted(name: str) -> None:
     _, _, recording = case("stops", 8, EXACT)
     car = vehicle(EXACT)
     fit = fitted(car, recording)
-    width = find_width(fit.target, fit.mode, car)
+    width = find_budget(fit.target, fit.mode, car)
     shift = next(s for s in width.shifts if (s.kind, s.where) == ("given", name))
     given = getattr(car, name)
     wrong = replace(car, **{name: replace(given, value=given.value / (1.0 + shift.size))})
     after, before = answers(fitted(wrong, recording)), answers(fit)
-    for answer, foretold in width.by_answer(shift.moved).items():
+    for answer, predicted in width.by_answer(shift.moved).items():
         sd = width.answers[answer].sd
         came = (after[answer] - before[answer]) / sd
-        assert came == pytest.approx(foretold / sd, rel=0.05, abs=0.25), answer
+        assert came == pytest.approx(predicted / sd, rel=0.05, abs=0.25), answer
 
 
 def test_the_same_fault_of_all_sensors_is_none(exact: Case) -> None:

@@ -385,8 +385,8 @@ def test_missing_package_names_the_command(read: Read, monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"\x89PNG\r\n\x1a\n" + bytes(100), "is of no format that is known here; export it as CSV"),
-        (gzip.compress(made.arduino()), "is of no format that is known here"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(100), "is not in a known format; export it as CSV"),
+        (gzip.compress(made.arduino()), "is not in a known format"),
         (b"PK\x03\x04" + bytes(22) + b"\x13\0\0\0[Content_Types].xml", "no format that is known"),
         (b"no 1 table in here\n" * 20, "has no table of numbers"),
         (b"", "is empty"),

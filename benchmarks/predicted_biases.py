@@ -2,7 +2,7 @@
 
 Every fault is put into a rig drive's recording at the size at which the budget tells it, the mode
 is climbed to again, and the two shifts are compared in deviations of the answer.
-``python -m benchmarks.foretold`` writes ``benchmarks/results/foretold.json``.
+``python -m benchmarks.predicted_biases`` writes ``benchmarks/results/foretold.json``.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from typing import Any
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.analysis.uncertainty_budget import Shift, find_width
+from bayes_asv.analysis.uncertainty_budget import Shift, find_budget
 from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
-from bayes_asv.posterior.map_fit import MapFit, best_fit, lay_out
+from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 
 __all__ = ["main"]
 
-RESULTS = Path(__file__).parent / "results" / "foretold.json"
+RESULTS = Path(__file__).parent / "results" / "predicted_biases.json"
 TERRAINS = ("bump", "stops", "rough", "rollers")
 KNOWN = {"declared": DECLARED, "exact": EXACT}
 
@@ -64,20 +64,20 @@ def again(fit: MapFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
 def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
     """Budget of one drive, and what came of each of its forecasts."""
     car = vehicle(KNOWN[known])
-    lines, _, _ = lay_out((case(terrain, seed, KNOWN[known])[2],), car)
+    lines, _, _ = prepare_runs((case(terrain, seed, KNOWN[known])[2],), car)
     fit = best_fit(lines, car)
     began = time.process_time()
-    width = find_width(fit.target, fit.mode, car)
+    width = find_budget(fit.target, fit.mode, car)
     seconds = time.process_time() - began
     before = answers(fit.space, fit.mode)
     misses, stuck = [], 0
     for shift in width.shifts:
-        after, foretold = again(fit, car, shift), width.by_answer(shift.moved)
+        after, predicted = again(fit, car, shift), width.by_answer(shift.moved)
         if after is None:
             stuck += 1
             continue
         for name, answer in width.answers.items():
-            misses.append(round((after[name] - before[name] - foretold[name]) / answer.sd, 4))
+            misses.append(round((after[name] - before[name] - predicted[name]) / answer.sd, 4))
     sds = {n: fit.space.log_deviation(fit.mode.covariance, n) for n in ("c_f", "c_r", "i")}
     return {
         "terrain": terrain,
