@@ -1,4 +1,4 @@
-"""The main job: recordings and a vehicle in, a posterior out."""
+"""Estimation: the posterior of a car from recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Would the fitted half car have produced such a recording?  Posterior predictive checks.
+"""Posterior predictive checks: whether the fitted model would produce such recordings.
 
 For draws of the posterior the recording is made again: the car runs over the measured wheel
 accelerations from the initial state and with the biases that fit best (a start drawn from the

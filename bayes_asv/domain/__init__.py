@@ -1,1 +1,1 @@
-"""What the package is about: vehicles, recordings, channels, units and errors."""
+"""Domain model: vehicles, recordings, channels, units and errors."""

@@ -1,4 +1,4 @@
-"""Compiled arithmetic: no names, no checks, no input or output.
+"""Compiled kernels; they do not check their arguments.
 
 Each kernel has a readable reference in ``bayes_asv.models`` or in the tests that holds it.
 """

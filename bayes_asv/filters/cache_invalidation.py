@@ -1,4 +1,4 @@
-"""Compiled kernels that are older than what they were compiled from are forgotten.
+"""Removal of compiled kernels that are older than the modules they were compiled from.
 
 Numba keeps a compiled function beside its module and compiles again when that module changes, but
 not when one does that it calls: a branch added to :mod:`.forces` would not be in :mod:`.extended`.

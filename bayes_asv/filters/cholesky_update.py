@@ -1,4 +1,4 @@
-"""Updates of a filter that keeps parameters and state apart in factored form, compiled.
+"""Filter updates in factored covariance form, with parameters and state kept apart.
 
 With a reference μ, directions D (row i is direction i, zero before its i-th element) and a state
 that is linear given the parameters::

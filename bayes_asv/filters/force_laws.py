@@ -1,4 +1,4 @@
-"""What a suspension adds to its linear spring and damper: one branch a law.
+"""Nonlinear suspension force laws, one branch a law.
 
 A row of the table is ``(element, code, p0, p1, p2, p3)``.  Spring and damper laws multiply what
 they change, so that they compose; stops, friction and outside forces add.  Every branch keeps

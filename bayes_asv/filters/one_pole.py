@@ -1,4 +1,4 @@
-"""A filter with one pole, at stamps that need not be even."""
+"""First-order low-pass filter at stamps that need not be even."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Propagation of many cars over the same step: sigma points in the lanes of a vector unit.
+"""Propagation of many parameter sets over one step, in the lanes of a vector unit.
 
 A lane holds one car with one state x, the deflections and rates of its elements and the body rates.
 Over a step of length h with the inputs' moments i its state becomes::

@@ -1,4 +1,4 @@
-"""Tails of the normal distribution, compiled, with all their digits."""
+"""Tails of the normal distribution to full precision, compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be said of one channel of a log without knowing what it measures."""
+"""Statistics of one channel of a log, without knowledge of what it measures."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The readable half car: equations one can hold against a textbook, no speed intended."""
+"""Readable vehicle models, to be checked against textbooks; not optimised for speed."""

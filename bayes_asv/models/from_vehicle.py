@@ -1,4 +1,4 @@
-"""The cars of :mod:`bayes_asv.models.cars` made from a vehicle's file."""
+"""The cars of the textbook models made from a vehicle file."""
 
 from __future__ import annotations
 

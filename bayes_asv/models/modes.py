@@ -1,4 +1,4 @@
-"""Eigenvalue modes of the half car."""
+"""Eigenvalue modes of a car model."""
 
 from __future__ import annotations
 

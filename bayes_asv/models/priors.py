@@ -1,4 +1,4 @@
-"""How wide what is believed beforehand is, where a vehicle file does not say it."""
+"""Default widths of priors, where a vehicle file gives none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the parts of a recording agree as well as the likelihood claims.
+"""Magnitude adjustment of a misspecified likelihood from the scores of segments.
 
 Where a car does what no half car does, what is left over is no steady noise: it swells and
 changes with the road, and the curvature of the likelihood claims too much.  The score of each

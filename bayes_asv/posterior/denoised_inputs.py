@@ -1,4 +1,4 @@
-"""What a model foretells from wheels that carry next to no noise.
+"""Predictions of a model from denoised inputs.
 
 A wheel's noise drives the simulation and the innovations alike.  A pattern or a derivative that
 follows from the simulation must not have it: a lag of 2.3 ms of a chassis sensor came out 15 %

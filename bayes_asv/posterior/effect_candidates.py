@@ -1,4 +1,4 @@
-"""What might be missing, and from which values to look for it.
+"""Candidate effects and the values from which their fit starts.
 
 A candidate is one effect at one place with one set of values: a little of it where that makes
 sense (a tolerance), and where nobody has a little of it a stop within the travel that was used,

@@ -1,4 +1,4 @@
-"""One more effect in a model, and a model with the effects that a user names."""
+"""Fit of one more effect, and of the effects that a user names."""
 
 from __future__ import annotations
 

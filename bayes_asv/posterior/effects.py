@@ -1,4 +1,4 @@
-"""Effects among the coordinates: what they do to the car, to its forces and to what was read.
+"""Effects among the parameters: their forces, and their corrections of readings.
 
 Sensor effects change readings by patterns that follow from the signal.  A wheel's follow from its
 reading without most of the noise: with slow that behind one more pole of the declared corner, a

@@ -1,4 +1,4 @@
-"""A model on the way: which effects it has, and its mode on the recordings at hand."""
+"""A model with some effects, fitted to the recordings at hand."""
 
 from __future__ import annotations
 

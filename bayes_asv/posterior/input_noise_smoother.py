@@ -1,4 +1,4 @@
-"""What a wheel's sensor added to its reading, as far as everything that was read tells.
+"""Conditional mean of the wheel sensors' noise given all readings.
 
 With the noise n of the wheels, e of the chassis and the car's response G, a free run leaves
 r = e − G n.  The reading less the mean of n given r,

@@ -1,4 +1,4 @@
-"""A Student t bent to the skew of a posterior: what ensembles propose and importance draws from."""
+"""Split Student t distribution: proposal of the ensembles and of importance sampling."""
 
 from __future__ import annotations
 

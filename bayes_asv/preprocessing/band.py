@@ -1,4 +1,4 @@
-"""The motion below a frequency, and nothing else, as a timeline of its own.
+"""Low-pass filtering of recordings, for estimates below a frequency.
 
 An engine, a body that bends, a seat: above some frequency a car does what no half car does.
 One filter on all four channels leaves the linear relation between wheels and chassis as it is,

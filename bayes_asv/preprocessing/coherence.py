@@ -1,4 +1,4 @@
-"""How much of the chassis' motion the wheels can explain at all.
+"""Multiple coherence between the wheels and the body: what a linear model can explain.
 
 Whatever a linear relation between both wheels and one chassis channel leaves over, no half car
 explains either: multiple coherence bounds every linear model from above (Bendat & Piersol,

@@ -1,4 +1,4 @@
-"""Can these data answer at all?  Reasons in words, before anything is fitted."""
+"""Checks of recordings before anything is fitted, with reasons in words."""
 
 from __future__ import annotations
 

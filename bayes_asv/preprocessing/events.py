@@ -1,4 +1,4 @@
-"""The stretches of a long log that carry information about a car, and those that do not.
+"""Selection of the informative stretches of long logs.
 
 An hour of driving has some forty bumps in it.  Standing, cruising, braking and cornering hardly
 move a damper; where the wheels leave the ground or a sensor reaches its rail, no linear car holds.

@@ -1,4 +1,4 @@
-"""Biases of the measured inputs, and with them where the suspension is at rest.
+"""Biases of the measured inputs, and the equilibrium position of the suspension.
 
 To a linear car a bias of a wheel sensor is a bias of the body's sensors: both move together.  A
 spring that stiffens or a stop that is met depends on where the suspension is.  A bias of 0.1 m/s²

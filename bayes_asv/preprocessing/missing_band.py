@@ -1,4 +1,4 @@
-"""A band that a filter common to all channels took out is no evidence about the noise.
+"""Correction of the likelihood for bands that a filter removed from all channels.
 
 A Kalman filter sees the filtered readings through the noise of the whole band: in the quadratic
 form the missing band is missing, but the determinant still charges for it.  Left alone, the noise

@@ -1,4 +1,4 @@
-"""What a coarse converter makes of a wheel that stands still.
+"""Quantization errors of signals that hardly move.
 
 While a signal crosses many steps the error of its converter is white noise of step²/12.  While it
 stands still a part of it stays as it is, up to about (step/π) exp(−2π² (σ/step)²) with noise σ

@@ -1,4 +1,4 @@
-"""A recording as the steps and readings that a filter takes."""
+"""Preparation of a recording: the steps and readings that a filter takes."""
 
 from __future__ import annotations
 

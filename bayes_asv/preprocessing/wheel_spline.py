@@ -1,4 +1,4 @@
-"""What the wheels did: the measured wheel accelerations as functions of time.
+"""Spline interpolation of the measured wheel accelerations.
 
 A straight line between two samples is not what the wheel did: with straight lines the claimed
 intervals were two to four times too narrow on sharp bumps, with a cubic spline they were

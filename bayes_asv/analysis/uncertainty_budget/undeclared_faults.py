@@ -1,4 +1,4 @@
-"""What something undeclared would do to the answers, and whether the residuals would show it.
+"""Bias by undeclared faults, and whether the residuals would show it.
 
 A fault changes the innovations by Δν; to first order the parameters make up for it by
 Δθ = −Σ Jᵀ Δν.  What they cannot make up for goes to the noise levels, and those set what each

@@ -1,4 +1,4 @@
-"""Effects: what a linear car leaves out, one file a law.
+"""Registry of effects, one module an effect.
 
 To add one: write a file with its :class:`Effect`, list it here, and give its force a branch in
 :func:`bayes_asv.filters.force_laws.excess`; a test holds the branch against the readable form.

@@ -1,4 +1,4 @@
-"""What an effect is: a law with its parameters, their priors and how much of it every car has.
+"""What an effect is: a law with its parameters, priors and usual tolerances.
 
 A *tolerance* is the deviation of an effect that nobody would call a fault: data sheets allow
 it, and a real car has a little of everything.  Naming an effect means that its main parameter
