@@ -353,12 +353,14 @@ def check_input(
         mistakes = nominal_mistakes(vehicle, car_model(car, vehicle), fit.values)
     if mistakes:
         return Doubt(tuple(mistakes), _sentence(mistakes))
+    if refused:
+        return None  # a refusal has reasons of its own
     if moved:
         names = " and ".join(QUANTITIES[name][1] for name in moved if name in QUANTITIES)
         text = f"the recording contradicts what is given for {names}"
         return Doubt((), f"{text}; check value, unit and its sd before any verdict on a damper")
-    if refused or holds:
-        return None  # a refusal has reasons of its own
+    if holds:
+        return None
     return Doubt(
         (),
         "the linear car does not explain the recording down to the noise of the sensors, so the "
