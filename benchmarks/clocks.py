@@ -105,7 +105,7 @@ def one(which: str, seed: int) -> dict[str, Any]:
     clocks = () if which == "undeclared" else (CLOCK,)
     result = estimate([recording], replace(vehicle, clocks=clocks), seed=seed)
     out: dict[str, Any] = {"seed": seed, "terrain": terrain, "verdict": result.verdict}
-    out |= {"seconds": result.seconds, "doubt": result.doubt is not None}
+    out["seconds"] = result.seconds
     if result.verdict == "refused":
         return out | {"reasons": list(result.reasons)}
     for name in NAMES:

@@ -49,6 +49,9 @@ FEWEST_READINGS = 8
 _LONGEST_STEP = 0.005  # s
 _LONGEST_PHASE = 0.25
 _SAME_INSTANT = 1e-8  # s
+# Share by which a step may be too long: at 200 Hz it is just the longest one, and a drift of some
+# ppm must not change the number of steps.
+_OVER = 1e-3
 
 
 class MeasurementSchedule(NamedTuple):
@@ -583,7 +586,7 @@ def _instants(
     new = np.append(True, np.diff(t) > _SAME_INSTANT)
     place = np.cumsum(new) - 1
     observed = t[new]
-    pieces = np.maximum(np.ceil(np.diff(observed) / longest - 1e-9).astype(int), 1)
+    pieces = np.maximum(np.ceil(np.diff(observed) / longest - _OVER).astype(int), 1)
     position = np.concatenate([[0], np.cumsum(pieces)])
     total = int(position[-1]) + 1
     instants = np.interp(np.arange(total), position, observed)

@@ -107,6 +107,17 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
     assert abs(float(sampled.by_run(z[None])[0, 0]) - value) < 0.02
 
 
+def test_a_drift_of_some_ppm_does_not_change_the_steps_of_the_filter() -> None:
+    """At 200 Hz the step is the longest that a filter may take."""
+    car, vehicle = drawn(10)
+    recording = recorded(car, "bump", 2.0, 200.0, 0.0, 0.0, 7)
+    lines = [
+        prepare(retimed(recording, vehicle, CLOCK, 0.0, drift), vehicle, car_model("half", vehicle))
+        for drift in (-20e-6, 0.0, 20e-6)
+    ]
+    assert len({len(line.instants) for line in lines}) == 1
+
+
 def test_weights_interpolate_polynomials_of_second_degree() -> None:
     rng = np.random.default_rng(3)
     a, b, c = rng.normal(), rng.normal(size=3), rng.normal(size=(3, 3))
