@@ -2,7 +2,7 @@
 
 Every fault is put into a rig drive's recording at the size at which the budget tells it, the mode
 is climbed to again, and the two shifts are compared in deviations of the answer.
-``python -m benchmarks.predicted_biases`` writes ``benchmarks/results/foretold.json``.
+``python -m benchmarks.predicted_biases`` writes ``benchmarks/results/predicted_biases.json``.
 """
 
 from __future__ import annotations

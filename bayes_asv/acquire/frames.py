@@ -201,6 +201,9 @@ class StreamDecoder:
                     self._resynchronise()
                     continue
                 break
+            if end > MAX_BODY + 1 and self._bytes.find(b"\n", 0, end) >= 0:
+                self._resynchronise()  # no frame is as long: there are lines of text in it
+                continue
             chunk = bytes(self._bytes[:end])
             del self._bytes[: end + 1]
             if chunk:

@@ -259,7 +259,7 @@ def population(
 
     Returns
     -------
-    Population
+    RandomEffectsPosterior
         The deviation of a quantity that is given as exact is zero.
     """
     rng = np.random.default_rng([seed, 5])

@@ -106,7 +106,7 @@ class RunConsistency:
         Test of one quantity, with the others free to differ.
     runs : tuple of SingleRunFit
         One a recording.
-    population : Population
+    population : RandomEffectsPosterior
         Mean car, spread and a run to come; meaningful whatever the verdict.
     shift, sd : (R, 3) arrays
         What each run says when the given values are held at their estimate: logarithm against

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from bayes_asv.acquire.acquisition import Outcome, outcome_document, outcome_lines, replay_file
@@ -93,6 +93,8 @@ def test_arbitrary_bytes(tmp_path_factory: pytest.TempPathFactory, data: bytes) 
 
 @given(CHANGES, CHANGES, CHANGES)
 @settings(max_examples=60)
+@example([(28, 32)], [], [(172, 1), (2631, 10)])
+@example([(150, 1), (170, 32)], [], [(91, 46)])
 def test_three_corrupted_dumps(
     tmp_path_factory: pytest.TempPathFactory,
     first: list[Change],

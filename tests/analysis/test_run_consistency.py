@@ -179,7 +179,7 @@ def test_white_residuals_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("a run was asked alone")
 
     monkeypatch.setattr("bayes_asv.posterior.sampler.run_ensembles", stop)
-    monkeypatch.setattr("bayes_asv.estimation.run_alone", asked)
+    monkeypatch.setattr("bayes_asv.estimation.fit_single_run", asked)
     runs = recordings(car_of(EXACT, 1), (1.0, 1.0), 10)
     with pytest.raises(ReachedSamplingError):
         estimate(runs, vehicle(EXACT), likelihood="output-error")

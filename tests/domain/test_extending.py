@@ -50,7 +50,7 @@ assert np.abs(rate[1:] - rate[0] - expected).max() < 0.005 * np.ptp(rate)
 # No other sensor on the body: the roll inertia is known from its rate alone.
 FIT = """
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import WHITE
 
@@ -59,7 +59,7 @@ run = asv.simulate(
     car, "stops", car="roll", channels=[*names, "body_roll_rate"],
     change={"i_roll": 1.2}, rate=200.0, seconds=1.0, seed=3,
 )
-lines, _, _ = lay_out([run], car, car="roll")
+lines, _, _ = prepare_runs([run], car, car="roll")
 where = space(car, lines)
 factors = np.array([1.0, 1.1, 1.2, 1.3, 1.44])
 points = np.stack([where.from_logs({"i_roll": x}) for x in np.log(factors)])

@@ -53,7 +53,7 @@ import numpy as np
 
 import bayes_asv as asv
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import lay_out
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import WHITE
 
@@ -61,7 +61,7 @@ car = asv.read_vehicle("car.toml")
 worn = dict(c_r=0.7)
 run = asv.simulate(car, "stops", car="trailer", change=worn, seconds=1.5, seed=3)
 assert run.channels == ("rear_wheel", "rear_chassis")
-lines, reasons, _ = lay_out([run], car, car="trailer")
+lines, reasons, _ = prepare_runs([run], car, car="trailer")
 assert not reasons, reasons
 where = space(car, lines)
 factors = np.array([0.5, 0.6, 0.7, 0.8, 1.0])

@@ -140,7 +140,7 @@ class Effect:
         values, c, k, δ, δ̇ and the share of the recording that has gone by.
     drive : str
         The drive that shows it best, in words.
-    halved : bool
+    split_between_axles : bool
         On both axles each gets half of the first parameter, in place of all of it.
     travel : bool
         The law depends on where the suspension is, so that it matters where that is at rest.
