@@ -101,5 +101,5 @@ def _check_not_foreign(data: bytes, source: str) -> None:
         source,
         f"is a {form.name}, not a recording with channels of this package",
         f"make a channel map (bayes-asv inspect {source} -o channels.toml) and give it by "
-        "--channels channels.toml",
+        "--channels channels.toml, or export it as CSV with these channels",
     )

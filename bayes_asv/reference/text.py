@@ -102,7 +102,7 @@ def _heading(way: Document) -> str:
     else:
         words = (
             f"Integrated twice (the reference's method), initial state {way['initial']}, "
-            f"{way['removed']} removed, inputs {way['interpolation_sd']} between samples"
+            f"{way['removed']} removed, inputs {way['between_samples']} between samples"
         ).replace("none removed", "nothing removed")
     return (
         words

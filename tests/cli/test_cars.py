@@ -300,7 +300,7 @@ def test_a_recording_of_another_car_is_refused_with_the_fix(
         ),
         (("estimate", quarter, roll, "-v", ROLL), "lacks the channel front_wheel"),
         (("greybox", roll, "-v", ROLL), "use bayes-asv estimate --car roll"),
-        (("track", quarter, "-v", BAJA), "rear_wheel"),
+        (("track", quarter, "-v", BAJA, "--car", "half"), "rear_wheel"),
         (
             ("simulate", "-v", BAJA, "--skew", "20 in", "-o", tmp_path / "x.csv"),
             "skew: the half car has no right wheels; leave it out, or choose the roll car",

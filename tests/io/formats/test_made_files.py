@@ -387,7 +387,7 @@ def test_missing_package_names_the_command(read: Read, monkeypatch: pytest.Monke
     [
         (b"\x89PNG\r\n\x1a\n" + bytes(100), "is not in a known format; export it as CSV"),
         (gzip.compress(made.arduino()), "is not in a known format"),
-        (b"PK\x03\x04" + bytes(22) + b"\x13\0\0\0[Content_Types].xml", "no format that is known"),
+        (b"PK\x03\x04" + bytes(22) + b"\x13\0\0\0[Content_Types].xml", "not in a known format"),
         (b"no 1 table in here\n" * 20, "has no table of numbers"),
         (b"", "is empty"),
     ],
