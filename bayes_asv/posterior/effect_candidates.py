@@ -97,7 +97,8 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
                 continue
             if effect.slight is not None:
                 # at several elements or channels a tolerance is that of one and of the others
-                tolerance = len(elements) <= 1 and where not in GROUPS
+                group = effect.acts == "reading" and where in GROUPS
+                tolerance = len(elements) <= 1 and not group
                 values = effect.slightly(scale)
                 if effect.straight is not None:
                     own = used[list(elements)].max(axis=0)
