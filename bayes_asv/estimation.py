@@ -323,10 +323,10 @@ def _estimate_prepared(
     clocks, sites = _clocks(recordings, vehicle, sites)
     lines, reasons, warnings = prepare_runs(recordings, vehicle, below, car)
     found, agreement, timed = None, None, None
-    untold: tuple[str, ...] = ()
+    unidentified: tuple[str, ...] = ()
     if not reasons:
         tell(0.0, "checking what the recordings can tell")
-        untold = unidentified_before_fit(lines, vehicle)
+        unidentified = unidentified_before_fit(lines, vehicle)
         if clocks:
             tell(0.0, "comparing the clocks")
             timed = synchronised(recordings, vehicle, clocks, below, car, likelihood)
@@ -353,9 +353,9 @@ def _estimate_prepared(
                 )
                 reasons, warnings = found.reasons, warnings + found.warnings
                 # At the mode the same is known better than at nominal values.
-                untold = () if found.mode.converged else untold
+                unidentified = () if found.mode.converged else unidentified
             run_ensembles = loading.result().run_ensembles
-    warnings += untold
+    warnings += unidentified
     doubt = None
     if below is None and not sites:
         tell(0.05, "checking the input")

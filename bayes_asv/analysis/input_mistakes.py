@@ -43,6 +43,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
+from bayes_asv.preprocessing.activity import cut, most_active_rows, wheel_power
 from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
@@ -290,33 +291,6 @@ def _of_filtered_noise(line: PreparedRecording) -> float:
     return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
 
 
-def _wheel_motion(recording: Recording, vehicle: Vehicle) -> Array:
-    """Squared acceleration of all wheels at each row (N,)."""
-    wheels = [c for c, n in enumerate(recording.channels) if vehicle.channel(n).is_input]
-    values = recording.values[wheels or slice(None)]
-    motion = np.nan_to_num(values - np.nanmedian(values, axis=1, keepdims=True))
-    return np.asarray(np.sum(motion**2, axis=0))
-
-
-def _wheel_power(recording: Recording, vehicle: Vehicle) -> float:
-    """Mean square of the wheels' accelerations."""
-    return float(np.mean(_wheel_motion(recording, vehicle)))
-
-
-def _most_active(recording: Recording, vehicle: Vehicle) -> slice:
-    """Rows of the stretch in which the wheels move most."""
-    rows = int(_SECONDS / float(np.median(np.diff(recording.time))))
-    if rows >= len(recording.time):
-        return slice(None)
-    running = np.concatenate([[0.0], np.cumsum(_wheel_motion(recording, vehicle))])
-    first = int(np.argmax(running[rows:] - running[:-rows]))
-    return slice(first, first + rows)
-
-
-def _cut(recording: Recording, rows: slice) -> Recording:
-    return replace(recording, time=recording.time[rows], values=recording.values[:, rows])
-
-
 def check_input(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", refused: bool = False
 ) -> Doubt | None:
@@ -340,7 +314,7 @@ def check_input(
     """
     recordings = recordings[:_RUNS]
     try:
-        parts = [_cut(one, _most_active(one, vehicle)) for one in recordings]
+        parts = [cut(one, most_active_rows(one, vehicle, _SECONDS)) for one in recordings]
         fit = screening_fit(parts, vehicle, car)
     except InputError:
         fit = None
@@ -407,7 +381,7 @@ def likely_mistakes(
     hypotheses = [_CORRECT, *_hypotheses(recordings[0], vehicle, model)]
     share = math.log(_PRIOR / (len(hypotheses) - 1))
     # One recording sorts out most of the mistakes; what is left is held against all of them.
-    liveliest = [max(recordings, key=lambda one: _wheel_power(one, vehicle))]
+    liveliest = [max(recordings, key=lambda one: float(np.mean(wheel_power(one, vehicle))))]
     sorted_out: list[_Tried] = []
     for k, hypothesis in enumerate(hypotheses):
         sizes = hypothesis.sizes or (0.0,)
@@ -466,7 +440,7 @@ def _evaluate(
     whole = [recording for recording, _ in undone]
     # the same rows for every hypothesis: a time scale must not change what is explained
     inputs = [
-        _cut(one, _most_active(recording, vehicle))
+        cut(one, most_active_rows(recording, vehicle, _SECONDS))
         for one, recording in zip(whole, recordings, strict=True)
     ]
     try:

@@ -17,7 +17,7 @@ import numpy as np
 from bayes_asv.domain.channels import KNOWN_CHANNELS, channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, read_bytes
-from bayes_asv.domain.recording import COUNTS, Recording
+from bayes_asv.domain.recording import COUNT_UNITS, COUNTS, Recording
 from bayes_asv.domain.units import si_factor, si_unit
 
 if TYPE_CHECKING:
@@ -28,12 +28,11 @@ if TYPE_CHECKING:
     from bayes_asv.domain.files import PathLike
     from bayes_asv.domain.log import Log, LoggedChannel
 
-__all__ = ["ChannelMap", "MappedChannel", "read_channel_map"]
+__all__ = ["ChannelMap", "MappedChannel", "find_column", "read_channel_map"]
 
 _MAX_FILE_SIZE: Final = 1_000_000
 _SAME_STAMP: Final = 1e-7
 """Stamps closer than this, s, are one: rounding of k/rate to text and back moves them by less."""
-_COUNT_UNITS: Final = frozenset({"counts", "count", "raw", "lsb", "bits"})
 _MAX_LISTED: Final = 12
 _GRID: Final = 2001  # points of the integral of a motion ratio: its error is 1e-7 of the travel
 
@@ -229,7 +228,7 @@ class ChannelMap:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
         """Stamps, values and unit of one channel."""
         where = f"{self.source}: [channels.{one.channel}]"
-        columns = [_column(log, name, one.group, where) for name in one.columns]
+        columns = [find_column(log, name, where, one.group) for name in one.columns]
         time = columns[0].time
         for other in columns[1:]:
             if other.time is not time and not np.array_equal(other.time, time):
@@ -273,7 +272,14 @@ def read_channel_map(path: PathLike) -> ChannelMap:
     return parse_channel_map(read_bytes(path, _MAX_FILE_SIZE), source)
 
 
-def _column(log: Log, name: str, group: str, where: str) -> LoggedChannel:
+def find_column(log: Log, name: str, where: str, group: str = "") -> LoggedChannel:
+    """Return the column of a log by its name, and its group where names repeat.
+
+    Raises
+    ------
+    InputError
+        At `where`, if there is none, or several.
+    """
     found = [one for one in log.channels if one.name == name and group in ("", one.source)]
     if not found:
         near = closest(name, log.names)
@@ -296,7 +302,7 @@ def _unit(one: MappedChannel, stated: str, where: str, notes: list[str]) -> tupl
     """Return the unit of the values and its factor to SI."""
     dimension = channel(one.channel).dimension
     unit = one.unit or stated
-    if unit.lower() in _COUNT_UNITS:
+    if unit.lower() in COUNT_UNITS:
         if one.curve or abs(one.scale) != 1.0:
             raise InputError(
                 where, "has a scale, but its unit is counts", f'add unit = "{si_unit(dimension)}"'

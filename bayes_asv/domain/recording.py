@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CHANNELS",
     "COUNTS",
+    "COUNT_UNITS",
     "ROLL_CHANNELS",
     "Recording",
     "Timing",
@@ -40,6 +41,8 @@ __all__ = [
 
 COUNTS: Final = "counts"
 """Unit of a channel in counts of its analogue-to-digital converter."""
+COUNT_UNITS: Final = frozenset({"counts", "count", "raw", "lsb", "bits"})
+"""Words for it in files, in small letters."""
 
 _MAX_CLOCK_PPM: Final = 100_000.0  # 10 %: beyond it the unit of the stamps is wrong
 _MAX_DELAY: Final = 1.0  # s, as for a vehicle's sensor

@@ -21,7 +21,7 @@ import numpy as np
 from bayes_asv.domain.channels import KNOWN_CHANNELS, channel, missing_inputs
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import closest, write_atomically
-from bayes_asv.domain.recording import COUNTS, check_unit, parse_rate
+from bayes_asv.domain.recording import COUNT_UNITS, COUNTS, check_unit, parse_rate
 from bayes_asv.domain.units import si_factor
 from bayes_asv.io.text import (
     build_recording,
@@ -45,7 +45,6 @@ __all__ = ["read", "write_csv"]
 _HEADER: Final = (
     "time [s],front_wheel [m/s^2],front_chassis [m/s^2],rear_wheel [m/s^2],rear_chassis [m/s^2]"
 )
-_COUNT_UNITS: Final = frozenset({"counts", "count", "raw"})
 _MAX_COLUMNS: Final = 10_000
 _MAX_LISTED: Final = 8
 _BLOCK: Final = 50_000  # rows that are split into cells at a time
@@ -187,7 +186,7 @@ def _units(columns: dict[str, _Column], where: str) -> tuple[str, ...]:
                 where, f"column {name} has no unit", f"write {name} [{channel(name).si_unit}]"
             )
         unit = unit.strip()
-        if unit.lower() in _COUNT_UNITS:
+        if unit.lower() in COUNT_UNITS:
             unit = COUNTS
         else:
             check_unit(name, unit, f"{where}: {name}")

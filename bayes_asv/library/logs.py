@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bayes_asv import __version__
-from bayes_asv.domain.channel_map import ChannelMap
+from bayes_asv.domain.channel_map import ChannelMap, find_column
 from bayes_asv.domain.channels import missing_inputs
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import closest, write_atomically
+from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.units import STANDARD_GRAVITY, parse_quantity, si_factor
 from bayes_asv.io import read_log
 from bayes_asv.logs import calibration
@@ -276,7 +276,7 @@ def calibrate(
         If the file cannot be read, or the positions do not determine the calibration.
     """
     log = read_log(path, rate)
-    found = [_column(log, name) for name in columns]
+    found = [find_column(log, name, "columns") for name in columns]
     if any(not np.array_equal(one.time, found[0].time) for one in found):
         raise InputError(log.source, "has other stamps for each axis", "export one sensor's axes")
     held = calibration.plateaus(found[0].time, np.array([one.values for one in found]))
@@ -321,15 +321,6 @@ def _known_values(values: Sequence[str], angles: Sequence[float]) -> tuple[str, 
         )
     base = si_factor(unit, quantity)
     return unit, [number * si_factor(own or unit, quantity) / base for number, own in pairs]
-
-
-def _column(log: Log, name: str) -> Any:
-    found = [one for one in log.channels if one.name == name]
-    if not found:
-        near = closest(name, log.names)
-        fix = f"did you mean '{near}'?" if near else f"it has {', '.join(log.names[:12])}"
-        raise InputError(log.source, f"has no column '{name}'", fix)
-    return found[0]
 
 
 _HEADER: Final = ("channel", "unit", "rate", "from", "to", "at rest", "noise", "remarks")

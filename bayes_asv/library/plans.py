@@ -58,9 +58,9 @@ class Plan:
         return tuple(self.document["warnings"])
 
     @property
-    def untold(self) -> tuple[str, ...]:
+    def unidentified(self) -> tuple[str, ...]:
         """What the sensors at hand cannot tell, one sentence a parameter; empty if nothing."""
-        return tuple(self.document["untold"])
+        return tuple(self.document["unidentified"])
 
     @property
     def recommended(self) -> dict[str, Any] | None:

@@ -26,8 +26,8 @@ from bayes_asv.planning.text import (
     speed,
     times_text,
     unidentifiable_lines,
+    unidentified_lines,
     unreachable_reason,
-    untold_lines,
 )
 
 __all__ = ["PASSES", "SCHEMA", "plan_document"]
@@ -83,7 +83,7 @@ def plan_document(plan: Plan) -> Document:
         "nearest": None if plan.chosen else _recommendation(plan, indices, plan.best),
         "floor_percent": _percent(plan.sd_floor),
         "given_percent": {n: 100.0 * plan.prior.sd(n) for n in plan.prior.given},
-        "untold": untold_lines(plan),
+        "unidentified": unidentified_lines(plan),
         "limits": [
             {
                 "parameter": limiting.parameter,

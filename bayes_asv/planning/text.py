@@ -33,8 +33,8 @@ __all__ = [
     "speed",
     "times_text",
     "unidentifiable_lines",
+    "unidentified_lines",
     "unreachable_reason",
-    "untold_lines",
 ]
 
 _MAX_PAIRS = 4  # listed on the terminal; one poorly determined direction makes many pairs
@@ -107,7 +107,7 @@ def unidentifiable_lines(plan: Plan) -> list[str]:
     ]
 
 
-def untold_lines(plan: Plan) -> list[str]:
+def unidentified_lines(plan: Plan) -> list[str]:
     """Say, parameter by parameter, what the sensors at hand cannot tell.
 
     A parameter is not told if the passes of the plan's drive leave it about as uncertain as the
@@ -278,9 +278,13 @@ def plan_lines(plan: Plan) -> list[str]:
     lines += [f"- {text}" for text in limit_lines(plan)]
     lines += [f"- {note}" for note in best.evaluation.notes]
     lines += [f"- {text}" for text in assumption_lines(plan)]
-    untold = untold_lines(plan)
-    if untold:
-        lines += ["", "These sensors cannot tell:", *(f"- {text}" for text in untold)]
+    unidentified = unidentified_lines(plan)
+    if unidentified:
+        lines += [
+            "",
+            "Not identifiable with these sensors:",
+            *(f"- {text}" for text in unidentified),
+        ]
     lines += _unidentifiable_section(plan, best)
     lines += ["", *_roads_table(plan, best)]
     rates = _rates_table(plan, best)

@@ -33,6 +33,7 @@ from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
+from bayes_asv.preprocessing.activity import cut, most_active_rows
 from bayes_asv.preprocessing.timeline import (
     ClockError,
     PreparedRecording,
@@ -152,17 +153,10 @@ class _Job:
     def lively(self) -> _Job:
         """The same for the stretch of the recording in which the wheels move most, at full band."""
         recording = self.recording
-        rows = int(_LIVELY / float(np.median(np.diff(recording.time))))
-        if self.below is not None or rows >= len(recording.time):
+        if self.below is not None:
             return self
-        wheels = [c for c, n in enumerate(recording.channels) if self.vehicle.channel(n).is_input]
-        values = np.nan_to_num(recording.values[wheels])
-        power = np.sum((values - np.median(values, axis=1, keepdims=True)) ** 2, axis=0)
-        running = np.concatenate([[0.0], np.cumsum(power)])
-        first = int(np.argmax(running[rows:] - running[:-rows]))
-        part = slice(first, first + rows)
-        cut = replace(recording, time=recording.time[part], values=recording.values[:, part])
-        return replace(self, recording=cut)
+        rows = most_active_rows(recording, self.vehicle, _LIVELY)
+        return replace(self, recording=cut(recording, rows))
 
     def prepared(self, points: Sequence[Array]) -> list[PreparedRecording]:
         """Prepare the run at several errors, with the same readings at all of them."""

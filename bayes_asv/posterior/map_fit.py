@@ -59,7 +59,14 @@ from bayes_asv.preprocessing.tone_removal import (
     own_modes,
 )
 
-__all__ = ["MapFit", "best_fit", "prepare_runs", "sensor_for", "unidentified_before_fit", "untold"]
+__all__ = [
+    "MapFit",
+    "best_fit",
+    "prepare_runs",
+    "sensor_for",
+    "unidentified_before_fit",
+    "unidentified_sentence",
+]
 
 Array = NDArray[np.float64]
 
@@ -346,7 +353,8 @@ def unidentified_before_fit(
     after = predicted_sd(information, 1, about, asked)
     measured = [output.channel for output in outputs]
     return tuple(
-        untold(about.car, measured, name, prior[name]) for name in unmeasured(prior, after)
+        unidentified_sentence(about.car, measured, name, prior[name])
+        for name in unmeasured(prior, after)
     )
 
 
@@ -358,12 +366,14 @@ def _unmeasured(where: ParameterSpace, mode: Mode) -> tuple[list[str], list[str]
     reasons: list[str] = []
     warnings: list[str] = []
     for name in unmeasured(prior, after):
-        words = untold(where.car, measured, name, prior[name])
+        words = unidentified_sentence(where.car, measured, name, prior[name])
         (reasons if prior[name] > WIDE_PRIOR else warnings).append(words)
     return reasons, warnings
 
 
-def untold(car: CarModel, measured: Sequence[Channel], name: str, prior: float) -> str:
+def unidentified_sentence(
+    car: CarModel, measured: Sequence[Channel], name: str, prior: float
+) -> str:
     """Say that data tell next to nothing about a parameter, and what would.
 
     Parameters

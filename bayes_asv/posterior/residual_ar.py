@@ -23,7 +23,7 @@ _ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
 # Nats a colour must gain beyond the criterion before it is believed: keeps a white record
 # white in all but a few of a thousand.
 _MARGIN = 5.0
-_MEMORY = 0.1  # s over which innovations of a wrong model may hang together: a period of its modes
+_MEMORY = 0.1  # s over which innovations of a wrong model may be correlated: a period of its modes
 
 
 def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualAR:

@@ -29,6 +29,7 @@ from scipy.stats import t
 
 from bayes_asv.domain.channels import channel
 from bayes_asv.domain.recording import Recording
+from bayes_asv.preprocessing.activity import most_active
 
 __all__ = ["Resampling", "at_own_rate", "find_resampling"]
 
@@ -147,12 +148,7 @@ def find_resampling(values: Array) -> Resampling | None:
 
 def _lively(values: Array) -> slice:
     """Stretch with the most motion."""
-    if len(values) <= _LIVELY:
-        return slice(0, len(values))
-    power = np.nan_to_num(np.diff(values, prepend=values[0])) ** 2
-    running = np.concatenate([[0.0], np.cumsum(power)])
-    first = int(np.argmax(running[_LIVELY:] - running[:-_LIVELY]))
-    return slice(first, first + _LIVELY)
+    return most_active(np.nan_to_num(np.diff(values, prepend=values[0])) ** 2, _LIVELY)
 
 
 def _rounding(values: Array) -> float:

@@ -13,7 +13,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
-from bayes_asv.posterior.map_fit import untold
+from bayes_asv.posterior.map_fit import unidentified_sentence
 from bayes_asv.preprocessing.data_checks import clipping_limit, min_sampling_rate
 from bayes_asv.tracking.sensor_noise import SensorModel
 
@@ -157,7 +157,7 @@ def unidentified_parameters(
         "far larger than the sensors' noise; check whether a sensor is loose or its noise is given "
         f"too small, or find with 'bayes-asv diagnose' what the {car.name} car lacks"
         if inconsistent
-        else untold(car, measured, name, prior[name])
+        else unidentified_sentence(car, measured, name, prior[name])
         for name in unmeasured(prior, posterior)
         if prior[name] > WIDE_PRIOR
     ]

@@ -173,7 +173,7 @@ def test_one_axle_tells_nothing_about_the_other_and_the_pitch_inertia() -> None:
     assert made.answers == ("c_f",)
     document = json.loads(json.dumps(plan_document(made), allow_nan=False))
     assert document["channels"] == ["front_wheel", "front_chassis"]
-    (line,) = document["untold"]
+    (line,) = document["unidentified"]
     assert "rear damping rate and the pitch inertia" in line
     assert set(document["drives"][0]["travel"]) == {"unit", "front_bump", "front_droop"}
 
@@ -185,7 +185,7 @@ def test_every_car_and_every_sensor_can_be_planned() -> None:
     assert both.best is not None
     assert one.best is not None
     assert both.verdict == one.verdict == "ok"
-    assert plan_document(both)["untold"] == []
+    assert plan_document(both)["unidentified"] == []
     drives = [made.sd_after(made.rated[0], 1) for made in (both, one)]
     assert all(drives[0][name] <= drives[1][name] * 1.001 for name in PARAMETERS)
     others = plan_document(both)["drives"][0]["largest_reading"]["others"]
@@ -199,7 +199,7 @@ def test_a_sensor_too_coarse_for_a_parameter_does_not_tell_it() -> None:
     """A potentiometer at the front that reads to a decimetre knows nothing of the rear damper."""
     coarse = replace(BAJA, sensors={**BAJA.sensors, "front_travel": Sensor(noise=0.1)})
     made = _plan_of(coarse, "half", ("front_wheel", "rear_wheel", "front_travel"), max_passes=1)
-    told = plan_document(made)["untold"]
+    told = plan_document(made)["unidentified"]
     assert any("rear damping rate (c_r)" in line and "rear suspension travel" in line
                for line in told)  # fmt: skip
 

@@ -120,7 +120,7 @@ def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.Monke
     assert 0.1 < np.mean(slow & ~is_stationary(line, 1)) < 0.9
     stage = base(make_dataset(vehicle(DECLARED, _REAL), (line,)))
     monkeypatch.setattr(
-        "bayes_asv.diagnosis.residual_tests.crawling",
+        "bayes_asv.diagnosis.residual_tests.is_slow",
         lambda line, c: np.ones(len(line.instants), bool),
     )
     assert whiteness_test(stage) == (0.0, 1.0)
