@@ -1,15 +1,16 @@
 """Mistakes in the input as hypotheses: exchanged columns, wrong units, lags, signs, values.
 
 Each hypothesis says what a person or a logger may have got wrong, and how to undo it.  All are
-fitted with the sensors' noise as declared, on the stretch of the recording in which the wheels move
-most.
-With the log posterior ℓ at the mode, a hypothesis with prior probability π has the weight
+fitted to the same rows: the stretch of the recording in which the wheels move most.  Each may
+multiply the deviations of all noise by the factor that it needs, at least one; so a mistake has to
+explain more than noise of unknown size does.  With the log posterior ℓ at the mode, a hypothesis
+with prior probability π has the weight
 
     π exp(ℓ / φ)
 
-φ ≥ 1 is the long-run variance of the best hypothesis's normalised innovations.  It is one where
-that hypothesis explains the recording down to the noise; what remains unexplained makes φ large and
-all comparisons cautious (a quasi-likelihood; McCullagh & Nelder 1989, ch. 9).
+φ ≥ 1 is the long-run variance of the best hypothesis's normalised innovations, over the square of
+its noise factor.  It is one where the innovations are white; what is left makes φ large and all
+comparisons cautious (a quasi-likelihood; McCullagh & Nelder 1989, ch. 9).
 
 Front and rear exchanged make a mirrored car, which leaves little trace in the likelihood; but the
 front wheels meet the road first.  Mistakes in nominal values leave none, see
@@ -19,131 +20,45 @@ front wheels meet the road first.  Mistakes in nominal values leave none, see
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from bayes_asv.analysis.nominal_mistakes import Mistake, nominal_mistakes
-from bayes_asv.domain.channels import Channel
+from bayes_asv.analysis.input_hypotheses import CORRECT, Hypothesis, hypotheses
+from bayes_asv.analysis.nominal_mistakes import REPORTED, Mistake, nominal_mistakes
+from bayes_asv.analysis.screening_fit import COARSE_STEPS, STEPS, screening_fit
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.domain.recording import Recording, nominal_rate, timing
-from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
-from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
-from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.car_model import CarModel
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.modes import nominal_modes
-from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.activity import cut, most_active_rows, wheel_power
-from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
 __all__ = [
     "Doubt",
-    "Fit",
     "Mistake",
     "check_input",
     "likely_mistakes",
     "rear_leads",
-    "screening_fit",
 ]
 
 Array = NDArray[np.float64]
 Corrected = tuple[Recording, Vehicle]
 
 _SECONDS = 2.5  # of the most lively stretch: five periods of the slowest mode
-_STEPS, _COARSE_STEPS = 25, 6  # evaluations of the Jacobian at most; the right model needs six
-_REPORTED = 0.05  # probability from which on a mistake is reported
 _PRIOR = 0.1  # probability that an input has one of the mistakes, shared equally by them
-_NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
 _REFINED = 3  # hypotheses with a size that are refined, the best ones
 _RUNS = 3  # recordings that are looked at
 _MOVED = 3.0  # deviations: once in 370 right inputs for each given value
-_HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
 _NEARLY_HOLDS = 30.0  # dispersion up to which a mistake explains enough to be named
-_MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
-_DEAD = 0.05  # gain below which a sensor is called dead
-# Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
-# measured to a few hundredths of the range in which it may lie.
-_OCCAM = -4.0
 _BACKWARDS = -8.0  # log prior odds of a drive in which the rear wheels lead
 _ALIKE = 0.6  # correlation of front and rear wheels from which on their order means something
 _AHEAD = 0.2  # by which it has to be larger than with the other order
-
-_N_PER_MM = si_factor("N/mm", "stiffness") / si_factor("lbf/in", "stiffness")
-_LBF_S_PER_IN = si_factor("lbf*s/in", "damping")
-_LB = si_factor("lbm", "mass")
-_SPRING_FACTORS = {
-    2.0: "one spring of an axle is given instead of both",
-    0.5: "both sides are counted twice",
-    _N_PER_MM: "a value in N/mm was given the unit lbf/in",
-    1.0 / _N_PER_MM: "a value in lbf/in was given the unit N/mm",
-}
-_DAMPING_FACTORS = {
-    12.0: "a value in lbf·s/in was given the unit lbf·s/ft",
-    1.0 / 12.0: "a value in lbf·s/ft was given the unit lbf·s/in",
-    _LBF_S_PER_IN: "a value in lbf·s/in was given the unit N·s/m",
-    1.0 / _LBF_S_PER_IN: "a value in N·s/m was given the unit lbf·s/in",
-    1e3: "a value in N·s/mm was given the unit N·s/m",
-    1e-3: "a value in N·s/m was given the unit N·s/mm",
-}
-_MASS_FACTORS = {
-    1.0 / _LB: "a value in kg was given the unit lb",
-    _LB: "a value in lb was given the unit kg",
-}
-_INERTIA_UNITS = {
-    "kg·m²": "kg*m^2", "lbf·s²·in": "lbf*s^2*in", "slug·ft²": "lbf*s^2*ft", "lb·ft²": "lbm*ft^2",
-    "lb·in²": "lbm*in^2",
-}  # fmt: skip
-_INERTIA_FACTORS = {
-    si_factor(true, "pitch_inertia") / si_factor(given, "pitch_inertia"): (
-        f"a value in {true_name} was given the unit {given_name}"
-    )
-    for true_name, true in _INERTIA_UNITS.items()
-    for given_name, given in _INERTIA_UNITS.items()
-    if true != given
-}
-# Where the search for a size begins; between them the fit finds its way.
-_TIME_FACTORS = (0.25, 0.4, 0.5, 0.7, 0.8, 1.25, 1.4, 2.0, 2.5, 4.0)
-_GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
-_LAGS = (0.005, 0.02)  # s
-_FACTORS = (0.45, 0.75, 1.35, 2.2)
-
-
-class Fit(NamedTuple):
-    """A fit with the noise as declared, and how likely it is with as much noise as it needs.
-
-    Parameters
-    ----------
-    log_posterior : float
-        At the mode, not normalised, with the deviations of all noise multiplied by one factor.
-    noise_factor : float
-        That factor, which makes the mean square of the normalised innovations one; at least one.
-    dispersion : float
-        Long-run variance of the innovations with the noise as declared, at least one.
-    holds : bool
-        Whether that is no more than noise makes of it.
-    moved : dict of str to float
-        Given values at the mode, in deviations from what was given.
-    values : dict of str to float
-        Parameters of the car at the mode, SI units.
-    """
-
-    log_posterior: float
-    noise_factor: float
-    dispersion: float
-    holds: bool
-    moved: dict[str, float]
-    values: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -161,134 +76,6 @@ class Doubt:
 
     mistakes: tuple[Mistake, ...]
     sentence: str
-
-
-@dataclass(frozen=True)
-class _Hypothesis:
-    """What may be wrong, and how to undo it.
-
-    Parameters
-    ----------
-    words : callable
-        From the size of the mistake to words and fix.
-    undo : callable
-        From recording, vehicle and size to those without the mistake.
-    sizes : tuple of float
-        Where the search for the size begins; empty for a mistake without one.
-    density : callable
-        From the size to the logarithm of its prior probability.
-    stretch : callable
-        From the size to the logarithms of the factors by which undoing it stretches the readings
-        of channels, by name.
-    """
-
-    words: Callable[[float], tuple[str, str]]
-    undo: Callable[[Recording, Vehicle, float], Corrected]
-    sizes: tuple[float, ...] = ()
-    density: Callable[[float], float] = lambda size: 0.0 if size == 0.0 else _OCCAM
-    stretch: Callable[[float], dict[str, float]] = lambda size: {}
-
-
-def screening_fit(
-    recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", steps: int = _STEPS
-) -> Fit | None:
-    """Fit recordings with the sensors' noise as declared.
-
-    Returns None where a channel is dead, or the car moves between the samples.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Runs of one car.
-    vehicle : Vehicle
-        The car as given.
-    car : str
-        Name of the car model.
-    steps : int
-        Evaluations of the Jacobian at most.
-    """
-    model = car_model(car, vehicle)
-    least = min_sampling_rate(nominal_modes(model))
-    for recording in recordings:
-        if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
-            return None
-    lines = tuple(prepare(one, vehicle, model) for one in recordings)
-    target = Posterior(space(vehicle, lines), tuple(WHITE for _ in lines))
-    n = target.space.shared_dimension
-    dimension = target.space.dimension
-
-    def at(car_part: Array) -> Array:
-        z = np.zeros(dimension)
-        z[:n] = car_part
-        return z
-
-    def residual(car_part: Array) -> Array:
-        z = at(car_part)
-        parts = [target.innovations(z, run).ravel() for run in range(len(lines))]
-        every = np.concatenate([*parts, car_part])
-        return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
-
-    fit = least_squares(
-        residual, np.zeros(n), bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
-    )
-    z = at(fit.x)
-    # With more noise the prior counts for more, so that another mode is the likeliest.
-    noise_factor, noisy = _noise_factor(target, z), z
-    if noise_factor > _MORE_NOISE and steps > _COARSE_STEPS:
-        scale = np.append(np.full(fit.fun.size - n, noise_factor), np.ones(n))
-
-        def scaled(car_part: Array) -> Array:
-            return np.asarray(residual(car_part) / scale)
-
-        again = least_squares(
-            scaled, fit.x, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
-        )
-        noisy = at(again.x)
-        noise_factor = _noise_factor(target, noisy)
-    value = float(target.log_posterior(noisy[None])[0])
-    if not math.isfinite(value):
-        return None
-    count, square = _innovations(target, noisy)
-    value += 0.5 * square * (1.0 - noise_factor**-2) - count * math.log(noise_factor)
-    values = {name: float(x[0]) for name, x in target.space.values(z[None]).items()}
-    moved = {}
-    for p in model.parameters:
-        if p.kind == "fraction":
-            sd = p.terms[0][2]
-            moved[p.name] = (values[p.name] - p.nominal) / sd if sd > 0.0 else 0.0
-        elif p.kind == "given":
-            sd = math.sqrt(sum((c * sd) ** 2 for _, c, sd in p.terms))
-            moved[p.name] = math.log(values[p.name] / p.nominal) / sd if sd > 0.0 else 0.0
-    spread = [
-        long_run_variance(target.innovations(z, run), line.kind == VALUE, line.instants)
-        for run, line in enumerate(lines)
-    ]
-    dispersion = max(1.0, *spread)
-    filtered = max(_of_filtered_noise(line) for line in lines)
-    return Fit(value, noise_factor, dispersion, dispersion < _HOLDS * filtered, moved, values)
-
-
-def _innovations(target: Posterior, z: Array) -> tuple[int, float]:
-    """Count the normalised innovations of all runs, and sum their squares."""
-    every = np.concatenate(
-        [target.innovations(z, run).ravel() for run in range(len(target.space.timelines))]
-    )
-    there = np.isfinite(every) & (every != 0.0)
-    return int(np.count_nonzero(there)), float(np.sum(every[there] ** 2))
-
-
-def _noise_factor(target: Posterior, z: Array) -> float:
-    """Root mean square of the normalised innovations, at least one."""
-    count, square = _innovations(target, z)
-    return math.sqrt(max(1.0, square / max(count, 1)))
-
-
-def _of_filtered_noise(line: PreparedRecording) -> float:
-    """Long-run variance of noise that passed the outputs' filters, over that of white noise."""
-    step = float(np.median(np.diff(line.times[0])))
-    poles = line.poles[list(line.outputs)]
-    left = np.exp(-poles[poles > 0.0] * step)
-    return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
 
 
 def check_input(
@@ -378,22 +165,22 @@ def likely_mistakes(
         Those of more than 5 %, the likeliest first; empty where no mistake is likelier than all.
     """
     model = car_model(car, vehicle)
-    hypotheses = [_CORRECT, *_hypotheses(recordings[0], vehicle, model)]
-    share = math.log(_PRIOR / (len(hypotheses) - 1))
+    every = [CORRECT, *hypotheses(recordings[0], vehicle, model)]
+    share = math.log(_PRIOR / (len(every) - 1))
     # One recording sorts out most of the mistakes; what is left is held against all of them.
     liveliest = [max(recordings, key=lambda one: float(np.mean(wheel_power(one, vehicle))))]
     sorted_out: list[_Tried] = []
-    for k, hypothesis in enumerate(hypotheses):
+    for k, hypothesis in enumerate(every):
         sizes = hypothesis.sizes or (0.0,)
         each = [_evaluate(hypothesis, size, liveliest, vehicle, car) for size in sizes]
         sorted_out.append(max(each, key=lambda one: one.log_posterior))
-        progress((k + 1) / (len(hypotheses) + _REFINED))
+        progress((k + 1) / (len(every) + _REFINED))
     sorted_out.sort(key=lambda one: -one.log_posterior)
     for k, one in enumerate(sorted_out[:_REFINED]):
         sorted_out[k] = _refined(one, liveliest, vehicle, car)
     left = sorted_out[: 2 * _REFINED]
-    left += [one for one in sorted_out[2 * _REFINED :] if one.hypothesis is _CORRECT]
-    tried = [_evaluate(one.hypothesis, one.size, recordings, vehicle, car, _STEPS) for one in left]
+    left += [one for one in sorted_out[2 * _REFINED :] if one.hypothesis is CORRECT]
+    tried = [_evaluate(one.hypothesis, one.size, recordings, vehicle, car, STEPS) for one in left]
     likeliest = max(tried, key=lambda one: one.log_posterior)
     if not likeliest.dispersion < _NEARLY_HOLDS:
         return []  # whatever is wrong is not in the list
@@ -402,24 +189,24 @@ def likely_mistakes(
         [
             one.log_posterior / dispersion
             + one.log_prior
-            + (math.log(1.0 - _PRIOR) if one.hypothesis is _CORRECT else share)
+            + (math.log(1.0 - _PRIOR) if one.hypothesis is CORRECT else share)
             for one in tried
         ]
     )
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     ranked = sorted(zip(weights, tried, strict=True), key=lambda pair: -pair[0])
-    if not any(one.hypothesis is _CORRECT and weight > 0.5 for weight, one in ranked):
+    if not any(one.hypothesis is CORRECT and weight > 0.5 for weight, one in ranked):
         return [
             Mistake(*one.hypothesis.words(one.size), probability=float(weight))
             for weight, one in ranked
-            if weight > _REPORTED and one.hypothesis is not _CORRECT
+            if weight > REPORTED and one.hypothesis is not CORRECT
         ]
     return []
 
 
 class _Tried(NamedTuple):
-    hypothesis: _Hypothesis
+    hypothesis: Hypothesis
     size: float
     log_posterior: float
     log_prior: float
@@ -428,12 +215,12 @@ class _Tried(NamedTuple):
 
 
 def _evaluate(
-    hypothesis: _Hypothesis,
+    hypothesis: Hypothesis,
     size: float,
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     car: str,
-    steps: int = _COARSE_STEPS,
+    steps: int = COARSE_STEPS,
 ) -> _Tried:
     """Fit with one mistake undone; minus infinity where that leaves nothing to fit."""
     undone = [hypothesis.undo(recording, vehicle, size) for recording in recordings]
@@ -505,261 +292,3 @@ def rear_leads(recordings: Sequence[Recording]) -> bool:
         if max(behind, ahead) > _ALIKE and abs(behind - ahead) > _AHEAD:
             evidence += 1 if ahead > behind else -1
     return evidence > 0
-
-
-_CORRECT = _Hypothesis(lambda size: ("", ""), lambda recording, vehicle, size: (recording, vehicle))
-
-
-def _hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterator[_Hypothesis]:
-    channels = [vehicle.channel(name) for name in recording.channels]
-    channels = [channel for channel in channels if car.explains(channel)]
-    yield from _of_columns(channels)
-    yield from _of_readings(channels)
-    yield from _of_given_values(vehicle, car)
-    yield from _of_time()
-
-
-def _of_columns(channels: Sequence[Channel]) -> Iterator[_Hypothesis]:
-    """Columns that were exchanged."""
-    names = {channel.name: channel for channel in channels}
-    for one, other in combinations(channels, 2):
-        if one.quantity == other.quantity:
-            yield _exchange([(one.name, other.name)])
-    mirrored = [(n, n.replace("front", "rear", 1)) for n in names if n.startswith("front")]
-    mirrored = [pair for pair in mirrored if pair[1] in names]
-    if len(mirrored) > 1:
-        yield _exchange(mirrored)
-    ends = [(n, n.replace("wheel", "chassis")) for n in names if n.endswith("wheel")]
-    ends = [pair for pair in ends if pair[1] in names]
-    if len(ends) > 1:
-        yield _exchange(ends)
-
-
-def _exchange(pairs: Sequence[tuple[str, str]]) -> _Hypothesis:
-    partner = dict(pairs) | {b: a for a, b in pairs}
-    text = ", and ".join(f"{_words(a)} and {_words(b)}" for a, b in pairs)
-
-    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
-        order = [recording.channels.index(partner.get(name, name)) for name in recording.channels]
-        units = tuple(recording.units[k] for k in order)
-        return replace(recording, values=recording.values[order], units=units), vehicle
-
-    return _Hypothesis(
-        lambda size: (f"the columns of {text} are exchanged", "exchange their names"), undo
-    )
-
-
-def _of_readings(channels: Sequence[Channel]) -> Iterator[_Hypothesis]:
-    """Signs, gains and lags of channels."""
-    outputs = tuple(channel.name for channel in channels if not channel.is_input)
-    axles = [tuple(c.name for c in channels if c.axle == axle) for axle in ("front", "rear")]
-    alone = [(channel.name,) for channel in channels]
-    for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
-        yield _inverted(names)
-        yield _gain(names)
-        yield _late(names)
-    for names in axles:  # of one logger; a gain of both its sensors is another car
-        if 1 < len(names) < len(channels):
-            yield _late(names)
-
-
-def _inverted(names: tuple[str, ...]) -> _Hypothesis:
-    fix = "change the sign of the column, or of counts_scale in the vehicle file"
-    return _Hypothesis(
-        lambda size: (f"{_are(names)} upside down", fix),
-        lambda recording, vehicle, size: _scaled(recording, vehicle, names, -1.0),
-    )
-
-
-def _gain(names: tuple[str, ...]) -> _Hypothesis:
-    def words(size: float) -> tuple[str, str]:
-        if size < math.log(_DEAD):
-            return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
-        text = f"the readings of {_and(names)} are {_times(math.exp(size))} what they should be"
-        for sign, reason in (
-            (1.0, "m/s² was given the unit g"),
-            (-1.0, "g was given the unit m/s²"),
-        ):
-            if abs(size - sign * math.log(STANDARD_GRAVITY)) < 3.0 * _NAMED_FACTOR:
-                text += f": a column in {reason}"
-        return text, "check unit, range and scale of the sensor"
-
-    return _Hypothesis(
-        words,
-        lambda recording, vehicle, size: _scaled(recording, vehicle, names, math.exp(-size)),
-        tuple(math.log(gain) for gain in _GAINS),
-        stretch=lambda size: dict.fromkeys(names, -size),
-    )
-
-
-def _late(names: tuple[str, ...]) -> _Hypothesis:
-    return _Hypothesis(
-        lambda size: (
-            f"{_are(names)} {abs(size) * 1e3:.1f} ms {'late' if size > 0.0 else 'early'}",
-            f"give the delay of the sensor in the vehicle file, {-size:.4f} s more than now, or "
-            "have it estimated: [clocks] in the vehicle file",
-        ),
-        lambda recording, vehicle, size: _shifted(recording, vehicle, names, -size),
-        tuple(sorted(sign * lag for lag in _LAGS for sign in (1.0, -1.0))),
-    )
-
-
-def _scaled(
-    recording: Recording, vehicle: Vehicle, names: Sequence[str], factor: float
-) -> Corrected:
-    """Multiply readings of some channels, and noise and range of their sensors, by a factor."""
-    values = recording.values.copy()
-    sensors = dict(vehicle.sensors)
-    for name in names:
-        c = recording.channels.index(name)
-        sensor = vehicle.sensor(name)
-        scale = sensor.counts_scale
-        if recording.units[c] != "counts":
-            values[c] *= factor
-        elif scale is not None:
-            scale *= factor
-        ends = sorted((sensor.low * factor, sensor.high * factor))
-        size = abs(factor)
-        sensors[name] = replace(
-            sensor, counts_scale=scale, low=ends[0], high=ends[1],
-            noise=None if sensor.noise is None else sensor.noise * size,
-            resolution=None if sensor.resolution is None else sensor.resolution * size,
-        )  # fmt: skip
-    return replace(recording, values=values), replace(vehicle, sensors=sensors)
-
-
-def _shifted(
-    recording: Recording, vehicle: Vehicle, names: Sequence[str], seconds: float
-) -> Corrected:
-    """Add to the delays of some channels."""
-    declared = timing(recording).delay
-    added = []
-    for name in names:
-        own = declared[recording.channels.index(name)]
-        delay = vehicle.sensor(name).delay if own is None else own
-        added.append((f"delay {name}", f"{delay + seconds:.9f} s"))
-    return replace(recording, metadata=(*recording.metadata, *added)), vehicle
-
-
-def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[_Hypothesis]:
-    """Given values that are wrong by a factor."""
-    springs = tuple(dict.fromkeys(element.spring for element in car.elements))
-    given = [p.name for p in car.parameters if p.kind == "given" and hasattr(vehicle, p.name)]
-    own = [name for name in springs if name in given]
-    if len(own) > 1:
-        yield _factor("the spring rates of all axles", own, _SPRING_FACTORS, _SPRING_FIX)
-    for name in own:
-        axle = next(e.axle for e in car.elements if e.spring == name)
-        yield _factor(f"the {axle} spring rate", [name], _SPRING_FACTORS, _SPRING_FIX)
-    dampers = list(dict.fromkeys(element.damping for element in car.elements))
-    dampers = [name for name in dampers if hasattr(vehicle, name)]
-    for names in [dampers, *([name] for name in dampers if len(dampers) > 1)]:
-        subject = " and ".join(f"nominal {name}" for name in names)
-        yield _factor(subject, names, _DAMPING_FACTORS, _DAMPING_FIX, ())
-    if "i" in car.estimated:
-        yield _factor("the nominal pitch inertia", ["i"], _INERTIA_FACTORS, _INERTIA_FIX, ())
-    if "m" in given:
-        yield _factor("the sprung mass", ["m"], _MASS_FACTORS, _MASS_FIX)
-    if any(p.kind == "fraction" for p in car.parameters):
-        share = vehicle.wdf.value
-        yield _Hypothesis(
-            lambda size: (
-                f"the front weight fraction is that of the rear ({1.0 - share:.3f} would fit)",
-                "give the front share of the sprung weight",
-            ),
-            lambda recording, vehicle, size: (recording, _with_share(vehicle, 1.0 - share)),
-        )
-        yield _Hypothesis(
-            lambda size: (
-                f"the front weight fraction is off ({share + size:.3f} would fit)",
-                "weigh both axles",
-            ),
-            lambda recording, vehicle, size: (recording, _with_share(vehicle, share + size)),
-            (-0.1, -0.05, 0.05, 0.1),
-        )
-    if {"k_f", "k_r"} <= set(given):
-        yield _Hypothesis(
-            lambda size: ("front and rear spring rate are exchanged", "exchange them"),
-            lambda r, v, size: (r, replace(v, k_f=v.k_r, k_r=v.k_f)),
-        )
-
-
-def _with_share(vehicle: Vehicle, share: float) -> Vehicle:
-    return replace(vehicle, wdf=replace(vehicle.wdf, value=float(np.clip(share, 0.05, 0.95))))
-
-
-def _factor(
-    subject: str,
-    names: Sequence[str],
-    named: dict[float, str],
-    fix: str,
-    others: Sequence[float] = _FACTORS,
-) -> _Hypothesis:
-    """Return that given values are too large by one factor; some factors are likelier."""
-
-    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
-        scale = math.exp(-size)
-        changed = {}
-        for name in names:
-            old: Given | Nominal = getattr(vehicle, name)
-            sds = {} if old.sd is None else {"sd": old.sd * scale}
-            changed[name] = replace(old, value=old.value * scale, **sds)
-        return recording, replace(vehicle, **changed)  # type: ignore[arg-type]
-
-    def words(size: float) -> tuple[str, str]:
-        plural = "are" if len(names) > 1 else "is"
-        text = f"{subject} {plural} {_times(math.exp(size))} what the recording shows"
-        for factor, reason in named.items():
-            if abs(size + math.log(factor)) < 3.0 * _NAMED_FACTOR:
-                return f"{text}: {reason}", fix
-        return text, fix
-
-    def density(size: float) -> float:
-        nearest = min(abs(size + math.log(factor)) for factor in named) / _NAMED_FACTOR
-        known = -math.log(2.0 * len(named)) - 0.5 * nearest**2
-        return float(np.logaddexp(math.log(0.5) + _OCCAM, known)) if others else known
-
-    logs = sorted({*(-math.log(f) for f in named), *map(math.log, others)})
-    return _Hypothesis(words, undo, tuple(logs), density)
-
-
-_SPRING_FIX = (
-    "give the rate of both springs of an axle together at the wheel (spring rate times the square "
-    "of the motion ratio), and check its unit"
-)
-_DAMPING_FIX = "give the rate of all dampers of an axle together, at the wheel, and check its unit"
-_INERTIA_FIX = "give the pitch inertia of the sprung mass with driver, and check its unit"
-_MASS_FIX = (
-    "give the sprung mass with driver, without wheels, hubs and half of the links, and check its "
-    "unit"
-)
-
-
-def _of_time() -> Iterator[_Hypothesis]:
-    yield _Hypothesis(
-        lambda size: (
-            f"time runs {_times(math.exp(size))} as fast as it should: the sampling rate is wrong",
-            "check the rate and the unit of the time column",
-        ),
-        lambda r, v, size: (replace(r, time=r.time[0] + (r.time - r.time[0]) * math.exp(size)), v),
-        tuple(sorted(math.log(f) for f in _TIME_FACTORS)),
-    )
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _and(names: Sequence[str]) -> str:
-    return " and ".join(map(_words, names))
-
-
-def _are(names: Sequence[str]) -> str:
-    return f"{_and(names)} {'is' if len(names) == 1 else 'are'}"
-
-
-def _times(factor: float) -> str:
-    """Put a factor in words."""
-    if factor >= 10.0:
-        return f"{factor:.0f} times"
-    return f"{factor:.2f} times" if factor >= 0.1 else f"{factor:.2g} times"

@@ -29,7 +29,7 @@ __all__ = ["INDEX_RANGE", "Mistake", "nominal_mistakes"]
 Array = NDArray[np.float64]
 
 _WORN, _STIFFER = 0.35, 0.2  # deviations of ln(estimated/nominal)
-_REPORTED = 0.05  # probability from which on a mistake is reported
+REPORTED = 0.05  # probability from which on a mistake is reported
 _OFTEN = 4.0  # how much likelier than others the two mistakes are that most people make
 _PRIOR = 0.1  # probability that nominal damping has one of the mistakes
 _UNITS = (  # the larger unit over the smaller one
@@ -132,7 +132,7 @@ def _dampers(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
         return []
     ranked = sorted(zip(weights[1:], mistakes, strict=True), key=lambda pair: -float(pair[0]))
     fix = "give the rate of all dampers of an axle together, at the wheel, and check the unit"
-    return [Mistake(text, fix, float(p)) for p, (_, _, text) in ranked if p > _REPORTED]
+    return [Mistake(text, fix, float(p)) for p, (_, _, text) in ranked if p > REPORTED]
 
 
 def _log_wear(rho: Array) -> Array:

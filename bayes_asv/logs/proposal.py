@@ -107,7 +107,7 @@ def map_text(proposals: Sequence[Proposal], log: Log, rate: float | None) -> str
     rate : float or None
         Sampling rate that the person gave, Hz.
     """
-    name = os.path.basename(log.source)
+    name = " ".join(os.path.basename(log.source).split())  # one line, whatever the name
     lines = [f"# Channel map of {name} ({log.format}): a proposal, to be checked by a person."]
     lines += [f'rate = "{rate:g} Hz"'] if rate is not None else []
     for one in proposals:
@@ -134,9 +134,8 @@ def _candidates(log: Log, facts: Sequence[ChannelFacts]) -> list[_Candidate]:
         else:
             key = (one.source, stem(one.name), str(its.quantity), one.time.size)
             groups.setdefault(key, []).append(k)
-    if any(
-        "fork" in log.channels[k].name.lower() for k in single
-    ):  # a bicycle: its rear is a shock
+    # On a bicycle the front has a fork, and the shock is at the rear.
+    if any("fork" in log.channels[k].name.lower() for k in single):
         for k in single:
             if says[k].part == "suspension" and says[k].axle is None:
                 says[k] = replace(says[k], axle="rear")

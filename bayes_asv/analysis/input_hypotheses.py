@@ -1,0 +1,349 @@
+"""Mistakes that an input may have: what may have gone wrong, and how to undo it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.recording import Recording, timing
+from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
+from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
+from bayes_asv.models.car_model import CarModel
+
+__all__ = ["CORRECT", "Hypothesis", "hypotheses"]
+
+Corrected = tuple[Recording, Vehicle]
+
+_NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
+_DEAD = 0.05  # gain below which a sensor is called dead
+# Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
+# measured to a few hundredths of the range in which it may lie.
+_OCCAM = -4.0
+_N_PER_MM = si_factor("N/mm", "stiffness") / si_factor("lbf/in", "stiffness")
+_LBF_S_PER_IN = si_factor("lbf*s/in", "damping")
+_LB = si_factor("lbm", "mass")
+_SPRING_FACTORS = {
+    2.0: "one spring of an axle is given instead of both",
+    0.5: "both sides are counted twice",
+    _N_PER_MM: "a value in N/mm was given the unit lbf/in",
+    1.0 / _N_PER_MM: "a value in lbf/in was given the unit N/mm",
+}
+_DAMPING_FACTORS = {
+    12.0: "a value in lbf·s/in was given the unit lbf·s/ft",
+    1.0 / 12.0: "a value in lbf·s/ft was given the unit lbf·s/in",
+    _LBF_S_PER_IN: "a value in lbf·s/in was given the unit N·s/m",
+    1.0 / _LBF_S_PER_IN: "a value in N·s/m was given the unit lbf·s/in",
+    1e3: "a value in N·s/mm was given the unit N·s/m",
+    1e-3: "a value in N·s/m was given the unit N·s/mm",
+}
+_MASS_FACTORS = {
+    1.0 / _LB: "a value in kg was given the unit lb",
+    _LB: "a value in lb was given the unit kg",
+}
+_INERTIA_UNITS = {
+    "kg·m²": "kg*m^2", "lbf·s²·in": "lbf*s^2*in", "slug·ft²": "lbf*s^2*ft", "lb·ft²": "lbm*ft^2",
+    "lb·in²": "lbm*in^2",
+}  # fmt: skip
+_INERTIA_FACTORS = {
+    si_factor(true, "pitch_inertia") / si_factor(given, "pitch_inertia"): (
+        f"a value in {true_name} was given the unit {given_name}"
+    )
+    for true_name, true in _INERTIA_UNITS.items()
+    for given_name, given in _INERTIA_UNITS.items()
+    if true != given
+}
+# Where the search for a size begins; between them the fit finds its way.
+_TIME_FACTORS = (0.25, 0.4, 0.5, 0.7, 0.8, 1.25, 1.4, 2.0, 2.5, 4.0)
+_GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
+_LAGS = (0.005, 0.02)  # s
+_FACTORS = (0.45, 0.75, 1.35, 2.2)
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What may be wrong, and how to undo it.
+
+    Parameters
+    ----------
+    words : callable
+        From the size of the mistake to words and fix.
+    undo : callable
+        From recording, vehicle and size to those without the mistake.
+    sizes : tuple of float
+        Where the search for the size begins; empty for a mistake without one.
+    density : callable
+        From the size to the logarithm of its prior probability.
+    stretch : callable
+        From the size to the logarithms of the factors by which undoing it stretches the readings
+        of channels, by name.
+    """
+
+    words: Callable[[float], tuple[str, str]]
+    undo: Callable[[Recording, Vehicle, float], Corrected]
+    sizes: tuple[float, ...] = ()
+    density: Callable[[float], float] = lambda size: 0.0 if size == 0.0 else _OCCAM
+    stretch: Callable[[float], dict[str, float]] = lambda size: {}
+
+
+CORRECT = Hypothesis(lambda size: ("", ""), lambda recording, vehicle, size: (recording, vehicle))
+
+
+def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
+    """Yield the mistakes that an input with these channels and given values may have."""
+    channels = [vehicle.channel(name) for name in recording.channels]
+    channels = [channel for channel in channels if car.explains(channel)]
+    yield from _of_columns(channels)
+    yield from _of_readings(channels)
+    yield from _of_given_values(vehicle, car)
+    yield from _of_time()
+
+
+def _of_columns(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
+    """Columns that were exchanged."""
+    names = {channel.name: channel for channel in channels}
+    for one, other in combinations(channels, 2):
+        if one.quantity == other.quantity:
+            yield _exchange([(one.name, other.name)])
+    mirrored = [(n, n.replace("front", "rear", 1)) for n in names if n.startswith("front")]
+    mirrored = [pair for pair in mirrored if pair[1] in names]
+    if len(mirrored) > 1:
+        yield _exchange(mirrored)
+    ends = [(n, n.replace("wheel", "chassis")) for n in names if n.endswith("wheel")]
+    ends = [pair for pair in ends if pair[1] in names]
+    if len(ends) > 1:
+        yield _exchange(ends)
+
+
+def _exchange(pairs: Sequence[tuple[str, str]]) -> Hypothesis:
+    partner = dict(pairs) | {b: a for a, b in pairs}
+    text = ", and ".join(f"{_words(a)} and {_words(b)}" for a, b in pairs)
+
+    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
+        order = [recording.channels.index(partner.get(name, name)) for name in recording.channels]
+        units = tuple(recording.units[k] for k in order)
+        return replace(recording, values=recording.values[order], units=units), vehicle
+
+    return Hypothesis(
+        lambda size: (f"the columns of {text} are exchanged", "exchange their names"), undo
+    )
+
+
+def _of_readings(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
+    """Signs, gains and lags of channels."""
+    outputs = tuple(channel.name for channel in channels if not channel.is_input)
+    axles = [tuple(c.name for c in channels if c.axle == axle) for axle in ("front", "rear")]
+    alone = [(channel.name,) for channel in channels]
+    for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
+        yield _inverted(names)
+        yield _gain(names)
+        yield _late(names)
+    for names in axles:  # of one logger; a gain of both its sensors is another car
+        if 1 < len(names) < len(channels):
+            yield _late(names)
+
+
+def _inverted(names: tuple[str, ...]) -> Hypothesis:
+    fix = "change the sign of the column, or of counts_scale in the vehicle file"
+    return Hypothesis(
+        lambda size: (f"{_are(names)} upside down", fix),
+        lambda recording, vehicle, size: _scaled(recording, vehicle, names, -1.0),
+    )
+
+
+def _gain(names: tuple[str, ...]) -> Hypothesis:
+    def words(size: float) -> tuple[str, str]:
+        if size < math.log(_DEAD):
+            return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
+        text = f"the readings of {_and(names)} are {_times(math.exp(size))} what they should be"
+        for sign, reason in (
+            (1.0, "m/s² was given the unit g"),
+            (-1.0, "g was given the unit m/s²"),
+        ):
+            if abs(size - sign * math.log(STANDARD_GRAVITY)) < 3.0 * _NAMED_FACTOR:
+                text += f": a column in {reason}"
+        return text, "check unit, range and scale of the sensor"
+
+    return Hypothesis(
+        words,
+        lambda recording, vehicle, size: _scaled(recording, vehicle, names, math.exp(-size)),
+        tuple(math.log(gain) for gain in _GAINS),
+        stretch=lambda size: dict.fromkeys(names, -size),
+    )
+
+
+def _late(names: tuple[str, ...]) -> Hypothesis:
+    return Hypothesis(
+        lambda size: (
+            f"{_are(names)} {abs(size) * 1e3:.1f} ms {'late' if size > 0.0 else 'early'}",
+            f"give the delay of the sensor in the vehicle file, {-size:.4f} s more than now, or "
+            "have it estimated: [clocks] in the vehicle file",
+        ),
+        lambda recording, vehicle, size: _shifted(recording, vehicle, names, -size),
+        tuple(sorted(sign * lag for lag in _LAGS for sign in (1.0, -1.0))),
+    )
+
+
+def _scaled(
+    recording: Recording, vehicle: Vehicle, names: Sequence[str], factor: float
+) -> Corrected:
+    """Multiply readings of some channels, and noise and range of their sensors, by a factor."""
+    values = recording.values.copy()
+    sensors = dict(vehicle.sensors)
+    for name in names:
+        c = recording.channels.index(name)
+        sensor = vehicle.sensor(name)
+        scale = sensor.counts_scale
+        if recording.units[c] != "counts":
+            values[c] *= factor
+        elif scale is not None:
+            scale *= factor
+        ends = sorted((sensor.low * factor, sensor.high * factor))
+        size = abs(factor)
+        sensors[name] = replace(
+            sensor, counts_scale=scale, low=ends[0], high=ends[1],
+            noise=None if sensor.noise is None else sensor.noise * size,
+            resolution=None if sensor.resolution is None else sensor.resolution * size,
+        )  # fmt: skip
+    return replace(recording, values=values), replace(vehicle, sensors=sensors)
+
+
+def _shifted(
+    recording: Recording, vehicle: Vehicle, names: Sequence[str], seconds: float
+) -> Corrected:
+    """Add to the delays of some channels."""
+    declared = timing(recording).delay
+    added = []
+    for name in names:
+        own = declared[recording.channels.index(name)]
+        delay = vehicle.sensor(name).delay if own is None else own
+        added.append((f"delay {name}", f"{delay + seconds:.9f} s"))
+    return replace(recording, metadata=(*recording.metadata, *added)), vehicle
+
+
+def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
+    """Given values that are wrong by a factor."""
+    springs = tuple(dict.fromkeys(element.spring for element in car.elements))
+    given = [p.name for p in car.parameters if p.kind == "given" and hasattr(vehicle, p.name)]
+    own = [name for name in springs if name in given]
+    if len(own) > 1:
+        yield _factor("the spring rates of all axles", own, _SPRING_FACTORS, _SPRING_FIX)
+    for name in own:
+        axle = next(e.axle for e in car.elements if e.spring == name)
+        yield _factor(f"the {axle} spring rate", [name], _SPRING_FACTORS, _SPRING_FIX)
+    dampers = list(dict.fromkeys(element.damping for element in car.elements))
+    dampers = [name for name in dampers if hasattr(vehicle, name)]
+    for names in [dampers, *([name] for name in dampers if len(dampers) > 1)]:
+        subject = " and ".join(f"nominal {name}" for name in names)
+        yield _factor(subject, names, _DAMPING_FACTORS, _DAMPING_FIX, ())
+    if "i" in car.estimated:
+        yield _factor("the nominal pitch inertia", ["i"], _INERTIA_FACTORS, _INERTIA_FIX, ())
+    if "m" in given:
+        yield _factor("the sprung mass", ["m"], _MASS_FACTORS, _MASS_FIX)
+    if any(p.kind == "fraction" for p in car.parameters):
+        share = vehicle.wdf.value
+        yield Hypothesis(
+            lambda size: (
+                f"the front weight fraction is that of the rear ({1.0 - share:.3f} would fit)",
+                "give the front share of the sprung weight",
+            ),
+            lambda recording, vehicle, size: (recording, _with_share(vehicle, 1.0 - share)),
+        )
+        yield Hypothesis(
+            lambda size: (
+                f"the front weight fraction is off ({share + size:.3f} would fit)",
+                "weigh both axles",
+            ),
+            lambda recording, vehicle, size: (recording, _with_share(vehicle, share + size)),
+            (-0.1, -0.05, 0.05, 0.1),
+        )
+    if {"k_f", "k_r"} <= set(given):
+        yield Hypothesis(
+            lambda size: ("front and rear spring rate are exchanged", "exchange them"),
+            lambda r, v, size: (r, replace(v, k_f=v.k_r, k_r=v.k_f)),
+        )
+
+
+def _with_share(vehicle: Vehicle, share: float) -> Vehicle:
+    return replace(vehicle, wdf=replace(vehicle.wdf, value=float(np.clip(share, 0.05, 0.95))))
+
+
+def _factor(
+    subject: str,
+    names: Sequence[str],
+    named: dict[float, str],
+    fix: str,
+    others: Sequence[float] = _FACTORS,
+) -> Hypothesis:
+    """Return that given values are too large by one factor; some factors are likelier."""
+
+    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
+        scale = math.exp(-size)
+        changed = {}
+        for name in names:
+            old: Given | Nominal = getattr(vehicle, name)
+            sds = {} if old.sd is None else {"sd": old.sd * scale}
+            changed[name] = replace(old, value=old.value * scale, **sds)
+        return recording, replace(vehicle, **changed)  # type: ignore[arg-type]
+
+    def words(size: float) -> tuple[str, str]:
+        plural = "are" if len(names) > 1 else "is"
+        text = f"{subject} {plural} {_times(math.exp(size))} what the recording shows"
+        for factor, reason in named.items():
+            if abs(size + math.log(factor)) < 3.0 * _NAMED_FACTOR:
+                return f"{text}: {reason}", fix
+        return text, fix
+
+    def density(size: float) -> float:
+        nearest = min(abs(size + math.log(factor)) for factor in named) / _NAMED_FACTOR
+        known = -math.log(2.0 * len(named)) - 0.5 * nearest**2
+        return float(np.logaddexp(math.log(0.5) + _OCCAM, known)) if others else known
+
+    logs = sorted({*(-math.log(f) for f in named), *map(math.log, others)})
+    return Hypothesis(words, undo, tuple(logs), density)
+
+
+_SPRING_FIX = (
+    "give the rate of both springs of an axle together at the wheel (spring rate times the square "
+    "of the motion ratio), and check its unit"
+)
+_DAMPING_FIX = "give the rate of all dampers of an axle together, at the wheel, and check its unit"
+_INERTIA_FIX = "give the pitch inertia of the sprung mass with driver, and check its unit"
+_MASS_FIX = (
+    "give the sprung mass with driver, without wheels, hubs and half of the links, and check its "
+    "unit"
+)
+
+
+def _of_time() -> Iterator[Hypothesis]:
+    yield Hypothesis(
+        lambda size: (
+            f"time runs {_times(math.exp(size))} as fast as it should: the sampling rate is wrong",
+            "check the rate and the unit of the time column",
+        ),
+        lambda r, v, size: (replace(r, time=r.time[0] + (r.time - r.time[0]) * math.exp(size)), v),
+        tuple(sorted(math.log(f) for f in _TIME_FACTORS)),
+    )
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(map(_words, names))
+
+
+def _are(names: Sequence[str]) -> str:
+    return f"{_and(names)} {'is' if len(names) == 1 else 'are'}"
+
+
+def _times(factor: float) -> str:
+    """Put a factor in words."""
+    if factor >= 10.0:
+        return f"{factor:.0f} times"
+    return f"{factor:.2f} times" if factor >= 0.1 else f"{factor:.2g} times"

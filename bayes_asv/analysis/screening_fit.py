@@ -1,0 +1,159 @@
+"""A quick fit of recordings, to tell whether an input can be right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from bayes_asv.domain.recording import Recording, nominal_rate
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.kalman import VALUE
+from bayes_asv.models.cars import car_model
+from bayes_asv.models.modes import nominal_modes
+from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.residual_ar import long_run_variance
+from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
+from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+
+__all__ = ["COARSE_STEPS", "STEPS", "Fit", "screening_fit"]
+
+Array = NDArray[np.float64]
+
+STEPS, COARSE_STEPS = 25, 6  # evaluations of the Jacobian at most; the right model needs six
+_HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
+_MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
+
+
+class Fit(NamedTuple):
+    """A fit with the noise as declared, and how likely it is with as much noise as it needs.
+
+    Parameters
+    ----------
+    log_posterior : float
+        At the mode, not normalised, with the deviations of all noise multiplied by one factor.
+    noise_factor : float
+        That factor, which makes the mean square of the normalised innovations one; at least one.
+    dispersion : float
+        Long-run variance of the innovations with the noise as declared, at least one.
+    holds : bool
+        Whether that is no more than noise makes of it.
+    moved : dict of str to float
+        Given values at the mode, in deviations from what was given.
+    values : dict of str to float
+        Parameters of the car at the mode, SI units.
+    """
+
+    log_posterior: float
+    noise_factor: float
+    dispersion: float
+    holds: bool
+    moved: dict[str, float]
+    values: dict[str, float]
+
+
+def screening_fit(
+    recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", steps: int = STEPS
+) -> Fit | None:
+    """Fit recordings with the sensors' noise as declared.
+
+    Returns None where a channel is dead, or the car moves between the samples.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Runs of one car.
+    vehicle : Vehicle
+        The car as given.
+    car : str
+        Name of the car model.
+    steps : int
+        Evaluations of the Jacobian at most.
+    """
+    model = car_model(car, vehicle)
+    least = min_sampling_rate(nominal_modes(model))
+    for recording in recordings:
+        if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
+            return None
+    lines = tuple(prepare(one, vehicle, model) for one in recordings)
+    target = Posterior(space(vehicle, lines), tuple(WHITE for _ in lines))
+    n = target.space.shared_dimension
+    dimension = target.space.dimension
+
+    def at(car_part: Array) -> Array:
+        z = np.zeros(dimension)
+        z[:n] = car_part
+        return z
+
+    def residual(car_part: Array) -> Array:
+        z = at(car_part)
+        parts = [target.innovations(z, run).ravel() for run in range(len(lines))]
+        every = np.concatenate([*parts, car_part])
+        return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
+
+    fit = least_squares(
+        residual, np.zeros(n), bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
+    )
+    z = at(fit.x)
+    # With more noise the prior counts for more, so that another mode is the likeliest.
+    noise_factor, noisy = _noise_factor(target, z), z
+    if noise_factor > _MORE_NOISE and steps > COARSE_STEPS:
+        scale = np.append(np.full(fit.fun.size - n, noise_factor), np.ones(n))
+
+        def scaled(car_part: Array) -> Array:
+            return np.asarray(residual(car_part) / scale)
+
+        again = least_squares(
+            scaled, fit.x, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
+        )
+        noisy = at(again.x)
+        noise_factor = _noise_factor(target, noisy)
+    value = float(target.log_posterior(noisy[None])[0])
+    if not math.isfinite(value):
+        return None
+    count, square = _innovations(target, noisy)
+    value += 0.5 * square * (1.0 - noise_factor**-2) - count * math.log(noise_factor)
+    values = {name: float(x[0]) for name, x in target.space.values(z[None]).items()}
+    moved = {}
+    for p in model.parameters:
+        if p.kind == "fraction":
+            sd = p.terms[0][2]
+            moved[p.name] = (values[p.name] - p.nominal) / sd if sd > 0.0 else 0.0
+        elif p.kind == "given":
+            sd = math.sqrt(sum((c * sd) ** 2 for _, c, sd in p.terms))
+            moved[p.name] = math.log(values[p.name] / p.nominal) / sd if sd > 0.0 else 0.0
+    spread = [
+        long_run_variance(target.innovations(z, run), line.kind == VALUE, line.instants)
+        for run, line in enumerate(lines)
+    ]
+    dispersion = max(1.0, *spread)
+    filtered = max(_of_filtered_noise(line) for line in lines)
+    return Fit(value, noise_factor, dispersion, dispersion < _HOLDS * filtered, moved, values)
+
+
+def _innovations(target: Posterior, z: Array) -> tuple[int, float]:
+    """Count the normalised innovations of all runs, and sum their squares."""
+    every = np.concatenate(
+        [target.innovations(z, run).ravel() for run in range(len(target.space.timelines))]
+    )
+    there = np.isfinite(every) & (every != 0.0)
+    return int(np.count_nonzero(there)), float(np.sum(every[there] ** 2))
+
+
+def _noise_factor(target: Posterior, z: Array) -> float:
+    """Root mean square of the normalised innovations, at least one."""
+    count, square = _innovations(target, z)
+    return math.sqrt(max(1.0, square / max(count, 1)))
+
+
+def _of_filtered_noise(line: PreparedRecording) -> float:
+    """Long-run variance of noise that passed the outputs' filters, over that of white noise."""
+    step = float(np.median(np.diff(line.times[0])))
+    poles = line.poles[list(line.outputs)]
+    left = np.exp(-poles[poles > 0.0] * step)
+    return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
