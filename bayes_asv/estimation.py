@@ -354,7 +354,7 @@ def _estimate_prepared(
                 reasons, warnings = found.reasons, warnings + found.warnings
                 # At the mode the same is known better than at nominal values.
                 unidentified = () if found.mode.converged else unidentified
-            run_ensembles = loading.result().run_ensembles
+            sampler = loading.result()
     warnings += unidentified
     doubt = None
     if below is None and not sites:
@@ -381,13 +381,13 @@ def _estimate_prepared(
         warnings = (doubt.sentence, *warnings)
     where, target = found.space, found.target
     tell(0.1, "sampling")
-    ensembles = run_ensembles(
+    ensembles = sampler.run_ensembles(
         # the parameters of a force law are too far from linear for an expansion at the mode
         target if timed is None or sites else target.expanded(found.mode.z, found.mode.covariance),
         found.mode,
         seed,
         None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
-        **({"most": _STEPS_IN_DOUBT} if doubt is not None and doubt.mistakes else {}),
+        _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
     )
     flat = ensembles.draws.reshape(-1, where.dimension)
     by_ensemble = ensembles.log_posterior.shape

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from bayes_asv.posterior.newton import Mode
 from bayes_asv.posterior.proposal import Proposal
 
-__all__ = ["ENSEMBLES", "Ensembles", "run_ensembles"]
+__all__ = ["ENSEMBLES", "MAX_STEPS", "Ensembles", "run_ensembles"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -35,7 +35,7 @@ _TAILS = (0.05, 0.95)
 _BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
 _WALKERS = 32
 _BLOCK = 30
-_MOST = 800  # steps
+MAX_STEPS = 800
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Density(Protocol):
 
 
 def run_ensembles(
-    target: Density, mode: Mode, seed: int, progress: Progress | None = None, most: int = _MOST
+    target: Density, mode: Mode, seed: int, progress: Progress | None = None, most: int = MAX_STEPS
 ) -> Ensembles:
     """Sample the posterior.
 
