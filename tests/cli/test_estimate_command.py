@@ -149,7 +149,7 @@ def test_not_converged_is_status_4(
 
     whole = sampler.run_ensembles
     monkeypatch.setattr(
-        sampler, "run_ensembles", lambda target, mode, seed, _: whole(target, mode, seed, most=30)
+        sampler, "run_ensembles", lambda target, mode, seed, *_: whole(target, mode, seed, most=30)
     )
     monkeypatch.setattr(sampler, "ESS_WANTED", 1e9)
     said = invoke("estimate", stops, "-v", baja, "--json", tmp_path / "x.json")
