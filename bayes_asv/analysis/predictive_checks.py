@@ -39,14 +39,12 @@ from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
 
-__all__ = ["BANDS", "UNLIKELY", "Check", "predictive_checks"]
+__all__ = ["BANDS", "Check", "predictive_checks"]
 
 Array = NDArray[np.float64]
 
 BANDS = ((0.5, 5.0), (5.0, 15.0), (15.0, np.inf))
 """Body, wheel hop, and above: Hz."""
-UNLIKELY = 0.01
-"""Probability, corrected for the number of checks of a run, below which a check is told."""
 
 _CARS = 40  # draws of the posterior, and
 _PATHS = 20  # records of noise for each

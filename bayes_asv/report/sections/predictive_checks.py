@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from bayes_asv.analysis.predictive_checks import UNLIKELY
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Check, Run
 from bayes_asv.report.sections.blocks import Block, Section, Table
@@ -14,6 +13,7 @@ from bayes_asv.report.words import number, p_value, plain, probability, readable
 
 __all__ = ["SECTION"]
 
+_SIGNIFICANT: Final = 0.01  # corrected p-value below which the first page reports a check
 
 _BANDS: Final = {0.5: "body band", 5.0: "wheel-hop band", 15.0: "band above"}
 _MARK: Final = "✱"
@@ -79,7 +79,7 @@ def _by_surprise(checks: Sequence[Check]) -> list[Check]:
 
 
 def _significant(run: Run) -> list[Check]:
-    return _by_surprise([c for c in run.checks if c.p_family < UNLIKELY])
+    return _by_surprise([c for c in run.checks if c.p_family < _SIGNIFICANT])
 
 
 def _sentence(significant: Sequence[tuple[Run, Check]], count: int) -> str:
@@ -139,7 +139,7 @@ def _label(check: Check) -> str:
 def _cells(check: Check) -> list[str]:
     low, high = check.replicated.eti95
     sd = 0.25 * (high - low)
-    mark = f" {_MARK}" if check.p_family < UNLIKELY else ""
+    mark = f" {_MARK}" if check.p_family < _SIGNIFICANT else ""
     return [
         number(check.observed, sd),
         f"{number(low, sd)} to {number(high, sd)}",
