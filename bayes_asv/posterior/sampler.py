@@ -20,6 +20,7 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
 from bayes_asv.posterior.newton import Mode
 from bayes_asv.posterior.proposal import Proposal
 
@@ -29,8 +30,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 ENSEMBLES = 4
-ESS_WANTED = 1000.0
-RHAT_WANTED = 1.01
 _TAILS = (0.05, 0.95)
 _BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
 _WALKERS = 32

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from bayes_asv.posterior.sampler import ESS_WANTED, RHAT_WANTED
+from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Diagnostics
 from bayes_asv.report.sections.blocks import Block, Section, Text
