@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import read_vehicle
-from bayes_asv.models.from_vehicle import full_car
-from bayes_asv.models.full_car import FullCar7
 from bayes_asv.models.mode_shapes import CarMode, car_modes
+from bayes_asv.models.textbook_cars import FullCar7, full_car
 
 __all__ = ["PICTURE", "draw_modes"]
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from bayes_asv import __version__
 from bayes_asv.analysis.uncertainty_budget import Shift, find_budget
-from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
+from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Fault, with_fault
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs

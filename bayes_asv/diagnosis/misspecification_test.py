@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from bayes_asv.diagnosis.denoised_model import denoised_model
-from bayes_asv.diagnosis.max_score_test import max_score_p_value
 from bayes_asv.diagnosis.residual_tests import timing_jitter_test, whiteness_test
-from bayes_asv.diagnosis.score_test import nuisance_projection
+from bayes_asv.diagnosis.score_test import max_score_p_value, nuisance_projection
 from bayes_asv.diagnosis.thresholds import (
     ALTERNATIVE_MARGIN,
     DECISIVE_EVIDENCE,
@@ -35,7 +34,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     projection_with_tolerances,
     with_offset,
 )
-from bayes_asv.diagnosis.unlisted_faults_test import free_force_evidence, unlisted_fault_scores
+from bayes_asv.diagnosis.unlisted_faults import free_force_evidence, unlisted_fault_scores
 from bayes_asv.posterior.fisher_scoring import LaplaceFit, slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 from bayes_asv.posterior.likelihood import Posterior, shared_work

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from bayes_asv.diagnosis.denoised_model import denoised_model, fit_denoised
-from bayes_asv.diagnosis.max_score_test import family_p_value, with_best_pulses
 from bayes_asv.diagnosis.results import NamedEffect
-from bayes_asv.diagnosis.savage_dickey import evidence_as_tolerance
-from bayes_asv.diagnosis.score_test import ScoreTest, score_test
+from bayes_asv.diagnosis.score_test import ScoreTest, family_p_value, score_test, with_best_pulses
 from bayes_asv.diagnosis.thresholds import NEEDED_EVIDENCE
-from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, tolerance_evidence
+from bayes_asv.diagnosis.tolerance_prior import (
+    ModelEvidence,
+    evidence_as_tolerance,
+    tolerance_evidence,
+)
 from bayes_asv.models.effects import Site
-from bayes_asv.posterior.effect_candidates import Candidate, candidates
+from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, fit_again, update_patterns
 
 __all__ = [

@@ -18,18 +18,16 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from bayes_asv.diagnosis.denoised_model import denoised_model
-from bayes_asv.diagnosis.max_score_test import one_sided_squares
-from bayes_asv.diagnosis.savage_dickey import evidence_as_tolerance
-from bayes_asv.diagnosis.score_test import ScoreTest, score_test, standardized
+from bayes_asv.diagnosis.score_test import ScoreTest, one_sided_squares, score_test, standardized
 from bayes_asv.diagnosis.thresholds import PRIOR_NONE, SPLIT_EVIDENCE
 from bayes_asv.diagnosis.tolerance_prior import (
     ModelEvidence,
+    evidence_as_tolerance,
     marginal_scores,
     tolerance_evidence,
 )
 from bayes_asv.models.effects import BOTH, Site
-from bayes_asv.posterior.effect_candidates import Candidate
-from bayes_asv.posterior.effect_fit import added
+from bayes_asv.posterior.effect_fit import Candidate, added
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 
 __all__ = [

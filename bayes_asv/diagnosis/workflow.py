@@ -27,11 +27,10 @@ from bayes_asv.diagnosis.forward_selection import (
     Selection,
     select_effects,
     start_selection,
+    with_indistinguishable,
 )
 from bayes_asv.diagnosis.holdout_validation import Split, validate
-from bayes_asv.diagnosis.indistinguishable import with_indistinguishable
 from bayes_asv.diagnosis.localization import localize
-from bayes_asv.diagnosis.max_score_test import one_sided_squares
 from bayes_asv.diagnosis.misspecification_test import best_alternative, misspecification_tests
 from bayes_asv.diagnosis.model_assessment import (
     AssessedModel,
@@ -47,6 +46,7 @@ from bayes_asv.diagnosis.model_comparison import (
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
+from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.domain.clocks import declared_clocks
 from bayes_asv.domain.recording import Recording

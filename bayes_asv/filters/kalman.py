@@ -1,8 +1,8 @@
 """Kalman filter of a car with noisy inputs: linear, or extended where its suspension is not.
 
 What it computes for a linear car is the exact Gaussian marginal likelihood of one recording, with
-initial state, biases and sensor noise integrated out (see :mod:`.prediction` for the model and
-:mod:`.measurement` for readings at a rail).  With force laws it is an extended Kalman filter (see
+initial state, biases and sensor noise integrated out (see :mod:`.prediction` for the model
+and for readings at a rail).  With force laws it is an extended Kalman filter (see
 :mod:`.suspension_forces`).  Residual autocorrelation is the business of :mod:`.kalman_ar`.
 
 One recursion is compiled for each combination of sizes, once for a single set of parameters and
@@ -20,28 +20,26 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.measurement import (
+from bayes_asv.filters.prediction import (
     AT_LEAST,
     AT_MOST,
     LOG_2PI,
     MISSING,
-    VALUE,
-    condition,
-    condition_on_bound,
-    condition_on_value,
-    predicted_reading,
-    project,
-)  # fmt: skip
-from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
     TAYLOR,
+    VALUE,
     advance_mean,
+    condition,
+    condition_on_bound,
+    condition_on_value,
     decays,
     discretize,
     power_series,
     predict_covariance,
-)  # fmt: skip
+    predicted_reading,
+    project,
+)  # fmt: skip  # fmt: skip
 from bayes_asv.filters.suspension_forces import advance_forces, force_weights, linearise
 
 __all__ = [

@@ -23,15 +23,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace
-from bayes_asv.filters.measurement import LOG_2PI, VALUE, project
 from bayes_asv.filters.prediction import (
+    LOG_2PI,
     OPTIONS,
     ORDER,
     TAYLOR,
+    VALUE,
     decays,
     discretize,
     power_series,
     predict_covariance,
+    project,
 )
 
 __all__ = ["innovations", "log_likelihood"]

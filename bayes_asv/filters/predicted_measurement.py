@@ -1,4 +1,4 @@
-"""Measurement prediction of the unscented filter from its sigma points, compiled."""
+"""Predicted measurement of the unscented filter: readings of all sigma points, and their mean."""
 
 from __future__ import annotations
 
@@ -9,14 +9,111 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import IN_PLACE
+from bayes_asv.filters.prediction import IN_PLACE, OPTIONS
 from bayes_asv.filters.simd_batch import set_states
-from bayes_asv.filters.simd_layout import Rows
-from bayes_asv.filters.simd_outputs import outputs
-from bayes_asv.filters.simd_source import Shape
+from bayes_asv.filters.simd_layout import LANES, Rows, Shape, accelerations, lane_offset
 from bayes_asv.filters.ukf_state import Sizes
 
-__all__ = ["SIGMA_DISTANCE", "predict_measurement"]
+__all__ = [
+    "SIGMA_DISTANCE",
+    "interaction_variance",
+    "odd_parts",
+    "output_matrix",
+    "outputs",
+    "predict_measurement",
+]
+
+
+@njit(**OPTIONS)
+def outputs(
+    rows: Rows,
+    shape: Shape,
+    W: Array,
+    p: int,
+    output_row: NDArray[np.int64],
+    by_row: Array,
+    by_state: Array,
+    reads_states: bool,
+    y: Array,
+) -> None:
+    """Fill ``y`` (1 + 2 p, ny) with the readings at all sigma points; see :class:`Model`."""
+    size = np.uint64(rows.size)
+    for b in range((2 * p + LANES) // LANES):
+        accelerations(shape, W, np.uint64(b) * size)
+    for o in range(by_row.shape[0]):
+        row = np.uint64(rows.slope) + np.uint64(output_row[o]) * np.uint64(LANES)
+        gain = np.uint64(rows.gain) + np.uint64(o) * np.uint64(LANES)
+        by = by_row[o]
+        for lane in range(1 + 2 * p):
+            at = np.uint64(lane >> 3) * size + np.uint64(lane & 7)
+            value = by * W[at + row]
+            if reads_states:
+                for a in range(by_state.shape[1]):
+                    value += by_state[o, a] * W[at + np.uint64(rows.before + a * LANES)]
+            y[lane, o] = W[at + gain] * value
+
+
+@njit(**IN_PLACE)
+def odd_parts(sizes: Sizes, rows: Rows, W: Array, p: int, distance: float, odd: Array) -> None:
+    """Fill ``odd`` (p, nR · 2 ne): derivatives of the accelerations along each direction."""
+    half = 0.5 / distance
+    for i in range(p):
+        up, down = lane_offset(1 + 2 * i, rows.size), lane_offset(2 + 2 * i, rows.size)
+        for a in range(sizes.rows * 2 * sizes.elements):
+            row = np.uint64(rows.A + a * LANES)
+            odd[i, a] = half * (W[up + row] - W[down + row])
+
+
+@njit(**IN_PLACE)
+def interaction_variance(sizes: Sizes, odd: Array, Pi: Array, work: Array, B: Array) -> None:
+    """Fill B (nR, nR): variance of accelerations due to uncertain parameters times uncertain state.
+
+    Accelerations are bilinear in parameters and state.  Sigma points along the axes do not see the
+    variance Σ_i A_i Π A_iᵀ, with A_i the odd part of their rows along direction i.  ``work``
+    (2 ne,) is room to work in.
+    """
+    nc, nR = 2 * sizes.elements, sizes.rows
+    for r in range(nR):
+        for s in range(r + 1):
+            B[r, s] = 0.0
+    for i in range(odd.shape[0]):
+        for r in range(nR):
+            for a in range(nc):
+                total = 0.0
+                for b in range(nc):
+                    total += Pi[a, b] * odd[i, nc * r + b]
+                work[a] = total
+            for s in range(r + 1):
+                total = 0.0
+                for a in range(nc):
+                    total += odd[i, nc * s + a] * work[a]
+                B[r, s] += total
+    for r in range(nR):
+        for s in range(r):
+            B[s, r] = B[r, s]
+
+
+@njit(**IN_PLACE)
+def output_matrix(
+    sizes: Sizes,
+    rows: Rows,
+    W: Array,
+    output_row: NDArray[np.int64],
+    by_row: Array,
+    by_state: Array,
+    C: Array,
+    gain: Array,
+) -> None:
+    """Fill C (ny, nx), readings by the states at the reference, and the gains (ny,)."""
+    nc = 2 * sizes.elements
+    for o in range(sizes.outputs):
+        gain[o] = W[np.uint64(rows.gain + o * LANES)]
+        first = np.uint64(rows.A) + np.uint64(output_row[o]) * np.uint64(nc * LANES)
+        for a in range(sizes.motion):
+            C[o, a] = gain[o] * by_state[o, a]
+        for a in range(nc):
+            C[o, a] += gain[o] * (by_row[o] * W[first + np.uint64(a * LANES)])
+
 
 Array = NDArray[np.float64]
 

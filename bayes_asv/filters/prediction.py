@@ -1,6 +1,7 @@
-"""Prediction step of a linear state-space model with smooth inputs, compiled into each filter.
+"""Prediction step and measurement update of a Kalman filter, compiled into each filter.
 
-The model of one recording, over a step of length h that ends at an instant of observation::
+The model of one recording is linear in its state.  Over a step of length h that ends at an instant
+of observation::
 
     x⁺ = Φ x + ∫ Φ(h−s) B û(s) ds − Γ (N d + w) + white noise      Φ = exp(A h),  Γ = ∫ Φ(s) B ds
     w⁺ = ρ w + …      d⁺ = d      b⁺ = b      v⁺ = ρ v + …
@@ -12,6 +13,10 @@ input and output sensors, b the biases of the outputs.  The order of the filter'
 
 Every array ends in an axis of L lanes, each of which holds one set of parameters: the compiler
 takes lanes side by side.  Sizes are arguments that each filter fixes when it is compiled.
+
+The measurement update takes one output at a time: y reads C x + b + v + white noise.  A reading at
+the rail of its sensor is a bound: its log-likelihood is that of a tail of the normal distribution,
+and the state is conditioned on it by matching two moments.
 """
 
 from __future__ import annotations
@@ -23,9 +28,42 @@ from numba import njit
 from numpy.typing import NDArray
 
 __all__ = [
-    "INLINE", "IN_PLACE", "OPTIONS", "ORDER", "TAYLOR", "advance_mean", "decays", "discretize",
-    "power_series", "predict_covariance",
-]  # fmt: skip
+    "AT_LEAST",
+    "AT_MOST",
+    "INLINE",
+    "IN_PLACE",
+    "LOG_2PI",
+    "MISSING",
+    "OPTIONS",
+    "ORDER",
+    "TAYLOR",
+    "VALUE",
+    "advance_mean",
+    "condition",
+    "condition_on_bound",
+    "condition_on_value",
+    "decays",
+    "discretize",
+    "power_series",
+    "predict_covariance",
+    "predicted_reading",
+    "project",
+    "upper_tail",
+]
+
+_LOG_2PI = math.log(2.0 * math.pi)
+_SQRT_2 = math.sqrt(2.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def upper_tail(z: float) -> tuple[float, float]:
+    """Logarithm of P(Z > z), and the hazard φ(z)/P(Z > z) of a standard normal Z."""
+    if z < 25.0:
+        tail = 0.5 * math.erfc(z / _SQRT_2)
+        return math.log(tail), math.exp(-0.5 * z * z - 0.5 * _LOG_2PI) / tail
+    hazard = z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / z)))  # Laplace's continued fraction
+    return -0.5 * z * z - 0.5 * _LOG_2PI - math.log(hazard), hazard
+
 
 ORDER = 8
 """Input moments that are kept; with `TAYLOR` it bounds the step, see the time line."""
@@ -288,3 +326,81 @@ def predict_covariance(
         k = coupled + ny + y
         for q in range(lanes):
             P[k, k, q] += filtered[nu + y, q] * (1.0 - decay[k, q] * decay[k, q])
+
+
+MISSING, VALUE, AT_LEAST, AT_MOST = 0, 1, 2, 3  # kinds of reading
+LOG_2PI = math.log(2.0 * math.pi)
+
+
+@njit(**INLINE)
+def project(
+    y: int, rows: int, coupled: int, ny: int, lanes: int, C: Array, P: Array, PC: Array, S: Array
+) -> None:
+    """Fill P hᵀ (n, L) and h P hᵀ (L,) of output y, whose row h is C, one for b and one for v."""
+    n = coupled + 2 * ny
+    b_y, v_y = coupled + y, coupled + ny + y
+    for b in range(n):
+        for q in range(lanes):
+            total = P[b_y, b, q] + P[v_y, b, q]
+            for a in range(rows):
+                total += C[y, a, q] * P[a, b, q]
+            PC[b, q] = total
+    for q in range(lanes):
+        total = PC[b_y, q] + PC[v_y, q]
+        for a in range(rows):
+            total += C[y, a, q] * PC[a, q]
+        S[q] = total
+
+
+@njit(**INLINE)
+def predicted_reading(
+    y: int, rows: int, coupled: int, ny: int, lanes: int, C: Array, mean: Array, out: Array
+) -> None:
+    """Fill the predicted reading (L,) of output y."""
+    for q in range(lanes):
+        total = mean[coupled + y, q] + mean[coupled + ny + y, q]
+        for a in range(rows):
+            total += C[y, a, q] * mean[a, q]
+        out[q] = total
+
+
+@njit(**INLINE)
+def condition_on_value(
+    lanes: int, reading: float, S: Array, shift: Array, shrink: Array, squared: Array
+) -> None:
+    """Fill the gains of a reading whose predictions stand in ``shift``; add ν² to ``squared``."""
+    for q in range(lanes):
+        left = reading - shift[q]
+        inverse = 1.0 / S[q]
+        shift[q] = left * inverse
+        shrink[q] = inverse
+        squared[q] += left * left * inverse
+
+
+@njit(**INLINE)
+def condition_on_bound(
+    lanes: int, at_least: bool, bound: float, S: Array, shift: Array, shrink: Array, total: Array
+) -> None:
+    """Fill the gains of a bound, predictions being in ``shift``; add its log p to ``total``."""
+    sign = 1.0 if at_least else -1.0
+    for q in range(lanes):
+        root = math.sqrt(S[q])
+        z = sign * (bound - shift[q]) / root
+        log_tail, hazard = upper_tail(z)
+        total[q] += log_tail
+        shift[q] = sign * hazard / root
+        shrink[q] = hazard * (hazard - z) / S[q]
+
+
+@njit(**INLINE)
+def condition(
+    n: int, lanes: int, PC: Array, shift: Array, shrink: Array, mean: Array, P: Array
+) -> None:
+    """Update mean (n, L) and covariance (n, n, L): m + P hᵀ shift, P − P hᵀ shrink h P."""
+    for a in range(n):
+        for q in range(lanes):
+            mean[a, q] += PC[a, q] * shift[q]
+    for a in range(n):
+        for b in range(n):
+            for q in range(lanes):
+                P[a, b, q] -= (PC[a, q] * shrink[q]) * PC[b, q]

@@ -29,11 +29,13 @@ from bayes_asv.filters.simd_layout import (
     WIDTH,
     ZERO,
     Rows,
+    Shape,
     blocks,
+    horner,
     lane_offset,
+    matrices,
     transition_lanes,
 )
-from bayes_asv.filters.simd_source import Shape, horner, matrices
 from bayes_asv.filters.ukf_state import Model, Sizes
 
 __all__ = [

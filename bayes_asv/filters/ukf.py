@@ -12,8 +12,9 @@ The odd part of what a step or a measurement makes of them is the new J; the eve
 and variance.  With θ before s in the state vector this is the plain unscented filter with
 n + λ = SIGMA_DISTANCE², α = β = 1, whose points along the linear directions need not be
 computed.  Points along the axes do not see the interaction of uncertain parameters with an
-uncertain state; its variance (:func:`bayes_asv.filters.simd_outputs.interaction_variance`) is added
-to process and measurement noise.
+uncertain state; its variance
+(:func:`bayes_asv.filters.predicted_measurement.interaction_variance`) is added to process and
+measurement noise.
 
 A moving reference follows the estimate: after each reading μ, D and J absorb m and F.  A fixed
 reference stays, so that a window can be filtered again with sigma points where later readings have
@@ -48,8 +49,14 @@ from bayes_asv.filters.noise_adaptation import (
     update_autocovariance,
     update_noise_factor,
 )
-from bayes_asv.filters.predicted_measurement import SIGMA_DISTANCE, predict_measurement
-from bayes_asv.filters.prediction import IN_PLACE, OPTIONS, TAYLOR
+from bayes_asv.filters.predicted_measurement import (
+    SIGMA_DISTANCE,
+    interaction_variance,
+    odd_parts,
+    output_matrix,
+    predict_measurement,
+)
+from bayes_asv.filters.prediction import IN_PLACE, OPTIONS, TAYLOR, upper_tail
 from bayes_asv.filters.simd_batch import (
     fill_lanes,
     propagate,
@@ -57,10 +64,7 @@ from bayes_asv.filters.simd_batch import (
     transition_matrices,
     unscented_moments,
 )
-from bayes_asv.filters.simd_layout import blocks, lane_rows
-from bayes_asv.filters.simd_outputs import interaction_variance, odd_parts, output_matrix
-from bayes_asv.filters.simd_source import shape_of
-from bayes_asv.filters.tails import upper_tail
+from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
 from bayes_asv.filters.ukf_state import (
     Columns,
     FilterSettings,

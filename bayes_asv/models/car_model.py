@@ -19,6 +19,7 @@ A car is one value of :class:`CarModel`; to add one, see ``docs/extending.md``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
@@ -26,18 +27,67 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.vehicle import Given, Nominal
 from bayes_asv.filters.kalman import StateSpace
 from bayes_asv.models.outputs import OUTPUTS, Motion
-from bayes_asv.models.priors import prior_log_sd
 
 if TYPE_CHECKING:
     from bayes_asv.domain.channels import Axle, Channel, Side
     from bayes_asv.domain.vehicle import Given, Nominal
 
 __all__ = [
-    "CarModel", "CarParameter", "Element", "Output", "Values", "bias_directions", "constant",
-    "estimated", "fastest_rate", "given", "initial_covariance", "state_space",
-]  # fmt: skip
+    "DAMPING_FACTOR",
+    "INERTIA_FACTOR",
+    "MAX_PRIOR_DISTANCE",
+    "NOISE_GIVEN_SD",
+    "NOISE_UNKNOWN_SD",
+    "CarModel",
+    "CarParameter",
+    "Element",
+    "Output",
+    "Values",
+    "bias_directions",
+    "constant",
+    "estimated",
+    "fastest_rate",
+    "given",
+    "initial_covariance",
+    "log_normal_sd",
+    "prior_log_sd",
+    "state_space",
+]
+
+DAMPING_FACTOR = 3.0
+"""A damping rate may be off by this factor at one deviation."""
+INERTIA_FACTOR = 2.0
+"""The same of a moment of inertia."""
+NOISE_GIVEN_SD = 0.3
+"""Deviation of a noise level's logarithm: a data sheet's figure is good to about a third."""
+NOISE_UNKNOWN_SD = math.log(3.0)
+"""The same without one: the quiet part of the record gives the level to a factor of three."""
+MAX_PRIOR_DISTANCE = 30.0
+"""Prior deviations beyond which nothing is tried."""
+
+
+def log_normal_sd(value: float, sd: float) -> float:
+    """Deviation of the logarithm of a log-normal with this median and this deviation."""
+    return math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * (sd / value) ** 2))))
+
+
+def prior_log_sd(quantity: Given | Nominal, factor: float = DAMPING_FACTOR) -> float:
+    """Prior deviation of the logarithm of a quantity of the car.
+
+    Parameters
+    ----------
+    quantity : Given or Nominal
+        As the vehicle file has it.
+    factor : float
+        One deviation where the file gives none, such as :data:`INERTIA_FACTOR`.
+    """
+    if quantity.sd is None:
+        return math.log(factor)
+    return log_normal_sd(quantity.value, quantity.sd)
+
 
 Array = NDArray[np.float64]
 Values = dict[str, Array]

@@ -3,6 +3,19 @@
 A wheel's noise drives the simulation and the innovations alike.  A pattern or a derivative that
 follows from the simulation must not have it: a lag of 2.3 ms of a chassis sensor came out 15 %
 short, and a narrower filter fitted better than the lag that was there.
+
+So each wheel's reading is used less the conditional mean of its noise given all readings.  With
+the noise n of the wheels, e of the chassis and the car's response G, a free run leaves
+r = e − G n.  The reading less the mean of n given r,
+
+    u + σ_n² Gᴴ (σ_e² + G σ_n² Gᴴ)⁻¹ r,
+
+has nothing more to do with r.  What is worked out from it is not moved by the noise that is
+still to be explained; with u itself, the two share n.  This is the statistic of the conditional
+score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), line by line of
+the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.  G is the linear
+car's: what a law adds is left out.  Lines in which r is louder than all noise together hold
+something that is missing from the model; what they hold is shared out among noise and that.
 """
 
 from __future__ import annotations
@@ -13,17 +26,89 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
 
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters.kalman import ORDER
+from bayes_asv.filters.kalman import ORDER, VALUE, SensorNoise
 from bayes_asv.posterior.free_simulation import free_run, simulated
-from bayes_asv.posterior.input_noise_smoother import without_noise
 from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.preprocessing.measured_inputs import denoise_wheel
+from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
-from bayes_asv.preprocessing.wiener_filter import denoise_wheel
 
-__all__ = ["DenoisedInputs", "above", "denoise_and_predict"]
+__all__ = ["DenoisedInputs", "above", "denoise_and_predict", "without_noise"]
+
+_FINER = 2  # points of the even grid to a sample
+_LINES = 17  # of a spectrum whose power is averaged
+_CHANCE = 1.5  # times the noise's power, which so many lines hardly reach without anything in them
+
+
+def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
+    """Return a recording whose wheels' readings have lost what the chassis show to be noise.
+
+    Parameters
+    ----------
+    target : Posterior
+        With patterns.
+    z : (D,) array
+        Coordinates.
+    run : int
+        Which recording.
+
+    Returns
+    -------
+    PreparedRecording
+        With other :attr:`wheels`; their moments are as they were.
+    """
+    line = target.space.timelines[run]
+    time = np.arange(line.instants[0], line.instants[-1], line.reading_step / _FINER)
+    added = _noise(target, z, run, time)
+    wheels = []
+    for wheel, noise in zip(line.wheels, added, strict=True):
+        value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
+        wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
+    return replace(line, wheels=tuple(wheels))
+
+
+def _noise(target: Posterior, z: Array, run: int, time: Array) -> Array:
+    """Mean noise (nu, T) of the inputs' sensors at even instants (T,), m/s²."""
+    line = target.space.timelines[run]
+    left = line.reading - free_run(target, z, run)[0]
+    ny = left.shape[1]
+    there = [line.kind[:, y] == VALUE for y in range(ny)]
+    even = np.stack([np.interp(time, line.instants[t], left[t, y]) for y, t in enumerate(there)])
+    even -= even.mean(axis=1, keepdims=True)
+    n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
+    frequency = np.fft.rfftfreq(n, time[1] - time[0])
+    spectrum = np.fft.rfft(even, n).T[..., None]
+    # A body rate answers a constant input without bound; at rest nothing is left of it.
+    response = np.zeros((len(frequency), ny, len(line.wheels)), complex)
+    response[1:] = frequency_response(target.space.state_space(z[None], run), frequency[1:])
+    response[0] = response[1].real
+    back = np.conj(np.swapaxes(response, 1, 2))
+    noise = target.space.noises(z[None], run)
+    power = _power(noise, frequency, line.reading_step)
+    nu = len(line.wheels)
+    inputs, outputs = power[:, :nu], power[:, nu:]
+    density = outputs[:, :, None] * np.eye(ny) + (response * inputs[:, None]) @ back
+    whitened = np.linalg.solve(density, spectrum)
+    # A straight line between two samples has less power than a reading.
+    share = _FINER * np.cos(0.5 * np.pi * frequency * line.reading_step) ** 4 * len(time)
+    loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (ny * share + 1e-3 * n)
+    louder = np.maximum(1.0, uniform_filter1d(loud, _LINES) / _CHANCE)
+    found = -inputs[..., None] * (back @ whitened) / louder[:, None, None]
+    return np.asarray(np.fft.irfft(found[..., 0].T, n)[:, : len(time)])
+
+
+def _power(noise: SensorNoise, frequency: Array, step: float) -> Array:
+    """Power (F, nu + ny) of the noise of inputs and outputs, as a sample's variance."""
+    passed = np.exp(-noise.poles[0] * step)
+    shape = (1.0 - passed**2) / np.maximum(
+        1.0 + passed**2 - 2.0 * passed * np.cos(2.0 * np.pi * frequency[:, None] * step), 1e-12
+    )
+    return np.asarray(noise.white[0] + noise.filtered[0] * shape)
+
 
 Array = NDArray[np.float64]
 

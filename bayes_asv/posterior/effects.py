@@ -28,10 +28,9 @@ from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Site
 from bayes_asv.models.outputs import relative_offset
-from bayes_asv.preprocessing.input_bias import unit_input_moments
+from bayes_asv.preprocessing.measured_inputs import denoise_wheel, unit_input_moments
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
-from bayes_asv.preprocessing.wiener_filter import denoise_wheel
 
 __all__ = ["SensorPatterns", "Values", "law_table", "patterns"]
 

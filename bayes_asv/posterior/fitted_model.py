@@ -18,7 +18,7 @@ from bayes_asv.posterior.fisher_scoring import LaplaceFit, maximise
 from bayes_asv.posterior.free_simulation import initial_state
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.parameters import ParameterSpace, space
-from bayes_asv.preprocessing.input_bias import without_mean_input
+from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.quantization import still_wheels_doubted, without_waiting
 from bayes_asv.preprocessing.timeline import PreparedRecording
 

@@ -14,8 +14,7 @@ from scipy.special import ndtri
 from scipy.stats import chi2, qmc
 
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.proposal import DEGREES_OF_FREEDOM, Proposal
-from bayes_asv.posterior.sampler import Density
+from bayes_asv.posterior.sampler import DEGREES_OF_FREEDOM, Density, Proposal
 
 __all__ = ["WeightedDraws", "importance_sample"]
 

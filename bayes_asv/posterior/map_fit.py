@@ -45,10 +45,10 @@ from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.band import check_band, low_pass_recording, too_short
-from bayes_asv.preprocessing.coherence import suggest_band
 from bayes_asv.preprocessing.data_checks import (
     dead_channels,
     preflight,
+    suggest_band,
 )
 from bayes_asv.preprocessing.timeline import PreparedRecording, changed, prepare
 from bayes_asv.preprocessing.tone_removal import (

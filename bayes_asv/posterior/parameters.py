@@ -26,11 +26,18 @@ from scipy.special import ndtr, ndtri
 from bayes_asv.domain.units import STANDARD_GRAVITY
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
-from bayes_asv.models.car_model import CarModel, Output, Values, state_space
+from bayes_asv.models.car_model import (
+    MAX_PRIOR_DISTANCE,
+    NOISE_GIVEN_SD,
+    NOISE_UNKNOWN_SD,
+    CarModel,
+    Output,
+    Values,
+    state_space,
+)
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Parameter, Scale, Site
-from bayes_asv.models.priors import MAX_PRIOR_DISTANCE, NOISE_GIVEN_SD, NOISE_UNKNOWN_SD
-from bayes_asv.preprocessing.input_bias import INPUT_BIAS_SD
+from bayes_asv.preprocessing.measured_inputs import INPUT_BIAS_SD
 from bayes_asv.preprocessing.noise_level import noise_level
 from bayes_asv.preprocessing.timeline import ClockError, PreparedRecording
 

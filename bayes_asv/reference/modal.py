@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.mode_shapes import second_order_modes
 from bayes_asv.models.modes import Mode
-from bayes_asv.models.second_order import second_order_modes
 
 __all__ = [
     "Frequencies",

@@ -14,8 +14,8 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.from_vehicle import full_car, half_car4, quarter_cars, roll_car
 from bayes_asv.models.mode_shapes import Car, car_modes, places
+from bayes_asv.models.textbook_cars import full_car, half_car4, quarter_cars, roll_car
 from bayes_asv.reference.document import mode_document, nan_to_none
 from bayes_asv.report.words import percent, plain
 

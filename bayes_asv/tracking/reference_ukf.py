@@ -18,7 +18,7 @@ from scipy.linalg import cholesky, expm
 
 from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.noise_adaptation import SNAPSHOT_INTERVAL
-from bayes_asv.filters.tails import upper_tail
+from bayes_asv.filters.prediction import upper_tail
 from bayes_asv.filters.ukf import DONE, SIGMA_DISTANCE
 from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
 from bayes_asv.models.car_model import state_space

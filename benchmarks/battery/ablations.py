@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 
 from bayes_asv.diagnosis.misspecification_test import Unexplained
-from bayes_asv.diagnosis.unlisted_faults_test import UnlistedExplanation
+from bayes_asv.diagnosis.unlisted_faults import UnlistedExplanation
 from bayes_asv.domain.errors import InputError
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 

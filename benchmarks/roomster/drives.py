@@ -20,7 +20,7 @@ from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.map_fit import best_fit, prepare_runs
-from bayes_asv.preprocessing.coherence import coherence
+from bayes_asv.preprocessing.data_checks import coherence
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
 __all__ = [

@@ -19,12 +19,11 @@ from bayes_asv.diagnosis.denoised_model import (
 from bayes_asv.diagnosis.score_test import score_test
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.posterior.effect_candidates import candidates
-from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.posterior.denoised_inputs import without_noise
+from bayes_asv.posterior.effect_fit import candidates, read_site, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base
 from bayes_asv.posterior.free_simulation import free_run, simulated
-from bayes_asv.posterior.input_noise_smoother import without_noise
 from bayes_asv.posterior.likelihood import Posterior
 from tests.battery.cases import case as battery_case
 from tests.diagnosis.models import fit_linear, prepared

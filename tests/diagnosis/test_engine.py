@@ -18,8 +18,8 @@ from bayes_asv.diagnosis.engine import (
     estimate_engine_force,
     remove_engine_tones,
 )
-from bayes_asv.diagnosis.max_score_test import one_sided_squares
 from bayes_asv.diagnosis.model_assessment import assess
+from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import PRIOR_NONE
 from bayes_asv.diagnosis.tolerance_prior import with_offset
 from bayes_asv.diagnosis.tone_detection import detect_tones

@@ -19,7 +19,7 @@ from bayes_asv.diagnosis.forward_selection import (
 from bayes_asv.diagnosis.model_comparison import leading_candidates
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
-from bayes_asv.diagnosis.unlisted_faults_test import UnlistedExplanation
+from bayes_asv.diagnosis.unlisted_faults import UnlistedExplanation
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_fit import read_site

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from bayes_asv.diagnosis.indistinguishable import similar_candidates, with_indistinguishable
+from bayes_asv.diagnosis.forward_selection import similar_candidates, with_indistinguishable
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.posterior.effect_fit import read_site, with_effects

@@ -11,10 +11,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.max_score_test import one_sided_squares
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
-from bayes_asv.posterior.effect_candidates import candidates
-from bayes_asv.posterior.effect_fit import added, read_site
+from bayes_asv.diagnosis.score_test import one_sided_squares
+from bayes_asv.posterior.effect_fit import added, candidates, read_site
 from bayes_asv.posterior.fitted_model import base, fitted, update_patterns
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import assess_linear, prepared

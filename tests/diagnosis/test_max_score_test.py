@@ -9,11 +9,16 @@ import pytest
 from scipy.stats import kstest
 
 from bayes_asv.diagnosis.denoised_model import denoised_model, fit_denoised
-from bayes_asv.diagnosis.max_score_test import family_p_value, pulse_p_value, with_best_pulses
-from bayes_asv.diagnosis.score_test import ScoreTest, score_test
+from bayes_asv.diagnosis.score_test import (
+    ScoreTest,
+    family_p_value,
+    pulse_p_value,
+    score_test,
+    with_best_pulses,
+)
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import EFFECTS, Site
-from bayes_asv.posterior.effect_candidates import Candidate, candidates
+from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from bayes_asv.diagnosis.max_score_test import one_sided_squares
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.results import Diagnosis
+from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.channels import channel
 from bayes_asv.domain.recording import Recording

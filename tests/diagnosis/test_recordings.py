@@ -16,7 +16,7 @@ from bayes_asv.diagnosis.misspecification_test import Unexplained
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess, refit_shared
 from bayes_asv.diagnosis.model_comparison import draw_effects
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
-from bayes_asv.diagnosis.unlisted_faults_test import pulse_sensitivities
+from bayes_asv.diagnosis.unlisted_faults import pulse_sensitivities
 from bayes_asv.diagnosis.workflow import diagnose, missing_effects
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.effects import AXLES

@@ -13,16 +13,15 @@ from hypothesis import strategies as st
 
 from bayes_asv.diagnosis.forward_selection import select_effects, start_selection
 from bayes_asv.diagnosis.model_assessment import AssessedModel, model_evidence
-from bayes_asv.diagnosis.savage_dickey import evidence_as_tolerance
 from bayes_asv.diagnosis.tolerance_prior import (
     TOLERANCE_SCALES,
     ModelEvidence,
+    evidence_as_tolerance,
     half_normal_correction,
     tolerance_evidence,
 )
 from bayes_asv.models.effects import AXLES, EFFECTS, Scale, Site
-from bayes_asv.posterior.effect_candidates import Candidate
-from bayes_asv.posterior.effect_fit import added, read_site
+from bayes_asv.posterior.effect_fit import Candidate, added, read_site
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
 from tests.battery.cases import case
 from tests.diagnosis.models import assess_linear, ignore_progress

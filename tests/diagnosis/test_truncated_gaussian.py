@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bayes_asv.diagnosis.truncated_gaussian import integrate_truncated
+from bayes_asv.diagnosis.tolerance_prior import integrate_truncated
 
 WIDE = np.array([3.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from bayes_asv.filters.cache_invalidation import forget_older
+from bayes_asv.filters import forget_older
 
 
 def _written(path: Path, at: int) -> Path:

@@ -27,8 +27,7 @@ from bayes_asv.filters.simd_batch import (
     transition_matrices,
     unscented_moments,
 )
-from bayes_asv.filters.simd_layout import blocks, lane_rows
-from bayes_asv.filters.simd_source import shape_of
+from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
 from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.half_car import HalfCar, deflection_form

@@ -10,13 +10,18 @@ from scipy.integrate import solve_ivp
 
 from bayes_asv.models.assembly import Array, SecondOrder, state_form
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.full_car import FullCar7
 from bayes_asv.models.half_car import HalfCar
-from bayes_asv.models.half_car_wheels import HalfCar4
 from bayes_asv.models.mode_shapes import Car, car_modes, places
 from bayes_asv.models.modes import modes
-from bayes_asv.models.quarter_car import QuarterCar
-from bayes_asv.models.roll_car import RollCar, deflections, sensor_places, warp
+from bayes_asv.models.textbook_cars import (
+    FullCar7,
+    HalfCar4,
+    QuarterCar,
+    RollCar,
+    deflections,
+    sensor_places,
+    warp,
+)
 from bayes_asv.simulation.simulate import response
 
 # Barton & Fieldhouse, Automotive Chassis Engineering (Springer 2018), section 3.13, p. 209: rear

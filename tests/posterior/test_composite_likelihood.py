@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
-from bayes_asv.posterior.band_fit import fit_in_band, notes
-from bayes_asv.posterior.composite_likelihood import agreement
+from bayes_asv.posterior.band_fit import agreement, fit_in_band, notes
 from bayes_asv.preprocessing.band import low_pass_recording
 from tests.posterior.cases import EXACT, case, prepared, vehicle
 

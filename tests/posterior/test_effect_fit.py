@@ -7,8 +7,7 @@ import pytest
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.effect_candidates import candidates
-from bayes_asv.posterior.effect_fit import added
+from bayes_asv.posterior.effect_fit import added, candidates
 from bayes_asv.posterior.fitted_model import base, fitted, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from tests.cli.conftest import ROOT

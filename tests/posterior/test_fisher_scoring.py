@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayes_asv.posterior.effect_candidates import candidates
-from bayes_asv.posterior.effect_fit import added
+from bayes_asv.posterior.effect_fit import added, candidates
 from bayes_asv.posterior.fisher_scoring import secant_update
 from bayes_asv.posterior.fitted_model import base, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs

@@ -12,7 +12,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
-from bayes_asv.preprocessing.coherence import suggest_band
+from bayes_asv.preprocessing.data_checks import suggest_band
 from tests.posterior.cases import prepared
 
 DRIVES = Path(__file__).resolve().parents[3] / "shared" / "data" / "roomster"

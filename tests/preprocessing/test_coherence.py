@@ -13,7 +13,7 @@ from scipy.signal import lfilter, welch
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.preprocessing.coherence import coherence, suggest_band
+from bayes_asv.preprocessing.data_checks import coherence, suggest_band
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 from tests.posterior.cases import EXACT, case, vehicle
 

@@ -11,7 +11,7 @@ from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.posterior.effect_fit import added, read_site, with_effects
 from bayes_asv.posterior.fitted_model import base, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
-from bayes_asv.preprocessing.input_bias import without_mean_input
+from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.battery.cases import Case, case
 

@@ -1,10 +1,9 @@
 """What makes each answer as wide as it is, and what would make it narrower.
 
 Near its mode the posterior is that of a linear model: the answer's error is a sum of
-independent errors, of every value that was given and of every reading.  ``sensitivity`` has
-the derivatives of the innovations, ``sources`` what they say when one noise is another,
-``faults`` what a recording looks like when a sensor is not as declared, ``shifts`` what that
-does to the answers, ``budget`` the algebra, and ``find`` puts them together.
+independent errors, of every value that was given and of every reading.  ``budget`` has the
+derivatives of the innovations and the algebra, ``undeclared_faults`` what a sensor that is not as
+declared does to the answers, and ``budget_of_posterior`` puts them together.
 """
 
 from bayes_asv.analysis.uncertainty_budget.budget_of_posterior import (

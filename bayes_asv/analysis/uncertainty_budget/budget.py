@@ -8,18 +8,44 @@ many percent the variance falls when the source's variance falls by one percent 
 theorem for homogeneous functions).  It is the uncertainty budget of the GUM (JCGM 100:2008,
 section 5) for a least-squares answer.  Shares are no forecast of what a *much* better value
 would do: for that the covariance is computed again.
+
+A covariance of the innovations is linear in the variances of its noises, and their derivatives
+by the car depend on those only through the filter's gain.  So the information that a recording
+*would* hold with a better sensor follows from the recording as it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Budget", "Remedy"]
+from bayes_asv.filters.kalman import MISSING, VALUE
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.posterior.parameters import CarPrior, Coordinate
+from bayes_asv.preprocessing.timeline import PreparedRecording
+
+__all__ = [
+    "Budget",
+    "Remedy",
+    "Source",
+    "answer_slopes",
+    "impute_lost_readings",
+    "in_logs",
+    "information",
+    "jacobian",
+    "lost_readings",
+    "moved",
+    "parameters",
+    "prior_sd",
+    "sources",
+]
 
 Array = NDArray[np.float64]
 
@@ -156,3 +182,286 @@ class Budget:
             else:
                 high = middle
         return float(np.exp(high))
+
+
+_STEP = 1e-5  # relative: one-sided differences are good to about as much
+
+
+def _terms(car: CarModel) -> tuple[str, ...]:
+    """Independent unknowns of a car, in the order of its parameters."""
+    return tuple(dict.fromkeys(term[0] for p in car.parameters for term in p.terms))
+
+
+def _fractions(car: CarModel) -> tuple[str, ...]:
+    return tuple(p.name for p in car.parameters if p.kind == "fraction")
+
+
+def parameters(target: Posterior) -> tuple[str, ...]:
+    """Names of what an answer may depend on: unknowns of the car, and gains that are uncertain."""
+    gains = (c.name for c in target.space.coordinates if c.kind == "gain")
+    return (*_terms(target.space.car), *gains)
+
+
+def in_logs(target: Posterior, z: Array) -> tuple[Posterior, Array]:
+    """Return the same posterior with relative changes of the car's unknowns for coordinates.
+
+    Parameters
+    ----------
+    target : Posterior
+        In whitened coordinates, where a value given as exact has none.
+    z : (D,) array
+        Where the changes are to be zero.
+
+    Returns
+    -------
+    target : Posterior
+        Its first coordinates are changes of the logarithms of the car's unknowns, then relative
+        changes of its fractions, then logarithms of gains; the others are as they were.  Its prior
+        means nothing.
+    z : (D',) array
+        The same point there.
+    """
+    space = target.space
+    car, prior = space.car, space.prior
+    values = {name: float(x[0]) for name, x in space.values(z[None]).items()}
+    fractions = _fractions(car)
+    terms = [name for name in _terms(car) if name not in fractions]
+    root = np.zeros((len(prior.logs), len(terms)))
+    by_name = {p.name: p for p in car.parameters}
+    for a, name in enumerate(prior.logs):
+        for term, coefficient, _ in by_name[name].terms:
+            root[a, terms.index(term)] += coefficient
+    turned = CarPrior(
+        car, prior.logs, np.log([values[name] for name in prior.logs]), root,
+        np.eye(len(terms)), np.zeros((len(terms), 0)),
+    )  # fmt: skip
+    coordinates = [Coordinate("car", f"car-{k}") for k in range(len(terms))]
+    coordinates += [Coordinate("fraction", n, values[n], values[n]) for n in fractions]
+    start = [0.0] * len(coordinates)
+    for k, one in enumerate(space.coordinates):
+        if one.kind in ("car", "fraction"):
+            continue
+        gain = one.kind == "gain"
+        coordinates.append(replace(one, scale=1.0) if gain else one)
+        start.append(float(z[k]) * (one.scale if gain else 1.0))
+    moved_space = replace(space, coordinates=tuple(coordinates), prior=turned)
+    return replace(target, space=moved_space), np.array(start)
+
+
+def jacobian(target: Posterior, z: Array, run: int) -> Array:
+    """Relative derivatives of one run's normalised innovations.
+
+    Parameters
+    ----------
+    target, z : Posterior, (D,) array
+        From :func:`in_logs`.
+    run : int
+        Which run.
+
+    Returns
+    -------
+    (ny E, P) array
+        ∂ν/∂log θ in the order of :func:`parameters`.
+    """
+    middle = target.innovations(z, run).ravel()
+    count = len(parameters(target))
+    out = np.zeros((len(middle), count))
+    for k in range(count):
+        away = np.zeros(count)
+        away[k] = _STEP
+        out[:, k] = (target.innovations(moved(target, z, away), run).ravel() - middle) / _STEP
+    return out
+
+
+def moved(target: Posterior, z: Array, away: Array) -> Array:
+    """Move a point of :func:`in_logs` by relative changes (P,) of :func:`parameters`."""
+    car = target.space.car
+    fractions = _fractions(car)
+    terms = [name for name in _terms(car) if name not in fractions]
+    order = (*terms, *fractions, *parameters(target)[len(_terms(car)) :])
+    out = z.copy()
+    for name, change in zip(parameters(target), away, strict=True):
+        out[order.index(name)] += change
+    return out
+
+
+def information(slopes: Sequence[Array]) -> Array:
+    """Information (P, P) of all runs from their Jacobians."""
+    return np.asarray(np.sum([j.T @ j for j in slopes], axis=0))
+
+
+def prior_sd(target: Posterior, z: Array) -> Array:
+    """Relative prior standard deviation (P,) of each parameter, zero where it is exact.
+
+    Parameters
+    ----------
+    target, z : Posterior, (D,) array
+        In whitened coordinates, at the mode.
+    """
+    space = target.space
+    sd = {term[0]: term[2] for p in space.car.parameters for term in p.terms}
+    values = space.values(z[None])
+    for name in _fractions(space.car):
+        sd[name] /= float(values[name][0])
+    sd |= {c.name: c.scale for c in space.coordinates if c.kind == "gain"}
+    return np.array([sd[name] for name in parameters(target)])
+
+
+def answer_slopes(target: Posterior) -> dict[str, Array]:
+    """Return derivatives (P,) of the logarithm of each answer by those of :func:`parameters`."""
+    car = target.space.car
+    known = parameters(target)
+    by_name = {p.name: p for p in car.parameters}
+    answers = {name: {name: 1.0} for name in car.estimated} | dict(car.ratios)
+    out = {}
+    for answer, parts in answers.items():
+        g = np.zeros(len(known))
+        for name, weight in parts.items():
+            for term, coefficient, _ in by_name[name].terms:
+                g[known.index(term)] += weight * coefficient
+        out[answer] = g
+    return out
+
+
+Flags = NDArray[np.bool_]
+Scaled = Callable[[Posterior, Array, float], tuple[Posterior, Array]]
+
+
+@dataclass(frozen=True)
+class Source:
+    """One noise of every run.
+
+    Parameters
+    ----------
+    name : str
+        ``noise <channel>``, ``steps <channel>``, ``between samples`` or ``start``.
+    better : float or None
+        Factor on its variance for the question what a better one would give; None where
+        nobody can better it.
+    scaled : callable
+        From a target, coordinates and a factor to the same with that variance multiplied.
+    """
+
+    name: str
+    better: float | None
+    scaled: Scaled
+
+
+def sources(target: Posterior) -> list[Source]:
+    """List every noise that a target knows of.
+
+    Parameters
+    ----------
+    target : Posterior
+        In any coordinates.
+
+    Returns
+    -------
+    list of Source
+        Multiplying all of them by one factor divides the information by it.
+    """
+    lines = target.space.timelines
+    found = []
+    names = list(dict.fromkeys(channel.name for line in lines for channel in line.channels))
+    for name in names:
+        levels = [
+            c.name for c in target.space.coordinates if c.kind == "noise" and c.channel == name
+        ]
+        if not levels:
+            continue  # with white residuals an input has no noise
+        found.append(Source(f"noise {name}", 0.25, _noise(levels)))
+        if any(line.steps[c] > 0.0 for line in lines for c in _numbers(line, name)):
+            found.append(Source(f"steps {name}", 0.0, _lines(_steps(name))))
+    if any(np.any(line.spread[:, len(line.wheels) :] > 0.0) for line in lines):
+        found.append(Source("between samples", 0.0, _lines(_between)))
+    found.append(Source("start", None, _lines(_start)))
+    return found
+
+
+def _noise(names: list[str]) -> Scaled:
+    def scaled(target: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
+        out = z.copy()
+        for name in names:
+            k = target.space.index[name]
+            out[k] += 0.5 * math.log(factor) / target.space.coordinates[k].scale
+        return target, out
+
+    return scaled
+
+
+def _lines(change: Callable[[PreparedRecording, float], PreparedRecording]) -> Scaled:
+    def scaled(target: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
+        lines = tuple(change(line, factor) for line in target.space.timelines)
+        return replace(target, space=replace(target.space, timelines=lines)), z
+
+    return scaled
+
+
+def _numbers(line: PreparedRecording, name: str) -> list[int]:
+    return [c for c, channel in enumerate(line.channels) if channel.name == name]
+
+
+def _steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]:
+    def change(line: PreparedRecording, factor: float) -> PreparedRecording:
+        steps = line.steps.copy()
+        steps[_numbers(line, name)] *= math.sqrt(factor)
+        return replace(line, steps=steps)
+
+    return change
+
+
+def _between(line: PreparedRecording, factor: float) -> PreparedRecording:
+    spread = line.spread.copy()
+    spread[:, len(line.wheels) :] *= factor
+    return replace(line, spread=spread)
+
+
+def _start(line: PreparedRecording, factor: float) -> PreparedRecording:
+    return replace(line, start=factor * line.start)
+
+
+def lost_readings(line: PreparedRecording) -> Flags:
+    """Find output readings that were clipped, or missing beside one that was there.
+
+    Parameters
+    ----------
+    line : PreparedRecording
+        One recording.
+
+    Returns
+    -------
+    (E, ny) bool array
+        By instant and output.  Rows that are missing as a whole are not counted.
+    """
+    lost: Flags = (line.kind != MISSING) & (line.kind != VALUE)
+    for y in range(line.pairs.shape[1]):
+        beside = line.pairs[line.pairs[:, y] < 0].max(axis=1)
+        lost[beside, y] = True
+    return lost
+
+
+def impute_lost_readings(target: Posterior, z: Array) -> Posterior:
+    """Return the target with every lost chassis reading read as the car would have moved.
+
+    Parameters
+    ----------
+    target, z : Posterior, (D,) array
+        In any coordinates, at the mode.
+
+    Returns
+    -------
+    Posterior
+        Only its information means anything: the new readings are simulated.
+    """
+    lines = []
+    for run, line in enumerate(target.space.timelines):
+        lost = lost_readings(line)
+        output = free_run(target, z, run).output
+        lines.append(
+            replace(
+                line,
+                kind=np.where(lost, np.int8(VALUE), line.kind),
+                reading=np.where(lost, output, line.reading),
+            )
+        )
+    return replace(target, space=replace(target.space, timelines=tuple(lines)))

@@ -8,20 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.uncertainty_budget.budget import Budget, Remedy
-from bayes_asv.analysis.uncertainty_budget.noise_sources import (
+from bayes_asv.analysis.uncertainty_budget.budget import (
+    Budget,
+    Remedy,
     Source,
-    impute_lost_readings,
-    lost_readings,
-    sources,
-)
-from bayes_asv.analysis.uncertainty_budget.sensitivity import (
     answer_slopes,
+    impute_lost_readings,
     in_logs,
     information,
     jacobian,
+    lost_readings,
     parameters,
     prior_sd,
+    sources,
 )
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, Shift, find_biases
 from bayes_asv.domain.vehicle import Vehicle

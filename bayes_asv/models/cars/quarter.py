@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.models.car_model import CarModel, Element, Values, estimated, given
-from bayes_asv.models.priors import DAMPING_FACTOR
+from bayes_asv.models.car_model import DAMPING_FACTOR, CarModel, Element, Values, estimated, given
 
 if TYPE_CHECKING:
     from bayes_asv.domain.channels import Channel

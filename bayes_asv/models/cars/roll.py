@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.models.car_model import (
+    DAMPING_FACTOR,
+    INERTIA_FACTOR,
     CarModel,
     CarParameter,
     Element,
@@ -21,9 +23,9 @@ from bayes_asv.models.car_model import (
     constant,
     estimated,
     given,
+    prior_log_sd,
 )
 from bayes_asv.models.cars.half import ahead
-from bayes_asv.models.priors import DAMPING_FACTOR, INERTIA_FACTOR, prior_log_sd
 
 if TYPE_CHECKING:
     from bayes_asv.domain.channels import Channel

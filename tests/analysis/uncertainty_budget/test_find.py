@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_budget
-from bayes_asv.analysis.uncertainty_budget.budget import Budget
-from bayes_asv.analysis.uncertainty_budget.noise_sources import sources
-from bayes_asv.analysis.uncertainty_budget.sensitivity import (
+from bayes_asv.analysis.uncertainty_budget.budget import (
+    Budget,
     in_logs,
     information,
     jacobian,
     parameters,
     prior_sd,
+    sources,
 )
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle

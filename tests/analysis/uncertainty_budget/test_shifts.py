@@ -11,9 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.uncertainty_budget import Shift, UncertaintyBudget, find_budget
-from bayes_asv.analysis.uncertainty_budget.sensitivity import in_logs, information, jacobian
-from bayes_asv.analysis.uncertainty_budget.sensor_faults import Fault, with_fault
-from bayes_asv.analysis.uncertainty_budget.undeclared_faults import HIDDEN
+from bayes_asv.analysis.uncertainty_budget.budget import in_logs, information, jacobian
+from bayes_asv.analysis.uncertainty_budget.undeclared_faults import HIDDEN, Fault, with_fault
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
