@@ -14,7 +14,7 @@ comparisons cautious (a quasi-likelihood; McCullagh & Nelder 1989, ch. 9).
 
 Front and rear exchanged make a mirrored car, which leaves little trace in the likelihood; but the
 front wheels meet the road first.  Mistakes in nominal values leave none, see
-:mod:`.nominal_mistakes`.
+:mod:`.input_hypotheses`.
 """
 
 from __future__ import annotations
@@ -29,8 +29,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
-from bayes_asv.analysis.input_hypotheses import CORRECT, Hypothesis, hypotheses
-from bayes_asv.analysis.nominal_mistakes import REPORTED, Mistake, nominal_mistakes
+from bayes_asv.analysis.input_hypotheses import (
+    CORRECT,
+    REPORTED,
+    Hypothesis,
+    Mistake,
+    hypotheses,
+    nominal_mistakes,
+)
 from bayes_asv.analysis.screening_fit import COARSE_STEPS, STEPS, screening_fit
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES

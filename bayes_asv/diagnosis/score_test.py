@@ -12,9 +12,10 @@ A given value that is tightly known therefore reproduces little.  Innovations ar
 differences, and sensitivities depend on their past alone: under the model s_j is standard normal to
 first order.
 
-Whether any effect is missing is a test of the largest score (max-score test).  It is compared with its distribution under the model, drawn with
-the correlations of the scores (Westfall & Young 1993).  A global χ² of the residuals would need an
-effect far larger than a test along the directions of what may be missing.
+Whether any effect is missing is a test of the largest squared score (max-score test).  It is
+compared with its distribution under the model, drawn with the correlations of the scores (Westfall
+& Young 1993).  A global χ² of the residuals would need an effect far larger than a test along the
+directions of what may be missing.
 
 Candidates for an external force are steps that begin at some instant of one run and never end.  The
 innovations are linear in a force, so that a force pulse is the difference of two steps, and a pulse

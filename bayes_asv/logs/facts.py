@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bayes_asv.preprocessing.noise_level import quiet_level
+from bayes_asv.preprocessing.quantization import quiet_level
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -38,7 +38,7 @@ from bayes_asv.models.car_model import (
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Parameter, Scale, Site
 from bayes_asv.preprocessing.measured_inputs import INPUT_BIAS_SD
-from bayes_asv.preprocessing.noise_level import noise_level
+from bayes_asv.preprocessing.quantization import noise_level
 from bayes_asv.preprocessing.timeline import ClockError, PreparedRecording
 
 __all__ = [

@@ -49,7 +49,7 @@ from bayes_asv.filters.kalman import ORDER, Measurements
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, clipping_limit, min_sampling_rate
-from bayes_asv.preprocessing.noise_level import quiet_level
+from bayes_asv.preprocessing.quantization import quiet_level
 from bayes_asv.preprocessing.timeline import rails, used_channels
 
 __all__ = [

@@ -13,7 +13,7 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel, Output
-from bayes_asv.preprocessing.noise_level import quiet_level
+from bayes_asv.preprocessing.quantization import quiet_level
 
 __all__ = ["SensorModel", "estimate_noise", "sensor_model"]
 
