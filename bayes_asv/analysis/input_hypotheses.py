@@ -1,9 +1,10 @@
 """Mistakes that an input may have: what may have gone wrong, and how to undo it.
 
-Mistakes in nominal values leave no trace in the likelihood; they are judged by their size.  A damper
-that wears loses damping, each for itself, and seldom more than half of it.  A wrong unit, one side
-for both, or a rate at the damper instead of at the wheel moves all dampers by the same factor, or
-one by a factor of units.  With ρ the logarithms of estimated over nominal damping the hypotheses are
+Mistakes in nominal values leave no trace in the likelihood; they are judged by their size.  A
+damper that wears loses damping, each for itself, and seldom more than half of it.  A wrong unit,
+one side for both, or a rate at the damper instead of at the wheel moves all dampers by the same
+factor, or one by a factor of units.  With ρ the logarithms of estimated over nominal damping the
+hypotheses are
 
     wear      ρ_e ~ split normal about 0, deviation 0.35 downward and 0.2 upward, for each element e
     mistake   ρ_e − f as with wear, f the logarithm of the mistake's factor
