@@ -89,6 +89,7 @@ _QUIET = 0.01  # share of the variance of a record in which there is noise alone
 _STEADY = 4.0  # largest over least variance of stretches of noise
 _CLIFF = 2.0**0.2  # ratio of frequencies on either side of a corner between which a cliff falls
 _PLATEAU, _DROP = 12.0, 14.0  # dB in an octave before it, at most; dB that it falls, at least
+_LEAK = 1e-5  # of the power of a plateau, that a filter of 50 dB lets through
 _WIDEST = 0.42  # cycles a row: converters of genuine records end above
 _SAME_STAMP = 2e-7  # s
 _RELATIVE_ROUNDING = 3e-7  # of the largest value: that of single precision
@@ -246,12 +247,14 @@ def _band(values: Array, rounding: float) -> float | None:
     Roads and cars may end at any frequency: only where they are at rest is there noise alone.
     Noise that passed the pole of a sensor falls by 6 dB in an octave, and by 24 dB behind an
     analogue filter of fourth order.  A cliff is steeper than that, begins at a plateau that is not,
-    and nothing but rounding is beyond it.
+    and nothing but rounding is beyond it.  A motion that is steady for a while ends as steeply, but
+    beyond it is the sensor's noise.
     """
     for length in _SEGMENTS:
         if np.count_nonzero(np.isfinite(values)) < 6 * length:
             continue
-        frequency, power = _at_rest(values, length, rounding)
+        frequency, power, count = _at_rest(values, length, rounding)
+        floor = rounding**2 * float(np.sum(np.hanning(length) ** 2))
         for corner in frequency[(frequency > 6.0 / length) & (frequency < _WIDEST)]:
             plateau = power[(frequency > 0.5 * corner) & (frequency <= corner / _CLIFF)]
             beyond = power[frequency >= corner * _CLIFF]
@@ -260,16 +263,22 @@ def _band(values: Array, rounding: float) -> float | None:
                 continue
             top, bottom = float(np.median(upper)), float(np.max(median_filter(beyond, 3)))
             slope = 20.0 * abs(np.log10(np.median(lower) / top))  # dB an octave
+            noise = float(np.mean(beyond)) / (1.0 + 3.0 / math.sqrt(count * len(beyond))) - floor
+            if noise > _LEAK * top:
+                continue
             if slope < _PLATEAU and bottom < 10.0 ** (-0.1 * _DROP) * top:
                 # Half the amplitude is left at the edge of a band.
                 return 2.0 * float(frequency[power > 0.25 * top][-1])
     return None
 
 
-def _at_rest(values: Array, length: int, rounding: float) -> tuple[Array, Array]:
-    """Spectrum of the quietest stretches, if they hold noise alone; empty if not."""
+def _at_rest(values: Array, length: int, rounding: float) -> tuple[Array, Array, int]:
+    """Spectrum of the quietest stretches, if they hold noise alone, and their number.
+
+    Empty where they do not.
+    """
     if len(values) < 3 * length:
-        return np.zeros(0), np.zeros(0)
+        return np.zeros(0), np.zeros(0), 0
     windows = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]
     variance = windows.var(axis=1)
     variance[~np.isfinite(variance)] = np.inf
@@ -277,10 +286,10 @@ def _at_rest(values: Array, length: int, rounding: float) -> tuple[Array, Array]
     least, most = float(variance[quiet[0]]), float(variance[quiet[-1]])
     # Noise is alike from one stretch to the next; the first sign of a motion is not.
     if not rounding**2 < most < min(_QUIET * float(np.nanvar(values)), _STEADY * least):
-        return np.zeros(0), np.zeros(0)
+        return np.zeros(0), np.zeros(0), 0
     part = detrend(windows[quiet], axis=1) * np.hanning(length)
     power = np.mean(np.abs(np.fft.rfft(part, axis=1)) ** 2, axis=0)
-    return np.asarray(np.fft.rfftfreq(length)), np.asarray(power) + 1e-30
+    return np.asarray(np.fft.rfftfreq(length)), np.asarray(power) + 1e-30, len(quiet)
 
 
 def at_own_rate(recording: Recording) -> Recording:

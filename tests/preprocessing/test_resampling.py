@@ -121,6 +121,24 @@ def test_what_a_sensor_gave_is_left_alone(terrain: str, sensors: SensorSpec) -> 
             assert at_own_rate(plain) is plain
 
 
+@pytest.mark.parametrize("step", [1e-6, 0.02, 0.08], ids=["fine", "noise of 1.5", "noise of 0.4"])
+def test_a_steady_slow_motion_is_not_taken_for_noise(step: float) -> None:
+    # A smooth road moves the wheels up to 15 Hz and no further; the sensor's noise is 40 dB below.
+    rng = np.random.default_rng(3)
+    rate, rows = 400, 4096
+    found = 0
+    for _ in range(10):
+        spectrum = np.fft.rfft(rng.normal(0.0, 1.0, rows))
+        spectrum[np.fft.rfftfreq(rows, 1.0 / rate) > 15.0] = 0.0
+        motion = np.fft.irfft(spectrum, rows)
+        motion *= 0.3 / motion.std()
+        time = np.arange(rows) / rate
+        bumps = 20.0 * np.sin(50.0 * time) * np.exp(-(((time - 5.0) / 0.3) ** 2))
+        reading = motion + bumps + rng.normal(0.0, 0.03, rows)
+        found += find_resampling(np.round(reading / step) * step) is not None
+    assert found == 0
+
+
 @pytest.mark.parametrize("rows", [2, 8, 59, 60, 65, 130, 250])
 def test_short_and_empty_channels_are_left_alone(rows: int) -> None:
     rng = np.random.default_rng(5)
