@@ -49,7 +49,7 @@ contract:
 	$(BIN)/lint-imports
 
 unit:
-	$(BIN)/pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
 
 recordings: $(VENV)/.tested ## make the shipped recordings again from the rig
 	$(BIN)/python -m tests.rig.shipped

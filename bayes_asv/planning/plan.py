@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from bayes_asv.domain.channels import Channel
@@ -24,6 +23,7 @@ from bayes_asv.planning.predicted_sd import (
 )
 from bayes_asv.planning.ride_simulation import Motion, Pass, Tyres, default_tyres, simulate_passes
 from bayes_asv.posterior.information import Unknowns
+from bayes_asv.posterior.threads import threads
 from bayes_asv.simulation.simulate import usual_channels
 
 __all__ = ["Plan", "RatedDrive", "plan"]
@@ -207,7 +207,7 @@ def plan(
         drives = [drive for drive in grid if (drive.road, drive.speed) == key]
         return evaluate(measured, drives, motions[key], seed)
 
-    with ThreadPoolExecutor(2) as pool:
+    with threads() as pool:
         for of_key in pool.map(evaluate_all_rates, keys):
             evaluations += of_key
             report(0.1 + 0.85 * len(evaluations) / len(grid), "evaluating drives")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,6 +17,7 @@ from bayes_asv.filters import kalman, kalman_ar
 from bayes_asv.filters.kalman import MISSING, Laws, Measurements
 from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
+from bayes_asv.posterior.threads import Threads, threads
 from bayes_asv.preprocessing.missing_band import log_determinant
 from bayes_asv.preprocessing.timeline import PreparedRecording, Retimed, interpolation_weights
 
@@ -121,7 +121,7 @@ class Posterior:
         Coordinates, priors and recordings.
     colours : tuple of ResidualAR
         One a run.
-    pool : ThreadPoolExecutor or None
+    pool : Threads or None
         Where batches are split; the answer does not depend on it.
     patterns : tuple of SensorPatterns
         One a run where the space has effects; their innovations are taken to be white.
@@ -134,7 +134,7 @@ class Posterior:
 
     space: ParameterSpace
     colours: tuple[ResidualAR, ...]
-    pool: ThreadPoolExecutor | None = None
+    pool: Threads | None = None
     patterns: tuple[SensorPatterns, ...] = ()
     retimed_patterns: tuple[tuple[SensorPatterns, ...], ...] = ()
     expansions: tuple[ClockExpansion | None, ...] = ()
@@ -259,11 +259,11 @@ class Posterior:
     def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
         """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).
 
-        Many points are cut in two, and the pieces of all runs shared between the threads of the
+        Many points are divided, and the pieces of all runs shared between the threads of the
         pool.  A thread of the pool must not call this: it would wait for one that it occupies.
         """
         runs = range(len(self.colours)) if runs is None else runs
-        pieces = np.array_split(z, 2) if len(z) >= _MANY and self.pool else [z]
+        pieces = np.array_split(z, self.pool.count) if len(z) >= _MANY and self.pool else [z]
         work = self.pool.map if self.pool else map
         shares = [(piece, run) for run in runs for piece in pieces]
         values = list(work(lambda share: self.run_log_likelihood(*share), shares))
@@ -373,12 +373,12 @@ def _derivatives(values: Array, count: int) -> tuple[Array, Array]:
 
 @contextmanager
 def shared_work(target: Posterior) -> Iterator[Posterior]:
-    """Give a posterior two threads for as long as the context lasts, and BLAS none beside its own.
+    """Give a posterior threads for as long as the context lasts, and BLAS none beside its own.
 
     A thread of BLAS waits for its next small product by spinning, on a core that a filter could
     use.
     """
-    with ThreadPoolExecutor(2) as pool, _BLAS.alone():
+    with threads() as pool, _BLAS.alone():
         yield replace(target, pool=pool)
 
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -28,6 +27,7 @@ from scipy.stats import chi2, qmc
 
 from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
 from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.threads import threads
 
 __all__ = [
     "DEGREES_OF_FREEDOM",
@@ -177,7 +177,7 @@ def run_ensembles(
     """
     d = len(mode.z)
     walkers = max(_WALKERS, 2 * (d + 2))
-    with ThreadPoolExecutor(2) as pool:
+    with threads() as pool:
         proposal = Proposal.around(mode, 1.2)
         streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
         places = [_start(target, proposal, walkers, stream) for stream in streams]
