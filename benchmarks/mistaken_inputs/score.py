@@ -1,0 +1,110 @@
+"""Ask ``estimate`` about every case, and score what it says: ``python -m … .score CASES``.
+
+A mistake counts as named where the doubt, the refusal or the error message has one of the names of
+what is mistaken and one of the words by which a right answer is recognised, and as confidently
+wrong where nothing is doubted and a damper that was said to be worn is not, or the other way round.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.estimation import estimate
+from bayes_asv.io import read_recording
+
+_CERTAIN = 0.95  # probability of a deviation from nominal that a reader takes for a verdict
+
+
+def ask(folder: Path, name: str) -> dict[str, Any]:
+    """Estimate one case; what was said, and how sure it was of each damper."""
+    out: dict[str, Any] = {"case": name, "text": "", "doubt": False, "status": "refused"}
+    try:
+        vehicle = read_vehicle(folder / name / "vehicle.toml")
+        runs = [read_recording(path) for path in sorted((folder / name).glob("*.csv"))]
+        answer = estimate(runs, vehicle)
+    except InputError as error:
+        out["text"] = str(error)
+        return out
+    out["status"] = answer.verdict
+    out["doubt"] = answer.doubt is not None
+    said = [answer.doubt.sentence] if answer.doubt else []
+    out["text"] = " | ".join([*said, *answer.reasons])
+    for axle, key in (("front", "c_f"), ("rear", "c_r")):
+        if key in answer.draws:
+            draws = answer.draws[key]
+            softer = float(np.mean(draws < answer.nominal[key]))
+            out[axle] = [softer, *np.quantile(draws, [0.025, 0.5, 0.975]).tolist()]
+    return out
+
+
+def _named(text: str, recognise: dict[str, Any]) -> bool:
+    plain = text.lower().replace("_", " ")
+    names = [name.replace("_", " ") for name in recognise["names"]]
+    return any(n in plain for n in names) and any(w.lower() in plain for w in recognise["words"])
+
+
+def _confidently_wrong(said: dict[str, Any], truth: dict[str, Any]) -> bool:
+    if said["doubt"] or said["status"] != "ok":
+        return False
+    for axle in ("front", "rear"):
+        softer = said[axle][0]
+        deviation = truth["dampers"][axle]["deviation"]
+        worn = truth["dampers"][axle]["worn"]
+        if max(softer, 1.0 - softer) > _CERTAIN and (
+            not worn or (softer > 0.5) != (deviation < 0.0)
+        ):
+            return True
+    return False
+
+
+def main() -> None:
+    """Run all cases in two processes, and print and write what came out."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--every", type=int, default=1)
+    options = parser.parse_args()
+    truth = json.loads((options.cases / "truth.json").read_text())["cases"]
+    names = list(truth)[:: options.every]
+    rows = []
+    with ProcessPoolExecutor(2) as pool:
+        for said in pool.map(partial(ask, options.cases), names):
+            case = truth[said["case"]]
+            kind = case["kind"]
+            said["kind"], said["details"] = kind, case["details"]
+            caught = said["doubt"] or said["status"] != "ok"
+            said["named"] = kind is not None and caught and _named(said["text"], case["recognise"])
+            said["confident"] = _confidently_wrong(said, case)
+            rows.append(said)
+            bad = caught if kind is None else not said["named"]
+            if bad or (said["confident"] and kind is not None):
+                wrong = "CONFIDENT " if said["confident"] else ""
+                where = f"{said['case']} {kind} {case['car']} {case['terrain']}"
+                print(f"{where} {said['status']} {wrong}{said['text'][:400]}", flush=True)
+    kinds = Counter(row["kind"] for row in rows)
+    for kind in sorted(kinds, key=str):
+        mine = [row for row in rows if row["kind"] == kind]
+        caught = sum(row["doubt"] or row["status"] != "ok" for row in mine)
+        print(f"{kind}: {len(mine)}, caught {caught}, named {sum(r['named'] for r in mine)}, "
+              f"confidently wrong {sum(r['confident'] for r in mine)}")  # fmt: skip
+    if options.out:
+        commit = subprocess.run(
+            ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        ).stdout.strip()
+        summary = {"commit": commit, "cases": len(rows), "rows": rows}
+        options.out.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
