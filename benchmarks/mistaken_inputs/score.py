@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from multiprocessing import Queue
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +70,13 @@ def _confidently_wrong(said: dict[str, Any], truth: dict[str, Any]) -> bool:
     return False
 
 
+def _stay_on(free: Queue[int]) -> None:
+    """Keep a process on one processor, so that it starts no threads."""
+    os.sched_setaffinity(0, {free.get()})
+
+
 def main() -> None:
-    """Run all cases in two processes, and print and write what came out."""
+    """Run all cases, a process a processor, and print and write what came out."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("cases", type=Path)
     parser.add_argument("--out", type=Path)
@@ -78,7 +85,11 @@ def main() -> None:
     truth = json.loads((options.cases / "truth.json").read_text())["cases"]
     names = list(truth)[:: options.every]
     rows = []
-    with ProcessPoolExecutor(2) as pool:
+    processors = sorted(os.sched_getaffinity(0))
+    free: Queue[int] = Queue()
+    for processor in processors:
+        free.put(processor)
+    with ProcessPoolExecutor(len(processors), initializer=_stay_on, initargs=(free,)) as pool:
         for said in pool.map(partial(ask, options.cases), names):
             case = truth[said["case"]]
             kind = case["kind"]
