@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.analysis.damping_rates import DampingRates, damping_rates
 from bayes_asv.analysis.input_mistakes import Doubt, check_input
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
 from bayes_asv.analysis.run_consistency import (
@@ -123,6 +124,8 @@ class Estimate:
         Upper edge of the band that was used, Hz; None at full band.
     effects : dict of Site to dict of str to array
         Draws of the parameters of every effect in the model, SI units.
+    dampers : tuple of DampingRates
+        Rates of every damper whose force is not proportional to speed.
     doubt : Doubt or None
         Why the input is probably wrong or the model does not hold, so that no verdict on a damper
         may rest on this estimate; None where nothing speaks against it.
@@ -158,6 +161,7 @@ class Estimate:
     joint: dict[str, Array] = field(default_factory=dict)
     below: float | None = None
     effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
+    dampers: tuple[DampingRates, ...] = ()
     doubt: Doubt | None = None
     logs: tuple[LogEvents, ...] = ()
 
@@ -429,6 +433,7 @@ def _estimate_prepared(
         width=width,
         agreement=agreement,
         below=below,
+        dampers=damping_rates(target, found.mode.z, flat, draws),
         doubt=doubt,
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}

@@ -23,6 +23,13 @@ LAWS = {
 with $a=(\text{ratio}-1)/(\text{ratio}+1)$; $c$ is the mean of the two rates.""",
     "digressive_damper": r"""$F=-k\delta-c\,\dot\delta\,\big(1+|\dot\delta/\text{knee}|^p\big)^{-1/p}$;
 $c$ is the slope at rest.""",
+    "damper_curve": r"""$F=-k\delta-c\int_0^{\dot\delta} g(v)\,\mathrm dv$. The slope $g>0$ is piecewise linear
+between knots at rest, at ±6.25 mm/s and at each time twice that up to ±0.8 m/s; from knot to knot $\ln g$ takes
+independent steps. $g$ is scaled so that $c$ is the rate of the linear damper that takes the same power where
+the rates of deflection are normal with a standard deviation of 0.15 m/s.""",
+    "damper_hysteresis": r"""The damper is in series with a stiffness $K$ (gas, oil, rubber mounts: a Maxwell element):
+$F=-k\delta-m$ with $\dot m=K(\dot\delta-u)$, where $u$ is the rate at which the damper alone has the force $m$. A
+linear damper lags by $c/K$.""",
     "coulomb_friction": r"""$F=-k\delta-c\,\dot\delta
 -\text{force}\cdot\dot\delta/\sqrt{\dot\delta^2+\text{slip}^2}$.""",
     "progressive_spring": r"""$F=-k\delta\,(1+\kappa\delta^2+q\,\kappa^2\delta^4)-c\,\dot\delta$.""",
@@ -64,6 +71,11 @@ MEANINGS = {
         "knee": "velocity at which the curve flattens; the force tends to $c\\cdot$knee",
         "sharpness": "exponent $p$: sharpness of the knee",
     },
+    "damper_curve": {
+        **{f"{side}_{k}": "step of $\\ln g$ to the next knot"
+           for side in ("compression", "extension") for k in range(1, 9)},
+    },
+    "damper_hysteresis": {"stiffness": "stiffness $K$ in series with the dampers of the axle"},
     "coulomb_friction": {
         "force": "friction force of the axle, both sides",
         "slip": "velocity that rounds the corner at zero velocity",
@@ -104,7 +116,8 @@ _ABOUT = """\
 # Effects
 
 This page lists the effects that `bayes-asv diagnose` tests and that
-`bayes-asv estimate --with NAME@WHERE` adds to the linear car. Each effect is one file under
+`bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve` and `damper_hysteresis`
+are only added, not tested. Each effect is one file under
 `bayes_asv/models/effects`; `python -m tests.effects_page` generates this page from them. Extension is
 positive, and so is a force upward on the chassis.
 
@@ -143,8 +156,8 @@ is a damper with a force that contains a term quadratic in velocity, $F=-k\\delt
 `tests/test_effects_docs.py` executes these steps in a copy of the package.
 
 **1. The file** `bayes_asv/models/effects/quadratic_damper.py` defines the effect. `force` is the readable
-form of the force that the law adds to $-k\\delta-c\\,\\dot\\delta$. `packed` converts the parameters to up to
-four numbers for the kernel. The first parameter is the one that is zero without the effect.
+form of the force that the law adds to $-k\\delta-c\\,\\dot\\delta$. `packed` converts the parameters to
+the numbers that the kernel takes. The first parameter is the one that is zero without the effect.
 
 ```python
 \"\"\"A damper with a quadratic term: F = −c δ̇ − q δ̇ |δ̇|.\"\"\"
@@ -190,11 +203,11 @@ with respect to deflection (`added_d`) and velocity (`added_v`). A law that mult
 spring changes `damper` or `spring` and its derivative instead, so that it composes with other laws.
 
 ```diff
-     FADE,
-     OUTSIDE,
--) = range(8)
+     DAMPER_CURVE,
+     SERIES_STIFFNESS,
+-) = range(10)
 +    QUADRATIC,
-+) = range(9)
++) = range(11)
 ```
 
 ```diff
@@ -254,11 +267,14 @@ def _where(effect: Effect) -> str:
 
 
 def _section(effect: Effect) -> str:
-    rows = [
-        f"| `{p.name}` | {_unit(p)} | {MEANINGS[effect.name][p.name]} | {_prior(p)} | "
-        f"{_tolerance(effect, p)} |"
-        for p in effect.parameters
-    ]
+    alike: dict[tuple[str, str, str, str], list[str]] = {}  # parameters that differ in their names alone
+    for p in effect.parameters:
+        about = _unit(p), MEANINGS[effect.name][p.name], _prior(p), _tolerance(effect, p)
+        alike.setdefault(about, []).append(p.name)
+    rows = []
+    for about, names in alike.items():
+        name = f"`{names[0]}`" if len(names) == 1 else f"`{names[0]}` … `{names[-1]}`"
+        rows.append(f"| {name} | {' | '.join(about)} |")
     title = effect.title[:1].upper() + effect.title[1:]
     return (
         f"## {effect.name}\n\n{title}. {LAWS[effect.name]}\n\n"

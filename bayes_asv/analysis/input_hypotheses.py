@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
-from bayes_asv.domain.recording import Recording, timing
+from bayes_asv.domain.recording import Recording, nominal_rate, timing
 from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.models.car_model import CarModel
@@ -41,7 +41,7 @@ _N_PER_MM = si_factor("N/mm", "stiffness") / si_factor("lbf/in", "stiffness")
 _LBF_S_PER_IN = si_factor("lbf*s/in", "damping")
 _LB = si_factor("lbm", "mass")
 _SPRING_FACTORS = {
-    2.0: "one spring of an axle is given instead of both",
+    2.0: "the rate of one side is given instead of both sides",
     0.5: "both sides are counted twice",
     _N_PER_MM: "a value in N/mm was given the unit lbf/in",
     1.0 / _N_PER_MM: "a value in lbf/in was given the unit N/mm",
@@ -70,11 +70,16 @@ _INERTIA_FACTORS = {
     for given_name, given in _INERTIA_UNITS.items()
     if true != given
 }
+# Rates at which loggers run, Hz.  A wrong rate looks like springs and dampers that are wrong by a
+# factor; but it is a rate that somebody took for another one.
+_RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 800.0, 1000.0, 1600.0, 2000.0)
+_RARE = -2.0  # logarithm of how much rarer it is than other mistakes: a logger stamps its rows
+_FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # ratios of rates
 # Where the search for a size begins; between them the fit finds its way.
-_TIME_FACTORS = (0.25, 0.4, 0.5, 0.7, 0.8, 1.25, 1.4, 2.0, 2.5, 4.0)
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
 _LAGS = (0.005, 0.02)  # s
-_FACTORS = (0.45, 0.75, 1.35, 2.2)
+_FREE = 1.0  # deviation of the logarithm of a given value whose factor is looked for
+_APART = 0.4  # the same of values that have a factor in common, and each one of its own
 
 
 @dataclass(frozen=True)
@@ -91,16 +96,26 @@ class Hypothesis:
         Where the search for the size begins; empty for a mistake without one.
     density : callable
         From the size to the logarithm of its prior probability.
+    exact : bool
+        It has one of its sizes, or that which a fit finds, and none between them.
     stretch : callable
         From the size to the logarithms of the factors by which undoing it stretches the readings
         of channels, by name.
+    freed : callable or None
+        From a vehicle to one in which the value that may be wrong is hardly known, so that a fit
+        finds it.
+    size_of : callable or None
+        From the vehicle and the car's parameters that such a fit found to the size.
     """
 
     words: Callable[[float], tuple[str, str]]
     undo: Callable[[Recording, Vehicle, float], Corrected]
     sizes: tuple[float, ...] = ()
     density: Callable[[float], float] = lambda size: 0.0 if size == 0.0 else _OCCAM
+    exact: bool = False
     stretch: Callable[[float], dict[str, float]] = lambda size: {}
+    freed: Callable[[Vehicle], Vehicle] | None = None
+    size_of: Callable[[Vehicle, Mapping[str, float]], float] | None = None
 
 
 CORRECT = Hypothesis(lambda size: ("", ""), lambda recording, vehicle, size: (recording, vehicle))
@@ -113,7 +128,7 @@ def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterato
     yield from _of_columns(channels)
     yield from _of_readings(channels)
     yield from _of_given_values(vehicle, car)
-    yield from _of_time()
+    yield from _of_time(recording)
 
 
 def _of_columns(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
@@ -245,6 +260,10 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
     own = [name for name in springs if name in given]
     if len(own) > 1:
         yield _factor("the spring rates of all axles", own, _SPRING_FACTORS, _SPRING_FIX)
+        yield _factor(
+            "the spring rates of all axles, each by a factor of its own,", own, {}, _SPRING_FIX,
+            apart=_APART,
+        )  # fmt: skip
     for name in own:
         axle = next(e.axle for e in car.elements if e.spring == name)
         yield _factor(f"the {axle} spring rate", [name], _SPRING_FACTORS, _SPRING_FIX)
@@ -252,9 +271,10 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
     dampers = [name for name in dampers if hasattr(vehicle, name)]
     for names in [dampers, *([name] for name in dampers if len(dampers) > 1)]:
         subject = " and ".join(f"nominal {name}" for name in names)
-        yield _factor(subject, names, _DAMPING_FACTORS, _DAMPING_FIX, ())
+        yield _factor(subject, names, _DAMPING_FACTORS, _DAMPING_FIX, free=False)
     if "i" in car.estimated:
-        yield _factor("the nominal pitch inertia", ["i"], _INERTIA_FACTORS, _INERTIA_FIX, ())
+        inertia = "the nominal pitch inertia"
+        yield _factor(inertia, ["i"], _INERTIA_FACTORS, _INERTIA_FIX, free=False)
     if "m" in given:
         yield _factor("the sprung mass", ["m"], _MASS_FACTORS, _MASS_FIX)
     if any(p.kind == "fraction" for p in car.parameters):
@@ -290,18 +310,36 @@ def _factor(
     names: Sequence[str],
     named: dict[float, str],
     fix: str,
-    others: Sequence[float] = _FACTORS,
+    *,
+    free: bool = True,
+    apart: float | None = None,
 ) -> Hypothesis:
-    """Return that given values are too large by one factor; some factors are likelier."""
+    """Return that given values are too large by one factor.
+
+    Named factors are likelier than others, which there are where it is ``free``.  ``apart`` is the
+    deviation of the logarithm of each value about the factor that they have in common.
+    """
 
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
         scale = math.exp(-size)
         changed = {}
         for name in names:
             old: Given | Nominal = getattr(vehicle, name)
-            sds = {} if old.sd is None else {"sd": old.sd * scale}
+            sd = old.sd if apart is None else apart * old.value
+            sds = {} if sd is None else {"sd": sd * scale}
             changed[name] = replace(old, value=old.value * scale, **sds)
         return recording, replace(vehicle, **changed)  # type: ignore[arg-type]
+
+    def freed(vehicle: Vehicle) -> Vehicle:
+        unknown = {}
+        for name in names:
+            old: Given = getattr(vehicle, name)
+            unknown[name] = replace(old, sd=_FREE * old.value)
+        return replace(vehicle, **unknown)  # type: ignore[arg-type]
+
+    def size_of(vehicle: Vehicle, values: Mapping[str, float]) -> float:
+        logs = [math.log(getattr(vehicle, name).value / values[name]) for name in names]
+        return sum(logs) / len(logs)
 
     def words(size: float) -> tuple[str, str]:
         plural = "are" if len(names) > 1 else "is"
@@ -312,12 +350,16 @@ def _factor(
         return text, fix
 
     def density(size: float) -> float:
+        if not named:
+            return _OCCAM + (len(names) - 1) * math.log(_FREE / _APART) * -2.0
         nearest = min(abs(size + math.log(factor)) for factor in named) / _NAMED_FACTOR
         known = -math.log(2.0 * len(named)) - 0.5 * nearest**2
-        return float(np.logaddexp(math.log(0.5) + _OCCAM, known)) if others else known
+        return float(np.logaddexp(math.log(0.5) + _OCCAM, known)) if free else known
 
-    logs = sorted({*(-math.log(f) for f in named), *map(math.log, others)})
-    return Hypothesis(words, undo, tuple(logs), density)
+    logs = tuple(sorted(-math.log(f) for f in named))
+    if not free:
+        return Hypothesis(words, undo, logs, density, exact=True)
+    return Hypothesis(words, undo, logs, density, exact=True, freed=freed, size_of=size_of)
 
 
 _SPRING_FIX = (
@@ -332,15 +374,41 @@ _MASS_FIX = (
 )
 
 
-def _of_time() -> Iterator[Hypothesis]:
+def _of_time(recording: Recording) -> Iterator[Hypothesis]:
+    own = nominal_rate(recording)
+    factors = [own / rate for rate in _RATES]  # by which time runs too fast
+    sizes = [math.log(f) for f in factors if 1.0 / _FARTHEST_RATE < f < _FARTHEST_RATE]
+    sizes = [size for size in sizes if abs(size) > math.log(_SAME_RATE)]
+    if not sizes:
+        return
     yield Hypothesis(
         lambda size: (
-            f"time runs {_times(math.exp(size))} as fast as it should: the sampling rate is wrong",
+            f"time runs {_times(math.exp(-size))} as fast as it should: the sampling rate is "
+            f"wrong, {own * math.exp(-size):.0f} Hz would fit",
             "check the rate and the unit of the time column",
         ),
-        lambda r, v, size: (replace(r, time=r.time[0] + (r.time - r.time[0]) * math.exp(size)), v),
-        tuple(sorted(math.log(f) for f in _TIME_FACTORS)),
+        _at_another_rate,
+        tuple(sorted(sizes)),
+        lambda size: _RARE - math.log(len(sizes)),
+        exact=True,
     )
+
+
+def _at_another_rate(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
+    """Stretch time by a factor.
+
+    What a sensor's filter makes of its noise from row to row stays as it is: an inexact model of
+    the noise must not speak for a rate.
+    """
+    factor = math.exp(size)
+    sensors = {
+        name: sensor
+        if sensor.bandwidth is None
+        else replace(sensor, bandwidth=sensor.bandwidth / factor)
+        for name, sensor in vehicle.sensors.items()
+    }
+    time = recording.time[0] + (recording.time - recording.time[0]) * factor
+    return replace(recording, time=time), replace(vehicle, sensors=sensors)
 
 
 def _words(name: str) -> str:

@@ -20,7 +20,7 @@ front wheels meet the road first.  Mistakes in nominal values leave none, see
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -59,6 +59,7 @@ Corrected = tuple[Recording, Vehicle]
 _SECONDS = 2.5  # of the most lively stretch: five periods of the slowest mode
 _PRIOR = 0.1  # probability that an input has one of the mistakes, shared equally by them
 _REFINED = 3  # hypotheses with a size that are refined, the best ones
+_TOLD = 3  # mistakes in a sentence
 _RUNS = 3  # recordings that are looked at
 _MOVED = 3.0  # deviations: once in 370 right inputs for each given value
 _NEARLY_HOLDS = 30.0  # dispersion up to which a mistake explains enough to be named
@@ -123,9 +124,8 @@ def check_input(
     if refused:
         return None  # a refusal has reasons of its own
     if moved:
-        names = " and ".join(QUANTITIES[name][1] for name in moved if name in QUANTITIES)
-        text = f"the recording contradicts what is given for {names}"
-        return Doubt((), f"{text}; check value, unit and its sd before any verdict on a damper")
+        assert fit is not None
+        return Doubt((), _contradiction(moved, fit.values, vehicle))
     if holds:
         return None
     return Doubt(
@@ -136,13 +136,30 @@ def check_input(
     )
 
 
+def _contradiction(moved: Sequence[str], values: Mapping[str, float], vehicle: Vehicle) -> str:
+    """Say which given values the recording contradicts, and by what factors."""
+    parts = []
+    for name in moved:
+        if name not in QUANTITIES:
+            continue
+        factor = getattr(vehicle, name).value / values[name]
+        mass = f" (or the sprung mass, {1.0 / factor:.2f} times)" if name.startswith("k_") else ""
+        parts.append(f"the {QUANTITIES[name][1]}, {factor:.2f} times what it shows{mass}")
+    return (
+        f"the recording contradicts what is given for {' and '.join(parts)}; check value, unit and "
+        "sd of what is given (springs: at the wheel, both sides of an axle, so the rate of the "
+        "spring times the square of the motion ratio; mass: sprung, with driver) before any "
+        "verdict on a damper"
+    )
+
+
 def _sentence(mistakes: Sequence[Mistake]) -> str:
     first, *others = mistakes
     text = (
         f"the input is probably wrong: {first.words} (probability {100 * first.probability:.0f} %)"
     )
-    if others:
-        text += f", or {others[0].words} ({100 * others[0].probability:.0f} %)"
+    for other in others[: _TOLD - 1]:
+        text += f", or {other.words} ({100 * other.probability:.0f} %)"
     return f"{text}; {first.fix}"
 
 
@@ -177,7 +194,7 @@ def likely_mistakes(
     liveliest = [max(recordings, key=lambda one: float(np.mean(wheel_power(one, vehicle))))]
     sorted_out: list[_Tried] = []
     for k, hypothesis in enumerate(every):
-        sizes = hypothesis.sizes or (0.0,)
+        sizes = _sizes(hypothesis, liveliest, vehicle, car)
         each = [_evaluate(hypothesis, size, liveliest, vehicle, car) for size in sizes]
         sorted_out.append(max(each, key=lambda one: one.log_posterior))
         progress((k + 1) / (len(every) + _REFINED))
@@ -209,6 +226,22 @@ def likely_mistakes(
             if weight > REPORTED and one.hypothesis is not CORRECT
         ]
     return []
+
+
+def _sizes(
+    hypothesis: Hypothesis, recordings: Sequence[Recording], vehicle: Vehicle, car: str
+) -> Sequence[float]:
+    """Sizes that a mistake may have: where a search begins, and what a fit finds."""
+    sizes = hypothesis.sizes
+    if hypothesis.freed is not None and hypothesis.size_of is not None:
+        parts = [cut(one, most_active_rows(one, vehicle, _SECONDS)) for one in recordings]
+        try:
+            fit = screening_fit(parts, hypothesis.freed(vehicle), car)
+        except InputError:
+            fit = None
+        if fit is not None:
+            sizes = (*sizes, hypothesis.size_of(vehicle, fit.values))
+    return sizes or (0.0,)
 
 
 class _Tried(NamedTuple):
@@ -257,7 +290,7 @@ def _evaluate(
 def _refined(one: _Tried, recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> _Tried:
     """Search the size of a mistake between the neighbours of its best starting value."""
     sizes = sorted({*one.hypothesis.sizes, 0.0})
-    if len(sizes) == 1 or not math.isfinite(one.log_posterior):
+    if one.hypothesis.exact or len(sizes) == 1 or not math.isfinite(one.log_posterior):
         return one
     k = sizes.index(one.size)
     low = sizes[k - 1] if k > 0 else 1.5 * one.size

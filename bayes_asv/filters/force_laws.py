@@ -1,8 +1,9 @@
 """Nonlinear suspension force laws, one branch a law.
 
-A row of the table is ``(element, code, p0, p1, p2, p3)``.  Spring and damper laws multiply what
-they change, so that they compose; stops, friction and outside forces add.  Every branch keeps
-the value and both slopes.  The readable forms stand in :mod:`bayes_asv.models.effects`.
+A row of the table is ``(element, code, p0, p1, …)``, filled up with zeros.  Spring and damper
+laws multiply what they change, so that they compose; stops, friction and outside forces
+add.  Every branch keeps the value and both slopes.  The readable forms stand in
+:mod:`bayes_asv.models.effects`.
 """
 
 from __future__ import annotations
@@ -19,13 +20,20 @@ __all__ = [
     "BOUND_REBOUND",
     "BUMP_STOP",
     "COULOMB",
+    "CURVE_FIRST",
+    "CURVE_KNOTS",
+    "DAMPER_CURVE",
     "DIGRESSIVE",
     "DROOP_STOP",
     "FADE",
     "OUTSIDE",
     "PROGRESSIVE",
+    "SERIES_STIFFNESS",
+    "damper_force",
     "excess",
     "excess_many",
+    "series_stiffness",
+    "undamped_excess",
 ]
 
 (
@@ -37,7 +45,14 @@ __all__ = [
     DROOP_STOP,
     FADE,
     OUTSIDE,
-) = range(8)
+    DAMPER_CURVE,
+    SERIES_STIFFNESS,
+) = range(10)
+
+CURVE_KNOTS = 8
+"""Knots of a free damping curve on either side of rest."""
+CURVE_FIRST = 0.00625
+"""Speed of the first of them, m/s; each next one is at twice the speed of the last."""
 
 Array = NDArray[np.float64]
 
@@ -49,6 +64,120 @@ def _rounded(beyond: float, width: float) -> tuple[float, float]:
     # of numbers of like size the difference would lose its digits
     value = 0.5 * (beyond + root) if beyond > 0.0 else 0.5 * width * width / (root - beyond)
     return value, value / root
+
+
+@njit(**INLINE)
+def _on_curve(table: Array, lane: int, row: int, rate: float) -> tuple[float, float]:
+    """Return the integral of a piecewise linear slope from rest to a speed, and the slope there."""
+    rest, side = 2 + CURVE_KNOTS, 1 if rate >= 0.0 else -1
+    speed, low, high = abs(rate), 0.0, CURVE_FIRST
+    slope = table[lane, row, rest]
+    total, at, knot = 0.0, slope, 1
+    while knot <= CURVE_KNOTS:
+        after = table[lane, row, rest + side * knot]
+        if speed <= high:
+            come = speed - low
+            at = slope + (after - slope) * come / (high - low)
+            total += 0.5 * (slope + at) * come
+            break
+        total += 0.5 * (slope + after) * (high - low)
+        slope, low, high, knot = after, high, 2.0 * high, knot + 1
+    if knot > CURVE_KNOTS:
+        at = slope
+        total += slope * (speed - low)
+    return side * total, at
+
+
+@njit(**INLINE)
+def series_stiffness(table: Array, lane: int, element: int) -> float:
+    """Return the stiffness in series with an element's damper (N/m); 0 where there is none."""
+    found = 0.0
+    for row in range(table.shape[1]):
+        if table[lane, row, 0] == element and table[lane, row, 1] == SERIES_STIFFNESS:
+            found = table[lane, row, 2]
+    return found
+
+
+@njit(**INLINE)
+def damper_force(
+    table: Array, lane: int, element: int, c: float, rate: float, share: float
+) -> tuple[float, float]:
+    """Return the force against the rate of deflection that an element's damper exerts (N).
+
+    Behind it stands its slope in that rate, N·s/m.  Parameters are those of :func:`excess`.
+    """
+    damper, damper_v = c * rate, c
+    for row in range(table.shape[1]):
+        if table[lane, row, 0] != element:
+            continue
+        code = table[lane, row, 1]
+        p0, p1 = table[lane, row, 2], table[lane, row, 3]
+        if code == BOUND_REBOUND:  # p0 = (ratio − 1)/(ratio + 1), p1 = rounding, m/s
+            root = math.sqrt(rate * rate + p1 * p1)
+            factor = 1.0 + p0 * rate / root
+            slope = p0 * p1 * p1 / (root * root * root)
+            damper_v = damper_v * factor + damper * slope
+            damper *= factor
+        elif code == DIGRESSIVE:  # p0 = 1/knee, s/m, p1 = sharpness of the knee
+            x = abs(rate * p0)
+            if x > 1e-9:
+                bend = x**p1
+                factor = (1.0 + bend) ** (-1.0 / p1)
+                slope = -factor * bend / (1.0 + bend) / rate
+                damper_v = damper_v * factor + damper * slope
+                damper *= factor
+        elif code == DAMPER_CURVE:  # slopes at the knots over c, from the fastest compression on
+            along, at = _on_curve(table, lane, row, rate)
+            factor = along / rate if abs(rate) > 1e-9 else at
+            slope = (at - factor) / rate if abs(rate) > 1e-9 else 0.0
+            damper_v = damper_v * factor + damper * slope
+            damper *= factor
+        elif code == FADE:  # p0 = share lost at the end, p1 = how it levels off
+            come = share if abs(p1) < 1e-6 else math.expm1(-p1 * share) / math.expm1(-p1)
+            damper_v *= 1.0 - p0 * come
+            damper *= 1.0 - p0 * come
+    return damper, damper_v
+
+
+@njit(**INLINE)
+def undamped_excess(
+    table: Array, lane: int, element: int, k: float, delta: float, rate: float, time: float
+) -> tuple[float, float, float]:
+    """Return the force beyond −k δ of all but the damper (N), and its slopes in δ and δ̇.
+
+    Parameters are those of :func:`excess`.
+    """
+    spring, spring_d = k * delta, k
+    added, added_d, added_v = 0.0, 0.0, 0.0
+    for row in range(table.shape[1]):
+        if table[lane, row, 0] != element:
+            continue
+        code = table[lane, row, 1]
+        p0, p1, p2 = table[lane, row, 2], table[lane, row, 3], table[lane, row, 4]
+        if code == COULOMB:  # p0 = force, N, p1 = slip speed, m/s
+            root = math.sqrt(rate * rate + p1 * p1)
+            added -= p0 * rate / root
+            added_v -= p0 * p1 * p1 / (root * root * root)
+        elif code == PROGRESSIVE:  # p0 = κ, 1/m², p1 = share of κ² δ⁴
+            x = p0 * delta * delta
+            factor = 1.0 + x + p1 * x * x
+            slope = (2.0 * p0 + 4.0 * p1 * p0 * x) * delta
+            spring_d = spring_d * factor + spring * slope
+            spring *= factor
+        elif code in (BUMP_STOP, DROOP_STOP):
+            # p0 = gap, m, p1 = rate, N/m, p2 = rounding, m, p3 = power
+            sign, power = -1.0 if code == BUMP_STOP else 1.0, table[lane, row, 5]
+            deep, slope = _rounded(sign * delta - p0, p2)
+            at_rest, _ = _rounded(-p0, p2)
+            force = p1 * p2 * (deep / p2) ** power
+            added -= sign * (force - p1 * p2 * (at_rest / p2) ** power)
+            added_d -= power * force / deep * slope
+        elif code == OUTSIDE:  # p0 = force, N, p1 = start, p2 = duration, p3 = rise, s
+            rise = table[lane, row, 5]
+            up = min(max((time - p1) / rise + 0.5, 0.0), 1.0)
+            down = min(max((time - p1 - p2) / rise + 0.5, 0.0), 1.0)
+            added += p0 * (up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down))
+    return added - (spring - k * delta), added_d - (spring_d - k), added_v
 
 
 @njit(**INLINE)
@@ -67,7 +196,7 @@ def excess(
 
     Parameters
     ----------
-    table : (L, K, 6) array
+    table : (L, K, P) array
         The laws of L parameter sets; see the module.
     lane, element : int
         Which set, and which suspension element.
@@ -78,57 +207,9 @@ def excess(
     time, share : float
         Time in the recording (s), and the share of the recording that has gone by.
     """
-    damper, damper_v = c * rate, c
-    spring, spring_d = k * delta, k
-    added, added_d, added_v = 0.0, 0.0, 0.0
-    for row in range(table.shape[1]):
-        if table[lane, row, 0] != element:
-            continue
-        code = table[lane, row, 1]
-        p0, p1, p2 = table[lane, row, 2], table[lane, row, 3], table[lane, row, 4]
-        if code == BOUND_REBOUND:  # p0 = (ratio − 1)/(ratio + 1), p1 = rounding, m/s
-            root = math.sqrt(rate * rate + p1 * p1)
-            factor = 1.0 + p0 * rate / root
-            slope = p0 * p1 * p1 / (root * root * root)
-            damper_v = damper_v * factor + damper * slope
-            damper *= factor
-        elif code == DIGRESSIVE:  # p0 = 1/knee, s/m, p1 = sharpness of the knee
-            x = abs(rate * p0)
-            if x > 1e-9:
-                bend = x**p1
-                factor = (1.0 + bend) ** (-1.0 / p1)
-                slope = -factor * bend / (1.0 + bend) / rate
-                damper_v = damper_v * factor + damper * slope
-                damper *= factor
-        elif code == COULOMB:  # p0 = force, N, p1 = slip speed, m/s
-            root = math.sqrt(rate * rate + p1 * p1)
-            added -= p0 * rate / root
-            added_v -= p0 * p1 * p1 / (root * root * root)
-        elif code == PROGRESSIVE:  # p0 = κ, 1/m², p1 = share of κ² δ⁴
-            x = p0 * delta * delta
-            factor = 1.0 + x + p1 * x * x
-            slope = (2.0 * p0 + 4.0 * p1 * p0 * x) * delta
-            spring_d = spring_d * factor + spring * slope
-            spring *= factor
-        elif code in (BUMP_STOP, DROOP_STOP):
-            # p0 = gap, m, p1 = rate, N/m, p2 = rounding, m, p3 = power
-            sign, power = -1.0 if code == BUMP_STOP else 1.0, table[lane, row, 5]
-            deep, slope = _rounded(sign * delta - p0, p2)
-            at_rest, _ = _rounded(-p0, p2)
-            force = p1 * p2 * (deep / p2) ** power
-            added -= sign * (force - p1 * p2 * (at_rest / p2) ** power)
-            added_d -= power * force / deep * slope
-        elif code == FADE:  # p0 = share lost at the end, p1 = how it levels off
-            come = share if abs(p1) < 1e-6 else math.expm1(-p1 * share) / math.expm1(-p1)
-            damper_v *= 1.0 - p0 * come
-            damper *= 1.0 - p0 * come
-        elif code == OUTSIDE:  # p0 = force, N, p1 = start, p2 = duration, p3 = rise, s
-            rise = table[lane, row, 5]
-            up = min(max((time - p1) / rise + 0.5, 0.0), 1.0)
-            down = min(max((time - p1 - p2) / rise + 0.5, 0.0), 1.0)
-            added += p0 * (up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down))
-    beyond: float = added - (damper - c * rate) - (spring - k * delta)
-    return beyond, added_d - (spring_d - k), added_v - (damper_v - c)
+    damper, damper_v = damper_force(table, lane, element, c, rate, share)
+    beyond, by_deflection, by_rate = undamped_excess(table, lane, element, k, delta, rate, time)
+    return beyond - (damper - c * rate), by_deflection, by_rate - (damper_v - c)
 
 
 @njit(**OPTIONS)
@@ -142,7 +223,7 @@ def excess_many(
     time: Array,
     end: float,
 ) -> Array:
-    """Return :func:`excess` of a table (K, 6) at N points (N, 3); ``share`` is 1 at ``end``, s."""
+    """Return :func:`excess` of a table (K, P) at N points (N, 3); ``share`` is 1 at ``end``, s."""
     laws = table.reshape((1, *table.shape))
     out = np.empty((len(delta), 3))
     for n in range(len(delta)):

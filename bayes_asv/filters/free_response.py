@@ -13,7 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.kalman import NO_LAWS, Laws, Measurements, StateSpace
+from bayes_asv.filters.kalman import (
+    NO_LAWS,
+    Laws,
+    Measurements,
+    StateSpace,
+    readout,
+    series_dampers,
+)
 from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
@@ -30,8 +37,9 @@ Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=64)
-def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
-    rows = nx + ne
+def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
+    nf = nx + ne
+    rows = nf + nm
     coupled = rows + nd + nu
 
     @njit(**OPTIONS)
@@ -60,12 +68,15 @@ def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None
         Q = np.zeros((nu, nx, nx, 1))
         work = np.empty((nx, nx, 1))
         impulse = np.empty((nx, nu, 1))
-        W0 = np.zeros((rows, ne, 1))
-        W1 = np.zeros((rows, ne, 1))
+        W0 = np.zeros((nf, ne, 1))
+        W1 = np.zeros((nf, ne, 1))
         now = np.zeros((ne, 1))
         then = np.zeros((ne, 1))
         early = np.zeros((ne, coupled, 1))
         late = np.zeros((ne, coupled, 1))
+        rate = np.zeros((2, ne, 1))
+        by = np.zeros((2, ne, coupled, 1))
+        series = np.zeros((4, nm, 1))
         nonlinear = table.shape[1] > 0
         ahead = np.empty((rows, 1))
         room = np.empty((rows, 2, 1))
@@ -74,6 +85,8 @@ def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None
             mean[a, 0] = begin[a]
         for d in range(nd):
             mean[rows + d, 0] = begin[nx + d]
+        for e in range(nm):  # as if it had been linear before the recording began
+            mean[nf + e, 0] = rates[e, 0, 0] * begin[2 * e + 1]
         h_known = -1.0
         for k in range(step.shape[0]):
             h = step[k]
@@ -88,8 +101,9 @@ def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None
                 advance_mean(nx, nu, rows, coupled, 1, base, drive, k, moments, mean, ahead)
                 if ne > 0:
                     advance_forces(
-                        nx, ne, nd, nu, 1, nonlinear, table, rates, powers, B, E, N, pole, mean, k,
-                        inputs, elapsed, added, W0, W1, now, then, early, late, ahead,
+                        nx, ne, nd, nu, nm, 1, nonlinear, table, rates, powers, B, E, N, pole, mean,
+                        k, h, inputs, elapsed, added, W0, W1, now, then, early, late, rate, by,
+                        series, ahead,
                     )  # fmt: skip
                 for a in range(rows):
                     mean[a, 0] = ahead[a, 0]
@@ -98,7 +112,7 @@ def _compiled(nx: int, ne: int, nd: int, nu: int, ny: int) -> Callable[..., None
                 for a in range(rows):
                     value += C[y, a, 0] * mean[a, 0]
                 output[k, y] = value
-            for a in range(rows):
+            for a in range(nf):
                 states[k, a] = mean[a, 0]
 
     return run  # type: ignore[no-any-return]
@@ -130,9 +144,10 @@ def free_response(
     _, nx, nu = system.B.shape
     ny = system.C.shape[1]
     ne = 0 if laws is None else system.E.shape[2]
-    C = system.C if laws is None else np.concatenate([system.C, system.G], axis=2)
+    nm = 0 if laws is None else series_dampers(laws, ne)
+    C = system.C if laws is None else readout(system, nm)
     laws = NO_LAWS if laws is None else laws
-    run = _compiled(nx, ne, system.N.shape[1], nu, ny)
+    run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     one = [
         np.ascontiguousarray(x[0, ..., None])
         for x in (system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne])

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from bayes_asv.filters.force_laws import SERIES_STIFFNESS
 from bayes_asv.filters.prediction import (
     AT_LEAST,
     AT_MOST,
@@ -150,7 +151,7 @@ class Laws(NamedTuple):
 
     Parameters
     ----------
-    table : (W, K, 6) array
+    table : (W, K, P) array
         Laws of each parameter set, as :func:`bayes_asv.filters.force_laws.excess` takes them.
     pole : float
         Pole of the filter that all readings passed, rad/s.
@@ -193,9 +194,10 @@ class FilterPass(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _compiled(
-    nx: int, ne: int, nd: int, nu: int, ny: int, lanes: int
+    nx: int, ne: int, nm: int, nd: int, nu: int, ny: int, lanes: int
 ) -> Callable[..., None]:  # sizes are constants of the compiled function
-    rows = nx + ne
+    nf = nx + ne
+    rows = nf + nm
     coupled = rows + nd + nu
     n = coupled + 2 * ny
 
@@ -244,6 +246,15 @@ def _compiled(
             for b in range(nx + nd + ny):
                 for q in range(lanes):
                     P[place[a], place[b], q] = start[a, b]
+        for e in range(nm):  # as if it had been linear before the recording began
+            for a in range(nf):
+                for q in range(lanes):
+                    P[nf + e, a, q] = rates[e, 0, q] * P[2 * e + 1, a, q]
+                    P[a, nf + e, q] = P[nf + e, a, q]
+            for f in range(e + 1):
+                for q in range(lanes):
+                    P[nf + e, nf + f, q] = rates[e, 0, q] * P[2 * e + 1, nf + f, q]
+                    P[nf + f, nf + e, q] = P[nf + e, nf + f, q]
         for u in range(nu):
             for q in range(lanes):
                 P[coupled - nu + u, coupled - nu + u, q] = filtered[u, q]
@@ -266,12 +277,15 @@ def _compiled(
         intensity = np.empty((nu, lanes))
         work = np.empty((nx, nx, lanes))
         impulse = np.empty((nx, nu, lanes))
-        W0 = np.zeros((rows, ne, lanes))
-        W1 = np.zeros((rows, ne, lanes))
+        W0 = np.zeros((nf, ne, lanes))
+        W1 = np.zeros((nf, ne, lanes))
         now = np.zeros((ne, lanes))
         then = np.zeros((ne, lanes))
         early = np.zeros((ne, coupled, lanes))
         late = np.zeros((ne, coupled, lanes))
+        rate = np.zeros((2, ne, lanes))
+        by = np.zeros((2, ne, coupled, lanes))
+        series = np.zeros((4, nm, lanes))
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         values = 0
         h_known = -1.0
@@ -293,11 +307,14 @@ def _compiled(
                 advance_mean(nx, nu, rows, coupled, lanes, base, drive, k, moments, mean, ahead)
                 if ne > 0:
                     advance_forces(
-                        nx, ne, nd, nu, lanes, nonlinear, table, rates, powers, B, E, N, pole, mean,
-                        k, inputs, elapsed, added, W0, W1, now, then, early, late, ahead,
+                        nx, ne, nd, nu, nm, lanes, nonlinear, table, rates, powers, B, E, N, pole,
+                        mean, k, h, inputs, elapsed, added, W0, W1, now, then, early, late, rate,
+                        by, series, ahead,
                     )  # fmt: skip
                     if nonlinear:
-                        linearise(rows, ne, coupled, lanes, base, W0, W1, early, late, carry)
+                        linearise(
+                            nf, ne, nm, coupled, lanes, base, W0, W1, early, late, by, series, carry
+                        )
                 for a in range(rows):
                     for q in range(lanes):
                         mean[a, q] = ahead[a, q]
@@ -333,13 +350,24 @@ def _compiled(
                     )
                 condition(n, lanes, PC, shift, shrink, mean, P)
             if keep:
-                for a in range(rows):
+                for a in range(nf):
                     for q in range(lanes):
                         states[k, a, q] = mean[a, q]
         for q in range(lanes):
             total[q] -= 0.5 * (math.log(product[q]) + squared[q] + values * LOG_2PI)
 
     return run  # type: ignore[no-any-return]
+
+
+def series_dampers(laws: Laws, ne: int) -> int:
+    """Return how many dampers have a force of their own: all of them, if any has a stiffness."""
+    return ne if np.any(laws.table[:, :, 1] == SERIES_STIFFNESS) else 0
+
+
+def readout(system: StateSpace, nm: int) -> Array:
+    """Return outputs (W, ny, nx + ne + nm) by states, filtered forces and forces of dampers."""
+    W, ny, _ = system.C.shape
+    return np.concatenate([system.C, system.G, np.zeros((W, ny, nm))], axis=2)
 
 
 def _lanes_last(values: Array) -> Array:
@@ -355,7 +383,8 @@ def _passes(
     W, nx, nu = system.B.shape
     ny = system.C.shape[1]
     ne = system.E.shape[2] if nonlinear else 0
-    C = np.concatenate([system.C, system.G], axis=2) if nonlinear else system.C
+    nm = series_dampers(laws, ne)
+    C = readout(system, nm) if nonlinear else system.C
     per_set = (
         system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], noise.white,
         noise.filtered, noise.poles,
@@ -367,7 +396,7 @@ def _passes(
     while done < W:
         lanes = LANES if W - done >= _FEWEST_LANES else 1
         sets = np.minimum(np.arange(done, done + lanes), W - 1)  # the last one fills up
-        run = _compiled(nx, ne, system.N.shape[1], nu, ny, lanes)
+        run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny, lanes)
         A, B, rows, E, rates, white, filtered, poles = (_lanes_last(x[sets]) for x in per_set)
         total = np.zeros(lanes)
         kept = [np.zeros((instants, size, lanes)) for size in (ny, ny, nx + ne)]

@@ -12,20 +12,39 @@ filter is declared λ is above what the samples can show.  Forces enter a step a
 between its ends (second-order exponential integrator; Hochbruck & Ostermann 2010, Acta Numerica 19,
 eq. 2.39), the second end from a predictor.  The covariance follows the slopes along that path: an
 extended Kalman filter, exact for a linear car.
+
+A damper in series with a stiffness K (gas, oil, rubber mounts) has a force of its own, m, as a
+state behind φ.  With F the damper's law and u the rate at its own ends::
+
+    ṁ = K (δ̇ − u),      F(u) = m
+
+so that force lags velocity: a loop in place of a curve.  It is integrated in parts of a step by
+exponential Rosenbrock steps (Hochbruck & Ostermann, section 2.4), which stay stable where the
+damper's slope F′ is small and K/F′ fast.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.force_laws import excess
-from bayes_asv.filters.prediction import INLINE, TAYLOR
+from bayes_asv.filters.force_laws import (
+    damper_force,
+    excess,
+    series_stiffness,
+    undamped_excess,
+)
+from bayes_asv.filters.prediction import INLINE, OPTIONS, TAYLOR
 
-__all__ = ["advance_forces", "force_weights", "linearise"]
+__all__ = ["advance_forces", "damper_forces", "force_weights", "linearise"]
 
 Array = NDArray[np.float64]
+
+_PARTS = 4  # of a step, over each of which a damper in series with a stiffness is linear
+_MOST_TRIES = 40  # of Newton's method for the rate at the damper
 
 
 @njit(**INLINE)
@@ -77,14 +96,13 @@ def force_weights(
 
 
 @njit(**INLINE)
-def _excess_forces(
+def _rates(
     nx: int,
     ne: int,
     nd: int,
     nu: int,
+    nm: int,
     lanes: int,
-    table: Array,
-    rates: Array,
     powers: Array,
     B: Array,
     E: Array,
@@ -94,64 +112,190 @@ def _excess_forces(
     drivers: Array,
     k: int,
     inputs: Array,
-    elapsed: Array,
-    out: Array,
-    slopes: Array,
+    rate: Array,
+    by: Array,
 ) -> None:
-    """Fill excess forces (ne, L) and their slopes (ne, nx + ne + nd + nu, L) in x, φ, d and w.
+    """Fill the rate of deflection before the sensors' filter (ne, L), m/s, and its slopes.
 
-    Parameters
-    ----------
-    table : (L, K, 6) array
-        Laws of each lane, as :func:`bayes_asv.filters.force_laws.excess` takes them.
-    rates : (ne, 2, L) array
-        Damping and spring rate of each element.
-    mean : (nx + ne, L) array
-        States of the car and filtered forces; element e has its deflection at 2 e and its rate at
-        2 e + 1.
-    drivers : (n, L) array
-        State whose rows from nx + ne on are input biases and filtered noise of the inputs.
-    k : int
-        Number of the instant.
-    inputs, elapsed : (N, nu) and (N,) arrays
-        Readings of the inputs, m/s², and the time since the recording began, s.
+    ``by`` (ne, coupled, L) has them in all states that drive the car.  Other parameters are those
+    of :func:`_forces`.
     """
     lag = 1.0 / pole
-    rows = nx + ne
-    time = elapsed[k]
-    share = time / elapsed[-1]
+    rows = nx + ne + nm
     for e in range(ne):
         row = 2 * e + 1
         for q in range(lanes):
             acceleration = 0.0
             for b in range(nx):
                 acceleration += powers[1, row, b, q] * mean[b, q]
+                by[e, b, q] = lag * powers[1, row, b, q]
             for f in range(ne):
                 acceleration += E[row, f, q] * mean[nx + f, q]
+                by[e, nx + f, q] = lag * E[row, f, q]
+            for d in range(nd):
+                by[e, rows + d, q] = 0.0
             for u in range(nu):
                 disturbance = drivers[rows + nd + u, q]
+                by[e, rows + nd + u, q] = -lag * B[row, u, q]
                 for d in range(nd):
                     disturbance += N[u, d] * drivers[rows + d, q]
+                    by[e, rows + d, q] -= lag * B[row, u, q] * N[u, d]
                 acceleration += B[row, u, q] * (inputs[k, u] - disturbance)
+            rate[e, q] = mean[row, q] + lag * acceleration
+            by[e, row, q] += 1.0
+
+
+@njit(**INLINE)
+def _forces(
+    nx: int,
+    ne: int,
+    nd: int,
+    nu: int,
+    nm: int,
+    lanes: int,
+    table: Array,
+    rates: Array,
+    pole: float,
+    mean: Array,
+    k: int,
+    elapsed: Array,
+    rate: Array,
+    by: Array,
+    out: Array,
+    slopes: Array,
+) -> None:
+    """Fill excess forces (ne, L) and their slopes (ne, coupled, L) in x, φ, m, d and w.
+
+    Parameters
+    ----------
+    table : (L, K, P) array
+        Laws of each lane, as :func:`bayes_asv.filters.force_laws.excess` takes them.
+    rates : (ne, 2, L) array
+        Damping and spring rate of each element.
+    mean : (nx + ne + nm, L) array
+        States of the car, filtered forces, and forces of dampers in series with a stiffness;
+        element e has its deflection at 2 e and its rate at 2 e + 1.
+    k : int
+        Number of the instant.
+    elapsed : (N,) array
+        Time since the recording began, s.
+    rate, by : (ne, L) and (ne, coupled, L) arrays
+        See :func:`_rates`.
+    """
+    lag = 1.0 / pole
+    time = elapsed[k]
+    share = time / elapsed[-1]
+    for e in range(ne):
+        row = 2 * e + 1
+        for q in range(lanes):
             deflection = mean[2 * e, q] + lag * mean[row, q]
-            rate = mean[row, q] + lag * acceleration
-            force, by_deflection, by_rate = excess(
-                table, q, e, rates[e, 0, q], rates[e, 1, q], deflection, rate, time, share
-            )
+            if nm > 0:
+                force, by_deflection, by_rate = undamped_excess(
+                    table, q, e, rates[e, 1, q], deflection, rate[e, q], time
+                )
+                force += rates[e, 0, q] * rate[e, q] - mean[nx + ne + e, q]
+                by_rate += rates[e, 0, q]
+            else:
+                force, by_deflection, by_rate = excess(
+                    table, q, e, rates[e, 0, q], rates[e, 1, q], deflection, rate[e, q], time, share
+                )
             out[e, q] = force
-            late = lag * by_rate
-            for b in range(nx):
-                slopes[e, b, q] = late * powers[1, row, b, q]
-            for f in range(ne):
-                slopes[e, nx + f, q] = late * E[row, f, q]
-            for d in range(nd):
-                slopes[e, nx + ne + d, q] = 0.0
-            for u in range(nu):
-                slopes[e, nx + ne + nd + u, q] = -late * B[row, u, q]
-                for d in range(nd):
-                    slopes[e, nx + ne + d, q] -= late * B[row, u, q] * N[u, d]
+            for b in range(nx + ne):
+                slopes[e, b, q] = by_rate * by[e, b, q]
+            for b in range(nx + ne + nm, nx + ne + nm + nd + nu):
+                slopes[e, b, q] = by_rate * by[e, b, q]
             slopes[e, 2 * e, q] += by_deflection
-            slopes[e, row, q] += lag * by_deflection + by_rate
+            slopes[e, row, q] += lag * by_deflection
+            if nm > 0:
+                slopes[e, nx + ne + e, q] = -1.0
+
+
+@njit(**INLINE)
+def _series_damper(
+    table: Array,
+    lane: int,
+    element: int,
+    c: float,
+    force: float,
+    begin: float,
+    end: float,
+    h: float,
+    share: float,
+    guess: float,
+) -> tuple[float, float, float, float, float]:
+    """Carry the force of a damper in series with a stiffness over a step.
+
+    Parameters
+    ----------
+    force : float
+        At the step's beginning, N.
+    begin, end : float
+        Rates of deflection at its ends, m/s.
+    guess : float
+        Rate at the damper from which the search for it begins, m/s.
+
+    Returns
+    -------
+    force, by_force, by_begin, by_end, guess : float
+        Force at the step's end, its slopes in the force before and in both rates, and the rate at
+        the damper.
+    """
+    K = series_stiffness(table, lane, element)
+    if K == 0.0:
+        total, slope = damper_force(table, lane, element, c, end, share)
+        return total, 0.0, 0.0, slope, end
+    by_force, by_begin, by_end = 1.0, 0.0, 0.0
+    part = h / _PARTS
+    at = guess
+    for n in range(_PARTS):
+        total, slope = damper_force(table, lane, element, c, at, share)
+        for _ in range(_MOST_TRIES):
+            step = (force - total) / slope
+            at += step
+            total, slope = damper_force(table, lane, element, c, at, share)
+            if abs(step) <= 1e-9 * (1e-3 + abs(at)):
+                break
+        z = K * part / slope
+        kept = math.exp(-z)
+        first = (1.0 - kept) / z if z > 1e-6 else 1.0 - 0.5 * z
+        second = (1.0 - first) / z if z > 1e-6 else 0.5 - z / 6.0
+        early = begin + (end - begin) * n / _PARTS
+        later = begin + (end - begin) * (n + 1) / _PARTS
+        force += part * K * (first * (early - at) + second * (later - early))
+        by_force *= kept
+        by_early, by_later = part * K * (first - second), part * K * second
+        by_begin = (
+            kept * by_begin + by_early * (1.0 - n / _PARTS) + by_later * (1.0 - (n + 1) / _PARTS)
+        )
+        by_end = kept * by_end + by_early * n / _PARTS + by_later * (n + 1) / _PARTS
+    return force, by_force, by_begin, by_end, at
+
+
+@njit(**INLINE)
+def _carry_series_dampers(
+    nx: int,
+    ne: int,
+    nm: int,
+    lanes: int,
+    table: Array,
+    rates: Array,
+    mean: Array,
+    h: float,
+    share: float,
+    rate: Array,
+    series: Array,
+    ahead: Array,
+) -> None:
+    """Fill the forces of dampers in series with a stiffness in ``ahead``, and ``series``."""
+    for e in range(nm):
+        for q in range(lanes):
+            force, by_force, by_begin, by_end, at = _series_damper(
+                table, q, e, rates[e, 0, q], mean[nx + ne + e, q], rate[0, e, q], rate[1, e, q],
+                h, share, series[3, e, q],
+            )  # fmt: skip
+            ahead[nx + ne + e, q] = force
+            series[0, e, q], series[1, e, q], series[2, e, q] = by_force, by_begin, by_end
+            series[3, e, q] = at
 
 
 @njit(**INLINE)
@@ -160,6 +304,7 @@ def advance_forces(
     ne: int,
     nd: int,
     nu: int,
+    nm: int,
     lanes: int,
     nonlinear: bool,
     table: Array,
@@ -171,6 +316,7 @@ def advance_forces(
     pole: float,
     mean: Array,
     k: int,
+    h: float,
     inputs: Array,
     elapsed: Array,
     added: Array,
@@ -180,17 +326,27 @@ def advance_forces(
     then: Array,
     early: Array,
     late: Array,
+    rate: Array,
+    by: Array,
+    series: Array,
     ahead: Array,
 ) -> None:
-    """Add to ``ahead`` (nx + ne, L) what the forces of step k do over it.
+    """Add to ``ahead`` (nx + ne + nm, L) what the forces of step k do over it.
 
-    ``early`` and ``late`` (ne, coupled, L) get the slopes of the forces at both ends; ``bent`` says
-    whether there are any laws beside the forces ``added`` (N, ne).
+    ``early`` and ``late`` (ne, coupled, L) get the slopes of the forces at both ends; ``nonlinear``
+    says whether there are any laws beside the forces ``added`` (N, ne).  ``rate`` (2, ne, L) and
+    ``by`` (2, ne, coupled, L) get the rates of deflection at both ends and their slopes, ``series``
+    (4, nm, L) what a damper in series with a stiffness makes of its force and of those rates, and
+    the rate at the damper.
     """
     if nonlinear:
-        _excess_forces(
-            nx, ne, nd, nu, lanes, table, rates, powers, B, E, N, pole, mean, mean, k - 1,
-            inputs, elapsed, now, early,
+        _rates(
+            nx, ne, nd, nu, nm, lanes, powers, B, E, N, pole, mean, mean, k - 1, inputs, rate[0],
+            by[0],
+        )  # fmt: skip
+        _forces(
+            nx, ne, nd, nu, nm, lanes, table, rates, pole, mean, k - 1, elapsed, rate[0], by[0],
+            now, early,
         )  # fmt: skip
     for e in range(ne):
         for q in range(lanes):
@@ -200,9 +356,15 @@ def advance_forces(
             for q in range(lanes):
                 ahead[a, q] += W0[a, e, q] * now[e, q]
     if nonlinear:
-        _excess_forces(
-            nx, ne, nd, nu, lanes, table, rates, powers, B, E, N, pole, ahead, mean, k,
-            inputs, elapsed, then, late,
+        _rates(
+            nx, ne, nd, nu, nm, lanes, powers, B, E, N, pole, ahead, mean, k, inputs, rate[1], by[1]
+        )
+        _carry_series_dampers(
+            nx, ne, nm, lanes, table, rates, mean, h, elapsed[k] / elapsed[-1], rate, series, ahead
+        )
+        _forces(
+            nx, ne, nd, nu, nm, lanes, table, rates, pole, ahead, k, elapsed, rate[1], by[1],
+            then, late,
         )  # fmt: skip
     for e in range(ne):
         for q in range(lanes):
@@ -215,8 +377,9 @@ def advance_forces(
 
 @njit(**INLINE)
 def linearise(
-    rows: int,
+    nf: int,
     ne: int,
+    nm: int,
     coupled: int,
     lanes: int,
     base: Array,
@@ -224,20 +387,32 @@ def linearise(
     W1: Array,
     early: Array,
     late: Array,
+    by: Array,
+    series: Array,
     carry: Array,
 ) -> None:
-    """Fill the Jacobian ``carry`` (rows, coupled, L) of a step with forces that change along it.
+    """Fill the Jacobian ``carry`` (nf + nm, coupled, L) of a step with forces that change along it.
 
-    ``base`` holds that of the linear car, ``early`` and ``late`` (ne, coupled, L) the slopes of the
-    forces at the step's beginning and at its predicted end.
+    ``base`` holds that of the linear car and of the filtered forces, its first nf rows; ``early``
+    and ``late`` (ne, coupled, L) the slopes of the forces at the step's beginning and at its
+    predicted end; ``by`` and ``series`` are as :func:`advance_forces` leaves them.
     """
-    for a in range(rows):
+    rows = nf + nm
+    for a in range(nf):
         for b in range(coupled):
             for q in range(lanes):
                 slope = base[a, b, q]
                 for e in range(ne):
                     slope += W0[a, e, q] * early[e, b, q]
                 carry[a, b, q] = slope
+    for e in range(nm):
+        for b in range(coupled):
+            for q in range(lanes):
+                slope = by[1, e, b, q] if b >= rows else 0.0
+                for a in range(nf):
+                    slope += by[1, e, a, q] * carry[a, b, q]
+                slope = slope * series[2, e, q] + series[1, e, q] * by[0, e, b, q]
+                carry[nf + e, b, q] = slope + (series[0, e, q] if b == nf + e else 0.0)
     for e in range(ne):
         for b in range(coupled):
             for q in range(lanes):
@@ -245,14 +420,53 @@ def linearise(
         for b in range(rows, coupled):
             for q in range(lanes):
                 early[e, b, q] += late[e, b, q]
-        for a in range(rows):
-            for b in range(coupled):
-                for q in range(lanes):
+        for b in range(coupled):
+            for q in range(lanes):
+                for a in range(rows):
                     early[e, b, q] += late[e, a, q] * carry[a, b, q]
-    for a in range(rows):
+    for a in range(nf):
         for b in range(coupled):
             for q in range(lanes):
                 slope = carry[a, b, q]
                 for e in range(ne):
                     slope += W1[a, e, q] * early[e, b, q]
                 carry[a, b, q] = slope
+
+
+@njit(**OPTIONS)
+def damper_forces(
+    table: Array, element: int, c: float, rate: Array, step: Array, share: Array
+) -> Array:
+    """Force of an element's damper against its rate of deflection, along a recording.
+
+    Parameters
+    ----------
+    table : (K, P) array
+        Laws of one parameter set.
+    element : int
+        Number of the suspension element.
+    c : float
+        Damping rate, N·s/m.
+    rate : (N,) array
+        Rates of deflection at the instants, m/s.
+    step : (N,) array
+        Time since the instant before, s.
+    share : (N,) array
+        Share of the recording that has gone by.
+
+    Returns
+    -------
+    (N,) array
+        Forces, N, from the damper's law alone at the first instant.
+    """
+    laws = table.reshape((1, *table.shape))
+    out = np.empty(len(rate))
+    at = rate[0]
+    force, _ = damper_force(laws, 0, element, c, at, share[0])
+    out[0] = force
+    for k in range(1, len(rate)):
+        force, _, _, _, at = _series_damper(
+            laws, 0, element, c, force, rate[k - 1], rate[k], step[k], share[k], at
+        )
+        out[k] = force
+    return out

@@ -95,6 +95,8 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
     used = _used(stage)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
+        if effect.on_request:
+            continue
         for where in effect.places:
             site = Site(effect, where)
             elements = site.elements(stage.space.car)
@@ -239,6 +241,10 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
 
 def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candidate]]:
     """Values from which to add an effect, one group a run that it may be in."""
+    if site.effect.on_request:
+        if not _possible(site, stage, where.vehicle):
+            return []
+        return [[Candidate(site, values, False, True) for values in site.effect.begins]]
     if not site.effect.in_one_run:
         return [[c for c in candidates(stage, where.vehicle) if str(c.site) == str(site)]]
     runs = range(len(where.lines)) if site.run is None else (site.run,)

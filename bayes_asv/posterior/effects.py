@@ -39,12 +39,13 @@ Values = Mapping[Site, Mapping[str, float]]
 
 _NO_FILTER = 0.4  # of the sampling rate: the pole that stands for a filter nobody declared
 _TERMS = 4  # of a Taylor series: a lag of a sample moves 60 Hz by 0.9 rad, and is good to 0.5 %
+_FEWEST_COLUMNS = 6  # of a table of laws: element, code and four numbers
 _DEGREE = 7  # of the spline whose fourth derivative is asked for
 
 
 def law_table(car: CarModel, values: Values, run: int) -> Array:
-    """Table (K, 6) of the laws that act on the suspension elements of a car in one run."""
-    out = []
+    """Table (K, P) of the laws that act on the suspension elements of a car in one run."""
+    out: list[list[float]] = []
     for site, value in values.items():
         if site.effect.packed is None or site.run not in (None, run):
             continue
@@ -52,9 +53,9 @@ def law_table(car: CarModel, values: Values, run: int) -> Array:
         elements = site.elements(car)
         if site.effect.split_between_axles:
             packed = (packed[0] / len(elements), *packed[1:])
-        law = [*packed, *[0.0] * (4 - len(packed))]
-        out += [[e, site.effect.code, *law] for e in elements]
-    return np.array(out, float).reshape(-1, 6)
+        out += [[e, site.effect.code, *packed] for e in elements]
+    width = max((_FEWEST_COLUMNS, *map(len, out)))
+    return np.array([row + [0.0] * (width - len(row)) for row in out]).reshape(-1, width)
 
 
 class NominalReadings(NamedTuple):

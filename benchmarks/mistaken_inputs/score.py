@@ -53,6 +53,8 @@ def ask(folder: Path, name: str) -> dict[str, Any]:
 def _named(text: str, recognise: dict[str, Any]) -> bool:
     plain = text.lower().replace("_", " ")
     names = [name.replace("_", " ") for name in recognise["names"]]
+    if len(names) > 1 and "all axles" in plain:
+        names += [name.partition(" ")[2] for name in names]
     return any(n in plain for n in names) and any(w.lower() in plain for w in recognise["words"])
 
 

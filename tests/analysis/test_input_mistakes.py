@@ -60,7 +60,7 @@ MISTAKES = {
     "late sensor": (rear_chassis_late, "rear chassis is 7.0 ms late"),
     "scaled sensor": (front_chassis_scaled, "readings of front chassis are 1.1"),
     "unit of a damper": (rear_damping_in_si, "a value in N·s/m was given the unit lbf·s/in"),
-    "springs of one side": (halved_springs, "one spring of an axle is given instead of both"),
+    "springs of one side": (halved_springs, "the rate of one side is given instead of both sides"),
 }
 
 

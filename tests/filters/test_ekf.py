@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from bayes_asv.filters.free_response import free_response
-from bayes_asv.filters.kalman import Laws, filter_pass
+from bayes_asv.filters.kalman import Laws, filter_pass, log_likelihood
 from bayes_asv.models.effects import EFFECTS, site
-from bayes_asv.posterior.effects import law_table, patterns
+from bayes_asv.posterior.effects import Values, law_table, patterns
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.parameters import space
@@ -22,6 +25,16 @@ CASES = {
     "progressive_spring@rear": {"kappa": 200.0, "curl": 0.15},
     "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003, "power": 1.3},
     "damper_fade@rear": {"loss": 0.4, "bend": 1.2},
+    "damper_curve@front": {
+        **{f"compression_{k}": -0.5 for k in range(1, 9)},
+        **{f"extension_{k}": 0.15 for k in range(1, 9)},
+    },
+}
+STIFFNESS = site("damper_hysteresis@front")
+SERIES = {
+    STIFFNESS: {"stiffness": 90000.0},
+    site("digressive_damper@front"): {"knee": 0.15, "sharpness": 2.0},
+    site("coulomb_friction@front"): {"force": 20.0, "slip": 0.02},
 }
 
 
@@ -70,50 +83,123 @@ def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str) -> None:
     """The car moves, then the sensors filter: states of the true motion, not of the filtered."""
-    line, known = target.space.timelines[0], target.patterns[0]
     where = site(name)
+    law = EFFECTS[where.effect.name].force
+    assert law is not None
+    axle = 0 if where.where == "front" else 1
+
+    def force(x: np.ndarray, share: float, c: float, k: float) -> float:
+        return float(law(CASES[name], c, k, x[2 * axle], x[2 * axle + 1], share))
+
+    output, wanted = _simulated(target, {where: CASES[name]}, axle, force)
+    assert np.sqrt(np.mean((output - wanted) ** 2)) < 0.01 * np.sqrt(np.mean(wanted**2))
+
+
+def test_a_damper_in_series_with_a_stiffness_lags(target: Posterior) -> None:
+    """Against a solver that has the deflection of the stiffness as its state, not the force."""
+    stiffness, digressive, friction = SERIES.values()
+    curve, dry = (EFFECTS[name].force for name in ("digressive_damper", "coulomb_friction"))
+    assert curve is not None
+    assert dry is not None
+
+    def damper(u: float, c: float) -> float:
+        return float(c * u - curve(digressive, c, 0.0, 0.0, np.asarray(u), 0.0))
+
+    def rate(x: np.ndarray, c: float) -> float:
+        return brentq(lambda u: damper(u, c) - stiffness["stiffness"] * x[6], -9.0, 9.0)
+
+    def force(x: np.ndarray, share: float, c: float, k: float) -> float:
+        rubs = dry(friction, c, k, x[0], np.asarray(x[1]), share)
+        return float(c * x[1] - stiffness["stiffness"] * x[6] + rubs)
+
+    output, wanted = _simulated(target, SERIES, 0, force, lambda x, c: x[1] - rate(x, c))
+    linear, _ = _simulated(target, {}, 0, lambda x, share, c, k: 0.0)
+    error = np.sqrt(np.mean((output - wanted) ** 2))
+    assert error < 0.01 * np.sqrt(np.mean(wanted**2))
+    assert error < 0.02 * np.sqrt(np.mean((output - linear) ** 2))
+
+
+def test_a_very_stiff_mount_is_none(target: Posterior) -> None:
+    """But for what white noise of the wheels does within a step, which it leaves out."""
+    z = np.full((1, target.space.dimension), 0.1)
+    straight = {site("digressive_damper@front"): {"knee": 50.0, "sharpness": 2.0}}
+    without = _filtered(target, z, straight)
+    found = [
+        _filtered(target, z, {**straight, STIFFNESS: {"stiffness": K}}) for K in (1e5, 1e6, 1e7)
+    ]
+    apart = [np.sqrt(np.mean((one - without) ** 2)) for one in found]
+    assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.1)
+    assert apart[2] < 0.02 * np.sqrt(np.mean(without**2))
+
+
+def test_innovations_of_a_series_damper_do_not_depend_on_their_lanes(target: Posterior) -> None:
+    z = np.random.default_rng(2).normal(0.0, 0.2, (20, target.space.dimension))
+    values = _log_likelihood(target, z, SERIES)
+    alone = [_log_likelihood(target, z[k : k + 1], SERIES)[0] for k in range(len(z))]
+    np.testing.assert_allclose(values, alone, rtol=1e-9)
+
+
+def _laws(target: Posterior, values: Values) -> Laws:
+    line, known = target.space.timelines[0], target.patterns[0]
+    table = law_table(target.space.car, values, 0)[None]
+    return Laws(table, known.pole, known.wheel, line.elapsed, np.zeros_like(line.reading))
+
+
+def _filtered(target: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
+    system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
+    line = target.space.timelines[0]
+    return filter_pass(system, noise, line.measurements, _laws(target, values)).innovations
+
+
+def _log_likelihood(target: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
+    system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
+    line = target.space.timelines[0]
+    return log_likelihood(system, noise, line.measurements, _laws(target, values))
+
+
+def _simulated(
+    target: Posterior,
+    values: Values,
+    axle: int,
+    force: Callable[[np.ndarray, float, float, float], float],
+    further: Callable[[np.ndarray, float], float] = lambda x, c: 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """One second of outputs by the kernel and by a general solver.
+
+    ``force`` is what is added to an axle (N), from the true motion, the share of the recording,
+    damping and spring rate; ``further`` the rate of a further state behind the others.
+    """
+    line, known = target.space.timelines[0], target.patterns[0]
     centre = np.zeros((1, target.space.dimension))
-    table = law_table(target.space.car, {where: CASES[name]}, 0)[None]
     c_f, c_r, i, m, l, wdf, k_f, k_r = target.space.cars(centre)[0]
     l_f, l_r = l * (1.0 - wdf), l * wdf
     give = np.array([[1 / m + l_f**2 / i, 1 / m - l_f * l_r / i], [0.0, 1 / m + l_r**2 / i]])
     give[1, 0] = give[0, 1]
-    effect = EFFECTS[where.effect.name]
-    assert effect.force is not None
     begin_t, end_t = line.instants[0], line.instants[-1]
     pole = known.pole
+    own = (c_f, k_f) if axle == 0 else (c_r, k_r)
 
     def wheels(t: float) -> np.ndarray:
         """What the wheels did before the filter: û + û'/λ."""
         return np.array([w.spline(t) + w.spline(t, 1) / pole for w in line.wheels])
 
-    def forces(x: np.ndarray, t: float) -> np.ndarray:
-        out = np.array([-k_f * x[0] - c_f * x[1], -k_r * x[2] - c_r * x[3]])
-        axle = 0 if where.where == "front" else 1
-        share = (t - begin_t) / (end_t - begin_t)
-        own = (c_f, k_f) if axle == 0 else (c_r, k_r)
-        out[axle] += effect.force(CASES[name], *own, x[2 * axle], x[2 * axle + 1], share)  # type: ignore[misc]
-        return out
-
     def slope(t: float, x: np.ndarray) -> np.ndarray:
-        acc = give @ forces(x, t)
+        forces = np.array([-k_f * x[0] - c_f * x[1], -k_r * x[2] - c_r * x[3]])
+        forces[axle] += force(x, (t - begin_t) / (end_t - begin_t), *own)
+        acc = give @ forces
         u = wheels(t)
         passed = pole * (acc - x[4:6])
-        return np.array([x[1], acc[0] - u[0], x[3], acc[1] - u[1], *passed])
+        return np.array([x[1], acc[0] - u[0], x[3], acc[1] - u[1], *passed, further(x, own[0])])
 
     n = 400
-    until = line.instants[n]
-    first = np.zeros(6)
+    first = np.zeros(7)
     # the kernel's states are filtered motions at rest: true ones lie δ + δ̇/λ and δ̇ + δ̈/λ away
     first[[1, 3]] = [-w.spline(begin_t) / pole for w in line.wheels]
     solved = solve_ivp(
-        slope, (begin_t, until), first, t_eval=line.instants[: n + 1], rtol=1e-8, atol=1e-10,
-        max_step=5e-4,
+        slope, (begin_t, line.instants[n]), first, t_eval=line.instants[: n + 1], rtol=1e-8,
+        atol=1e-10, max_step=5e-4,
     )  # fmt: skip
     output, _ = free_response(
-        target.space.state_space(centre, 0), line.measurements, np.zeros(6),
-        Laws(table, pole, known.wheel, line.elapsed, np.zeros_like(line.reading)),
-    )  # fmt: skip
-    wanted = solved.y[4:6].T
-    error = output[: n + 1] - wanted
-    assert np.sqrt(np.mean(error**2)) < 0.01 * np.sqrt(np.mean(wanted**2))
+        target.space.state_space(centre, 0), line.measurements, np.zeros(6), _laws(target, values)
+    )
+    return output[: n + 1], solved.y[4:6].T

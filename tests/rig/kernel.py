@@ -49,6 +49,7 @@ _MAXWELL = kinds.MAXWELL
 _BOUC_WEN = kinds.BOUC_WEN
 _CUSTOM = kinds.CUSTOM
 _LASH = kinds.LASH
+_MOUNTED_CURVE = kinds.MOUNTED_CURVE
 
 _FIRST_OWN = 10
 
@@ -158,6 +159,11 @@ def _axle_force(
             apart = d - s[own]
             force = p1 * (apart - p2 * math.tanh(apart / p2))
             ds[own] = force / p0
+            total -= force
+        elif which == _MOUNTED_CURVE:
+            own = pointer[j, 2]
+            force = p2 * (d - s[own])
+            ds[own] = _curve(pool, pointer[j, 1], int(p0), force) - p1
             total -= force
         elif which == _CUSTOM:
             total += call_native(pointer[j, 0], d, v, t)

@@ -24,3 +24,4 @@ MAXWELL: Final = 12
 BOUC_WEN: Final = 13
 CUSTOM: Final = 14
 LASH: Final = 15
+MOUNTED_CURVE: Final = 16

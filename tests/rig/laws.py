@@ -37,6 +37,7 @@ __all__ = [
     "LinearDamper",
     "LinearSpring",
     "MaxwellMount",
+    "MountedCurve",
     "Packed",
     "PositionDamper",
     "QuadraticDamper",
@@ -290,6 +291,31 @@ class MaxwellMount:
     def pack(self) -> Packed:
         """Return the form the kernel reads."""
         return Packed(kinds.MAXWELL, (self.c, self.k_mount), states=1)
+
+
+@dataclass(frozen=True)
+class MountedCurve:
+    """A damper with a measured curve (as :class:`CurveDamper`) in series with a stiffness.
+
+    It has one state of its own.
+
+    Attributes
+    ----------
+    rate, force : tuple of float
+        Knots of the curve, m/s, and the damper's force there, N, both rising.
+    k_mount : float
+        Stiffness, N/m.
+    """
+
+    rate: tuple[float, ...]
+    force: tuple[float, ...]
+    k_mount: float
+
+    def pack(self) -> Packed:
+        """Return the form the kernel reads: rate over force, the curve from its other side."""
+        inverse = _pack_curve(kinds.MOUNTED_CURVE, self.force, self.rate)
+        parameters = (*inverse.parameters, self.k_mount)
+        return Packed(kinds.MOUNTED_CURVE, parameters, inverse.table, states=1)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ from bayes_asv.models.effects import (
     bound_rebound,
     clocks,
     coulomb_friction,
+    damper_curve,
     damper_fade,
+    damper_hysteresis,
     digressive_damper,
     external_force,
     given_values,
@@ -27,6 +29,8 @@ EFFECTS: dict[str, Effect] = {
     for effect in (
         bound_rebound.EFFECT,
         digressive_damper.EFFECT,
+        damper_curve.EFFECT,
+        damper_hysteresis.EFFECT,
         coulomb_friction.EFFECT,
         progressive_spring.EFFECT,
         stops.BUMP,

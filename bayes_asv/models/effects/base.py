@@ -158,6 +158,12 @@ class Effect:
         The motion that it stops.
     in_one_run : bool
         It acts in one recording only, at a time of its own.
+    on_damper : bool
+        It changes the force of a damper over its speed.
+    on_request : bool
+        It is added where a user names it; no diagnosis looks for it.
+    begins : tuple of mapping
+        Values of parameters from which its fit begins, where it is on request.
     """
 
     name: str
@@ -181,6 +187,9 @@ class Effect:
     one_sided: bool = False
     stops: Literal["", "compression", "extension"] = ""
     in_one_run: bool = False
+    on_damper: bool = False
+    on_request: bool = False
+    begins: tuple[Mapping[str, float], ...] = ({},)
 
     @property
     def places(self) -> tuple[str, ...]:

@@ -43,5 +43,6 @@ EFFECT = Effect(
     code=BOUND_REBOUND,
     packed=_packed,
     force=_force,
+    on_damper=True,
     drive="a bump taken fast, so that the damper moves both ways",
 )

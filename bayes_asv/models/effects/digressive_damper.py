@@ -63,5 +63,6 @@ EFFECT = Effect(
     code=DIGRESSIVE,
     packed=_packed,
     force=_force,
+    on_damper=True,
     drive="a sharper bump, so that the damper moves faster",
 )

@@ -17,6 +17,7 @@ from bayes_asv.report.schema.parts import (
     Count,
     Curve,
     Effect,
+    EffectValue,
     Element,
     ElementName,
     Finite,
@@ -46,6 +47,7 @@ from bayes_asv.report.schema.track import TrackDocument
 __all__ = [
     "AnswerBudget",
     "Check",
+    "DampingRates",
     "Element",
     "EstimateDocument",
     "Fault",
@@ -428,6 +430,22 @@ class LongLog(Model):
         return self
 
 
+class DampingRates(Model):
+    """Rates of a damper whose force is not proportional to speed."""
+
+    element: ElementName
+    speed: NonNegative
+    """Root mean square of the rates of deflection that were driven."""
+    speed_unit: Unit
+    at_rest: EffectValue
+    """Slope of its curve at rest."""
+    equal_power: EffectValue
+    """Rate of the linear damper that takes the same power at the speeds driven."""
+    compression: EffectValue
+    """Force over speed in compression at ``speed``."""
+    extension: EffectValue
+
+
 class EstimateDocument(Model):
     """Posterior of damping rates and inertias; written by ``bayes-asv estimate``."""
 
@@ -454,6 +472,7 @@ class EstimateDocument(Model):
     """Consistency of several runs."""
     effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)
     """Effects in the model."""
+    dampers: Annotated[list[DampingRates], Field(max_length=10)] = Field(default_factory=list)
     clocks: Annotated[list[ClockErrors], Field(max_length=1000)] = Field(default_factory=list)
     """Errors of clocks that are declared or were asked for."""
     fit: Fits

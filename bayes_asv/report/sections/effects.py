@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from bayes_asv.report import svg
 from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument
 from bayes_asv.report.schema.diagnose import ForceCurve, NamedEffect
-from bayes_asv.report.schema.estimate import ClockErrors
+from bayes_asv.report.schema.estimate import ClockErrors, DampingRates
 from bayes_asv.report.schema.parts import Effect, EffectName, EffectValue, Summary
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
 from bayes_asv.report.words import (
@@ -19,6 +19,7 @@ from bayes_asv.report.words import (
     plain,
     probability,
     readable_unit,
+    two_digits,
 )
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ __all__ = [
     "SECTION",
     "car_words",
     "clock_lines",
+    "damper_lines",
     "effect_lines",
     "effect_name",
     "effect_sentence",
@@ -46,6 +48,10 @@ class _Sentence(NamedTuple):
 _SENTENCES: Final = {
     "bound_rebound": _Sentence("{} damper", "rebound damping is {ratio} times compression damping"),
     "digressive_damper": _Sentence("{} damper", "its force flattens above {knee}"),
+    "damper_curve": _Sentence("{} damper", "its force is not proportional to speed"),
+    "damper_hysteresis": _Sentence(
+        "{} damper", "its force lags velocity, in series with a stiffness of {stiffness}"
+    ),
     "damper_fade": _Sentence("{} damper", "it loses {loss} of its damping during the run"),
     "coulomb_friction": _Sentence("{} suspension", "dry friction of {force}"),
     "progressive_spring": _Sentence("{} spring", "it stiffens with travel, kappa {kappa}"),
@@ -85,6 +91,8 @@ def _content(document: DiagnoseDocument) -> Iterator[Block]:
 def _model_content(document: EstimateDocument) -> Iterator[Block]:
     if document.effects:
         yield _model_table(document.effects)
+    if document.dampers:
+        yield _damper_table(document.dampers)
 
 
 def _model_limits(document: EstimateDocument) -> list[str]:
@@ -136,6 +144,50 @@ def effect_name(effect: EffectName) -> str:
 def effect_lines(effects: Sequence[Effect]) -> list[str]:
     """State the effects in the model of an estimate, one sentence each."""
     return [f"In the model: {_statement(effect)}." for effect in effects]
+
+
+def damper_lines(dampers: Sequence[DampingRates]) -> list[str]:
+    """State the rates of each damper whose force is not proportional to speed."""
+    return [
+        f"{capitalized(plain(damper.element).replace('_', ' '))} damper: "
+        f"{_value_text(damper.equal_power)} of equal power at the speeds driven, "
+        f"{_value_text(damper.at_rest)} at rest; force over speed at "
+        f"{two_digits(damper.speed)} {readable_unit(damper.speed_unit)} is "
+        f"{_value_text(damper.compression)} in compression and "
+        f"{_value_text(damper.extension)} in extension."
+        for damper in dampers
+    ]
+
+
+def _damper_table(dampers: Sequence[DampingRates]) -> Table:
+    """Rates of dampers whose force is not proportional to speed."""
+    rows = []
+    for damper in dampers:
+        speed = f"{two_digits(damper.speed)} {readable_unit(damper.speed_unit)}"
+        values = (
+            ("equal power at the speeds driven", damper.equal_power),
+            ("slope at rest", damper.at_rest),
+            (f"force over speed, compression at {speed}", damper.compression),
+            (f"force over speed, extension at {speed}", damper.extension),
+        )
+        for n, (label, value) in enumerate(values):
+            sd, (low, high) = _sd(value), value.eti95
+            name = capitalized(plain(damper.element).replace("_", " ")) if n == 0 else ""
+            unit = readable_unit(value.unit)
+            rows.append(
+                [
+                    name, f"{label} [{unit}]", number(value.mean, sd),
+                    f"{number(low, sd)} to {number(high, sd)}",
+                ]
+            )  # fmt: skip
+    return Table(
+        "Damping rates",
+        ["damper", "rate", "value", "95 % interval"],
+        rows,
+        "The rate of equal power is that of the linear damper which takes as much power at the "
+        "rates of deflection that were driven; their root mean square is the speed at which force "
+        "over speed is given.",
+    )
 
 
 def clock_lines(clocks: Sequence[ClockErrors]) -> list[str]:
@@ -225,7 +277,7 @@ def _model_table(effects: Sequence[Effect]) -> Table:
     rows = [
         [effect_name(effect) if n == 0 else "", *row]
         for effect in effects
-        for n, row in enumerate(_parameter_rows(effect))
+        for n, row in enumerate(_parameter_rows(effect) or [[MISSING] * 3])
     ]
     return Table(
         "Effects in the model",

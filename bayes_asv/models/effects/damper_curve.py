@@ -1,0 +1,95 @@
+"""A damper whose curve is free: any force that rises with speed, each side its own.
+
+F = −c G(δ̇) with G(v) = ∫₀ᵛ g.  The relative slope g is piecewise linear between knots at
+0, ±6.25 mm/s, and each time twice that up to ±0.8 m/s, constant beyond, and positive, so that the
+force rises with speed.  From knot to knot ln g takes independent steps of _USUAL sinh(z), with z
+standard normal: a random walk over the logarithm of speed that is smooth where the data ask for
+nothing else, and whose long tails (nine times the usual step at three deviations) leave room for a
+knee, or for a damper that yields all along.
+
+g is scaled so that E[g] = 1 for normally distributed rates of deflection.  By Stein's lemma that is
+E[F v] = −c E[v²]: c is the rate of the linear damper that takes the same power at those rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import norm
+
+from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE
+from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
+
+__all__ = ["EFFECT", "KNOTS", "slopes"]
+
+_SPEED = 0.15  # m/s, standard deviation of the rates for which c is the rate of equal power
+
+_SIDE = CURVE_FIRST * 2.0 ** np.arange(CURVE_KNOTS)
+KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
+"""Rates of deflection at the knots, m/s."""
+_STEPS = tuple(
+    f"{side}_{k + 1}" for side in ("compression", "extension") for k in range(CURVE_KNOTS)
+)
+_USUAL = 0.3  # step of ln g from knot to knot
+_MOST = 50.0  # of |ln g|, so that nothing overflows
+
+
+def _weights() -> Array:
+    """Mean of each knot's hat function under the normal distribution of rates."""
+    edges = norm.cdf(KNOTS / _SPEED)
+    means = -_SPEED * np.diff(norm.pdf(KNOTS / _SPEED))  # ∫ v φ over each interval
+    inside, width = np.diff(edges), np.diff(KNOTS)
+    out = np.zeros(len(KNOTS))
+    out[:-1] += (KNOTS[1:] * inside - means) / width
+    out[1:] += (means - KNOTS[:-1] * inside) / width
+    out[0] += edges[0]
+    out[-1] += 1.0 - edges[-1]
+    return out
+
+
+_WEIGHTS = _weights()
+
+
+def slopes(values: Mapping[str, float]) -> Array:
+    """Relative slopes g at :data:`KNOTS`."""
+    steps = np.array([values[name] for name in _STEPS])
+    compression, extension = np.cumsum(steps[:CURVE_KNOTS]), np.cumsum(steps[CURVE_KNOTS:])
+    logs = np.concatenate([compression[::-1], [0.0], extension])
+    g = np.exp(np.clip(logs, -_MOST, _MOST))
+    return np.asarray(g / (_WEIGHTS @ g))
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return tuple(slopes(values).tolist())
+
+
+def _force(
+    values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
+) -> Array:
+    g = slopes(values)
+    areas = np.concatenate([[0.0], np.cumsum(0.5 * (g[1:] + g[:-1]) * np.diff(KNOTS))])
+    areas -= areas[CURVE_KNOTS]
+    j = np.clip(np.searchsorted(KNOTS, rate) - 1, 0, len(KNOTS) - 2)
+    inside = np.clip(rate, KNOTS[0], KNOTS[-1])
+    at = np.interp(inside, KNOTS, g)
+    total = areas[j] + 0.5 * (g[j] + at) * (inside - KNOTS[j]) + at * (rate - inside)
+    return np.asarray(-c * (total - rate))
+
+
+EFFECT = Effect(
+    name="damper_curve",
+    title="a damper whose force is not proportional to speed",
+    acts="suspension",
+    sites=(*AXLES, BOTH),
+    parameters=tuple(
+        Parameter(name, "", "sinh", 0.0, _USUAL, (0.0,), shape=True) for name in _STEPS
+    ),
+    code=DAMPER_CURVE,
+    packed=_packed,
+    force=_force,
+    on_damper=True,
+    on_request=True,
+    begins=({}, dict.fromkeys(_STEPS, -_USUAL)),  # proportional to speed, or digressive
+    drive="bumps of several heights, so that the damper moves slowly and fast both ways",
+)

@@ -1,0 +1,34 @@
+"""A damper whose force lags velocity, since it is in series with a stiffness (a Maxwell element).
+
+ṁ = K (δ̇ − u) with F(u) = m: m is the damper's force, F its law and u the rate at its own ends.
+Gas, compressible oil and rubber mounts make the stiffness K of the axle's dampers.  A linear damper
+lags by c/K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bayes_asv.filters.force_laws import SERIES_STIFFNESS
+from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter
+
+__all__ = ["EFFECT"]
+
+
+def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
+    return (values["stiffness"],)
+
+
+EFFECT = Effect(
+    name="damper_hysteresis",
+    title="a damper force that lags velocity",
+    acts="suspension",
+    sites=(*AXLES, BOTH),
+    parameters=(Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), per="spring"),),
+    one_sided=True,
+    code=SERIES_STIFFNESS,
+    packed=_packed,
+    on_damper=True,
+    on_request=True,
+    drive="sharp bumps in quick succession, so that the damper turns round often",
+)

@@ -1,0 +1,193 @@
+"""Cars whose front dampers have been on a dynamometer: coverage of the rate of equal power.
+
+The curves are those of two real dampers (``shared/data/dyno``; the files are not part of the
+project), force against speed with the loop taken out, scaled in force and in speed as another
+setting or another motion ratio would.  Half of the cars have a stiffness in series with the damper,
+so that force lags velocity.  The rig drives them over three terrains; the model has a free damping
+curve and a series stiffness at the front axle.  The truth is the power that the rig's damper took
+over the mean square of its rate.  ``python -m benchmarks.real_dampers DYNO`` writes
+``benchmarks/results/real_dampers.json`` and resumes where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
+from scipy.signal import savgol_filter
+from scipy.stats import binomtest
+
+from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.models.effects import site
+from tests.posterior.cases import as_recording, vehicle
+from tests.rig import (
+    DECLARED_SDS,
+    DEFAULT_SPEEDS,
+    TERRAINS,
+    CurveDamper,
+    MountedCurve,
+    RigCar,
+    RigRun,
+    SensorSpec,
+    baja,
+    draw,
+    draw_biases,
+    drive,
+    with_terms,
+)
+
+__all__ = ["Curve", "bent", "drawn", "equal_power", "main", "measured"]
+
+Array = NDArray[np.float64]
+Curve = tuple[Array, Array]
+"""Rates of deflection, m/s, and the forces against them, N."""
+
+RESULTS = Path(__file__).parent / "results" / "real_dampers.json"
+FILES = ("t1_1_1_18_18_s6_n10_100psi.csv", "t1_2_2_24_24_s5_n10_100psi.csv")
+DRIVES = (("bump", 3.0), ("stops", 3.0), ("rough", 5.0))
+RATE = 400.0
+SITES = (site("damper_hysteresis@front"), site("damper_curve@front"))
+_SPEEDS = np.concatenate([[0.0], 0.004 * 1.45 ** np.arange(12)])  # knots on either side, m/s
+
+
+def measured(path: Path) -> Curve:
+    """Curve of a damper from a dynamometer file, without its loop and the gas behind its piston."""
+    table = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=(2, 4))
+    force, travel = table[:, 0], 1e-3 * table[:, 1]
+    rate = savgol_filter(travel, 11, 3, deriv=1, delta=1.0 / 300.0)
+    inside = slice(20, -20)
+    force, travel, rate = force[inside], travel[inside], rate[inside]
+    if np.corrcoef(force, rate)[0, 1] < 0.0:
+        rate, travel = -rate, -travel
+    gas = np.polyfit(travel, force, 1)[0]  # in phase with travel, which the rate is not
+    force = force - gas * (travel - travel.mean())
+    knots = np.concatenate([-_SPEEDS[:0:-1], _SPEEDS])
+    edges = 0.5 * (knots[1:] + knots[:-1])
+    which = np.digitize(rate, edges)
+    there = [k for k in range(len(knots)) if np.count_nonzero(which == k) > 5]
+    means = np.array([force[which == k].mean() for k in there])
+    speeds = np.array([rate[which == k].mean() for k in there])
+    at_rest = float(np.interp(0.0, speeds, means))
+    rising = isotonic_regression(means - at_rest).x + 1e-3 * (means.max() - means.min()) * speeds
+    keep = np.diff(speeds, prepend=-np.inf) > 1e-4
+    return speeds[keep], rising[keep] - float(np.interp(0.0, speeds[keep], rising[keep]))
+
+
+def bent(car: RigCar, curve: Curve, force: float, speed: float, stiffness: float | None) -> RigCar:
+    """Give a car a curve at its front axle, scaled; and a stiffness in series, N/m."""
+    rates = tuple((curve[0] * speed).tolist())
+    forces = tuple((curve[1] * force).tolist())
+    term = (
+        CurveDamper(rates, forces) if stiffness is None else MountedCurve(rates, forces, stiffness)
+    )
+    return with_terms(car, "front", term, damper=False)
+
+
+def equal_power(car: RigCar, run: RigRun) -> float:
+    """Power of the front damper over the mean square of its rate, N·s/m."""
+    motion = run.motion
+    assert motion is not None
+    rate = motion.deflection_rate[0]
+    force = motion.suspension_force[0] + car.k_f * motion.deflection[0]
+    return float(-np.sum(force * rate) / np.sum(rate**2))
+
+
+def drawn(seed: int, curves: list[Curve]) -> tuple[RigCar, RigRun, dict[str, Any]]:
+    """One car on one drive, and what was drawn."""
+    rng = np.random.default_rng([seed, 71])
+    car = draw(baja(), rng, DECLARED_SDS)
+    which = seed % len(curves)
+    terrain, seconds = DRIVES[seed // len(curves) % len(DRIVES)]
+    speed = float(np.exp(rng.uniform(np.log(0.6), np.log(2.5))))
+    rate = float(np.exp(rng.uniform(np.log(900.0), np.log(2500.0))))
+    rates, forces = curves[which]
+    slope = float(forces[-1] - forces[0]) / float(rates[-1] - rates[0])
+    force = rate * speed / slope
+    lag = float(rng.uniform(0.002, 0.008))
+    stiffness = None if seed // (len(curves) * len(DRIVES)) % 2 else rate / lag
+    own = bent(car, curves[which], force, speed, stiffness)
+    declared = draw_biases(SensorSpec(), rng)
+    road, noise = (int(v) for v in rng.integers(2**31, size=2))
+    run = drive(
+        own, TERRAINS[terrain](road), DEFAULT_SPEEDS[terrain], RATE, seconds, declared, noise,
+        keep_motion=True,
+    )  # fmt: skip
+    about = {
+        "file": FILES[which], "terrain": terrain, "speed_scale": speed, "stiffness": stiffness
+    }  # fmt: skip
+    return own, run, about
+
+
+def one(seed: int, curves: list[Curve]) -> dict[str, Any]:
+    """Estimate one car, and score it."""
+    car, run, about = drawn(seed, curves)
+    recording = as_recording(run, f"real-{seed}.csv")
+    given = vehicle(dict(DECLARED_SDS))
+    answer: Estimate = estimate([recording], given, sites=SITES, seed=seed)
+    out: dict[str, Any] = {
+        "seed": seed,
+        **about,
+        "verdict": answer.verdict,
+        "seconds": answer.seconds,
+    }
+    if answer.draws and answer.dampers:
+        power = answer.dampers[0].equal_power
+        truth = equal_power(car, run)
+        out["c_f"] = [truth, *np.quantile(power, [0.025, 0.5, 0.975]).tolist()]
+        for name, value in (("c_r", car.c_r), ("i", car.i)):
+            out[name] = [value, *np.quantile(answer.draws[name], [0.025, 0.5, 0.975]).tolist()]
+        out["rhat"] = answer.rhat_max
+    return out
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Coverage of 95 % intervals with its own interval, and the median relative width."""
+    out: dict[str, Any] = {"runs": len(rows), "answered": sum("c_f" in row for row in rows)}
+    for name in ("c_f", "c_r", "i"):
+        found = [row[name] for row in rows if name in row]
+        if not found:
+            continue
+        inside = sum(low <= truth <= high for truth, low, _, high in found)
+        ends = binomtest(inside, len(found)).proportion_ci(method="wilson")
+        widths = [(high - low) / truth for truth, low, _, high in found]
+        out[name] = {
+            "coverage": inside / len(found),
+            "interval": [float(ends.low), float(ends.high)],
+            "relative_width": float(np.median(widths)),
+        }
+    return out
+
+
+def main() -> None:
+    """Estimate all cars that are not there yet."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("dyno", type=Path)
+    parser.add_argument("--runs", type=int, default=120)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    curves = [measured(options.dyno / name) for name in FILES]
+    commit = subprocess.run(
+        ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    rows: list[dict[str, Any]] = []
+    if options.out.exists():
+        rows = json.loads(options.out.read_text(encoding="utf-8"))["rows"]
+    for seed in range(len(rows), options.runs):
+        rows.append(one(seed, curves))
+        result = {"commit": commit, "summary": summary(rows), "rows": rows}
+        text = json.dumps(result, indent=1) + "\n"
+        partial = options.out.with_suffix(".partial")
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(options.out)
+        print(rows[-1], flush=True)
+    print(json.dumps(summary(rows), indent=1))
+
+
+if __name__ == "__main__":
+    main()

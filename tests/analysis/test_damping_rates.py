@@ -1,0 +1,43 @@
+"""Rates of a bent damper against its curve, and a free curve against the one that was driven."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayes_asv.analysis.damping_rates import damping_rates
+from bayes_asv.models.effects import site
+from bayes_asv.posterior.fitted_model import make_dataset
+from tests.posterior.cases import DECLARED, case, prepared, vehicle
+
+
+def test_rates_are_those_of_the_curve() -> None:
+    car = vehicle(DECLARED)
+    _, _, recording = case("bump", 3, DECLARED)
+    digressive = site("digressive_damper@front")
+    target = make_dataset(car, (prepared(recording, car),)).target((digressive,))
+    mode = np.zeros(target.space.dimension)
+    z = np.tile(mode, (3, 1))
+    draws = target.space.quantities(z, 0)
+    (front,) = damping_rates(target, mode, z, draws)
+    values = target.space.effects(mode)[digressive]
+    c, knee, p = draws["c_f"], values["knee"], values["sharpness"]
+    assert front.element == "front"
+    np.testing.assert_allclose(front.at_rest, c, rtol=1e-5)
+    falls = (1.0 + (front.speed / knee) ** p) ** (-1.0 / p)
+    np.testing.assert_allclose(front.compression, c * falls, rtol=1e-9)
+    np.testing.assert_allclose(front.extension, front.compression)
+    driven = target.innovations_and_variances(mode, 0)[2][:, 1]
+    force = driven * (1.0 + np.abs(driven / knee) ** p) ** (-1.0 / p)
+    np.testing.assert_allclose(
+        front.equal_power, c * np.sum(force * driven) / np.sum(driven**2), rtol=1e-3
+    )
+    assert front.speed == pytest.approx(np.sqrt(np.mean(driven**2)))
+
+
+def test_a_linear_car_has_no_curves() -> None:
+    car = vehicle(DECLARED)
+    _, _, recording = case("bump", 3, DECLARED)
+    target = make_dataset(car, (prepared(recording, car),)).target(())
+    mode = np.zeros(target.space.dimension)
+    assert damping_rates(target, mode, mode[None], target.space.quantities(mode[None], 0)) == ()
