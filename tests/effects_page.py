@@ -267,7 +267,9 @@ def _where(effect: Effect) -> str:
 
 
 def _section(effect: Effect) -> str:
-    alike: dict[tuple[str, str, str, str], list[str]] = {}  # parameters that differ in their names alone
+    alike: dict[
+        tuple[str, str, str, str], list[str]
+    ] = {}  # parameters that differ in their names alone
     for p in effect.parameters:
         about = _unit(p), MEANINGS[effect.name][p.name], _prior(p), _tolerance(effect, p)
         alike.setdefault(about, []).append(p.name)
