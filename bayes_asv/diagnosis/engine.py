@@ -54,7 +54,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Prior odds of an engine against nothing at all: it is as probable as each effect of the list.
-_PRIOR_ODDS = (1.0 - PRIOR_NONE) / PRIOR_NONE / (len(EFFECTS) + 1)
+_LOOKED_FOR = sum(not effect.on_request for effect in EFFECTS.values())
+_PRIOR_ODDS = (1.0 - PRIOR_NONE) / PRIOR_NONE / (_LOOKED_FOR + 1)
 _ALARM = 0.05  # accepted number of false tones where the innovations are autocorrelated
 _STRICT_ALARM = 5e-3  # the same where they are white
 _AUTOCORRELATION_LEFT = 0.5  # share that may remain without the tones
