@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording, nominal_rate, timing
 from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
@@ -73,7 +74,7 @@ _INERTIA_FACTORS = {
 # Rates at which loggers run, Hz.  A wrong rate looks like springs and dampers that are wrong by a
 # factor; but it is a rate that somebody took for another one.
 _RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 800.0, 1000.0, 1600.0, 2000.0)
-_RARE = -2.0  # logarithm of how much rarer it is than other mistakes: a logger stamps its rows
+_RARE = -3.0  # logarithm of how much rarer it is than other mistakes: a logger stamps its rows
 _FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # ratios of rates
 # Where the search for a size begins; between them the fit finds its way.
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
@@ -128,7 +129,7 @@ def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterato
     yield from _of_columns(channels)
     yield from _of_readings(channels)
     yield from _of_given_values(vehicle, car)
-    yield from _of_time(recording)
+    yield from _of_time(recording, car)
 
 
 def _of_columns(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
@@ -270,7 +271,7 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
     dampers = list(dict.fromkeys(element.damping for element in car.elements))
     dampers = [name for name in dampers if hasattr(vehicle, name)]
     for names in [dampers, *([name] for name in dampers if len(dampers) > 1)]:
-        subject = " and ".join(f"nominal {name}" for name in names)
+        subject = " and ".join(f"the nominal {QUANTITIES[name][1]}" for name in names)
         yield _factor(subject, names, _DAMPING_FACTORS, _DAMPING_FIX, free=False)
     if "i" in car.estimated:
         inertia = "the nominal pitch inertia"
@@ -374,7 +375,7 @@ _MASS_FIX = (
 )
 
 
-def _of_time(recording: Recording) -> Iterator[Hypothesis]:
+def _of_time(recording: Recording, car: CarModel) -> Iterator[Hypothesis]:
     own = nominal_rate(recording)
     factors = [own / rate for rate in _RATES]  # by which time runs too fast
     sizes = [math.log(f) for f in factors if 1.0 / _FARTHEST_RATE < f < _FARTHEST_RATE]
@@ -387,28 +388,31 @@ def _of_time(recording: Recording) -> Iterator[Hypothesis]:
             f"wrong, {own * math.exp(-size):.0f} Hz would fit",
             "check the rate and the unit of the time column",
         ),
-        _at_another_rate,
+        lambda r, v, size: (r, _at_another_rate(car, v, size)),
         tuple(sorted(sizes)),
         lambda size: _RARE - math.log(len(sizes)),
         exact=True,
     )
 
 
-def _at_another_rate(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
-    """Stretch time by a factor.
+def _at_another_rate(car: CarModel, vehicle: Vehicle, size: float) -> Vehicle:
+    """Return the vehicle as it looks in the time of a recording that has to be stretched.
 
-    What a sensor's filter makes of its noise from row to row stays as it is: an inexact model of
-    the noise must not speak for a rate.
+    With true time t′ = f t a spring rate k looks like k f² and a damping rate c like c f.  So the
+    rows stay as they are: an inexact model of the noise from row to row must not speak for a rate.
     """
-    factor = math.exp(size)
-    sensors = {
-        name: sensor
-        if sensor.bandwidth is None
-        else replace(sensor, bandwidth=sensor.bandwidth / factor)
-        for name, sensor in vehicle.sensors.items()
-    }
-    time = recording.time[0] + (recording.time - recording.time[0]) * factor
-    return replace(recording, time=time), replace(vehicle, sensors=sensors)
+    changed = {}
+    for names, power in (
+        ({element.spring for element in car.elements}, 2.0),
+        ({element.damping for element in car.elements}, 1.0),
+    ):
+        for name in names:
+            old: Given | Nominal | None = getattr(vehicle, name, None)
+            if old is not None:
+                scale = math.exp(power * size)
+                sds = {} if old.sd is None else {"sd": old.sd * scale}
+                changed[name] = replace(old, value=old.value * scale, **sds)
+    return replace(vehicle, **changed)  # type: ignore[arg-type]
 
 
 def _words(name: str) -> str:
@@ -505,7 +509,9 @@ def _dampers(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
             mistakes.append((1.0, rho - log, f"nominal damping has a wrong unit: {text}"))
             for k, name in enumerate(names if len(names) > 1 else []):
                 alone = rho - log * (elements == k)
-                mistakes.append((1.0, alone, f"nominal {name} has a wrong unit: {text}"))
+                mistakes.append(
+                    (1.0, alone, f"the nominal {QUANTITIES[name][1]} has a wrong unit: {text}")
+                )
     squares = -2.0 * np.log(_MOTION_RATIOS)[:, None]
     ratio = math.exp(0.5 * float(rho.mean()))  # if no damper is worn
     mistakes.append(

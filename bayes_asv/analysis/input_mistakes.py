@@ -196,7 +196,7 @@ def likely_mistakes(
     for k, hypothesis in enumerate(every):
         sizes = _sizes(hypothesis, liveliest, vehicle, car)
         each = [_evaluate(hypothesis, size, liveliest, vehicle, car) for size in sizes]
-        sorted_out.append(max(each, key=lambda one: one.log_posterior))
+        sorted_out.append(max(each, key=lambda one: one.log_posterior + one.log_prior))
         progress((k + 1) / (len(every) + _REFINED))
     sorted_out.sort(key=lambda one: -one.log_posterior)
     for k, one in enumerate(sorted_out[:_REFINED]):

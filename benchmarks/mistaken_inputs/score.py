@@ -55,6 +55,7 @@ def _named(text: str, recognise: dict[str, Any]) -> bool:
     names = [name.replace("_", " ") for name in recognise["names"]]
     if len(names) > 1 and "all axles" in plain:
         names += [name.partition(" ")[2] for name in names]
+    names += ["nominal damping" for name in names if name.endswith("damping")]
     return any(n in plain for n in names) and any(w.lower() in plain for w in recognise["words"])
 
 

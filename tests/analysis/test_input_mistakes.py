@@ -117,7 +117,7 @@ def with_nominal(car: Vehicle, **factors: float) -> Vehicle:
             {"c_f": 1.0 / 175.127, "c_r": 1.0 / 175.127},
             "a value in lbf·s/in was given the unit N·s/m",
         ),
-        ({"c_f": 1.0, "c_r": 12.0}, "nominal c_r has a wrong unit"),
+        ({"c_f": 1.0, "c_r": 12.0}, "the nominal rear damping rate has a wrong unit"),
         ({"i": 1.0 / 6.6}, "nominal pitch inertia means"),
     ],
 )
