@@ -20,10 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from bayes_asv.analysis.input_mistakes import check_input
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
+from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.resampling import at_own_rate
 
 _CERTAIN = 0.95  # probability of a deviation from nominal that a reader takes for a verdict
 
@@ -50,6 +53,24 @@ def ask(folder: Path, name: str) -> dict[str, Any]:
     return out
 
 
+def ask_quickly(folder: Path, name: str) -> dict[str, Any]:
+    """Say what is doubted or refused in one case, without sampling: in a fifth of the time."""
+    out: dict[str, Any] = {"case": name, "text": "", "doubt": False, "status": "refused"}
+    try:
+        vehicle = read_vehicle(folder / name / "vehicle.toml")
+        paths = sorted((folder / name).glob("*.csv"))
+        runs = [at_own_rate(read_recording(path)) for path in paths]
+        _, reasons, _ = prepare_runs(runs, vehicle)
+        doubt = check_input(runs, vehicle, refused=bool(reasons))
+    except InputError as error:
+        out["text"] = str(error)
+        return out
+    out["status"] = "refused" if reasons else "ok"
+    out["doubt"] = doubt is not None
+    out["text"] = " | ".join([*([doubt.sentence] if doubt else []), *reasons])
+    return out
+
+
 def _named(text: str, recognise: dict[str, Any]) -> bool:
     plain = text.lower().replace("_", " ")
     names = [name.replace("_", " ") for name in recognise["names"]]
@@ -60,7 +81,7 @@ def _named(text: str, recognise: dict[str, Any]) -> bool:
 
 
 def _confidently_wrong(said: dict[str, Any], truth: dict[str, Any]) -> bool:
-    if said["doubt"] or said["status"] != "ok":
+    if said["doubt"] or said["status"] != "ok" or "front" not in said:
         return False
     for axle in ("front", "rear"):
         softer = said[axle][0]
@@ -84,16 +105,18 @@ def main() -> None:
     parser.add_argument("cases", type=Path)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--quick", action="store_true", help="doubts and refusals alone")
     options = parser.parse_args()
     truth = json.loads((options.cases / "truth.json").read_text())["cases"]
     names = list(truth)[:: options.every]
     rows = []
+    question = ask_quickly if options.quick else ask
     processors = sorted(os.sched_getaffinity(0))
     free: Queue[int] = Queue()
     for processor in processors:
         free.put(processor)
     with ProcessPoolExecutor(len(processors), initializer=_stay_on, initargs=(free,)) as pool:
-        for said in pool.map(partial(ask, options.cases), names):
+        for said in pool.map(partial(question, options.cases), names):
             case = truth[said["case"]]
             kind = case["kind"]
             said["kind"], said["details"] = kind, case["details"]
