@@ -14,6 +14,8 @@ __all__ = ["cut", "most_active", "most_active_rows", "wheel_power"]
 
 Array = NDArray[np.float64]
 
+_FEWEST_ROWS = 100
+
 
 def wheel_power(recording: Recording, vehicle: Vehicle) -> Array:
     """Sum the squared accelerations of all wheels at each row (N,); of all channels without any."""
@@ -33,8 +35,11 @@ def most_active(power: Array, rows: int) -> slice:
 
 
 def most_active_rows(recording: Recording, vehicle: Vehicle, seconds: float) -> slice:
-    """Return the rows of the stretch of some seconds in which the wheels move most."""
-    rows = int(seconds / float(np.median(np.diff(recording.time))))
+    """Return the rows of the stretch of some seconds in which the wheels move most.
+
+    It has a hundred rows at least, whatever the time column says.
+    """
+    rows = max(int(seconds / float(np.median(np.diff(recording.time)))), _FEWEST_ROWS)
     return most_active(wheel_power(recording, vehicle), rows)
 
 

@@ -64,6 +64,15 @@ MISTAKES = {
 }
 
 
+def test_a_time_in_milliseconds_leaves_a_refusal_its_own_reasons() -> None:
+    recording, car = worn(3)
+    slow = replace(recording, time=1e3 * recording.time)
+    assert check_input([slow], car, refused=True) is None
+    answer = estimate([slow], car)
+    assert answer.verdict == "refused"
+    assert any("time" in reason for reason in answer.reasons)
+
+
 @pytest.mark.parametrize("kind", MISTAKES)
 def test_a_mistake_is_named(kind: str) -> None:
     make, words = MISTAKES[kind]
