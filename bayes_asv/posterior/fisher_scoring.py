@@ -22,13 +22,17 @@ Array = NDArray[np.float64]
 
 _STEP = 1e-4  # of a prior deviation
 _FIRST, _ROUNDS = 8, 20  # with noise held, and with everything free
-_ENOUGH = 5e-3  # nats that the next step would gain
-_SHARES = (1.0, 0.4, 0.15)  # of a step: a bent ridge is followed further than damping would go
+_MIN_GAIN = 5e-3  # nats that the next step would gain
+_STEP_SHARES = (1.0, 0.4, 0.15)  # of a step: a bent ridge is followed further than damping would go
 _FURTHER = 10.0  # times what the next step would gain, beyond which no climb goes
-_LEARNT = 4  # steps whose changes of slope are believed
-_SEEN = 0.1  # of the expected curvature, below which a change of slope teaches nothing
-_HARDLY = 1.0  # nats expected of a step, beyond which no learnt curvature may end a climb
-_WRONG = 1.3  # mean square of innovations beyond which a model is wrong
+_SECANT_PAIRS = 4  # steps whose changes of slope are believed
+_MIN_CURVATURE_SHARE = (
+    0.1  # of the expected curvature, below which a change of slope teaches nothing
+)
+_NEGLIGIBLE_GAIN = (
+    1.0  # nats expected of a step, beyond which no curvature by secants may end a climb
+)
+_MISFIT_SQUARE = 1.3  # mean square of innovations beyond which a model is wrong
 
 
 @dataclass(frozen=True)
@@ -207,7 +211,7 @@ def maximise(target: Posterior, start: Array, floor: float = -math.inf) -> Lapla
     lasting = target.space.shared_dimension
     # noise held: it cannot swell on the way
     z, _ = _ascend(target, start, lasting, _FIRST, 1.0, tempered=True)
-    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _ENOUGH, floor=floor)
+    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _MIN_GAIN, floor=floor)
     return LaplaceFit(z, here, settled)
 
 
@@ -230,29 +234,33 @@ def _ascend(
     here = slopes(target, z, last=last)
     gradient = here.gradient(z)[:last]
     before: Array = np.zeros(last)
-    damping, doubted = 0.0, False
-    learnt: list[tuple[Array, Array]] = []
+    damping, use_secants = 0.0, False
+    secants: list[tuple[Array, Array]] = []
     for _ in range(rounds):
         precision = here.precision()[:last, :last]
-        hot = max(float(np.mean(here.nu**2)), 1.0) if tempered else 1.0
-        slope = (gradient + z[:last]) / hot - z[:last]
-        expected = precision = (precision - np.eye(last)) / hot + np.eye(last)
-        for taken, change in learnt if doubted else ():
+        temperature = max(float(np.mean(here.nu**2)), 1.0) if tempered else 1.0
+        slope = (gradient + z[:last]) / temperature - z[:last]
+        expected = precision = (precision - np.eye(last)) / temperature + np.eye(last)
+        for taken, change in secants if use_secants else ():
             precision = secant_update(precision, taken, change)
         while True:
             ridge = precision + damping * np.diag(np.diag(precision))
             step: Array = np.asarray(np.linalg.solve(ridge, slope), np.float64)
             gain = 0.5 * float(gradient @ step)
-            if gain < enough and precision is not expected and _gain(expected, gradient) > _HARDLY:
-                precision, learnt = expected, []  # what was learnt elsewhere holds no longer
+            if (
+                gain < enough
+                and precision is not expected
+                and _gain(expected, gradient) > _NEGLIGIBLE_GAIN
+            ):
+                precision, secants = expected, []  # secants from elsewhere hold no longer
                 continue
             # Where the model is wrong its noise has no sharp optimum, and needs none.
-            if gain < (enough if np.mean(here.nu**2) < _WRONG else max(enough, 0.3)):
+            if gain < (enough if np.mean(here.nu**2) < _MISFIT_SQUARE else max(enough, 0.3)):
                 return z, (here, damping < 2.0)
             if here.log_posterior + _FURTHER * gain < floor:
                 return z, (here, False)
             step = np.asarray(step * min(1.0, 3.0 / float(np.max(np.abs(step)))), np.float64)
-            tried = (_moved(z, share * step) for share in _SHARES)
+            tried = (_moved(z, share * step) for share in _STEP_SHARES)
             ahead = next((x for x in tried if _value(target, x) > here.log_posterior), None)
             if ahead is not None:
                 break
@@ -262,13 +270,15 @@ def _ascend(
         step, z = ahead[:last] - z[:last], ahead
         # A step back shows that the last one went too far: the curvature is steeper than expected.
         # From then on what the slope did along the last steps is believed before what it should.
-        turned = float(step @ before) < -0.3 * float(np.linalg.norm(step) * np.linalg.norm(before))
-        doubted = doubted or (turned and not tempered)
-        damping = max(damping, 1.0) if turned else 0.0 if damping < 0.05 else 0.3 * damping
+        reversed_step = float(step @ before) < -0.3 * float(
+            np.linalg.norm(step) * np.linalg.norm(before)
+        )
+        use_secants = use_secants or (reversed_step and not tempered)
+        damping = max(damping, 1.0) if reversed_step else 0.0 if damping < 0.05 else 0.3 * damping
         before = step
         here = slopes(target, z, last=last)
         earlier, gradient = gradient, here.gradient(z)[:last]
-        learnt = [*learnt[1 - _LEARNT :], (step, earlier - gradient)]
+        secants = [*secants[1 - _SECANT_PAIRS :], (step, earlier - gradient)]
     return z, (here, False)
 
 
@@ -293,7 +303,7 @@ def secant_update(precision: Array, step: Array, change: Array) -> Array:
     """
     expected = precision @ step
     along, seen = float(step @ expected), float(step @ change)
-    if seen < _SEEN * along:
+    if seen < _MIN_CURVATURE_SHARE * along:
         return precision
     new = np.outer(change, change) / seen - np.outer(expected, expected) / along
     return np.asarray(precision + new, np.float64)
