@@ -100,7 +100,7 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
         for where in effect.places:
             site = Site(effect, where)
             elements = site.elements(stage.space.car)
-            known = any(site.meets(other) for other in stage.sites)
+            known = any(other.covers(site) for other in stage.sites)
             if known or not _possible(site, stage, vehicle):
                 continue
             if effect.slight is not None:

@@ -160,6 +160,8 @@ class Effect:
         It acts in one recording only, at a time of its own.
     on_damper : bool
         It changes the force of a damper over its speed.
+    contains : tuple of str
+        Names of effects that are special forms of it.
     on_request : bool
         It is added where a user names it; no diagnosis looks for it.
     begins : tuple of mapping
@@ -188,6 +190,7 @@ class Effect:
     stops: Literal["", "compression", "extension"] = ""
     in_one_run: bool = False
     on_damper: bool = False
+    contains: tuple[str, ...] = ()
     on_request: bool = False
     begins: tuple[Mapping[str, float], ...] = ({},)
 
@@ -268,6 +271,11 @@ class Site:
         """Whether it is the same effect at a corner in common, or at the same place."""
         alike = self.where == other.where or bool(self.corners & other.corners)
         return self.effect.name == other.effect.name and alike
+
+    def covers(self, other: Site) -> bool:
+        """Whether another effect at a corner in common is this one, or a special form of it."""
+        form = other.effect.name in self.effect.contains and bool(self.corners & other.corners)
+        return form or self.meets(other)
 
     def coordinate_name(self, parameter: Parameter) -> str:
         """Name of a parameter among the coordinates of a posterior."""

@@ -89,6 +89,7 @@ EFFECT = Effect(
     packed=_packed,
     force=_force,
     on_damper=True,
+    contains=("bound_rebound", "digressive_damper"),
     on_request=True,
     begins=({}, dict.fromkeys(_STEPS, -_USUAL)),  # proportional to speed, or digressive
     drive="bumps of several heights, so that the damper moves slowly and fast both ways",
