@@ -15,7 +15,7 @@ A pitch inertia is judged by the dynamic index i/(m l_f l_r), which lies near on
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -322,21 +322,10 @@ def _factor(
     """
 
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
-        scale = math.exp(-size)
-        changed = {}
-        for name in names:
-            old: Given | Nominal = getattr(vehicle, name)
-            sd = old.sd if apart is None else apart * old.value
-            sds = {} if sd is None else {"sd": sd * scale}
-            changed[name] = replace(old, value=old.value * scale, **sds)
-        return recording, replace(vehicle, **changed)  # type: ignore[arg-type]
+        return recording, _with_factor(vehicle, names, math.exp(-size), apart)
 
     def freed(vehicle: Vehicle) -> Vehicle:
-        unknown = {}
-        for name in names:
-            old: Given = getattr(vehicle, name)
-            unknown[name] = replace(old, sd=_FREE * old.value)
-        return replace(vehicle, **unknown)  # type: ignore[arg-type]
+        return _with_factor(vehicle, names, 1.0, _FREE)
 
     def size_of(vehicle: Vehicle, values: Mapping[str, float]) -> float:
         logs = [math.log(getattr(vehicle, name).value / values[name]) for name in names]
@@ -352,7 +341,7 @@ def _factor(
 
     def density(size: float) -> float:
         if not named:
-            return _OCCAM + (len(names) - 1) * math.log(_FREE / _APART) * -2.0
+            return _OCCAM + (len(names) - 1) * math.log(_NAMED_FACTOR / _APART)
         nearest = min(abs(size + math.log(factor)) for factor in named) / _NAMED_FACTOR
         known = -math.log(2.0 * len(named)) - 0.5 * nearest**2
         return float(np.logaddexp(math.log(0.5) + _OCCAM, known)) if free else known
@@ -361,6 +350,19 @@ def _factor(
     if not free:
         return Hypothesis(words, undo, logs, density, exact=True)
     return Hypothesis(words, undo, logs, density, exact=True, freed=freed, size_of=size_of)
+
+
+def _with_factor(
+    vehicle: Vehicle, names: Iterable[str], factor: float, deviation: float | None = None
+) -> Vehicle:
+    """Multiply values by a factor; their deviations too, unless a relative one is given."""
+    changed = {}
+    for name in names:
+        old: Given | Nominal = getattr(vehicle, name)
+        sd = old.sd if deviation is None else deviation * old.value
+        sds = {} if sd is None else {"sd": sd * factor}
+        changed[name] = replace(old, value=old.value * factor, **sds)
+    return replace(vehicle, **changed)  # type: ignore[arg-type]
 
 
 _SPRING_FIX = (
@@ -401,18 +403,10 @@ def _at_another_rate(car: CarModel, vehicle: Vehicle, size: float) -> Vehicle:
     With true time t′ = f t a spring rate k looks like k f² and a damping rate c like c f.  So the
     rows stay as they are: an inexact model of the noise from row to row must not speak for a rate.
     """
-    changed = {}
-    for names, power in (
-        ({element.spring for element in car.elements}, 2.0),
-        ({element.damping for element in car.elements}, 1.0),
-    ):
-        for name in names:
-            old: Given | Nominal | None = getattr(vehicle, name, None)
-            if old is not None:
-                scale = math.exp(power * size)
-                sds = {} if old.sd is None else {"sd": old.sd * scale}
-                changed[name] = replace(old, value=old.value * scale, **sds)
-    return replace(vehicle, **changed)  # type: ignore[arg-type]
+    springs = {e.spring for e in car.elements if hasattr(vehicle, e.spring)}
+    dampers = {e.damping for e in car.elements if hasattr(vehicle, e.damping)}
+    stiffer = _with_factor(vehicle, springs, math.exp(2.0 * size))
+    return _with_factor(stiffer, dampers, math.exp(size))
 
 
 def _words(name: str) -> str:

@@ -37,7 +37,7 @@ from bayes_asv.analysis.input_hypotheses import (
     hypotheses,
     nominal_mistakes,
 )
-from bayes_asv.analysis.screening_fit import COARSE_STEPS, STEPS, screening_fit
+from bayes_asv.analysis.screening_fit import COARSE_STEPS, STEPS, Fit, screening_fit
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording
@@ -107,11 +107,7 @@ def check_input(
         None where nothing speaks against the estimate.
     """
     recordings = recordings[:_RUNS]
-    try:
-        parts = [cut(one, most_active_rows(one, vehicle, _SECONDS)) for one in recordings]
-        fit = screening_fit(parts, vehicle, car)
-    except InputError:
-        fit = None
+    fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
     moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
     holds = fit is not None and fit.holds
     mistakes: list[Mistake] = []
@@ -234,14 +230,32 @@ def _sizes(
     """Sizes that a mistake may have: where a search begins, and what a fit finds."""
     sizes = hypothesis.sizes
     if hypothesis.freed is not None and hypothesis.size_of is not None:
-        parts = [cut(one, most_active_rows(one, vehicle, _SECONDS)) for one in recordings]
-        try:
-            fit = screening_fit(parts, hypothesis.freed(vehicle), car)
-        except InputError:
-            fit = None
+        parts = _most_active(recordings, recordings, vehicle)
+        fit = _screened(parts, hypothesis.freed(vehicle), car)
         if fit is not None:
             sizes = (*sizes, hypothesis.size_of(vehicle, fit.values))
     return sizes or (0.0,)
+
+
+def _most_active(
+    recordings: Sequence[Recording], given: Sequence[Recording], vehicle: Vehicle
+) -> list[Recording]:
+    """Cut recordings to the rows in which the wheels move most, according to those as given.
+
+    Every hypothesis so has the same rows to explain.
+    """
+    rows = [most_active_rows(one, vehicle, _SECONDS) for one in given]
+    return [cut(one, own) for one, own in zip(recordings, rows, strict=True)]
+
+
+def _screened(
+    recordings: Sequence[Recording], vehicle: Vehicle, car: str, steps: int = STEPS
+) -> Fit | None:
+    """Fit quickly; None where an input cannot be fitted at all."""
+    try:
+        return screening_fit(recordings, vehicle, car, steps)
+    except InputError:
+        return None
 
 
 class _Tried(NamedTuple):
@@ -264,15 +278,8 @@ def _evaluate(
     """Fit with one mistake undone; minus infinity where that leaves nothing to fit."""
     undone = [hypothesis.undo(recording, vehicle, size) for recording in recordings]
     whole = [recording for recording, _ in undone]
-    # the same rows for every hypothesis: a time scale must not change what is explained
-    inputs = [
-        cut(one, most_active_rows(recording, vehicle, _SECONDS))
-        for one, recording in zip(whole, recordings, strict=True)
-    ]
-    try:
-        fit = screening_fit(inputs, undone[0][1], car, steps)
-    except InputError:
-        fit = None
+    inputs = _most_active(whole, recordings, vehicle)
+    fit = _screened(inputs, undone[0][1], car, steps)
     if fit is None:
         return _Tried(hypothesis, size, -math.inf, 0.0, math.inf, 1.0)
     volume = sum(

@@ -224,6 +224,11 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
     stage = fitted(target, np.zeros(target.space.dimension))
     where = update_patterns(where, stage)
     for one in sites:
+        known = next((other for other in stage.sites if other.covers(one)), None)
+        if known is not None:
+            raise InputError(
+                str(one), f"is in the model already, in {known}", "leave one of them out"
+            )
         stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
         groups = [group for group in _groups(stage, where, one) if group]
         if not groups:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bayes_asv.models.effects import EFFECTS, Scale
+from bayes_asv.models.effects import EFFECTS, Scale, site
 from bayes_asv.models.effects.damper_curve import KNOTS, slopes
 
 EFFECT = EFFECTS["damper_curve"]
@@ -56,3 +56,12 @@ def test_no_steps_are_a_linear_damper_and_one_side_leaves_the_other() -> None:
     # from the sixth knot on, which is at 0.2 m/s, the slope has fallen by a factor e
     np.testing.assert_allclose(one[:3] / one[8], np.exp(-1.0))
     np.testing.assert_allclose(one[3:9] / one[8], 1.0)
+
+
+def test_it_contains_the_bent_forms_at_its_own_place() -> None:
+    curve = site("damper_curve@front")
+    assert curve.covers(site("digressive_damper@front"))
+    assert curve.covers(site("bound_rebound@both"))
+    assert not curve.covers(site("bound_rebound@rear"))
+    assert not curve.covers(site("damper_hysteresis@front"))
+    assert not site("digressive_damper@front").covers(curve)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.effect_fit import added, candidates
+from bayes_asv.models.effects import site
+from bayes_asv.posterior.effect_fit import added, candidates, with_effects
 from bayes_asv.posterior.fitted_model import base, fitted, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from tests.cli.conftest import ROOT
+from tests.posterior.cases import DECLARED, case, prepared, vehicle
 
 
 @pytest.mark.parametrize("silent", [0, 38])
@@ -33,3 +36,12 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
         start = found.mode.z.copy()
         start[k] = end
         assert fitted(found.target, start).mode.log_posterior < found.mode.log_posterior + 0.1
+
+
+def test_an_effect_that_is_in_the_model_already_is_refused() -> None:
+    car = vehicle(DECLARED)
+    _, _, recording = case("bump", 3, DECLARED)
+    dataset = make_dataset(car, (prepared(recording, car),))
+    twice = (site("bound_rebound@front"), site("bound_rebound@both"))
+    with pytest.raises(InputError, match="in the model already, in bound_rebound@front"):
+        with_effects(dataset, twice)
