@@ -29,6 +29,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
+from bayes_asv.models.effects.damper_curve import CURVE_SPEED
 from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
@@ -409,6 +410,8 @@ def _estimate_prepared(
     )
     exact = timed is None or not any(timed.modes)
     budget = ensembles.converged and exact and not sites
+    dampers = damping_rates(target, found.mode.z, flat, draws)
+    warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
     width = find_budget(target, found.mode, vehicle) if budget else None
     tell(1.0, "done")
     return Estimate(
@@ -433,12 +436,20 @@ def _estimate_prepared(
         width=width,
         agreement=agreement,
         below=below,
-        dampers=damping_rates(target, found.mode.z, flat, draws),
+        dampers=dampers,
         doubt=doubt,
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}
             for site, values in where.effect_draws(flat).items()
         },
+    )
+
+
+def _no_single_rate(damper: DampingRates) -> str:
+    return (
+        f"the curve of the {damper.element.replace('_', ' ')} damper is free, so that it has no "
+        "single rate to hold against the nominal one; the rate above is that of equal power where "
+        f"rates of deflection have a standard deviation of {CURVE_SPEED:g} m/s"
     )
 
 

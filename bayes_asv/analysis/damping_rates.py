@@ -36,6 +36,10 @@ class DampingRates:
     ----------
     element : str
         Name of the suspension element.
+    parameter : str
+        Name of its damping rate.
+    free_form : bool
+        It has no single rate to hold against a nominal one.
     speed : float
         Root mean square of the rates of deflection that were driven, m/s.
     at_rest : (N,) array
@@ -47,6 +51,8 @@ class DampingRates:
     """
 
     element: str
+    parameter: str
+    free_form: bool
     speed: float
     at_rest: Array
     equal_power: Array
@@ -80,7 +86,8 @@ def damping_rates(
     tables = [_table(target, laws, one) for one in z[used]]
     out = []
     for e, element in enumerate(space.car.elements):
-        if not any(e in site.elements(space.car) for site in laws):
+        own = [site for site in laws if e in site.elements(space.car)]
+        if not own:
             continue
         rates = [run[:, 2 * e + 1] for run in driven]
         square = sum(float(np.sum(rate**2)) for rate in rates)
@@ -98,6 +105,8 @@ def damping_rates(
         out.append(
             DampingRates(
                 element.name,
+                element.damping,
+                any(site.effect.free_form for site in own),
                 speed,
                 (curve[:, 2] - curve[:, 1]) / (2.0 * _AT_REST),
                 power / square,

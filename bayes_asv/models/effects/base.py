@@ -162,6 +162,8 @@ class Effect:
         It changes the force of a damper over its speed.
     contains : tuple of str
         Names of effects that are special forms of it.
+    free_form : bool
+        A damper with it has no single rate to hold against a nominal one.
     on_request : bool
         It is added where a user names it; no diagnosis looks for it.
     begins : tuple of mapping
@@ -191,6 +193,7 @@ class Effect:
     in_one_run: bool = False
     on_damper: bool = False
     contains: tuple[str, ...] = ()
+    free_form: bool = False
     on_request: bool = False
     begins: tuple[Mapping[str, float], ...] = ({},)
 

@@ -21,9 +21,10 @@ from scipy.stats import norm
 from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
-__all__ = ["EFFECT", "KNOTS", "slopes"]
+__all__ = ["CURVE_SPEED", "EFFECT", "KNOTS", "slopes"]
 
-_SPEED = 0.15  # m/s, standard deviation of the rates for which c is the rate of equal power
+CURVE_SPEED = 0.15
+"""Standard deviation of the rates of deflection for which c is the rate of equal power, m/s."""
 
 _SIDE = CURVE_FIRST * 2.0 ** np.arange(CURVE_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
@@ -37,8 +38,8 @@ _MOST = 50.0  # of |ln g|, so that nothing overflows
 
 def _weights() -> Array:
     """Mean of each knot's hat function under the normal distribution of rates."""
-    edges = norm.cdf(KNOTS / _SPEED)
-    means = -_SPEED * np.diff(norm.pdf(KNOTS / _SPEED))  # ∫ v φ over each interval
+    edges = norm.cdf(KNOTS / CURVE_SPEED)
+    means = -CURVE_SPEED * np.diff(norm.pdf(KNOTS / CURVE_SPEED))  # ∫ v φ over each interval
     inside, width = np.diff(edges), np.diff(KNOTS)
     out = np.zeros(len(KNOTS))
     out[:-1] += (KNOTS[1:] * inside - means) / width
@@ -90,6 +91,7 @@ EFFECT = Effect(
     force=_force,
     on_damper=True,
     contains=("bound_rebound", "digressive_damper"),
+    free_form=True,
     on_request=True,
     begins=({}, dict.fromkeys(_STEPS, -_USUAL)),  # proportional to speed, or digressive
     drive="bumps of several heights, so that the damper moves slowly and fast both ways",

@@ -44,7 +44,8 @@ def estimate_document(result: Estimate) -> EstimateDocument:
     """Document of an estimate from :func:`bayes_asv.estimation.estimate`, of any verdict."""
     vehicle, agreement, car = result.vehicle, result.agreement, result.car
     units, nominal = Units(vehicle.units), result.nominal
-    withheld = {"withheld": result.doubt is not None}
+    rates = [damper.parameter for damper in result.dampers if damper.free_form]
+    free_form = {*rates, *(name.replace("c_", "zeta_", 1) for name in rates)}
     origin = provenance(
         ((r.source, r.sha256) for r in result.recordings), vehicle, _PACKAGES, result.seed
     )
@@ -60,7 +61,9 @@ def estimate_document(result: Estimate) -> EstimateDocument:
             for e in car.elements
         },
         parameters={
-            n: parameter(n, result.draws[n], vehicle, nominal[n]).model_copy(update=withheld)
+            n: parameter(n, result.draws[n], vehicle, nominal[n]).model_copy(
+                update={"withheld": result.doubt is not None or n in free_form}
+            )
             for n in result.answers
         },
         left_over_right=_side_ratios(car, result.draws),

@@ -169,7 +169,7 @@ class Parameter(Quantity):
     p_below_nominal: MaybeShare = None
     """Posterior probability that it is below nominal."""
     withheld: bool = False
-    """Whether the comparison with nominal is withheld, see ``doubt`` of the document."""
+    """Whether the comparison with nominal is withheld: see ``doubt`` and ``dampers``."""
     si: Quantity | None = None
     """The same in SI units."""
 

@@ -90,7 +90,7 @@ def parameter_table(parameters: Mapping[str, Parameter], title: str, *, si: bool
                 number(shown.sd, shown.sd),
                 interval(shown),
                 number(shown.nominal),
-                probability(parameter.p_below_nominal),
+                MISSING if parameter.withheld else probability(parameter.p_below_nominal),
             ]
         )
     columns = ["parameter", "mean", "sd", "95 % interval", "nominal", "P(below nominal)"]

@@ -77,7 +77,14 @@ def headline(document: EstimateDocument | TrackDocument) -> str:
     dampers = _damper_sentences(document)
     if isinstance(document, TrackDocument):
         return dampers
-    return f"{consistency_headline(document)} {dampers}".strip()
+    free = [
+        f"{place.capitalize()} damper: a free curve, without a single rate."
+        for name, place in _dampers(document).items()
+        if name in document.parameters and document.parameters[name].withheld
+    ]
+    if len(free) == len(document.elements):
+        dampers = ""
+    return " ".join(filter(None, [consistency_headline(document), *free, dampers]))
 
 
 def _dampers(document: EstimateDocument | TrackDocument) -> dict[str, str]:
@@ -163,7 +170,7 @@ def _steps(document: EstimateDocument | TrackDocument, narrowing: list[str]) -> 
         if places:
             plural = "s" if len(places) > 1 else ""
             steps.append(advice.format(f"{enumerated(places)} damper{plural}"))
-    if not steps:
+    if not steps and not any(p.withheld for p in parameters.values()):
         steps.append("The dampers need no attention; keep this file to compare the next run with.")
     for name, c in compared.items():
         large = c.sense != "agrees" and abs(c.share) >= SMALL_DIFFERENCE
