@@ -12,7 +12,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.damping_rates import DampingRates, damping_rates
+from bayes_asv.analysis.damping_rates import (
+    MAX_DRAWS,
+    DampingRates,
+    damping_rates,
+    with_equal_power,
+)
 from bayes_asv.analysis.input_mistakes import Doubt, check_input
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
 from bayes_asv.analysis.run_consistency import (
@@ -29,7 +34,6 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
-from bayes_asv.models.effects.damper_curve import CURVE_SPEED
 from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
@@ -394,6 +398,8 @@ def _estimate_prepared(
         None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
         _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
     )
+    if any(site.effect.free_form for site in sites):
+        ensembles = ensembles.thinned(MAX_DRAWS)
     flat = ensembles.draws.reshape(-1, where.dimension)
     by_ensemble = ensembles.log_posterior.shape
     draws = {n: x.reshape(by_ensemble) for n, x in where.quantities(flat, seed).items()}
@@ -411,6 +417,7 @@ def _estimate_prepared(
     exact = timed is None or not any(timed.modes)
     budget = ensembles.converged and exact and not sites
     dampers = damping_rates(target, found.mode.z, flat, draws)
+    draws = with_equal_power(draws, dampers)
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
     width = find_budget(target, found.mode, vehicle) if budget else None
     tell(1.0, "done")
@@ -448,8 +455,8 @@ def _estimate_prepared(
 def _no_single_rate(damper: DampingRates) -> str:
     return (
         f"the curve of the {damper.element.replace('_', ' ')} damper is free, so that it has no "
-        "single rate to hold against the nominal one; the rate above is that of equal power where "
-        f"rates of deflection have a standard deviation of {CURVE_SPEED:g} m/s"
+        "single rate to hold against the nominal one; the rate above is that of equal power at the "
+        f"speeds driven, {damper.speed:.2g} m/s in root mean square"
     )
 
 

@@ -1,15 +1,21 @@
-"""What the rate of a damper is whose force is not proportional to speed.
+"""Rates and shape of a damper whose force is not proportional to speed.
 
 Three numbers stand for its curve F(v): the slope at rest, the rate of the linear damper that
 takes the same power at the speeds driven, E[F v]/E[v²], and the force over the speed on either
 side at one speed, the root mean square of those driven.
+
+Its shape is told by ratios that hold for any curve, with the posterior probability of each
+statement.  On either side the mean slope over the upper half of the speeds driven is compared with
+that over their lowest eighth: less is digressive, more is progressive.  Force over speed in
+extension is compared with that in compression.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +26,40 @@ from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["DampingRates", "damping_rates"]
+__all__ = ["MAX_DRAWS", "DamperShape", "DampingRates", "damping_rates", "with_equal_power"]
 
 Array = NDArray[np.float64]
 
-_DRAWS = 400
+MAX_DRAWS = 2000
+"""Draws of which rates are worked out: intervals of 95 % to a twentieth of their width."""
+
 _AT_REST = 1e-4  # m/s, at which the slope at rest is taken
+_FASTEST = 0.95  # quantile of the speeds driven up to which the shape is told
+_SLOWEST = 0.125  # of that speed: the piece of the curve that stands for slow motion
+_BENT = 1.25  # ratio of slopes from which a curve is called bent
+_UNEQUAL = 1.1  # ratio of rates from which the sides are called unequal
+
+
+class DamperShape(NamedTuple):
+    """A statement about a damper's curve.
+
+    Parameters
+    ----------
+    name : {'digressive', 'progressive', 'unequal_sides'}
+        What it says.
+    side : {'compression', 'extension', 'both'}
+        Where it holds.
+    probability : float
+        Posterior probability.
+    ratio : (N,) array
+        Draws of what it rests on: slope in fast over slope in slow motion (geometric mean of both
+        sides where it holds on both), or force in extension over force in compression.
+    """
+
+    name: str
+    side: str
+    probability: float
+    ratio: Array
 
 
 @dataclass(frozen=True)
@@ -38,6 +72,8 @@ class DampingRates:
         Name of the suspension element.
     parameter : str
         Name of its damping rate.
+    over_rate : (N,) array
+        Its rate of equal power over that parameter.
     free_form : bool
         It has no single rate to hold against a nominal one.
     speed : float
@@ -48,16 +84,20 @@ class DampingRates:
         Rate of the linear damper that takes the same power at the speeds driven.
     compression, extension : (N,) arrays
         Force over speed at ``speed`` on either side.
+    shapes : tuple of DamperShape
+        Statements that are more probable than not.
     """
 
     element: str
     parameter: str
+    over_rate: Array
     free_form: bool
     speed: float
     at_rest: Array
     equal_power: Array
     compression: Array
     extension: Array
+    shapes: tuple[DamperShape, ...]
 
 
 def damping_rates(
@@ -72,7 +112,7 @@ def damping_rates(
     mode : (D,) array
         Coordinates at which the speeds driven are worked out.
     z : (N, D) array
-        Draws of the posterior; four hundred of them are used.
+        Draws of the posterior; :data:`MAX_DRAWS` of them are used.
     draws : mapping of str to (N,) array
         The same of the car's quantities, SI units.
     """
@@ -82,7 +122,7 @@ def damping_rates(
         return ()
     runs = range(len(space.timelines))
     driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
-    used = np.linspace(0, len(z) - 1, min(len(z), _DRAWS)).astype(int)
+    used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
     tables = [_table(target, laws, one) for one in z[used]]
     out = []
     for e, element in enumerate(space.car.elements):
@@ -92,7 +132,9 @@ def damping_rates(
         rates = [run[:, 2 * e + 1] for run in driven]
         square = sum(float(np.sum(rate**2)) for rate in rates)
         speed = math.sqrt(square / sum(map(len, rates)))
-        grid = np.array([-speed, -_AT_REST, _AT_REST, speed])
+        fastest = float(np.quantile(np.abs(np.concatenate(rates)), _FASTEST))
+        side = np.array([_AT_REST, speed, _SLOWEST * fastest, 0.5 * fastest, fastest])
+        grid = np.concatenate([-side, side])
         c = draws[element.damping].ravel()[used]
         power, curve = np.zeros(len(used)), np.zeros((len(used), len(grid)))
         for n, (one, table) in enumerate(zip(c, tables, strict=True)):
@@ -102,18 +144,75 @@ def damping_rates(
                 start = np.zeros_like(rate)
                 force = damper_forces(table, e, one, rate, line.measurements.step, start)
                 power[n] += force @ rate
+        compression, extension = -curve[:, : len(side)], curve[:, len(side) :]
         out.append(
             DampingRates(
                 element.name,
                 element.damping,
+                power / square / c,
                 any(site.effect.free_form for site in own),
                 speed,
-                (curve[:, 2] - curve[:, 1]) / (2.0 * _AT_REST),
+                (extension[:, 0] + compression[:, 0]) / (2.0 * _AT_REST),
                 power / square,
-                curve[:, 0] / -speed,
-                curve[:, 3] / speed,
+                compression[:, 1] / speed,
+                extension[:, 1] / speed,
+                _shapes(compression, extension),
             )
         )
+    return tuple(out)
+
+
+def with_equal_power(
+    draws: Mapping[str, Array], dampers: Sequence[DampingRates]
+) -> dict[str, Array]:
+    """Return draws in which the rate of a damper with a free curve is that of equal power.
+
+    Such a curve has no rate of its own: the one that it is a multiple of belongs to speeds that
+    were not driven.  Its damping ratio is changed alike.
+
+    Parameters
+    ----------
+    draws : mapping of str to array
+        Draws that ``dampers`` were worked out from, of any shape.
+    dampers : sequence of DampingRates
+        Of as many draws.
+    """
+    out = dict(draws)
+    for damper in dampers:
+        if damper.free_form:
+            for name in (damper.parameter, damper.parameter.replace("c_", "zeta_", 1)):
+                if name in out:
+                    out[name] = out[name] * damper.over_rate.reshape(out[name].shape)
+    return out
+
+
+def _shapes(compression: Array, extension: Array) -> tuple[DamperShape, ...]:
+    """Statements that are more probable than not.
+
+    Parameters
+    ----------
+    compression, extension : (N, 5) arrays
+        Draws of the force on either side at the speeds that :func:`damping_rates` takes.
+    """
+    bends = {
+        side: np.log((force[:, 4] - force[:, 3]) / (1.0 - 0.5) / (force[:, 2] / _SLOWEST))
+        for side, force in (("compression", compression), ("extension", extension))
+    }
+    out = []
+    for name, sign in (("digressive", -1.0), ("progressive", 1.0)):
+        holds = {side: sign * bend > math.log(_BENT) for side, bend in bends.items()}
+        everywhere = float(np.mean(np.logical_and(*holds.values())))
+        if everywhere > 0.5:
+            ratio = np.exp(0.5 * sum(bends.values()))
+            out.append(DamperShape(name, "both", everywhere, ratio))
+            continue
+        for side, true in holds.items():
+            if np.mean(true) > 0.5:
+                out.append(DamperShape(name, side, float(np.mean(true)), np.exp(bends[side])))
+    ratio = extension[:, 1] / compression[:, 1]
+    unequal = float(np.mean(np.abs(np.log(ratio)) > math.log(_UNEQUAL)))
+    if unequal > 0.5:
+        out.append(DamperShape("unequal_sides", "both", unequal, ratio))
     return tuple(out)
 
 

@@ -17,6 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from bayes_asv.analysis.damping_rates import (
+    MAX_DRAWS,
+    DampingRates,
+    damping_rates,
+    with_equal_power,
+)
 from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.score_test import ScoreTest, one_sided_squares, score_test, standardized
 from bayes_asv.diagnosis.thresholds import PRIOR_NONE, SPLIT_EVIDENCE
@@ -34,6 +40,7 @@ __all__ = [
     "CandidateGroup",
     "ExtendedModel",
     "WeightedPosterior",
+    "draw_dampers",
     "draw_effects",
     "draw_quantities",
     "evidence_without",
@@ -328,6 +335,27 @@ def draw_quantities(posteriors: list[WeightedPosterior], seed: int) -> dict[str,
     ]
     names = set.intersection(*(set(p) for p in parts))
     return {n: np.concatenate([p[n] for p in parts]) for n in sorted(names)}
+
+
+def draw_dampers(
+    model: FittedModel, evidence: ModelEvidence, seed: int
+) -> tuple[tuple[DampingRates, ...], dict[str, Array]]:
+    """Draw the rates of dampers whose force is not proportional to speed.
+
+    Returns
+    -------
+    tuple of DampingRates
+        Under the tolerance prior, speeds driven at the model's mode.
+    dict of str to (N,) array
+        Rates of dampers with a free curve, and their damping ratios, in place of the model's own.
+    """
+    rng = np.random.default_rng([seed, 53])
+    mean = model.mode.z + evidence.mode_shift
+    z = rng.multivariate_normal(mean, evidence.covariance, MAX_DRAWS, method="eigh")
+    draws = model.space.quantities(z, seed)
+    dampers = damping_rates(model.target, model.mode.z, z, draws)
+    rates = with_equal_power(draws, dampers)
+    return dampers, {name: x for name, x in rates.items() if x is not draws[name]}
 
 
 def draw_effects(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Localization
 from bayes_asv.diagnosis.misspecification_test import Unexplained
@@ -89,6 +90,8 @@ class Diagnosis:
         given, and averaged over all explanations.
     effect_draws : dict of str to dict of str to (N,) array
         Draws of the parameters of each named effect, by site, SI units.
+    dampers : tuple of DampingRates
+        Rates of the dampers whose force is not proportional to speed, under the final model.
     seconds : float
         Computing time.
     """
@@ -114,6 +117,7 @@ class Diagnosis:
     quantities_before: dict[str, Array] | None = None
     quantities_after: dict[str, Array] | None = None
     effect_draws: dict[str, dict[str, Array]] | None = None
+    dampers: tuple[DampingRates, ...] = ()
     seconds: float = 0.0
 
     @property

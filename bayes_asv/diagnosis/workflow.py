@@ -6,9 +6,11 @@
 3. One test over all candidate effects: is any missing?
 4. Forward selection: the most probable effect is added and everything is fitted again, until no
    effect is missing; effects that turned out unnecessary are removed.
-5. Validation on held-out recordings with everything frozen: an effect that makes the simulation
+5. Where something is left that no effect of the list explains, free laws of the dampers are tried
+   in the place of the named effects.
+6. Validation on held-out recordings with everything frozen: an effect that makes the simulation
    worse there is removed, and another is selected once.
-6. Misspecification tests on all recordings together: is anything left that is not in the list?
+7. Misspecification tests on all recordings together: is anything left that is not in the list?
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from bayes_asv.diagnosis.forward_selection import (
     start_selection,
     with_indistinguishable,
 )
+from bayes_asv.diagnosis.free_laws import with_free_laws
 from bayes_asv.diagnosis.holdout_validation import Split, validate
 from bayes_asv.diagnosis.localization import localize
 from bayes_asv.diagnosis.misspecification_test import best_alternative, misspecification_tests
@@ -41,6 +44,7 @@ from bayes_asv.diagnosis.model_assessment import (
 )
 from bayes_asv.diagnosis.model_comparison import (
     WeightedPosterior,
+    draw_dampers,
     draw_effects,
     draw_quantities,
 )
@@ -136,10 +140,10 @@ def diagnose(
         failed=validated.failed,
         stopped_by=selection.stopped_by,
     )
-    if named and not unexplained.present:
+    if named:
         alternative, fault = best_alternative(pooled, model, len(named), search.site_count)
         unexplained = replace(unexplained, alternative=alternative)
-        if alternative > ALTERNATIVE_MARGIN:
+        if alternative > ALTERNATIVE_MARGIN and not unexplained.detected:
             unexplained = replace(unexplained, closest_fault=fault)
     progress(0.95, "looking for indistinguishable explanations")
     named = with_indistinguishable(assessed, named)
@@ -149,6 +153,8 @@ def diagnose(
         verdict = "named" if named or engine is not None else "unexplained"
     linear = given.linear
     before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
+    final = assessed.on_inputs_as_read
+    dampers, rates = draw_dampers(final, assessed.evidence, seed)
     return Diagnosis(
         verdict=verdict,
         reasons=(),
@@ -167,10 +173,11 @@ def diagnose(
         fit=fit,
         holdout=search.held,
         base_model=search.without_tones.linear,
-        final_model=assessed.on_inputs_as_read,
+        final_model=final,
         quantities_before=draw_quantities([before], seed),
-        quantities_after=draw_quantities(selection.posteriors, seed),
+        quantities_after={**draw_quantities(selection.posteriors, seed), **rates},
         effect_draws=draw_effects(assessed.model, assessed.evidence, seed),
+        dampers=dampers,
         seconds=time.perf_counter() - clock,
     )
 
@@ -215,6 +222,7 @@ def _search(
         first = assess(dataset, linear, seed)
     start = start_selection(first, other_cause=engine is not None)
     selection = select_effects(start, seed, progress)
+    selection = with_free_laws(selection, first, seed, progress)
     if engine is None:
         # the missing effects may have hidden an engine
         assessed = selection.assessed

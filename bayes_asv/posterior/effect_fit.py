@@ -21,6 +21,7 @@ from bayes_asv.models.effects import BOTH, EFFECTS, Effect, Site, site
 from bayes_asv.posterior.fitted_model import (
     Dataset,
     FittedModel,
+    fit_again,
     fitted,
     transfer_coordinates,
     update_patterns,
@@ -200,7 +201,9 @@ def read_site(text: str) -> Site:
         raise InputError(text, f"'{where}' is no place for it", f"say {places}") from None
 
 
-def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, FittedModel]:
+def with_effects(
+    where: Dataset, sites: Sequence[Site], start: FittedModel | None = None
+) -> tuple[Dataset, FittedModel]:
     """Fit a model with given effects, one added after the other.
 
     Parameters
@@ -209,10 +212,12 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
         Recordings.
     sites : sequence of Site
         Effects in order.
+    start : FittedModel, optional
+        What they are added to; the car without effects where it is left out.
 
     Returns
     -------
-    Setting, FittedModel
+    Dataset, FittedModel
         With patterns that stand on the fitted model, and its mode.
 
     Raises
@@ -220,8 +225,11 @@ def with_effects(where: Dataset, sites: Sequence[Site]) -> tuple[Dataset, Fitted
     InputError
         For an effect that the car or its sensors cannot have.
     """
-    target = where.target(())
-    stage = fitted(target, np.zeros(target.space.dimension))
+    if start is None:
+        target = where.target(())
+        stage = fitted(target, np.zeros(target.space.dimension))
+    else:
+        stage = fit_again(where, start, start.sites)
     where = update_patterns(where, stage)
     for one in sites:
         known = next((other for other in stage.sites if other.covers(one)), None)
@@ -351,7 +359,7 @@ def _over_the_next_hill(stage: FittedModel) -> FittedModel:
         space.names.index(site.coordinate_name(p))
         for site in stage.sites
         for p in site.effect.parameters
-        if p.shape
+        if p.shape and not site.effect.free_form
     ]
     if not shapes:
         return stage

@@ -16,7 +16,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import emcee
@@ -142,6 +142,12 @@ class Ensembles:
     ess_tail_min: float
     converged: bool
     acceptance: float
+
+    def thinned(self, most: int) -> Ensembles:
+        """Keep every n-th draw, as many as there may be at most in all."""
+        every = -(-self.log_posterior.size // most)
+        kept = slice(every - 1, None, every)
+        return replace(self, draws=self.draws[:, kept], log_posterior=self.log_posterior[:, kept])
 
 
 class Density(Protocol):

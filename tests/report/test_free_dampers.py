@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.damping_rates import DampingRates
+from bayes_asv.analysis.damping_rates import DamperShape, DampingRates
 from bayes_asv.estimation import estimate
 from bayes_asv.report.documents.estimate import estimate_document
 from bayes_asv.report.page import report_page
@@ -24,13 +24,24 @@ def document() -> EstimateDocument:
     found = estimate([recording], vehicle(DECLARED))
     draws = np.random.default_rng(1).normal(1.0, 0.01, 400)
     rates = DampingRates(
-        "front", "c_f", True, 0.2, 2000.0 * draws, 900.0 * draws, 800.0 * draws, 1000.0 * draws
+        "front",
+        "c_f",
+        np.ones(400),
+        True,
+        0.2,
+        2000.0 * draws,
+        900.0 * draws,
+        800.0 * draws,
+        1000.0 * draws,
+        (DamperShape("digressive", "both", 0.98, 0.4 * draws),),
     )
     return estimate_document(replace(found, dampers=(rates,)))
 
 
 def test_its_rates_are_stated(document: EstimateDocument) -> None:
-    (line,) = damper_lines(document.dampers)
+    shape, line = damper_lines(document.dampers)
+    assert shape.startswith("Front damper: digressive; its slope in fast motion is 0.4")
+    assert shape.endswith("times that in slow motion (probability 98 %).")
     assert line.startswith("Front damper: ")
     assert "of equal power at the speeds driven" in line
     assert "in compression and" in line

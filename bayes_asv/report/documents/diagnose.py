@@ -21,7 +21,7 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.report.documents.force_curves import force_curves
-from bayes_asv.report.documents.quantities import Units, effect_value, parameter
+from bayes_asv.report.documents.quantities import Units, damper_rates, effect_value, parameter
 from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema import diagnose as schema
 from bayes_asv.report.schema.parts import (
@@ -76,6 +76,7 @@ def diagnose_document(
             for axle, cells in diagnosis.localization.force_maps.items()
         },
         laws=force_curves(diagnosis),
+        dampers=[damper_rates(one, Units(vehicle.units)) for one in diagnosis.dampers],
         residuals=_residuals(diagnosis),
         runs=schema.FittedRuns(
             fit=[prepared.source for prepared in diagnosis.fit],

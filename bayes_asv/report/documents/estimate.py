@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
-from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
@@ -20,6 +19,7 @@ from bayes_asv.models.car_model import CarModel, CarParameter
 from bayes_asv.preprocessing.events import NO_TIME, NOT_NEEDED, LogEvents
 from bayes_asv.report.documents.quantities import (
     Units,
+    damper_rates,
     effects,
     parameter,
     provenance,
@@ -28,7 +28,7 @@ from bayes_asv.report.documents.quantities import (
 from bayes_asv.report.documents.runs import pooled_fit, run_consistency, run_document
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema import estimate as schema
-from bayes_asv.report.schema.parts import EffectValue, Known, Summary, TravelLimits, VehicleInfo
+from bayes_asv.report.schema.parts import Known, Summary, TravelLimits, VehicleInfo
 from bayes_asv.report.sections.uncertainty_budget import remedy_sentence
 
 __all__ = ["estimate_document"]
@@ -90,7 +90,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         else _uncertainty_budget(result.width, result),
         agreement=run_consistency(result),
         effects=effects(result.effects, vehicle),
-        dampers=[_damping_rates(one, units) for one in result.dampers],
+        dampers=[damper_rates(one, units) for one in result.dampers],
         clocks=_clocks(result),
         fit=pooled_fit(result.runs),
         fit_by_run=[pooled_fit((run,), run.line.source) for run in result.runs],
@@ -106,23 +106,6 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         version=__version__,
         seed=result.seed,
     )  # fmt: skip
-
-
-def _damping_rates(damper: DampingRates, units: Units) -> schema.DampingRates:
-    def value(draws: Array) -> EffectValue:
-        x = units.convert(draws, "damping")
-        low, high = (float(q) for q in np.quantile(x, [0.025, 0.975]))
-        return EffectValue(mean=float(np.mean(x)), eti95=[low, high], unit=units.unit("damping"))
-
-    return schema.DampingRates(
-        element=damper.element,
-        speed=units.convert(damper.speed, "velocity"),
-        speed_unit=units.unit("velocity"),
-        at_rest=value(damper.at_rest),
-        equal_power=value(damper.equal_power),
-        compression=value(damper.compression),
-        extension=value(damper.extension),
-    )
 
 
 def _long_log(log: LogEvents) -> schema.LongLog:

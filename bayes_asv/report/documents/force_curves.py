@@ -159,8 +159,12 @@ def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, 
     drawn = model.space.quantities(z, diagnosis.seed)
     car = model.space.car
     out: dict[str, Array] = {}
+    # what is told of a free curve is another rate than the one that it is a multiple of
+    free = {damper.parameter for damper in diagnosis.dampers if damper.free_form}
     for name in [name for element in car.elements for name in (element.damping, element.spring)]:
-        if (
+        if name in free:
+            out[name] = drawn[name]
+        elif (
             name in drawn
             and diagnosis.quantities_after is not None
             and name in diagnosis.quantities_after

@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
+from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Parameter as EffectParameter
 from bayes_asv.models.effects import Site
 from bayes_asv.models.outputs import relative_offset
+from bayes_asv.report.schema import parts as schema
 from bayes_asv.report.schema.parts import (
     Effect,
     EffectValue,
@@ -32,6 +34,7 @@ __all__ = [
     "NORMAL_975",
     "SummaryFields",
     "Units",
+    "damper_rates",
     "effect_value",
     "effects",
     "parameter",
@@ -124,6 +127,33 @@ def parameter(name: str, draws: Array, vehicle: Vehicle, nominal: float | None =
         nominal=units.convert_parameter(nominal, name),
         p_below_nominal=float(np.mean(draws < nominal)),
         si=Quantity(unit=si.unit_of(name), **summary(draws), nominal=nominal),
+    )
+
+
+def damper_rates(damper: DampingRates, units: Units) -> schema.DampingRates:
+    """Entry of a damper whose force is not proportional to speed."""
+
+    def value(draws: Array, unit: str = "") -> EffectValue:
+        low, high = (float(q) for q in np.quantile(draws, [0.025, 0.975]))
+        return EffectValue(mean=float(np.mean(draws)), eti95=[low, high], unit=unit)
+
+    def rate(draws: Array) -> EffectValue:
+        return value(units.convert(draws, "damping"), units.unit("damping"))
+
+    return schema.DampingRates(
+        element=damper.element,
+        speed=units.convert(damper.speed, "velocity"),
+        speed_unit=units.unit("velocity"),
+        at_rest=rate(damper.at_rest),
+        equal_power=rate(damper.equal_power),
+        compression=rate(damper.compression),
+        extension=rate(damper.extension),
+        shapes=[
+            schema.DamperShape(
+                name=one.name, side=one.side, probability=one.probability, ratio=value(one.ratio)
+            )
+            for one in damper.shapes
+        ],
     )
 
 

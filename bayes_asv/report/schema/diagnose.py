@@ -13,6 +13,7 @@ from bayes_asv.report.schema.parts import (
     Channel,
     Count,
     Curve,
+    DampingRates,
     Effect,
     EffectName,
     EffectValue,
@@ -292,6 +293,8 @@ class DiagnoseDocument(Model):
     """Missing force over the deflection–velocity plane."""
     laws: dict[ElementName, ForceCurves] = Field(default_factory=dict)
     """Force curves that an effect changes."""
+    dampers: Annotated[list[DampingRates], Field(max_length=10)] = Field(default_factory=list)
+    """Rates of dampers whose force is not proportional to speed."""
     residuals: Annotated[list[Residual], Field(max_length=1000)] = Field(default_factory=list)
     runs: FittedRuns = FittedRuns()
     vehicle: VehicleInfo = VehicleInfo()

@@ -16,8 +16,8 @@ from bayes_asv.report.schema.parts import (
     Channel,
     Count,
     Curve,
+    DampingRates,
     Effect,
-    EffectValue,
     Element,
     ElementName,
     Finite,
@@ -47,7 +47,6 @@ from bayes_asv.report.schema.track import TrackDocument
 __all__ = [
     "AnswerBudget",
     "Check",
-    "DampingRates",
     "Element",
     "EstimateDocument",
     "Fault",
@@ -428,22 +427,6 @@ class LongLog(Model):
     def _check_curves(self) -> Self:
         check_lengths(len(self.time), self.level)
         return self
-
-
-class DampingRates(Model):
-    """Rates of a damper whose force is not proportional to speed."""
-
-    element: ElementName
-    speed: NonNegative
-    """Root mean square of the rates of deflection that were driven."""
-    speed_unit: Unit
-    at_rest: EffectValue
-    """Slope of its curve at rest."""
-    equal_power: EffectValue
-    """Rate of the linear damper that takes the same power at the speeds driven."""
-    compression: EffectValue
-    """Force over speed in compression at ``speed``."""
-    extension: EffectValue
 
 
 class EstimateDocument(Model):

@@ -27,6 +27,8 @@ __all__ = [
     "Channel",
     "Count",
     "Curve",
+    "DamperShape",
+    "DampingRates",
     "Effect",
     "EffectName",
     "EffectValue",
@@ -203,6 +205,34 @@ class Effect(EffectName):
     """An effect with its parameters."""
 
     parameters: Annotated[dict[Text, EffectValue], Field(max_length=20)]
+
+
+class DamperShape(Model):
+    """A statement about a damper's curve."""
+
+    name: Annotated[str, OneOf("digressive", "progressive", "unequal_sides")]
+    side: Annotated[str, OneOf("compression", "extension", "both")]
+    probability: Share
+    ratio: EffectValue
+    """Slope in fast over slope in slow motion, or force in extension over compression."""
+
+
+class DampingRates(Model):
+    """Rates of a damper whose force is not proportional to speed."""
+
+    element: ElementName
+    speed: NonNegative
+    """Root mean square of the rates of deflection that were driven."""
+    speed_unit: Unit
+    at_rest: EffectValue
+    """Slope of its curve at rest."""
+    equal_power: EffectValue
+    """Rate of the linear damper that takes the same power at the speeds driven."""
+    compression: EffectValue
+    """Force over speed in compression at ``speed``."""
+    extension: EffectValue
+    shapes: Annotated[list[DamperShape], Field(max_length=5)] = Field(default_factory=list)
+    """What is more probable than not of its curve."""
 
 
 class SourceFile(Model):

@@ -13,10 +13,11 @@ from bayes_asv.diagnosis.thresholds import (
     SIGNIFICANCE_LEVEL,
 )
 from bayes_asv.report.schema import DiagnoseDocument
-from bayes_asv.report.schema.diagnose import RecordingFault, Unexplained
+from bayes_asv.report.schema.diagnose import ForceCurves, RecordingFault, Unexplained
 from bayes_asv.report.sections.blocks import Block, Section, Table, Text
 from bayes_asv.report.sections.effects import (
     car_words,
+    damper_lines,
     effect_name,
     effect_sentence,
     rate_lines,
@@ -155,10 +156,18 @@ def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
     if unexplained.present:
         lines.append(f"Evidence: {'; '.join(_evidence(unexplained))}.")
     lines += rate_lines(document)
+    lines += damper_lines(
+        [one for one in document.dampers if not _has_rates(document.laws.get(one.element))]
+    )
     lines += error_sentences(document.gap)
     if verdict == "named":
         lines += [shift_sentence(name, document) for name in asked(document)]
     return lines + [f"Note: {plain(note)}." for note in document.warnings]
+
+
+def _has_rates(curves: ForceCurves | None) -> bool:
+    """Whether :func:`rate_lines` states the rates of a damper already."""
+    return curves is not None and curves.rates is not None
 
 
 def _evidence(unexplained: Unexplained) -> list[str]:

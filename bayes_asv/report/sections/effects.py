@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from bayes_asv.report import svg
 from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument
 from bayes_asv.report.schema.diagnose import ForceCurve, NamedEffect
-from bayes_asv.report.schema.estimate import ClockErrors, DampingRates
-from bayes_asv.report.schema.parts import Effect, EffectName, EffectValue, Summary
+from bayes_asv.report.schema.estimate import ClockErrors
+from bayes_asv.report.schema.parts import (
+    DamperShape,
+    DampingRates,
+    Effect,
+    EffectName,
+    EffectValue,
+    Summary,
+)
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
 from bayes_asv.report.words import (
     MISSING,
@@ -147,16 +154,34 @@ def effect_lines(effects: Sequence[Effect]) -> list[str]:
 
 
 def damper_lines(dampers: Sequence[DampingRates]) -> list[str]:
-    """State the rates of each damper whose force is not proportional to speed."""
-    return [
-        f"{capitalized(plain(damper.element).replace('_', ' '))} damper: "
+    """State shape and rates of each damper whose force is not proportional to speed."""
+    lines = []
+    for damper in dampers:
+        name = f"{capitalized(plain(damper.element).replace('_', ' '))} damper"
+        lines += [f"{name}: {_shape_text(shape)}." for shape in damper.shapes]
+        lines.append(f"{name}: {_rates_text(damper)}.")
+    return lines
+
+
+def _shape_text(shape: DamperShape) -> str:
+    """``digressive: its slope in fast motion is 0.27 (…) times that in slow motion``."""
+    where = "" if shape.side == "both" else f" in {shape.side}"
+    size = f"{_value_text(shape.ratio)} times"
+    if shape.name == "unequal_sides":
+        text = f"its force in extension is {size} that in compression"
+    else:
+        text = f"{shape.name}{where}; its slope in fast motion is {size} that in slow motion"
+    return f"{text} (probability {probability(shape.probability)})"
+
+
+def _rates_text(damper: DampingRates) -> str:
+    return (
         f"{_value_text(damper.equal_power)} of equal power at the speeds driven, "
         f"{_value_text(damper.at_rest)} at rest; force over speed at "
         f"{two_digits(damper.speed)} {readable_unit(damper.speed_unit)} is "
         f"{_value_text(damper.compression)} in compression and "
-        f"{_value_text(damper.extension)} in extension."
-        for damper in dampers
-    ]
+        f"{_value_text(damper.extension)} in extension"
+    )
 
 
 def _damper_table(dampers: Sequence[DampingRates]) -> Table:
