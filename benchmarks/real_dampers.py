@@ -1,12 +1,16 @@
-"""Cars whose front dampers have been on a dynamometer: coverage of the rate of equal power.
+"""Cars whose front dampers have been on a dynamometer: what the diagnosis makes of them.
 
 The curves are those of two real dampers (``shared/data/dyno``; the files are not part of the
 project), force against speed with the loop taken out, scaled in force and in speed as another
 setting or another motion ratio would.  Half of the cars have a stiffness in series with the damper,
-so that force lags velocity.  The rig drives them over three terrains; the model has a free damping
-curve and a series stiffness at the front axle.  The truth is the power that the rig's damper took
-over the mean square of its rate.  ``python -m benchmarks.real_dampers DYNO`` writes
-``benchmarks/results/real_dampers.json`` and resumes where it was stopped.
+so that force lags velocity.  The rig drives each over one of three terrains, and over another road
+of that kind, which is held out.  The true rate is the power that the rig's damper took over the
+mean square of its rate.  A shape is named right where the curve is called digressive, where force
+is said to lag velocity if and only if there is a stiffness in series, and where the sides are
+called unequal if and only if their forces at the root mean square of the speeds driven differ by
+more than a tenth; between a twentieth and a fifth either answer is right.
+``python -m benchmarks.real_dampers DYNO`` writes ``benchmarks/results/real_dampers.json`` and
+resumes where it was stopped.
 """
 
 from __future__ import annotations
@@ -23,8 +27,7 @@ from scipy.optimize import isotonic_regression
 from scipy.signal import savgol_filter
 from scipy.stats import binomtest
 
-from bayes_asv.estimation import Estimate, estimate
-from bayes_asv.models.effects import site
+from bayes_asv.diagnosis.workflow import diagnose
 from tests.posterior.cases import as_recording, vehicle
 from tests.rig import (
     DECLARED_SDS,
@@ -52,7 +55,6 @@ RESULTS = Path(__file__).parent / "results" / "real_dampers.json"
 FILES = ("t1_1_1_18_18_s6_n10_100psi.csv", "t1_2_2_24_24_s5_n10_100psi.csv")
 DRIVES = (("bump", 3.0), ("stops", 3.0), ("rough", 5.0))
 RATE = 400.0
-SITES = (site("damper_hysteresis@front"), site("damper_curve@front"))
 _SPEEDS = np.concatenate([[0.0], 0.004 * 1.45 ** np.arange(12)])  # knots on either side, m/s
 
 
@@ -98,8 +100,8 @@ def equal_power(car: RigCar, run: RigRun) -> float:
     return float(-np.sum(force * rate) / np.sum(rate**2))
 
 
-def drawn(seed: int, curves: list[Curve]) -> tuple[RigCar, RigRun, dict[str, Any]]:
-    """One car on one drive, and what was drawn."""
+def drawn(seed: int, curves: list[Curve]) -> tuple[RigCar, list[RigRun], dict[str, Any]]:
+    """One car on two drives, the second to be held out, and what was drawn."""
     rng = np.random.default_rng([seed, 71])
     car = draw(baja(), rng, DECLARED_SDS)
     which = seed % len(curves)
@@ -113,62 +115,97 @@ def drawn(seed: int, curves: list[Curve]) -> tuple[RigCar, RigRun, dict[str, Any
     stiffness = None if seed // (len(curves) * len(DRIVES)) % 2 else rate / lag
     own = bent(car, curves[which], force, speed, stiffness)
     declared = draw_biases(SensorSpec(), rng)
-    road, noise = (int(v) for v in rng.integers(2**31, size=2))
-    run = drive(
-        own, TERRAINS[terrain](road), DEFAULT_SPEEDS[terrain], RATE, seconds, declared, noise,
-        keep_motion=True,
-    )  # fmt: skip
+    runs = []
+    for factor in (1.0, 0.85):
+        road, noise = (int(v) for v in rng.integers(2**31, size=2))
+        run = drive(
+            own, TERRAINS[terrain](road), factor * DEFAULT_SPEEDS[terrain], RATE, seconds,
+            declared, noise, keep_motion=True,
+        )  # fmt: skip
+        runs.append(run)
+    motion = runs[0].motion
+    assert motion is not None
+    driven = float(np.sqrt(np.mean(motion.deflection_rate[0] ** 2)))
+    ends = np.interp([-driven, driven], rates * speed, forces * force)
     about = {
-        "file": FILES[which], "terrain": terrain, "speed_scale": speed, "stiffness": stiffness
-    }  # fmt: skip
-    return own, run, about
+        "file": FILES[which],
+        "terrain": terrain,
+        "speed_scale": speed,
+        "stiffness": stiffness,
+        "extension_over_compression": float(-ends[1] / ends[0]),
+        "c_f": equal_power(own, runs[0]),
+    }
+    return own, runs, about
 
 
 def one(seed: int, curves: list[Curve]) -> dict[str, Any]:
-    """Estimate one car, and score it."""
-    car, run, about = drawn(seed, curves)
-    recording = as_recording(run, f"real-{seed}.csv")
-    given = vehicle(dict(DECLARED_SDS))
-    answer: Estimate = estimate([recording], given, sites=SITES, seed=seed)
-    out: dict[str, Any] = {
-        "seed": seed,
-        **about,
-        "verdict": answer.verdict,
-        "seconds": answer.seconds,
-    }
-    if answer.draws and answer.dampers:
-        power = answer.dampers[0].equal_power
-        truth = equal_power(car, run)
-        out["c_f"] = [truth, *np.quantile(power, [0.025, 0.5, 0.975]).tolist()]
-        for name, value in (("c_r", car.c_r), ("i", car.i)):
-            out[name] = [value, *np.quantile(answer.draws[name], [0.025, 0.5, 0.975]).tolist()]
-        out["rhat"] = answer.rhat_max
+    """Diagnose one car, and score it."""
+    car, runs, about = drawn(seed, curves)
+    fit, held = (as_recording(run, f"real-{seed}-{k}.csv") for k, run in enumerate(runs))
+    found = diagnose([fit], [held], vehicle(dict(DECLARED_SDS)), seed)
+    out: dict[str, Any] = {"seed": seed, **about, "verdict": found.verdict}
+    out["seconds"] = found.seconds
+    if found.verdict == "refused":
+        return {**out, "reasons": list(found.reasons)}
+    out["named"] = [[str(e.site), found.probability_of(e)] for e in found.named]
+    out["unexplained"] = bool(found.unexplained and found.unexplained.present)
+    assert found.quantities_after is not None
+    assert found.errors is not None
+    for name, truth in (("c_f", about["c_f"]), ("c_r", car.c_r), ("i", car.i)):
+        draws = found.quantities_after[name]
+        out[name] = [truth, *np.quantile(draws, [0.025, 0.5, 0.975]).tolist()]
+    front = next((d for d in found.dampers if d.element == "front"), None)
+    shapes = [] if front is None else [[s.name, s.side, s.probability] for s in front.shapes]
+    out["shapes"] = shapes
+    out["shape_right"] = _shape_right(out)
+    error = found.errors["holdout"]
+    out["gap"] = [error.before, error.after, error.floor]
     return out
 
 
+def _shape_right(row: dict[str, Any]) -> bool:
+    """Whether bend, sides and lag of the front damper are told right."""
+    names = {site.partition("@")[0] for site, _ in row["named"] if not site.endswith("@rear")}
+    told = {name for name, _, _ in row["shapes"]}
+    difference = abs(float(np.log(row["extension_over_compression"])))
+    unequal = "unequal_sides" in told
+    sides = np.log(1.05) < difference < np.log(1.2) or unequal == (difference > np.log(1.1))
+    lags = ("damper_hysteresis" in names) == (row["stiffness"] is not None)
+    return "digressive" in told and bool(sides) and lags
+
+
+def _share(hits: list[bool]) -> dict[str, Any]:
+    ends = binomtest(sum(hits), len(hits)).proportion_ci(method="wilson")
+    return {"share": sum(hits) / len(hits), "interval": [float(ends.low), float(ends.high)]}
+
+
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Coverage of 95 % intervals with its own interval, and the median relative width."""
-    out: dict[str, Any] = {"runs": len(rows), "answered": sum("c_f" in row for row in rows)}
+    """Coverage of 95 % intervals, shares of right names, and the held-out gap that was closed."""
+    answered = [row for row in rows if "c_f" in row and row["verdict"] != "refused"]
+    out: dict[str, Any] = {"runs": len(rows), "answered": len(answered)}
+    if not answered:
+        return out
     for name in ("c_f", "c_r", "i"):
-        found = [row[name] for row in rows if name in row]
-        if not found:
-            continue
-        inside = sum(low <= truth <= high for truth, low, _, high in found)
-        ends = binomtest(inside, len(found)).proportion_ci(method="wilson")
-        widths = [(high - low) / truth for truth, low, _, high in found]
+        values = [row[name] for row in answered]
+        widths = [(high - low) / truth for truth, low, _, high in values]
         out[name] = {
-            "coverage": inside / len(found),
-            "interval": [float(ends.low), float(ends.high)],
+            **_share([low <= truth <= high for truth, low, _, high in values]),
             "relative_width": float(np.median(widths)),
         }
+    out["shape_right"] = _share([row["shape_right"] for row in answered])
+    closed = [
+        1.0 - (after**2 - floor**2) / (before**2 - floor**2)
+        for before, after, floor in (row["gap"] for row in answered)
+    ]
+    out["closed"] = {"median": float(np.median(closed)), "least": float(min(closed))}
     return out
 
 
 def main() -> None:
-    """Estimate all cars that are not there yet."""
+    """Diagnose all cars that are not there yet."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("dyno", type=Path)
-    parser.add_argument("--runs", type=int, default=120)
+    parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     curves = [measured(options.dyno / name) for name in FILES]

@@ -117,7 +117,8 @@ _ABOUT = """\
 
 This page lists the effects that `bayes-asv diagnose` tests and that
 `bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve` and `damper_hysteresis`
-are only added, not tested. Each effect is one file under
+are not tested one by one: a diagnosis gives both to a damper where the other effects leave something unexplained,
+and keeps them where that explains the recordings decisively better. Each effect is one file under
 `bayes_asv/models/effects`; `python -m tests.effects_page` generates this page from them. Extension is
 positive, and so is a force upward on the chassis.
 

@@ -29,7 +29,7 @@ from bayes_asv.filters.prediction import (
     discretize,
     power_series,
 )
-from bayes_asv.filters.suspension_forces import advance_forces, force_weights
+from bayes_asv.filters.suspension_forces import advance_forces, bend_weights, force_weights
 
 __all__ = ["free_response"]
 
@@ -70,6 +70,8 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         impulse = np.empty((nx, nu, 1))
         W0 = np.zeros((nf, ne, 1))
         W1 = np.zeros((nf, ne, 1))
+        W2 = np.zeros((nf, ne, 1))
+        last = np.zeros((3, ne, 1))
         now = np.zeros((ne, 1))
         then = np.zeros((ne, 1))
         early = np.zeros((ne, coupled, 1))
@@ -87,7 +89,7 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
             mean[rows + d, 0] = begin[nx + d]
         for e in range(nm):  # as if it had been linear before the recording began
             mean[nf + e, 0] = rates[e, 0, 0] * begin[2 * e + 1]
-        h_known = -1.0
+        h_known, h_before = -1.0, 0.0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
@@ -96,14 +98,16 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                     discretize(nx, nd, nu, rows, 1, h, powers, B, N, base, Q, work, impulse)
                     if ne > 0:
                         force_weights(
-                            nx, ne, 1, h, powers, E, pole, base, W0, W1, room[:, 0], room[:, 1]
+                            nx, ne, 1, h, powers, E, pole, base, W0, W1, W2, room[:, 0], room[:, 1]
                         )
                 advance_mean(nx, nu, rows, coupled, 1, base, drive, k, moments, mean, ahead)
                 if ne > 0:
+                    up, back = bend_weights(h, h_before)
+                    h_before = h
                     advance_forces(
                         nx, ne, nd, nu, nm, 1, nonlinear, table, rates, powers, B, E, N, pole, mean,
-                        k, h, inputs, elapsed, added, W0, W1, now, then, early, late, rate, by,
-                        series, ahead,
+                        k, h, up, back, inputs, elapsed, added, W0, W1, W2, last, now, then, early,
+                        late, rate, by, series, ahead,
                     )  # fmt: skip
                 for a in range(rows):
                     mean[a, 0] = ahead[a, 0]

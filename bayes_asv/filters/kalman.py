@@ -41,7 +41,12 @@ from bayes_asv.filters.prediction import (
     predicted_reading,
     project,
 )  # fmt: skip  # fmt: skip
-from bayes_asv.filters.suspension_forces import advance_forces, force_weights, linearise
+from bayes_asv.filters.suspension_forces import (
+    advance_forces,
+    bend_weights,
+    force_weights,
+    linearise,
+)
 
 __all__ = [
     "AT_LEAST", "AT_MOST", "LANES", "MISSING", "NO_LAWS", "ORDER", "VALUE", "FilterPass", "Laws",
@@ -279,6 +284,8 @@ def _compiled(
         impulse = np.empty((nx, nu, lanes))
         W0 = np.zeros((nf, ne, lanes))
         W1 = np.zeros((nf, ne, lanes))
+        W2 = np.zeros((nf, ne, lanes))
+        last = np.zeros((3, ne, lanes))
         now = np.zeros((ne, lanes))
         then = np.zeros((ne, lanes))
         early = np.zeros((ne, coupled, lanes))
@@ -288,7 +295,7 @@ def _compiled(
         series = np.zeros((4, nm, lanes))
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         values = 0
-        h_known = -1.0
+        h_known, h_before = -1.0, 0.0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
@@ -298,7 +305,7 @@ def _compiled(
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     if ne > 0:
                         force_weights(
-                            nx, ne, lanes, h, powers, E, pole, base, W0, W1, T[:, 0], T[:, 1]
+                            nx, ne, lanes, h, powers, E, pole, base, W0, W1, W2, T[:, 0], T[:, 1]
                         )
                     carry[:] = base
                 for u in range(nu):
@@ -306,15 +313,18 @@ def _compiled(
                         intensity[u, q] = white[u, q] * spread[k, u] + spread[k, nu + u]
                 advance_mean(nx, nu, rows, coupled, lanes, base, drive, k, moments, mean, ahead)
                 if ne > 0:
+                    up, back = bend_weights(h, h_before)
+                    h_before = h
                     advance_forces(
                         nx, ne, nd, nu, nm, lanes, nonlinear, table, rates, powers, B, E, N, pole,
-                        mean, k, h, inputs, elapsed, added, W0, W1, now, then, early, late, rate,
-                        by, series, ahead,
+                        mean, k, h, up, back, inputs, elapsed, added, W0, W1, W2, last, now, then,
+                        early, late, rate, by, series, ahead,
                     )  # fmt: skip
                     if nonlinear:
                         linearise(
-                            nf, ne, nm, coupled, lanes, base, W0, W1, early, late, by, series, carry
-                        )
+                            nf, ne, nm, coupled, lanes, base, W0, W1, W2, up, back, early, late,
+                            by, series, carry,
+                        )  # fmt: skip
                 for a in range(rows):
                     for q in range(lanes):
                         mean[a, q] = ahead[a, q]

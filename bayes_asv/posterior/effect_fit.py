@@ -116,6 +116,10 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
             elif effect.stops:
                 travel = used[list(elements), 0 if effect.stops == "compression" else 1].max()
                 out += _stops(site, travel, _SOFT * scale.spring)
+            elif not effect.in_one_run:
+                first = effect.parameters[0]
+                sizes = [start * first.size(scale) for start in first.starts]
+                out += [Candidate(site, {first.name: x}, False, effect.one_sided) for x in sizes]
             elif where != BOTH:
                 out += _edges(effect, where, stage)
     return out

@@ -40,7 +40,7 @@ def document() -> EstimateDocument:
 
 def test_its_rates_are_stated(document: EstimateDocument) -> None:
     shape, line = damper_lines(document.dampers)
-    assert shape.startswith("Front damper: digressive; its slope in fast motion is 0.4")
+    assert shape.startswith("Front damper: digressive; its slope in fast motion is 0.3997 (95 %: ")
     assert shape.endswith("times that in slow motion (probability 98 %).")
     assert line.startswith("Front damper: ")
     assert "of equal power at the speeds driven" in line

@@ -165,7 +165,8 @@ class Effect:
     free_form : bool
         A damper with it has no single rate to hold against a nominal one.
     on_request : bool
-        It is added where a user names it; no diagnosis looks for it.
+        It is added where a user names it, or where no other effect explains what is left; no score
+        test looks for it.
     begins : tuple of mapping
         Values of parameters from which its fit begins, where it is on request.
     """

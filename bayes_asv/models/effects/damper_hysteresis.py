@@ -29,6 +29,5 @@ EFFECT = Effect(
     code=SERIES_STIFFNESS,
     packed=_packed,
     on_damper=True,
-    on_request=True,
     drive="sharp bumps in quick succession, so that the damper turns round often",
 )
