@@ -105,7 +105,7 @@ def _sensor(ax: Axes, x: float, z: float, colour: str) -> None:
 def mounting() -> None:
     """Draw where four accelerometers go."""
     alt = "Side view of a car with a sensor on each hub and one on the frame above each axle"
-    with drawing("mounting", alt, (7.2, 3.7)) as ax:
+    with drawing("mounting", alt, (6.4, 3.3)) as ax:
         _car(ax)
         for x, axle in zip(_AXLES, ("front", "rear"), strict=True):
             _sensor(ax, x + 0.16, _HUB, WHEEL)
@@ -133,7 +133,7 @@ def mounting() -> None:
 def signs() -> None:
     """Draw the directions that are positive."""
     alt = "Acceleration is positive upward, pitch nose up, deflection in extension"
-    with drawing("signs", alt, (7.2, 3.2)) as ax:
+    with drawing("signs", alt, (6.4, 2.9)) as ax:
         _car(ax)
         turn = np.radians(np.linspace(150, 60, 40))
         ax.plot(0.2 + 1.15 * np.cos(turn[::-1]), 1.55 + 1.15 * np.sin(turn[::-1]), color=BODY, lw=2)
@@ -165,7 +165,7 @@ def signs() -> None:
 def axes_of_a_sensor() -> None:
     """Draw an upright, an inverted and a tilted sensor, with what each reads at rest."""
     alt = "Readings at rest: plus one g upright, minus one upside down, shares when tilted"
-    with drawing("axes", alt, (7.2, 2.7), ncols=3) as axes:
+    with drawing("axes", alt, (6.4, 2.6), ncols=3) as axes:
         cases = (
             (0.0, "upright", "z reads +1.00 g", "as it is"),
             (180.0, "upside down", "z reads −1.00 g", "sign = -1"),
@@ -195,8 +195,8 @@ def axes_of_a_sensor() -> None:
             )
             ax.text(1.3, 0.7, "up", ha="center", fontsize=9)
             ax.text(0.1, 1.45, title, ha="center", fontsize=11)
-            ax.text(0.1, -1.35, reading, ha="center", fontsize=10)
-            ax.text(0.1, -1.68, entry, ha="center", fontsize=10, family="monospace")
+            ax.text(0.1, -1.35, reading, ha="center", fontsize=9)
+            ax.text(0.1, -1.72, entry, ha="center", fontsize=8, family="monospace")
             ax.set(xlim=(-1.4, 1.6), ylim=(-1.8, 1.65), aspect="equal")
             ax.axis("off")
 
@@ -204,7 +204,7 @@ def axes_of_a_sensor() -> None:
 def motion_ratio() -> None:
     """Draw how the travel of wheel and damper differ."""
     alt = "A control arm: the damper is attached half way, so it moves less than the wheel"
-    with drawing("ratio", alt, (6.2, 3.2)) as ax:
+    with drawing("ratio", alt, (5.6, 2.9)) as ax:
         for lift, alpha in ((0.0, 1.0), (0.55, 0.3)):
             ax.plot(
                 [0, 3.0], [0.6, 0.6 + lift], color=INK, lw=3, alpha=alpha, solid_capstyle="round"
