@@ -18,7 +18,7 @@ __all__ = ["PAGE", "SIGNATURES", "page"]
 PAGE = Path(__file__).parents[1] / "docs" / "gallery.md"
 
 SIGNATURES = {
-    "bound_rebound": "Over one bump the body is pushed up less, or pulled down less, than the mean rate says. The difference changes sign with the velocity, so that no single rate fits both halves of the bump.",
+    "bound_rebound": "Over one bump the body is pushed up less and pulled down more than the mean rate says, or the other way round. The difference changes sign with the velocity, so that no single rate fits both halves of the bump.",
     "digressive_damper": "Peaks at the edges of a bump are cut off, while small motion is damped as before. A slow and a fast pass over the same bump give different linear rates.",
     "damper_curve": "A curve of any rising shape, compression and extension each its own. It contains the two effects above and is used where neither fits; the result gives the rates at the velocities driven.",
     "damper_hysteresis": "Force over velocity forms a loop: where the damper reverses, its force is still that of a moment ago. Fast reversals show it; on a slow ride the damper looks linear. A late sensor moves whole signals instead.",
@@ -29,9 +29,9 @@ SIGNATURES = {
     "damper_fade": "The first bumps fit and the last ones do not, or the other way round: the misfit grows with time, not with the size of the bump.",
     "external_force": "The misfit lasts for one moment of one run, and is absent when the same drive is repeated: a tow rope, a driver who shifts in the seat, a kerb under one wheel.",
     "spring_rate": "The period of the oscillation is wrong, while its decay is right. Only beyond three given standard deviations is it called an effect; within them it is uncertainty.",
-    "weight_distribution": "The two axles share the response wrongly: one end of the body moves too much and the other too little, without any change of period.",
+    "weight_distribution": "The two axles share the response wrongly: one end of the body moves too much and the other too little.",
     "sensor_gain": "One channel is too large by the same factor everywhere. A gain of a wheel sensor is hard to tell from one of the chassis sensor above it, with the opposite sign.",
-    "sensor_lag": "One channel follows the simulation by a constant time; steep edges show it most. It looks like too much or too little damping: 8 ms undeclared moves both rates by more than a tenth.",
+    "sensor_lag": "One channel follows the simulation by a constant time; steep edges show it most. It looks like too much or too little damping: an undeclared delay of 8 ms moves both rates by a tenth or more.",
     "clock_offset": "All channels of one logger are late together, by a time of its own in each run. Declare the second logger's clock, and the offset is estimated ([vehicle file](vehicle.md#clocks-optional)).",
     "sensor_bandwidth": "One channel is smoother than the simulation, and its peaks come a little late. Slow motion is right.",
     "sensor_drift": "The reading wanders off, also where the car stands. A long run shows it; damping rates hardly change.",

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.util
 import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
+import numpy as np
 import pytest
 
 import bayes_asv as asv
 from bayes_asv.models.effects import EFFECTS
+from bayes_asv.simulation.roads import road
+from bayes_asv.simulation.simulate import simulate
 from tests import gallery_page
 
 ROOT = Path(__file__).parents[1]
@@ -78,6 +83,24 @@ def test_the_gallery_is_made_of_the_registry() -> None:
     assert set(gallery_page.SIGNATURES) == set(EFFECTS)
     written = gallery_page.PAGE.read_text("utf-8")
     assert written == gallery_page.page(), "run: python -m tests.gallery_page"
+
+
+def test_the_gallery_draws_every_effect_and_its_linear_car_is_that_of_the_package(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("IPython")
+    monkeypatch.syspath_prepend(str(DOCS))
+    drawn = importlib.import_module("effect_drawings")
+    assert set(drawn.EXAMPLES) == set(EFFECTS)
+    run = drawn._run("bound_rebound", False)
+    example = drawn.EXAMPLES["bound_rebound"]
+    course = road(example.road, np.random.default_rng(1), example.speed)
+    vehicle = replace(asv.read_vehicle(asv.example("baja2008.toml")), sensors={})
+    drive = simulate(vehicle, course, seconds=run.time[-1])
+    for axle, channel in enumerate((1, 3)):  # front and rear chassis
+        linear = np.interp(run.time, drive.time, drive.truth[channel])
+        assert run.body[:, axle] == pytest.approx(linear, abs=0.01 * np.max(np.abs(linear)))
+    assert np.max(np.abs(drawn._run("bound_rebound", True).body - run.body)) > 1.0  # m/s²
 
 
 def _sentences() -> str:
