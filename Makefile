@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 OUT    ?= out
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format lint types contract unit recordings samples clean
+.PHONY: help demo test docs check format lint types contract unit recordings samples clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -34,6 +34,14 @@ test: $(VENV)/.tested ## install what the tests need and run every check
 	sh tests/debian-packages.sh
 	$(MAKE) check
 
+$(VENV)/.documented: pyproject.toml $(VENV)/.installed
+	@echo "Installing what the site needs"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+docs: $(VENV)/.documented ## the site of the documentation, in docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
 check: format lint types contract unit ## every check, nothing installed
 
 format:
@@ -59,4 +67,4 @@ samples: $(VENV)/.installed ## make the sample reports again
 	sh tests/picture.sh reports/demo.html reports/demo.png
 
 clean: ## remove what was built
-	rm -rf $(VENV) $(OUT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(OUT) docs/_build build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

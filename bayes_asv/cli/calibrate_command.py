@@ -37,7 +37,7 @@ def command(
     """Calibrate a sensor from a log in which it was held still.
 
     Three axes need no known positions: hold the sensor still for two seconds with each of its six
-    faces down.  The lines that are printed belong into the channel map.
+    faces down.  The lines that are printed belong in the channel map.
     """
     common.check_outputs((log,), json_file)
     from bayes_asv.library.logs import calibrate

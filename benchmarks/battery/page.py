@@ -176,7 +176,11 @@ def _fleet(cases: Sequence[Judged]) -> str:
 
 def _summary_head(results: Mapping[Key, Result]) -> str:
     """Return the heading of the summary, with a warning if it mixes several commits."""
-    head = "## Summary\n\n"
+    head = (
+        "## Summary\n\nThe figures belong to the commits named on this page; later versions were "
+        "not run. [Limitations](#limitations) lists the cells that were not run, the hardest "
+        "ones among them.\n\n"
+    )
     commits: dict[str, list[str]] = {}
     for (name, _), result in results.items():
         commits.setdefault(result.about.commit, []).append(name)
@@ -240,11 +244,16 @@ def _origin(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> str:
     seals = dict.fromkeys((a.seal, a.sealed) for k, a in sealed.items() if k in results)
     lines += [f"- answers `{seal}`, sealed {when}" for seal, when in seals]
     lines.append(f"- first diagnosis {min(result.begun for result in results.values())}")
+    seeds = sorted({one.seed for one in about})
+    again = "".join(
+        f"python -m benchmarks.battery --seed {seed} {words}\n"
+        for seed in seeds
+        for words in ("       # hours; resumes where it was stopped", "--report  # this page")
+    )
     return (
-        "## Reproduce\n\n```sh\npython -m benchmarks.battery --set test        # hours; resumes "
-        "where it was stopped\npython -m benchmarks.battery --report          # this page\n"
-        "python -m benchmarks.battery.peek --set dev    # last results of the development set\n"
-        "```\n\n`--list` lists the cells, `--cells null bound_rebound --runs 2 --out FOLDER` runs "
-        "some of them, `--ablation NAME` omits a part of the diagnosis.\n\n"
+        "## Reproduce\n\n```sh\n" + again
+        + "python -m benchmarks.battery.peek --set dev  # last results of the development set\n"
+        + "```\n\n`--list` lists the cells, `--cells null bound_rebound --runs 2 --out FOLDER` "
+        "runs some of them, `--ablation NAME` omits a part of the diagnosis.\n\n"
         + "\n".join(lines) + "\n" + SOURCES
     )  # fmt: skip

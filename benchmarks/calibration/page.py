@@ -94,7 +94,7 @@ def _rig_parts(found: dict[str, Summary], results: dict[str, Results], beside: P
     )
     if len(settled) < len(held):
         words += f" {len(held) - len(settled)} further criteria have too few runs for a verdict."
-    parts = [f"## Summary\n\n{words}\n\n" + verdict_table(held)]
+    parts = [f"## Summary\n\n{_age(results)}\n\n{words}\n\n" + verdict_table(held)]
     pictures.save(pictures.coverage_picture(found, 0.95), beside / "coverage.png")
     parts.append("![Coverage of 95 % intervals by condition, terrain and quantity]"
                  "(calibration/coverage.png)\n")  # fmt: skip
@@ -202,6 +202,16 @@ def _falls_short(found: dict[str, Summary]) -> str:
     return "".join(lines)
 
 
+def _age(results: dict[str, Results]) -> str:
+    """State the versions that the figures belong to."""
+    about = dict.fromkeys(one for there in results.values() for one in there.about)
+    versions = " and ".join(f"commit {one.commit} (seed {one.seed})" for one in about)
+    return (
+        f"The figures on this page belong to {versions}. Later versions were not run through this "
+        "benchmark."
+    )
+
+
 def _origin(results: dict[str, Results]) -> str:
     about = dict.fromkeys(one for there in results.values() for one in there.about)
     lines = [
@@ -211,9 +221,5 @@ def _origin(results: dict[str, Results]) -> str:
         "## Reproduce\n\n```sh\npython -m benchmarks.calibration            # hours; resumes "
         "where it was stopped\npython -m benchmarks.calibration --report   # this page\n```\n\n"
         "`--list` lists the cells, `--cells engine --runs 100 --out FOLDER` runs some of them. "
-        "The same seed draws the same runs. The figures above belong to the versions listed "
-        "here; later versions were not run through this benchmark.\n\n"
-        + "\n".join(lines)
-        + "\n"
-        + SOURCES
+        "The same seed draws the same runs.\n\n" + "\n".join(lines) + "\n" + SOURCES
     )
