@@ -1,27 +1,32 @@
 """Free laws of the dampers, where no listed effect explains what is left.
 
-The axle at which a free force gains most gets a damping curve that may rise in any way, each side
-its own, and a stiffness in series with it; then the other axle, where
-it gains most there.  Laws
-that turn out unnecessary are removed, and further effects are selected beside them.  That model
-takes the place of the listed effects where it has decisively more evidence.
+Where to first order a force of any dependence on the rate of deflection gains at least half of
+what the best unlisted fault does, the axle at which it gains most gets a damping curve that may
+rise in any way, each side its own, and a stiffness in series with it; then the other axle, if the
+same holds there.  Further effects are selected beside these laws, and the validation removes those
+that turn out unnecessary.  That model takes the place of the listed effects where it has decisively
+more evidence.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.forward_selection import Progress, Selection, select_effects
 from bayes_asv.diagnosis.misspecification_test import misspecification_tests
-from bayes_asv.diagnosis.model_assessment import AssessedModel, assess, prune
+from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.model_comparison import weighted_posterior
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS
+from bayes_asv.diagnosis.tolerance_prior import projection_with_tolerances
+from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation, free_damper_evidence
 from bayes_asv.models.effects import EFFECTS, Site
 from bayes_asv.posterior.effect_fit import with_effects
 
 __all__ = ["with_free_laws"]
 
+_SHARE = 0.5  # of what the best unlisted fault gains, to first order
 _LAWS = ("damper_hysteresis", "damper_curve")
 
 
@@ -42,23 +47,49 @@ def with_free_laws(
         See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
     """
     own = selection.assessed
-    left = misspecification_tests(own.denoised, own.evidence, seed)
-    if not (left.detected or selection.stopped_by):
-        return selection
-    current = linear
-    left = misspecification_tests(linear.denoised, linear.evidence, seed)
     axles = list(dict.fromkeys(element.axle for element in linear.model.space.car.elements))
-    while left.detected and left.axle in axles:
-        axles.remove(left.axle)
-        progress(0.7, f"fitting free laws of the {left.axle} damper")
-        sites = [Site(EFFECTS[name], left.axle) for name in _LAWS]
+    if not _axle_to_free(own, seed, stopped=bool(selection.stopped_by)):
+        return selection
+    current, axle = linear, _axle_to_free(linear, seed)
+    while axle in axles:
+        axles.remove(axle)
+        progress(0.7, f"fitting free laws of the {axle} damper")
+        sites = [Site(EFFECTS[name], axle) for name in _LAWS]
         dataset, model = with_effects(current.dataset, sites, current.model)
         current = assess(dataset, model, seed)
-        left = misspecification_tests(current.denoised, current.evidence, seed)
+        axle = _axle_to_free(current, seed)
+    if current is linear:
+        return selection
     named = [NamedEffect(site, 1.0, (), {}) for site in current.model.sites]
-    current, named = prune(current, named, seed)
     posteriors = weighted_posterior(current.model, current.evidence)
     start = replace(selection, assessed=current, effects=tuple(named), posteriors=posteriors)
     free = select_effects(start, seed, progress, max_effects=MAX_EFFECTS + len(named))
     gain = free.assessed.evidence.log_evidence - own.evidence.log_evidence
     return free if gain > DECISIVE_EVIDENCE else selection
+
+
+def _axle_to_free(assessed: AssessedModel, seed: int, *, stopped: bool = False) -> str:
+    """Axle whose damper law explains at least half of what the best unlisted fault does.
+
+    Empty where nothing is left, or where it looks like something else.
+
+    Parameters
+    ----------
+    assessed : AssessedModel
+        The model so far.
+    seed : int
+        Seed of the tests.
+    stopped : bool
+        Something is known to be left.
+    """
+    if (
+        not stopped
+        and not misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
+    ):
+        return ""
+    denoised = denoised_model(assessed.denoised, assessed.evidence.model)
+    projection = projection_with_tolerances(denoised.derivatives, assessed.evidence)
+    gain, axle = free_damper_evidence(denoised, projection)
+    best = best_unlisted_explanation(assessed.denoised, assessed.evidence).log_evidence
+    enough = max(DECISIVE_EVIDENCE, _SHARE * (best - assessed.evidence.log_evidence))
+    return axle if gain > enough else ""

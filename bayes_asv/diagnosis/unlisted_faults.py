@@ -34,6 +34,7 @@ from bayes_asv.filters.force_laws import OUTSIDE, excess_many
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.models.car_model import CarModel, Output, Values, state_space
 from bayes_asv.models.effects import BOTH
+from bayes_asv.models.effects.damper_curve import KNOTS
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
@@ -45,6 +46,7 @@ __all__ = [
     "UnlistedExplanation",
     "UnlistedFaultScores",
     "best_unlisted_explanation",
+    "free_damper_evidence",
     "free_force_evidence",
     "pulse_sensitivities",
     "unlisted_fault_scores",
@@ -66,6 +68,7 @@ _SEAT_DAMPING = 0.2  # damping ratio
 _MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
 _MOUNT_DAMPING = 0.03  # damping ratio
 _SUBSTEPS = 4  # steps of a linear system to one of its signal
+_LAGS = ("hysteresis", "a damper in a soft mount")  # faults by which force lags velocity
 _SMALL = 0.01  # size of a perturbation, of the damper's rms force or of a channel's rms
 
 
@@ -440,6 +443,60 @@ def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) ->
     }
     axle = max(by_axle, key=lambda name: by_axle[name])
     return by_axle[axle], axle
+
+
+def free_damper_evidence(model: DenoisedModel, projection: NuisanceProjection) -> tuple[float, str]:
+    """Log Bayes factor (nats) of a free damper law against none, and the axle where it is largest.
+
+    To first order such a law adds a force that is any piecewise linear function of the rate of
+    deflection, and the unlisted faults by which force lags velocity.
+
+    Parameters
+    ----------
+    model, projection
+        As :func:`unlisted_fault_scores` takes them.
+    """
+    posterior, z = model.filters[0].posterior, model.model.mode.z
+    runs = range(len(model.dataset.lines))
+    motions = [_motion(model.dataset, posterior, z, run) for run in runs]
+    car, values = posterior.space.car, posterior.space.values(z[None])
+    known, descriptions = unlisted_fault_sensitivities(model)
+    by_axle = {}
+    for axle in car.axles:
+        own = [e for e, element in enumerate(car.elements) if element.axle == axle]
+        rates = [np.vstack([m.velocity[:, own].T]) for m in motions]
+        spread = float(np.std(np.concatenate(rates, axis=1)))
+        size = _SMALL * spread * float(np.mean([values[car.elements[e].damping][0] for e in own]))
+        changes: list[list[Array]] = []
+        for j in range(1, len(KNOTS) - 1):
+            hats = [np.interp(rate, KNOTS[j - 1 : j + 2], [0.0, size, 0.0]) for rate in rates]
+            if j != len(KNOTS) // 2 and any(np.any(hat) for hat in hats):
+                changes.append(hats)
+        lags = [text.startswith(_LAGS) and text.endswith(axle) for text in descriptions]
+        along = np.concatenate([_force_sensitivities(model, own, changes), known[lags]])
+        by_axle[axle] = _log_bayes_factor(*projection.project_out(along))
+    axle = max(by_axle, key=lambda name: by_axle[name])
+    return by_axle[axle], axle
+
+
+def _force_sensitivities(
+    model: DenoisedModel, elements: list[int], changes: list[list[Array]]
+) -> Array:
+    """Sensitivities (K, N) along forces (elements, E) of K kinds in every run."""
+
+    def sensitivity(by_run: list[Array]) -> Array:
+        responses = {}
+        for run, forces in enumerate(by_run):
+            line = model.dataset.lines[run]
+            force = np.zeros((len(line.elapsed), len(line.car.elements)))
+            force[:, elements] = forces.T
+            nudge = Perturbation(np.zeros_like(line.moments), np.zeros_like(line.reading), force)
+            responses[run] = model.filters[run].response(nudge)
+        return model.concatenate(responses)
+
+    with shared_work(model.model.target) as shared:
+        assert shared.pool is not None
+        return np.array(list(shared.pool.map(sensitivity, changes)))
 
 
 def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
