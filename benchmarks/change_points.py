@@ -92,7 +92,7 @@ def templates() -> tuple[Array, Array]:
 
 def simulate_season(rng: np.random.Generator, precisions: Array, way: Array, kind: str) -> Season:
     """Draw one season of the kind ``prior`` or ``other``."""
-    count = int(round(8.0 * 8.0 ** rng.random()))  # 8 to 64 recordings
+    count = round(8.0 * 8.0 ** rng.random())  # 8 to 64 recordings
     days = np.sort(rng.choice(200, size=max(3, count // 4), replace=False))
     time = np.sort(rng.choice(days, size=count) + rng.random(count) / 3.0)
     level, what = _changes(rng, time, kind)
@@ -153,7 +153,7 @@ def _size(rng: np.random.Generator) -> float:
 
 
 def calibration_error(probability: Array, happened: NDArray[np.bool_]) -> float:
-    """Expected calibration error of probabilities (N,), in ten bins."""
+    """Return the expected calibration error of probabilities (N,), in ten bins."""
     place = np.minimum((probability * BINS).astype(int), BINS - 1)
     gaps = [
         abs(float(np.sum(probability[place == b]) - np.sum(happened[place == b])))
@@ -192,7 +192,7 @@ def _score(kind: str, seasons: int, seed: int, precisions: Array, way: Array) ->
     for number in range(seasons):
         rng = np.random.default_rng([seed, number, kind == "prior"])
         season = simulate_season(rng, precisions, way, kind)
-        value, sd = values_of_runs(season.runs, way)
+        value, sd, _ = values_of_runs(season.runs, way)
         trend = find_trend(season.time, value[:, 0], sd[:, 0], seed=number)
         assert trend is not None
         probability.append(1.0 - trend.no_change)

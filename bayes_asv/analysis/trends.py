@@ -1,4 +1,4 @@
-"""Trend of a damping rate over the recordings of a season: did it change, when and by how much?
+"""Trend of a damping rate over the recordings of a season: whether and when it changed.
 
 **What a recording says.**  Recording r speaks of the car through a Gaussian likelihood
 exp(h_rᵀθ_r − ½ θ_rᵀH_rθ_r) with θ_r = θ + B u_r (:mod:`bayes_asv.analysis.random_effects`): θ holds
@@ -163,6 +163,11 @@ class Coordinates:
             columns.append([*(zeta @ self._prior.identified), *np.zeros(len(self._fractions))])
         self.way: Array = np.array(columns).T
         """B (n, p): derivatives by the logarithms of what is estimated."""
+        rows = [self._prior.root[self._prior.logs.index(n)] for n in car.estimated]
+        self.slopes: Array = np.column_stack(
+            [np.array(rows) @ self._prior.identified, np.zeros((len(rows), len(self._fractions)))]
+        )
+        """Derivatives (p, n) of those logarithms by the coordinates."""
 
     def likelihood(self, draws: Mapping[str, Array]) -> RunLikelihood:
         """Summarise the posterior of one recording, without the prior.
@@ -184,7 +189,7 @@ class Coordinates:
         return likelihood_of_run(z.mean(axis=0), np.cov(z, rowvar=False).reshape(2 * z.shape[1:]))
 
 
-def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Array]:
+def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Array, Array]:
     """Ask every run for its values with the errors of the given values taken out.
 
     Parameters
@@ -197,19 +202,20 @@ def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Ar
     Returns
     -------
     value, sd : (R, p) arrays
-        y and s, logarithms relative to the prior's centre; nan and infinite where a run says
-        nothing.
+        y and s; nan and infinite where a run says nothing.
+    centre : (n,) array
+        Coordinates θ to which the values are relative.
     """
     n = len(way)
     precision, linear = np.eye(n), np.zeros(n)
-    loadings = []
+    loadings: list[Array] = []
     for H, h in runs:
         inverse = np.linalg.pinv(way.T @ H @ way, rcond=1e-12, hermitian=True)
         loading = inverse @ way.T @ H
         precision += H - H @ way @ loading
         linear += h - loading.T @ (way.T @ h)
         loadings.append(loading)
-    centre = np.linalg.solve(precision, linear)
+    centre: Array = np.linalg.solve(precision, linear)
     answers = [estimates_of_runs(run, way, centre) for run in runs]
     value = np.stack([shift for shift, _ in answers])
     sd = np.stack([sd for _, sd in answers])
@@ -219,7 +225,7 @@ def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Ar
         apart = apart - apart[known].mean(axis=0)
         shared = np.einsum("rpn,nm,rpm->rp", apart, np.linalg.inv(precision), apart)
         sd = np.sqrt(sd**2 + np.maximum(shared, 0.0))
-    return value, sd
+    return value, sd, centre
 
 
 def find_trend(time: Array, value: Array, sd: Array, seed: int = 0) -> Trend | None:
@@ -396,7 +402,7 @@ class _Season:
         mean = np.linalg.solve(precision, (X * w) @ self.y)
         root = np.linalg.cholesky(precision)
         noise = np.linalg.solve(root.T, rng.standard_normal((len(X), count)))
-        return (mean[:, None] + noise).T @ X
+        return np.asarray((mean[:, None] + noise).T @ X)
 
     def _drifts(self, rng: np.random.Generator, gradual: Array) -> Array:
         """Draw the change (S,) over the season if it is gradual."""

@@ -40,7 +40,7 @@ def write_report(document: ReportDocument, path: str | os.PathLike[str]) -> None
 
     Parameters
     ----------
-    document : EstimateDocument, DiagnoseDocument or TrackDocument
+    document : EstimateDocument, DiagnoseDocument, TrackDocument or FleetDocument
         An estimate may hold a diagnosis under ``diagnosis`` and a track under ``online``.
     path : str or os.PathLike
         Ends in ``.html`` or ``.pdf``. The same document gives the same bytes.

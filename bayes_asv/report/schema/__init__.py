@@ -16,6 +16,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, decode, read_bytes
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
 from bayes_asv.report.schema.estimate import EstimateDocument
+from bayes_asv.report.schema.fleet import FleetDocument
 from bayes_asv.report.schema.parts import Model, half_car
 from bayes_asv.report.schema.track import TrackDocument, WatchDocument
 
@@ -23,6 +24,7 @@ __all__ = [
     "DOCUMENTS",
     "DiagnoseDocument",
     "EstimateDocument",
+    "FleetDocument",
     "ReportDocument",
     "TrackDocument",
     "WatchDocument",
@@ -30,7 +32,7 @@ __all__ = [
     "read_saved",
 ]
 
-ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument
+ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument | FleetDocument
 """Documents that a report can be made of."""
 
 DOCUMENTS: Final[dict[str, type[Model]]] = {
@@ -38,6 +40,7 @@ DOCUMENTS: Final[dict[str, type[Model]]] = {
     "bayes_asv/diagnose/1": DiagnoseDocument,
     "bayes_asv/track/1": TrackDocument,
     "bayes_asv/watch/1": WatchDocument,
+    "bayes_asv/fleet/1": FleetDocument,
 }
 """Class of every schema by its name."""
 
