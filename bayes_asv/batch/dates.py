@@ -32,7 +32,7 @@ _NAMES: Final = tuple(
     )
 )
 _FORMATS: Final = (
-    "%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%Y/%m/%d", "%A, %B %d, %Y", "%B %d, %Y", "%b %d, %Y",
+    "%Y-%m-%d", "%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%Y/%m/%d", "%A, %B %d, %Y", "%B %d, %Y", "%b %d, %Y",
     "%d %B %Y", "%d %b %Y", "%d-%b-%Y",
 )  # fmt: skip
 _CLOCKS: Final = ("", " %H:%M:%S", " %H:%M", " %I:%M %p", " %I:%M:%S %p")

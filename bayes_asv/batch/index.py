@@ -20,8 +20,6 @@ from bayes_asv.domain.files import write_atomically
 
 __all__ = ["AnswerIndex", "key_of"]
 
-_WAIT = 2.0  # s, for another process that has just ended
-
 
 def key_of(parts: Iterable[str]) -> str:
     """Return a hash of texts, 32 hexadecimal digits."""
@@ -35,6 +33,8 @@ class AnswerIndex:
     ----------
     folder : Path
         Made where it does not exist; has ``index.sqlite`` and ``answers/KEY.json``.
+    wait : float
+        Time for another process to end, s.
 
     Raises
     ------
@@ -42,12 +42,12 @@ class AnswerIndex:
         If the folder cannot be written, or another process writes it.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, wait: float = 2.0):
         self.folder = folder
         self._answers = folder / "answers"
         try:
             self._answers.mkdir(parents=True, exist_ok=True)
-            self._database = sqlite3.connect(folder / "index.sqlite", timeout=_WAIT)
+            self._database = sqlite3.connect(folder / "index.sqlite", timeout=wait)
             # The lock is held until the connection ends, and ends with the process.
             self._database.execute("PRAGMA locking_mode = EXCLUSIVE")
             self._database.execute("BEGIN EXCLUSIVE")

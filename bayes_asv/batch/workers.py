@@ -85,6 +85,8 @@ class DaskCluster:
     ----------
     address : str
         Of the scheduler, such as ``tcp://10.0.0.5:8786``.
+    seconds : float
+        Time after which it is given up.
 
     Raises
     ------
@@ -92,7 +94,7 @@ class DaskCluster:
         If nothing answers there, or the package ``distributed`` is not installed.
     """
 
-    def __init__(self, address: str):
+    def __init__(self, address: str, seconds: float = 10.0):
         try:
             from distributed import Client
         except ImportError:
@@ -101,7 +103,7 @@ class DaskCluster:
                 "run pip install 'bayes-asv[dask]'",
             ) from None  # fmt: skip
         try:
-            self._client = Client(address, timeout=10)
+            self._client = Client(address, timeout=seconds)
         except (OSError, ValueError) as error:
             raise InputError(
                 address, f"no Dask scheduler answers ({type(error).__name__})",

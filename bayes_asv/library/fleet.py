@@ -374,7 +374,7 @@ def _estimate_file(task: _Task) -> _Answer:
             progress=False,
         )  # fmt: skip
     except InputError as error:
-        reason = str(error).removeprefix(f"{task.path}: ")
+        reason = str(error).replace(task.path, Path(task.path).name)
         return _Answer(None, {"verdict": "unreadable", "reason": reason})
     date = date_of_metadata(run.metadata)
     recorded = "" if date is None else date.isoformat(timespec="seconds")

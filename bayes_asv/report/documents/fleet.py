@@ -78,7 +78,7 @@ def season_extract(document: EstimateDocument, recorded: str, vehicle: Vehicle) 
     verdict = "doubtful" if document.doubt and document.verdict == "ok" else document.verdict
     found: dict[str, Any] = {
         "verdict": verdict,
-        "reason": "; ".join(document.reasons)
+        "reason": (document.reasons[0] if document.reasons else "")
         or document.doubt
         or (_NOT_CONVERGED if verdict == "not_converged" else ""),
         "recorded": recorded,

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayes_asv.report.schema.fleet import FleetChange, FleetDocument, FleetFile, FleetTrend, Ratio
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
-from bayes_asv.report.svg import COLOURS, WIDTH, Panel, axle_colour, canvas, curve_array, panel
+from bayes_asv.report.svg import COLOURS, Panel, axle_colour, canvas, curve_array, panel
 from bayes_asv.report.words import (
     MISSING,
     capitalized,
@@ -272,10 +272,10 @@ def _without_verdict(document: FleetDocument) -> list[FleetFile]:
 def _panels(document: FleetDocument) -> tuple[Panel, ...]:
     panels = []
     for name, trend in document.trends.items():
-        figure = canvas(width=1.5 * WIDTH, height=3.1)
+        figure = canvas()
         _draw(figure.subplots(), trend)
         alt = f"{trend.label} over the season. {_sentence(trend)}"
-        panels.append(panel(figure, f"trend-{name.replace('_', '-')}", alt, wide=True))
+        panels.append(panel(figure, f"trend-{name.replace('_', '-')}", alt))
     return tuple(panels)
 
 
@@ -303,7 +303,7 @@ def _draw(axes: Axes, trend: FleetTrend) -> None:
             mdates.date2num(begin), mdates.date2num(begin + span), color=COLOURS["below"],
             alpha=0.18, linewidth=0,
         )  # fmt: skip
-    locator = mdates.AutoDateLocator(minticks=3, maxticks=7)
+    locator = mdates.AutoDateLocator(minticks=3, maxticks=6)
     axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_major_formatter(mdates.ConciseDateFormatter(locator, show_offset=False))
     axes.set_ylabel(f"{trend.label} [{readable_unit(trend.unit)}]")
