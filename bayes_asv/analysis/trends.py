@@ -215,16 +215,16 @@ def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Ar
         precision += H - H @ way @ loading
         linear += h - loading.T @ (way.T @ h)
         loadings.append(loading)
-    centre: Array = np.linalg.solve(precision, linear)
+    centre = np.asarray(np.linalg.solve(precision, linear), dtype=float)
     answers = [estimates_of_runs(run, way, centre) for run in runs]
     value = np.stack([shift for shift, _ in answers])
-    sd = np.stack([sd for _, sd in answers])
+    sd = np.stack([own for _, own in answers])
     known = np.isfinite(value).all(axis=1)
     if known.any():
-        apart = np.stack(loadings)
+        apart: Array = np.stack(loadings)
         apart = apart - apart[known].mean(axis=0)
         shared = np.einsum("rpn,nm,rpm->rp", apart, np.linalg.inv(precision), apart)
-        sd = np.sqrt(sd**2 + np.maximum(shared, 0.0))
+        sd = np.asarray(np.sqrt(sd**2 + np.maximum(shared, 0.0)))
     return value, sd, centre
 
 

@@ -32,7 +32,8 @@ _NAMES: Final = tuple(
     )
 )
 _FORMATS: Final = (
-    "%Y-%m-%d", "%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%Y/%m/%d", "%A, %B %d, %Y", "%B %d, %Y", "%b %d, %Y",
+    "%Y-%m-%d", "%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%Y/%m/%d", "%A, %B %d, %Y", "%B %d, %Y",
+    "%b %d, %Y",
     "%d %B %Y", "%d %b %Y", "%d-%b-%Y",
 )  # fmt: skip
 _CLOCKS: Final = ("", " %H:%M:%S", " %H:%M", " %I:%M %p", " %I:%M:%S %p")
@@ -109,7 +110,8 @@ def _by_format(text: str, form: str) -> datetime | None:
 
 def _date_of(match: re.Match[str]) -> datetime | None:
     parts = match.groupdict(default="0")
+    year, month, day, hour, minute, second = (int(parts[key]) for key in "ymdHMS")
     try:
-        return datetime(*(int(parts[key]) for key in ("y", "m", "d", "H", "M", "S")))
+        return datetime(year, month, day, hour, minute, second)
     except ValueError:
         return None  # 31 June

@@ -114,7 +114,7 @@ class DaskCluster:
     @property
     def capacity(self) -> int:
         """Number of tasks that are handed out at a time, so that no worker waits."""
-        return 1 + 2 * sum(self._client.nthreads().values())
+        return 1 + 2 * int(sum(self._client.nthreads().values()))
 
     @contextmanager
     def executor(self) -> Iterator[Executor]:

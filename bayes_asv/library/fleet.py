@@ -329,9 +329,11 @@ def _estimate_all(
         return failures
     from bayes_asv.batch.workers import DaskCluster, LocalProcesses, run_tasks
 
+    left = len(tasks)
+
     def tell(name: str) -> None:
         if report is not None:
-            done = count - len(tasks) + (len(tasks) - left)
+            done = count - left
             report(done / count, f"{done} of {count} recordings: {name}")
 
     def finished(task: _Task, result: _Answer | TaskFailedError) -> None:
@@ -344,7 +346,6 @@ def _estimate_all(
             failures[task.key] = str(result)
         tell(plain(Path(task.path).name))
 
-    left = len(tasks)
     tell("starting processes")
     workers = LocalProcesses(jobs, _MODULES) if dask is None else DaskCluster(dask)
     run_tasks(workers, _estimate_file, tasks, finished)

@@ -18,14 +18,18 @@ def _extract(path: Path) -> dict[str, Any] | None:
     return {"half": data["x"] / 2} if "x" in data else None
 
 
+def _unread(path: Path) -> dict[str, Any]:
+    raise AssertionError(f"{path} was read")
+
+
 def test_answers_are_kept_and_the_index_is_made_anew(tmp_path: Path) -> None:
     with AnswerIndex(tmp_path / "a.fleet") as index:
         assert index.get("k", _extract) is None
         index.put("k", b'{"x": 4}', {"half": 2.0})
         index.put("none", None, {"reason": "unreadable"})
     with AnswerIndex(tmp_path / "a.fleet") as index:
-        assert index.get("k", pytest.fail) == {"half": 2.0}
-        assert index.get("none", pytest.fail) == {"reason": "unreadable", "answerless": True}
+        assert index.get("k", _unread) == {"half": 2.0}
+        assert index.get("none", _unread) == {"reason": "unreadable", "answerless": True}
         index.answer("other").write_text('{"y": 1}', encoding="utf-8")
         assert index.get("other", _extract) is None
     (tmp_path / "a.fleet" / "index.sqlite").unlink()

@@ -207,8 +207,9 @@ def _date_warnings(files: Sequence[FleetFile]) -> list[str]:
     guessed = sum(file.date_from == "file" and file.verdict == "ok" for file in files)
     if not guessed:
         return []
+    have, their = ("recording has", "its") if guessed == 1 else ("recordings have", "their")
     return [
-        f"{guessed} recordings have no date in their metadata or name; the time at which their "
+        f"{guessed} {have} no date in {their} metadata or name; the time at which {their} "
         "file was last written is used, and a copy may have changed it"
     ]
 
@@ -232,7 +233,7 @@ def _trends(
     for element in model.elements:
         name = element.damping
         k = model.estimated.index(name)
-        known = np.flatnonzero(np.isfinite(value[:, k]))
+        known = [n for n, there in enumerate(np.isfinite(value[:, k])) if there]
         trend = find_trend(days[known], value[known, k], sd[known, k], seed)
         if trend is None:
             warnings.append(

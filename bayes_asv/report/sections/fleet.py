@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Final
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -280,16 +280,15 @@ def _panels(document: FleetDocument) -> tuple[Panel, ...]:
 
 
 def _draw(axes: Axes, trend: FleetTrend) -> None:
-    from matplotlib import dates as mdates
+    from matplotlib import dates
 
+    ticks: Any = dates  # which has no types
     colour = axle_colour(trend.label)
-    days = mdates.date2num([datetime.fromisoformat(text) for text in trend.date])
+    days = np.array(trend.date, dtype="datetime64[s]")
     value, level = curve_array(trend.value), curve_array(trend.level)
     low, high = (curve_array(curve) for curve in trend.value95)
-    axes.fill_between(
-        days, *(curve_array(curve) for curve in trend.level95), color=colour, alpha=0.22,
-        linewidth=0, step="mid",
-    )  # fmt: skip
+    below, above = (curve_array(curve) for curve in trend.level95)
+    axes.fill_between(days, below, above, color=colour, alpha=0.22, linewidth=0, step="mid")
     axes.errorbar(
         days, value, np.stack([value - low, high - value]), fmt="o", color=colour, markersize=3.0,
         elinewidth=0.8, alpha=0.8, linewidth=0,
@@ -297,15 +296,11 @@ def _draw(axes: Axes, trend: FleetTrend) -> None:
     axes.step(days, level, where="mid", color=COLOURS["ink"], linewidth=1.3)
     axes.axhline(trend.nominal, color=COLOURS["muted"], linestyle=(0, (5, 3)), linewidth=1.0)
     for change in trend.changes if trend.kind == "sudden" else ():
-        begin, end = (datetime.fromisoformat(text) for text in (change.after, change.before))
-        span = (end - begin) or timedelta(hours=1)
-        axes.axvspan(
-            mdates.date2num(begin), mdates.date2num(begin + span), color=COLOURS["below"],
-            alpha=0.18, linewidth=0,
-        )  # fmt: skip
-    locator = mdates.AutoDateLocator(minticks=3, maxticks=6)
+        begin, end = (np.datetime64(text, "s") for text in (change.after, change.before))
+        paint = COLOURS["below" if change.median < 1.0 else "above"]
+        axes.axvspan(begin, end, color=paint, alpha=0.18, linewidth=0)  # type: ignore[arg-type]
+    locator = ticks.AutoDateLocator(minticks=3, maxticks=6)
     axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(mdates.ConciseDateFormatter(locator, show_offset=False))
+    axes.xaxis.set_major_formatter(ticks.ConciseDateFormatter(locator, show_offset=False))
     axes.set_ylabel(f"{trend.label} [{readable_unit(trend.unit)}]")
-    margin = 0.04 * max(days[-1] - days[0], 1e-3)
-    axes.set_xlim(days[0] - margin, days[-1] + margin)
+    axes.margins(x=0.04)
