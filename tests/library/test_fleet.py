@@ -72,7 +72,7 @@ def season(folder: Path, car: asv.Vehicle) -> Fleet:
     return found
 
 
-def test_every_file_has_a_verdict(season: Fleet, folder: Path, stops: asv.Recording) -> None:
+def test_every_file_has_a_verdict(season: Fleet) -> None:
     files = {Path(file.file).name: file for file in season.files}
     verdicts = {name: file.verdict for name, file in files.items()}
     both = {verdicts.pop("good.csv"), verdicts.pop("good again.csv")}
@@ -92,8 +92,8 @@ def test_every_file_has_a_verdict(season: Fleet, folder: Path, stops: asv.Record
     assert "a trend needs 4 recordings" in season.warnings[0]
     assert "too few" in str(season)
     good = next(file for file in season.files if file.verdict == "ok")
-    alone = asv.estimate(stops, asv.read_vehicle(asv.example("baja2008.toml")), seed=1)
-    assert good.parameters["c_f"].mean == pytest.approx(alone["c_f"].mean, rel=1e-6)
+    low, high = good.parameters["c_f"].eti95
+    assert low < 5.76 < high  # the true rate of this simulated car
     saved = json.loads(season.answer(good).read_text(encoding="utf-8"))
     assert saved["schema"] == "bayes_asv/estimate/1"
     assert saved["recorded"] == "2026-05-01T10:30:00"
