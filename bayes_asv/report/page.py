@@ -11,7 +11,7 @@ from bayes_asv.report.schema import (
     DiagnoseDocument,
     EstimateDocument,
     FleetDocument,
-    ReportDocument,
+    PageDocument,
     TrackDocument,
 )
 from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, FLEET, TRACK
@@ -56,7 +56,7 @@ _DIAGNOSIS_TONES: Final = {"agreement": "good", "named": "above", "unexplained":
 _SPACE: Final = re.compile(r"(?<=[\d<>±]) (?=[%±\d]|[A-Za-z]+[·/²]|(?:in|m|mm|kg|s|sd|Hz)\b)")
 
 
-def report_page(document: ReportDocument) -> tuple[Page, dict[str, Panel]]:
+def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
     """Compose a report.
 
     Parameters

@@ -25,6 +25,7 @@ __all__ = [
     "DiagnoseDocument",
     "EstimateDocument",
     "FleetDocument",
+    "PageDocument",
     "ReportDocument",
     "TrackDocument",
     "WatchDocument",
@@ -32,8 +33,11 @@ __all__ = [
     "read_saved",
 ]
 
-ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument | FleetDocument
-"""Documents that a report can be made of."""
+ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument
+"""Documents that are saved and read again for a report."""
+
+PageDocument = ReportDocument | FleetDocument
+"""Documents that a page can be made of."""
 
 DOCUMENTS: Final[dict[str, type[Model]]] = {
     "bayes_asv/estimate/1": EstimateDocument,
