@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bayes_asv.library.diagnoses import Diagnosis, diagnose
     from bayes_asv.library.estimates import Estimate, estimate
     from bayes_asv.library.events import find_events
+    from bayes_asv.library.fleet import fleet
     from bayes_asv.library.inputs import Vehicle, example, read_vehicle
     from bayes_asv.library.logs import calibrate, inspect_log
     from bayes_asv.library.parameter import Parameter
@@ -51,6 +52,7 @@ __all__ = [
     "estimate",
     "example",
     "find_events",
+    "fleet",
     "inspect_log",
     "plan",
     "read_recording",
@@ -71,6 +73,7 @@ _MODULES = {
     "Estimate": "library.estimates",
     "estimate": "library.estimates",
     "find_events": "library.events",
+    "fleet": "library.fleet",
     "Recording": "library.recordings",
     "Vehicle": "library.inputs",
     "example": "library.inputs",

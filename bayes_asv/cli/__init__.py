@@ -29,6 +29,7 @@ COMMANDS = {
     "watch": "Track, and raise an alarm when a damper has become too soft.",
     "diagnose": "Find where simulation and measurement disagree, and what is missing.",
     "compare": "Test whether a parameter changed between two sets of recordings.",
+    "fleet": "Estimate a season of recordings, and find when a damper changed.",
     "report": "Write an HTML or PDF report of recordings or saved results.",
     "acquire": "Read a recording from the data logger over a serial port.",
     "logger": "Run the data logger without hardware, on simulated chips.",

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final
+from typing import Any
 
 from bayes_asv.domain.errors import BayesAsvError
 
 __all__ = ["MissingPackageError", "import_extra"]
-
-_EXTRA: Final = "notebook"
 
 
 class MissingPackageError(BayesAsvError, ImportError):
     """A package that a part of the library needs is not installed; the message says which."""
 
 
-def import_extra(module: str, purpose: str) -> Any:
-    """Import a package of the extra ``notebook``.
+def import_extra(module: str, purpose: str, extra: str = "notebook") -> Any:
+    """Import a package of an extra.
 
     Parameters
     ----------
@@ -25,6 +23,8 @@ def import_extra(module: str, purpose: str) -> Any:
         Its name.
     purpose : str
         What needs it, for the message.
+    extra : str
+        Name of the extra.
 
     Raises
     ------
@@ -35,5 +35,5 @@ def import_extra(module: str, purpose: str) -> Any:
         return importlib.import_module(module)
     except ImportError as fault:
         raise MissingPackageError(
-            f"{purpose} needs {module}: run pip install 'bayes-asv[{_EXTRA}]'", name=module
+            f"{purpose} needs {module}: run pip install 'bayes-asv[{extra}]'", name=module
         ) from fault

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Recording", "as_channel_map", "as_recording", "check_different", "read_recording",
+    "Recording", "as_channel_map", "as_recording", "check_different", "expanded", "read_recording",
     "read_recordings",
 ]  # fmt: skip
 
@@ -244,7 +244,7 @@ def read_recordings(
     patterns = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     runs: list[Recording] = []
     mapped = as_channel_map(channels)
-    for path in [path for pattern in patterns for path in _expanded(pattern)]:
+    for path in [path for pattern in patterns for path in expanded(pattern)]:
         runs.append(read_recording(path, rate=rate, channels=mapped))
         check_different(runs[:-1], runs[-1])
     return runs
@@ -272,7 +272,14 @@ def check_different(runs: Iterable[domain.Recording], run: domain.Recording) -> 
             )
 
 
-def _expanded(path: PathLike) -> list[PathLike]:
+def expanded(path: PathLike) -> list[PathLike]:
+    """Return the files of a pattern in the order of their names, or the path itself if it is none.
+
+    Raises
+    ------
+    InputError
+        If a pattern fits no file.
+    """
     text = os.fspath(path)
     if os.path.exists(text) or not glob.has_magic(text):
         return [path]

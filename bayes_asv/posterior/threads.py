@@ -49,6 +49,11 @@ def threads() -> Iterator[Threads]:
 
 
 def _processors() -> int:
-    """Return the number of processors that this process may use."""
+    """Return the number of processors that this process may use.
+
+    One process of several that share a machine is told so by ``OMP_NUM_THREADS=1``.
+    """
+    if os.environ.get("OMP_NUM_THREADS") == "1":
+        return 1
     allowed = getattr(os, "sched_getaffinity", None)  # not on every system
     return len(allowed(0)) if allowed is not None else os.cpu_count() or 1

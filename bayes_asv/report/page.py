@@ -10,10 +10,11 @@ from typing import Any, Final, TypeVar
 from bayes_asv.report.schema import (
     DiagnoseDocument,
     EstimateDocument,
-    ReportDocument,
+    FleetDocument,
+    PageDocument,
     TrackDocument,
 )
-from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, TRACK
+from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, FLEET, TRACK
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Text
 from bayes_asv.report.sections.diagnosis import (
     diagnosis_headline,
@@ -21,6 +22,7 @@ from bayes_asv.report.sections.diagnosis import (
     diagnosis_steps,
     diagnosis_subtitle,
 )
+from bayes_asv.report.sections.fleet import fleet_headline, fleet_steps, fleet_subtitle
 from bayes_asv.report.sections.online_filter import (
     consistency_lines,
     is_inconsistent,
@@ -54,12 +56,12 @@ _DIAGNOSIS_TONES: Final = {"agreement": "good", "named": "above", "unexplained":
 _SPACE: Final = re.compile(r"(?<=[\d<>±]) (?=[%±\d]|[A-Za-z]+[·/²]|(?:in|m|mm|kg|s|sd|Hz)\b)")
 
 
-def report_page(document: ReportDocument) -> tuple[Page, dict[str, Panel]]:
+def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
     """Compose a report.
 
     Parameters
     ----------
-    document : EstimateDocument, DiagnoseDocument or TrackDocument
+    document : EstimateDocument, DiagnoseDocument, TrackDocument or FleetDocument
         An estimate may hold a diagnosis of the same recordings under ``diagnosis`` and a track
         under ``online``.  The report leaves out what the document has no data for.
 
@@ -77,6 +79,8 @@ def report_page(document: ReportDocument) -> tuple[Page, dict[str, Panel]]:
             page, gauges, blocks = _estimate(document)
         elif isinstance(document, DiagnoseDocument):
             page, gauges, blocks = _diagnosis(document)
+        elif isinstance(document, FleetDocument):
+            page, gauges, blocks = _fleet(document)
         else:
             page, gauges, blocks = _track(document)
         sections = [block for block in blocks if not isinstance(block, Figure) or block.panels]
@@ -194,6 +198,24 @@ def _track(document: TrackDocument) -> Composed:
         yield from provenance(document)
 
     return page, gauges, blocks()
+
+
+def _fleet(document: FleetDocument) -> Composed:
+    """Pages of a season; its cards are the levels at the last recording."""
+    made, gauges = cards({name: trend.latest for name, trend in document.trends.items()})
+    page = {
+        "subtitle": fleet_subtitle(document),
+        "badge": "Season: refused" if document.verdict == "refused" else "Season, and latest level",
+        "headline": fleet_headline(document),
+        "tone": tone(document.verdict, made) if made or document.verdict != "ok" else "muted",
+        "cards": made,
+        "steps": fleet_steps(document),
+        "limits": [
+            *(_sentence(warning) for warning in document.warnings),
+            *(text for section in FLEET for text in section.limits(document)),
+        ],
+    }
+    return page, gauges, (*_content(FLEET, document), *provenance(document))
 
 
 def _sentence(text: str) -> str:

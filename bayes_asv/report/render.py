@@ -11,7 +11,7 @@ from typing import Any, Final
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.report.page import report_page
-from bayes_asv.report.schema import ReportDocument
+from bayes_asv.report.schema import PageDocument
 from bayes_asv.report.svg import themed
 
 __all__ = ["check_suffix", "html_report", "pdf_report", "write_report"]
@@ -35,12 +35,12 @@ def check_suffix(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def write_report(document: ReportDocument, path: str | os.PathLike[str]) -> None:
+def write_report(document: PageDocument, path: str | os.PathLike[str]) -> None:
     """Write a report, HTML or PDF by the suffix of `path`, atomically.
 
     Parameters
     ----------
-    document : EstimateDocument, DiagnoseDocument or TrackDocument
+    document : EstimateDocument, DiagnoseDocument, TrackDocument or FleetDocument
         An estimate may hold a diagnosis under ``diagnosis`` and a track under ``online``.
     path : str or os.PathLike
         Ends in ``.html`` or ``.pdf``. The same document gives the same bytes.
@@ -63,7 +63,7 @@ def write_report(document: ReportDocument, path: str | os.PathLike[str]) -> None
     write_atomically(path, data)
 
 
-def html_report(document: ReportDocument) -> str:
+def html_report(document: PageDocument) -> str:
     """Render a report as one HTML page without scripts and without external references."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
@@ -81,7 +81,7 @@ def html_report(document: ReportDocument) -> str:
     return environment.get_template("report.html.j2").render(page=page, pictures=drawn)
 
 
-def pdf_report(document: ReportDocument) -> bytes:
+def pdf_report(document: PageDocument) -> bytes:
     """Render a report as PDF with typst: A4, or US letter for a vehicle in US units."""
     import matplotlib as mpl
     import typst

@@ -31,7 +31,7 @@ from bayes_asv.report.schema import estimate as schema
 from bayes_asv.report.schema.parts import Known, Summary, TravelLimits, VehicleInfo
 from bayes_asv.report.sections.uncertainty_budget import remedy_sentence
 
-__all__ = ["estimate_document"]
+__all__ = ["estimate_document", "vehicle_info"]
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         draws={
             n: units.curve(_thinned(x), QUANTITIES[n][0]) for n, x in result.draws.items()
         },
-        vehicle=_vehicle(vehicle),
+        vehicle=vehicle_info(vehicle),
         provenance=origin.model_copy(update={"order": list(car.names)}),
         seconds=result.seconds,
         version=__version__,
@@ -229,7 +229,8 @@ def _thinned(draws: Array) -> Array:
     return thinned
 
 
-def _vehicle(vehicle: Vehicle) -> VehicleInfo:
+def vehicle_info(vehicle: Vehicle) -> VehicleInfo:
+    """Describe the vehicle file in a document."""
     units = Units(vehicle.units)
     limits = {name: getattr(vehicle.travel, name) for name in _STOPS}
     return VehicleInfo(

@@ -16,6 +16,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, decode, read_bytes
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
 from bayes_asv.report.schema.estimate import EstimateDocument
+from bayes_asv.report.schema.fleet import FleetDocument
 from bayes_asv.report.schema.parts import Model, half_car
 from bayes_asv.report.schema.track import TrackDocument, WatchDocument
 
@@ -23,6 +24,8 @@ __all__ = [
     "DOCUMENTS",
     "DiagnoseDocument",
     "EstimateDocument",
+    "FleetDocument",
+    "PageDocument",
     "ReportDocument",
     "TrackDocument",
     "WatchDocument",
@@ -31,13 +34,17 @@ __all__ = [
 ]
 
 ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument
-"""Documents that a report can be made of."""
+"""Documents that are saved and read again for a report."""
+
+PageDocument = ReportDocument | FleetDocument
+"""Documents that a page can be made of."""
 
 DOCUMENTS: Final[dict[str, type[Model]]] = {
     "bayes_asv/estimate/1": EstimateDocument,
     "bayes_asv/diagnose/1": DiagnoseDocument,
     "bayes_asv/track/1": TrackDocument,
     "bayes_asv/watch/1": WatchDocument,
+    "bayes_asv/fleet/1": FleetDocument,
 }
 """Class of every schema by its name."""
 

@@ -7,10 +7,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument, TrackDocument
+from bayes_asv.report.schema import (
+    DiagnoseDocument,
+    EstimateDocument,
+    FleetDocument,
+    TrackDocument,
+)
 from bayes_asv.report.sections import (
     diagnosis,
     effects,
+    fleet,
     localization,
     long_logs,
     online_filter,
@@ -26,7 +32,7 @@ from bayes_asv.report.sections import (
 )
 from bayes_asv.report.sections.blocks import Section
 
-__all__ = ["DIAGNOSIS", "ESTIMATE", "TRACK"]
+__all__ = ["DIAGNOSIS", "ESTIMATE", "FLEET", "TRACK"]
 
 ESTIMATE: Final[tuple[Section[EstimateDocument], ...]] = (
     parameters.SECTION,
@@ -50,3 +56,5 @@ DIAGNOSIS: Final[tuple[Section[DiagnoseDocument], ...]] = (
 )
 
 TRACK: Final[tuple[Section[TrackDocument], ...]] = (online_filter.SECTION,)
+
+FLEET: Final[tuple[Section[FleetDocument], ...]] = (fleet.SECTION,)

@@ -33,8 +33,8 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
-    kind: Literal["table", "hashes"] = "table"
-    """``hashes`` sets the second column in a small monospaced font."""
+    kind: Literal["table", "hashes", "texts"] = "table"
+    """``hashes`` sets the second column in a small monospaced font; ``texts`` breaks lines."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the templates."""

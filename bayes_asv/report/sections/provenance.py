@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from bayes_asv.report.schema import EstimateDocument, ReportDocument
+from bayes_asv.report.schema import EstimateDocument, PageDocument
 from bayes_asv.report.sections.blocks import Block, Table, Text
 from bayes_asv.report.words import MISSING, plain
 
 __all__ = ["provenance"]
 
 
-def provenance(document: ReportDocument) -> Iterator[Block]:
+def provenance(document: PageDocument) -> Iterator[Block]:
     """List what is needed to repeat the computation."""
     origin = document.provenance
     files = [*origin.recordings, *([origin.vehicle] if origin.vehicle is not None else [])]
