@@ -33,6 +33,7 @@ from bayes_asv.diagnosis.model_comparison import (
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.score_test import nuisance_projection
 from bayes_asv.diagnosis.thresholds import (
+    CLEARLY_WORSE,
     DECISIVE_EVIDENCE,
     DISTINGUISHABLE_DISTANCE,
     FIRST_ORDER_ERROR,
@@ -59,7 +60,6 @@ __all__ = [
 ]
 
 _NO_PREFERENCE = 3.0  # nats: the data do not prefer one to the other by 20 : 1
-_CLEARLY_WORSE = 25.0  # nats, at which the evidence alone distinguishes an explanation
 _MAX_COMPARED = 4  # explanations, after the best
 _MAX_REFITTED = 2  # sites, in the place of each named effect
 
@@ -90,7 +90,7 @@ def indistinguishable_from_best(
     out = [best]
     for other in extended[1 : 1 + _MAX_COMPARED]:
         behind = best.evidence.log_evidence - other.evidence.log_evidence
-        if not behind < _CLEARLY_WORSE:
+        if not behind < CLEARLY_WORSE:
             continue
         if behind < _NO_PREFERENCE or (
             squared_distance(dataset, best.model, other.model) < DISTINGUISHABLE_DISTANCE

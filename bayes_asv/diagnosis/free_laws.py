@@ -48,16 +48,17 @@ def with_free_laws(
     """
     own = selection.assessed
     axles = list(dict.fromkeys(element.axle for element in linear.model.space.car.elements))
-    if not _axle_to_free(own, seed, stopped=bool(selection.stopped_by)):
+    found, enough = _axle_to_free(own, seed, stopped=bool(selection.stopped_by))
+    if not found:
         return selection
-    current, axle = linear, _axle_to_free(linear, seed)
+    current, (axle, _) = linear, _axle_to_free(linear, seed)
     while axle in axles:
         axles.remove(axle)
         progress(0.7, f"fitting free laws of the {axle} damper")
         sites = [Site(EFFECTS[name], axle) for name in _LAWS]
         dataset, model = with_effects(current.dataset, sites, current.model)
         current = assess(dataset, model, seed)
-        axle = _axle_to_free(current, seed)
+        axle, _ = _axle_to_free(current, seed)
     if current is linear:
         return selection
     named = [NamedEffect(site, 1.0, (), {}) for site in current.model.sites]
@@ -65,13 +66,16 @@ def with_free_laws(
     start = replace(selection, assessed=current, effects=tuple(named), posteriors=posteriors)
     free = select_effects(start, seed, progress, max_effects=MAX_EFFECTS + len(named))
     gain = free.assessed.evidence.log_evidence - own.evidence.log_evidence
-    return free if gain > DECISIVE_EVIDENCE else selection
+    return free if gain > enough else selection
 
 
-def _axle_to_free(assessed: AssessedModel, seed: int, *, stopped: bool = False) -> str:
+def _axle_to_free(
+    assessed: AssessedModel, seed: int, *, stopped: bool = False
+) -> tuple[str, float]:
     """Axle whose damper law explains at least half of what the best unlisted fault does.
 
-    Empty where nothing is left, or where it looks like something else.
+    The axle is empty where nothing is left, or where it looks like something else.  Behind it is
+    the log evidence (nats) that is half of what that fault gains, or decisive where that is more.
 
     Parameters
     ----------
@@ -86,10 +90,10 @@ def _axle_to_free(assessed: AssessedModel, seed: int, *, stopped: bool = False) 
         not stopped
         and not misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
     ):
-        return ""
+        return "", 0.0
     denoised = denoised_model(assessed.denoised, assessed.evidence.model)
     projection = projection_with_tolerances(denoised.derivatives, assessed.evidence)
     gain, axle = free_damper_evidence(denoised, projection)
     best = best_unlisted_explanation(assessed.denoised, assessed.evidence).log_evidence
     enough = max(DECISIVE_EVIDENCE, _SHARE * (best - assessed.evidence.log_evidence))
-    return axle if gain > enough else ""
+    return (axle if gain > enough else ""), enough

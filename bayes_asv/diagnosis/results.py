@@ -13,7 +13,11 @@ from bayes_asv.diagnosis.localization import Localization
 from bayes_asv.diagnosis.misspecification_test import Unexplained
 from bayes_asv.diagnosis.model_comparison import ExtendedModel
 from bayes_asv.diagnosis.simulation_error import ErrorChange
-from bayes_asv.diagnosis.thresholds import RELIABILITY_BESIDE_FAULT, RELIABILITY_WITH_ALTERNATIVE
+from bayes_asv.diagnosis.thresholds import (
+    CLEARLY_WORSE,
+    RELIABILITY_BESIDE_FAULT,
+    RELIABILITY_WITH_ALTERNATIVE,
+)
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import FittedModel
@@ -125,7 +129,7 @@ class Diagnosis:
         """Factor on probabilities where something unexplained may be the true cause."""
         if self.unexplained is None or not self.unexplained.present:
             return 1.0
-        if self.unexplained.detected:
+        if self.unexplained.detected and self.unexplained.alternative > -CLEARLY_WORSE:
             return RELIABILITY_BESIDE_FAULT
         return RELIABILITY_WITH_ALTERNATIVE
 

@@ -9,6 +9,7 @@ from typing import Final
 
 __all__ = [
     "ALTERNATIVE_MARGIN",
+    "CLEARLY_WORSE",
     "DECISIVE_EVIDENCE",
     "DISTINGUISHABLE_DISTANCE",
     "EXCESS_NOISE",
@@ -71,6 +72,9 @@ ALTERNATIVE_MARGIN: Final = -4.0
 It is then behind them by no more than its own cost, :data:`UNKNOWN_SIZE_COST`.
 """
 
+CLEARLY_WORSE: Final = 25.0
+"""Log evidence (nats) by which an explanation is behind another where no approximation matters."""
+
 UNKNOWN_SIZE_COST: Final = 4.0
 """Log evidence (nats) that a fault of unknown size costs, which has no prior of its own.
 
@@ -99,7 +103,9 @@ It is 1.6 deviations of the prior of a given level, whose logarithm has a deviat
 RELIABILITY_BESIDE_FAULT: Final = 0.28
 """Factor on the probability of a named effect beside which something unexplained was detected.
 
-Tuned on 1292 cars of the battery (seeds 62 and 64), of whose named effects 13 of 46 were true.
+Tuned on 1292 cars of the battery (seeds 62 and 64), of whose named effects 13 of 46 were true.  It
+stands for effects that an unlisted fault may replace: where every one of these alone is clearly
+worse (:data:`CLEARLY_WORSE`), the factor is :data:`RELIABILITY_WITH_ALTERNATIVE`.
 """
 
 RELIABILITY_WITH_ALTERNATIVE: Final = 0.9

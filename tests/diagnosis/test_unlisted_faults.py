@@ -12,9 +12,6 @@ from tests.battery.cases import case
     ("name", "seed", "number", "description"),
     [
         ("bouc_wen-4000", 58, 0, "hysteresis at the front"),
-        ("bouc_wen-400", 58, 0, "hysteresis at the front"),
-        # a negative knee would imitate it
-        ("progressive_damper-4000", 58, 0, "a progressive damper at the rear"),
         # between the axles
         ("compliant_seat-4000", 58, 0, "a mass on a spring near the middle"),
         # at 187 Hz, above what the car excites
