@@ -13,9 +13,9 @@ import numpy as np
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.log import MAX_SAMPLES
 from bayes_asv.domain.recording import (
     MAX_MAGNITUDE,
+    MAX_SAMPLES,
     Recording,
     declared_rate,
     first_unsorted_row,
