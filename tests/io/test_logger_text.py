@@ -40,7 +40,8 @@ def test_typical_file(read: Read) -> None:
         [[569, 570, 571, 0], [641, 640, 639, 1023], [581, 582, 583, 0], [636, 635, 634, 1023]],
     )
     assert recording.units == COUNTS
-    assert recording.warnings == ()
+    (warning,) = recording.warnings
+    assert "has no check sum" in warning
     assert recording.metadata == (("sample_rate", "400.0 Hz"),)
     assert nominal_rate(recording) == pytest.approx(400.0)
 
@@ -55,7 +56,18 @@ def test_given_rate_takes_precedence_with_a_warning(read: Read) -> None:
     recording = read("# sample_rate = 800 Hz\n" + USUAL, rate=400.0)
     assert recording.time[-1] == 4 / 400
     assert recording.metadata == (("sample_rate", "400.0 Hz"),)
-    assert recording.warnings == ("the file declares 800 Hz, but the given rate of 400 Hz is used",)
+    assert recording.warnings[1:] == (
+        "the file declares 800 Hz, but the given rate of 400 Hz is used",
+    )
+
+
+def test_the_header_of_a_second_dump_is_refused(read: Read) -> None:
+    with pytest.raises(InputError, match=r"sample_rate: is 400 Hz and 800 Hz; keep .* one dump"):
+        read("# sample_rate = 400 Hz\n" + USUAL + "# sample_rate = 800 Hz\n6 1 2 3 4\n")
+    twice = "# clock rear = 48.3 ppm\n" + USUAL + "# clock rear = 48.4 ppm\n"
+    with pytest.raises(InputError, match="clock rear"):
+        read(twice, 400.0)
+    assert read("# sample_rate = 400 Hz\n" * 2 + USUAL).time[1] == 1 / 400
 
 
 def test_run_may_start_late(read: Read) -> None:
@@ -68,7 +80,7 @@ def test_windows_lines_blank_lines_and_mark(read: Read) -> None:
 
 
 def test_readings_beyond_ten_bits_give_a_warning(read: Read) -> None:
-    (warning,) = read(USUAL.replace("1023", "4095"), rate=400.0).warnings
+    _, warning = read(USUAL.replace("1023", "4095"), rate=400.0).warnings
     assert warning == "2 readings are outside 0 to 1023 counts"
 
 
