@@ -5,9 +5,9 @@ of a 10-bit converter.  The format has no time stamps: the row ``index`` was sam
 (index - 1) / rate, so a missing row is a gap in time.  The rate is an argument or the metadata line
 ``# sample_rate = 400 Hz``.
 
-The format has no check sum either: a digit that changed on the way to the file is a wrong reading,
-and every recording that is read from it says so.  ``bayes-asv acquire --text`` reads the dump until
-every row has come twice alike, and frames have a check sum of their own.
+The format has no check sum: a digit that changed on the way to the file is a wrong reading.
+``bayes-asv acquire --text`` therefore reads the dump until every row has come twice alike, and notes
+in the recording if it came once; frames have a check sum of their own.
 """
 
 from __future__ import annotations
@@ -36,10 +36,6 @@ _WIDTH: Final = 1 + len(CHANNELS)
 _FULL_SCALE: Final = 1023
 _MAX_INTEGER: Final = 2**31 - 1
 _ROW: Final = re.compile(r"\s*[+-]?\d{1,10}(?:\s+[+-]?\d{1,10}){4}\s*", re.ASCII)
-_UNCHECKED: Final = (
-    "the logger's text has no check sum: a digit that changed on the way is not noticed; "
-    "'bayes-asv acquire' verifies what it reads"
-)
 _UNITS: Final = (COUNTS, COUNTS, COUNTS, COUNTS)
 
 
@@ -68,7 +64,7 @@ def read(text: TextFile, rate: float | None) -> Recording:
     InputError
         With the line and the fix.
     """
-    warnings = [_UNCHECKED]
+    warnings: list[str] = []
     metadata = [(key.strip(), value.strip()) for key, value in text.metadata]
     _check_one_header(metadata, text.source)
     rate = _rate(text, rate, metadata, warnings)
