@@ -77,10 +77,15 @@ def test_a_process_killed_while_it_writes_leaves_nothing(tmp_path: Path, old: by
 
 def test_an_interrupt_does_not_wait_for_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bayes_asv.posterior.threads._processors", lambda: 2)
+
+    def interrupted() -> None:
+        with threads() as shared:
+            shared.map(time.sleep, [1.0, 1.0, 1.0])
+            raise KeyboardInterrupt
+
     begin = time.monotonic()
-    with pytest.raises(KeyboardInterrupt), threads() as shared:
-        shared.map(time.sleep, [1.0, 1.0, 1.0])
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert time.monotonic() - begin < 0.5
 
 

@@ -6,8 +6,8 @@ of a 10-bit converter.  The format has no time stamps: the row ``index`` was sam
 ``# sample_rate = 400 Hz``.
 
 The format has no check sum: a digit that changed on the way to the file is a wrong reading.
-``bayes-asv acquire --text`` therefore reads the dump until every row has come twice alike, and notes
-in the recording if it came once; frames have a check sum of their own.
+``bayes-asv acquire --text`` therefore reads the dump until every row has come twice alike, and
+notes in the recording if it came once; frames have a check sum of their own.
 """
 
 from __future__ import annotations
@@ -122,12 +122,12 @@ def _check_one_header(metadata: list[tuple[str, str]], source: str) -> None:
     """Refuse metadata of two dumps in one file: whose rows are whose cannot be told."""
     known: dict[str, str] = {}
     for key, value in metadata:
-        if key == "sample_rate" or key.startswith(("delay ", "clock ")):
-            if known.setdefault(key, value) != value:
-                raise InputError(
-                    f"{source}: # {key}", f"is {known[key][:40]} and {value[:40]}",
-                    "keep the rows and the header of one dump",
-                )  # fmt: skip
+        timed = key == "sample_rate" or key.startswith(("delay ", "clock "))
+        if timed and known.setdefault(key, value) != value:
+            raise InputError(
+                f"{source}: # {key}", f"is {known[key][:40]} and {value[:40]}",
+                "keep the rows and the header of one dump",
+            )  # fmt: skip
 
 
 def _rate(

@@ -36,9 +36,9 @@ from bayes_asv.preprocessing.wheel_spline import (
 )
 
 __all__ = [
-    "FEWEST_READINGS", "LONGEST_GAP", "ClockError", "MeasurementSchedule", "PreparedRecording", "Retimed",
-    "changed", "common_bandwidth", "common_readings", "interpolation_weights", "prepare", "rails",
-    "schedule", "used_channels",
+    "FEWEST_READINGS", "LONGEST_GAP", "ClockError", "MeasurementSchedule", "PreparedRecording",
+    "Retimed", "changed", "common_bandwidth", "common_readings", "interpolation_weights",
+    "prepare", "rails", "schedule", "used_channels",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]

@@ -259,7 +259,7 @@ def test_stamps_far_off_cost_no_memory(
     assert "memory" not in said.err
     if said.status == 2:
         assert len(said.err.splitlines()) == 1
-    if command in ("track", "watch") or said.status == 2 and command != "modes":
+    if command in ("track", "watch") or (said.status == 2 and command != "modes"):
         assert expected in said.out + said.err
 
 
