@@ -1,10 +1,11 @@
 """An attack on every file format and on whole commands: mutated inputs, kills, shortages.
 
 Mutated inputs go to every reader in this process: each has to return or to raise an `InputError` of
-one printable line, without a warning, within seconds of processor time and a bounded memory.  Whole commands
-are killed at random instants, interrupted, and run without space, memory, streams or a cache:
-outputs are whole and old or whole and new, nothing is left beside them, and what is said is one
-line.
+one printable line, without a warning, within seconds of processor time and a bounded memory.
+
+Whole commands are killed at random instants, interrupted, and run without space, memory, streams or
+a cache: outputs are whole and old or whole and new, nothing is left beside them, and what is said
+is one line.
 
 ``make attack`` writes ``benchmarks/results/attack.json`` and ``docs/attack.md``; the tests run it
 in short.  The same seed makes the same inputs; where a kill strikes depends on the clock.
