@@ -139,7 +139,9 @@ _GRACE = 0.7  # s until a command ends whose libraries swallowed the interrupt o
 
 def _concludes() -> bool:
     """Whether the command reports what it has when it is interrupted."""
-    return any(name in sys.argv[1:2] for name in ("track", "watch", "acquire", "logger"))
+    command, options = sys.argv[1:2], sys.argv[2:]
+    live = any(word.startswith(("--live", "--port")) for word in options)
+    return command in (["watch"], ["acquire"], ["logger"]) or (command == ["track"] and live)
 
 
 def _run() -> int:
