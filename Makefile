@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 OUT    ?= out
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test docs check format lint types contract unit recordings samples clean
+.PHONY: help demo test docs check format lint types contract unit attack recordings samples clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -58,6 +58,9 @@ contract:
 
 unit:
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
+
+attack: $(VENV)/.tested ## attack every reader and command: ATTACK="--inputs 100000 --minutes 30"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.attack $(ATTACK)
 
 recordings: $(VENV)/.tested ## make the shipped recordings again from the rig
 	$(BIN)/python -m tests.rig.shipped

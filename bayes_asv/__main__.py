@@ -1,6 +1,21 @@
 """``python -m bayes_asv`` is the command ``bayes-asv``."""
 
-from bayes_asv.cli import main
+import os
+import sys
+from typing import NoReturn
+
+__all__ = ["main"]
+
+
+def main() -> NoReturn:
+    """Import the command line and run it; Ctrl-C during the import ends in one line as well."""
+    try:
+        from bayes_asv.cli import main as run
+    except KeyboardInterrupt:
+        sys.stderr.write("bayes-asv: interrupted\n")
+        os._exit(130)
+    run()
+
 
 if __name__ == "__main__":
     main()

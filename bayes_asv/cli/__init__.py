@@ -8,8 +8,13 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import logging
 import os
+import signal
 import sys
+import threading
+import warnings
+from collections.abc import Iterator
 from typing import NoReturn
 
 import click
@@ -59,6 +64,8 @@ class _LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.Abort from None  # click would print an empty line
         except BrokenPipeError:
             _discard_output()  # click would exit with 1, but the reader of a pipe may close it
             ctx.exit(0)
@@ -95,34 +102,133 @@ def cli() -> None:
 
 
 def main() -> NoReturn:
-    """Run the command line and exit with its status."""
+    """Run the command line and exit with its status.
+
+    Ctrl-C, SIGTERM and SIGHUP end every command with one line and 128 plus the number of the
+    signal; ``track``, ``watch`` and ``acquire`` first report what they have, and a second signal
+    ends those too.  Warnings of libraries are for developers and are not shown, except with
+    ``python -W``.
+    """
+    _open_missing_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(
                 errors="replace"
             )  # a terminal without a character shows a question mark
+    warnings.filterwarnings("ignore", append=True)  # whatever no other filter asks for
+    if not logging.root.handlers:
+        logging.root.addHandler(logging.NullHandler())
+    with _signals() as received:
+        try:
+            status = _run()
+        except BaseException:  # a library may wrap the interrupt in an exception of its own
+            if received:
+                _end(received[0])
+            raise
+        if received and (status == _INTERRUPTED or not _concludes()):
+            _end(received[0])
+        if status == _INTERRUPTED:
+            _print_error("interrupted")
+            status = 128 + signal.SIGINT
+    sys.exit(status)
+
+
+_INTERRUPTED = -1
+_GRACE = 0.7  # s until a command ends whose libraries swallowed the interrupt or delay it
+
+
+def _concludes() -> bool:
+    """Whether the command reports what it has when it is interrupted."""
+    command, options = sys.argv[1:2], sys.argv[2:]
+    live = any(word.startswith(("--live", "--port")) for word in options)
+    return command in (["watch"], ["acquire"], ["logger"]) or (command == ["track"] and live)
+
+
+def _run() -> int:
+    """Run the command that the arguments name; return its exit status or `_INTERRUPTED`."""
     try:
         status = cli.main(standalone_mode=False, prog_name="bayes-asv")
         sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
-        sys.exit(2)
+        return 2
     except click.ClickException as error:
         _print_error(_usage(error))
-        sys.exit(2)
-    except click.Abort:
-        _print_error("interrupted")
-        sys.exit(130)
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        return _INTERRUPTED
     except BayesAsvError as error:
         _print_error(str(error))
-        sys.exit(2)
+        return 2
+    except MemoryError:
+        _print_error("the memory does not suffice; give shorter recordings, or free some memory")
+        return 2
     except OSError as error:
         _discard_output()
         if not isinstance(error, BrokenPipeError):  # else the reader of a pipe has closed it
             _print_error(f"output cannot be written ({error.strerror}); free some space")
-            sys.exit(2)
-        sys.exit(0)
-    sys.exit(status if isinstance(status, int) else 0)
+            return 2
+        return 0
+    return status if isinstance(status, int) else 0
+
+
+@contextlib.contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Turn the first signal that ends a process into KeyboardInterrupt, and end at the second.
+
+    Yields the numbers of those that came.  Signals that the caller ignores, as nohup does, stay
+    ignored.
+    """
+    received: list[int] = []
+
+    def on_signal(number: int, _: object) -> None:
+        received.append(number)
+        sys.unraisablehook = lambda _: None  # nor of what the interrupt broke off in destructors
+        if len(received) > 1:
+            _end(number)
+        if not _concludes():
+            timer = threading.Timer(_GRACE, _end, [number])
+            timer.daemon = True
+            timer.start()
+        raise KeyboardInterrupt
+
+    replaced = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)  # no SIGHUP on Windows
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                replaced[number] = signal.signal(number, on_signal)
+    try:
+        yield received
+    finally:
+        for number, handler in replaced.items():
+            signal.signal(number, handler)
+
+
+def _end(number: int) -> NoReturn:
+    """End the process at once: threads may still compute what nobody waits for."""
+    _print_error("interrupted" if number == signal.SIGINT else "terminated")
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(128 + number)
+
+
+def _open_missing_streams() -> None:
+    """Give standard streams that were closed a file, so that no other file takes their number.
+
+    That of standard output is one that cannot be written: what would be lost is an error.
+    """
+    for name, number in (("stdin", 0), ("stdout", 1), ("stderr", 2)):
+        if getattr(sys, name) is not None:
+            continue
+        with contextlib.suppress(OSError):
+            opened = os.open(os.devnull, os.O_WRONLY if number == 2 else os.O_RDONLY)
+            if opened != number:
+                os.dup2(opened, number)
+                os.close(opened)
+            mode = "r" if number == 0 else "w"
+            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8"))
 
 
 def _discard_output() -> None:
@@ -140,4 +246,5 @@ def _usage(error: click.ClickException) -> str:
 
 
 def _print_error(text: str) -> None:
-    click.echo(f"bayes-asv: {text}", err=True)
+    with contextlib.suppress(OSError):  # standard error may be closed, or its disk full
+        click.echo(f"bayes-asv: {text}", err=True)

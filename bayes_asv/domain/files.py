@@ -68,12 +68,17 @@ def read_bytes(path: PathLike, limit: int) -> bytes:
         if not stat.S_ISREG(status.st_mode):
             raise InputError(where, "is not an ordinary file", "save it to a file first")
         with open(path, "rb") as file:
-            data = file.read(limit + 1)
+            # read(n) allocates n bytes at once, so that no more than the file's size is asked for
+            data = file.read(min(limit, status.st_size) + 1)
+            if len(data) > status.st_size:  # it grew, or its system states no size
+                data += file.read(limit + 1 - len(data))
     except FileNotFoundError:
         raise InputError(where, "no such file", _similar_name(Path(path))) from None
     except PermissionError:
         raise InputError(where, "may not be read", "check its permissions") from None
-    except (OSError, ValueError, MemoryError) as exc:
+    except MemoryError:
+        raise InputError(where, "does not fit into memory", "split it into pieces") from None
+    except (OSError, ValueError) as exc:
         reason = getattr(exc, "strerror", None) or str(exc)
         raise InputError(where, f"cannot be read ({reason})", "check the name") from None
     if not data:
@@ -127,7 +132,9 @@ def write_atomically(path: PathLike, data: bytes | Iterable[bytes]) -> None:
     """Write a file atomically, from one or several pieces of bytes.
 
     The bytes go to a temporary file in the same folder, which then replaces `path` in one step.  A
-    failure leaves the old file unchanged.
+    failure leaves the old file unchanged.  Where the system has files without a name (Linux), the
+    temporary file is one until it is complete, so that not even a process that is killed leaves it
+    behind; only between two system calls, while it replaces another file, has it a name of its own.
 
     Raises
     ------
@@ -135,27 +142,41 @@ def write_atomically(path: PathLike, data: bytes | Iterable[bytes]) -> None:
         If the folder does not exist or may not be written, or `path` is not a regular file.
     """
     where = os.fspath(path)
-    temporary = None
     try:
         target = Path(os.path.realpath(path))  # keep a symbolic link a link
         _check_not_special(target, where)
-        # open() rather than mkstemp(): the new file then gets the permissions of the umask
+        pieces = [data] if isinstance(data, bytes) else data
         beside = target.with_name(f".{secrets.token_hex(8)}.part")
-        with open(beside, "xb") as file:
-            temporary = beside
-            file.writelines([data] if isinstance(data, bytes) else data)
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
-        os.replace(temporary, target)
-        temporary = None
+        unnamed = _open_unnamed(target.parent)
+        # open() rather than mkstemp(): the new file then gets the permissions of the umask
+        file = open(beside, "xb") if unnamed is None else os.fdopen(unnamed, "wb")  # noqa: SIM115
+        try:
+            with file:
+                file.writelines(pieces)
+                file.flush()
+                os.fsync(file.fileno())
+                if unnamed is not None:
+                    # with a folder's descriptor, which is not used, the link itself is followed
+                    os.link(f"/proc/self/fd/{unnamed}", beside, src_dir_fd=unnamed)
+            if target.exists():
+                os.chmod(beside, stat.S_IMODE(target.stat().st_mode))
+            os.replace(beside, target)
+        finally:
+            with contextlib.suppress(OSError):
+                os.unlink(beside)
     except (OSError, ValueError) as exc:
         raise _write_error(where, exc) from None
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
+
+
+def _open_unnamed(folder: Path) -> int | None:
+    """Open a file of a folder that has no name yet; None where the system has no such files."""
+    flag = getattr(os, "O_TMPFILE", None)  # Linux alone
+    if flag is None or not os.path.exists("/proc/self/fd"):
+        return None
+    try:
+        return os.open(folder, flag | os.O_WRONLY | os.O_CLOEXEC, 0o666)
+    except OSError:  # not every file system has them; what else is wrong, open() will say
+        return None
 
 
 def _check_not_special(target: Path, where: str) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import MAX_MAGNITUDE
+from bayes_asv.domain.recording import MAX_MAGNITUDE, MAX_SAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -21,11 +21,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "MAX_CHANNELS", "MAX_DURATION", "MAX_SAMPLES", "Log", "LoggedChannel", "check_size", "utc",
+    "MAX_CHANNELS", "MAX_DURATION", "Log", "LoggedChannel", "check_size", "utc",
 ]  # fmt: skip
 
-MAX_SAMPLES: Final = 50_000_000
-"""Largest number of readings of one log, over all channels: 800 MB with their stamps."""
 MAX_CHANNELS: Final = 10_000
 MAX_DURATION: Final = 366 * 86400.0
 """Longest log, s: beyond a year the unit of the stamps is wrong."""

@@ -27,6 +27,7 @@ __all__ = [
     "CHANNELS",
     "COUNTS",
     "COUNT_UNITS",
+    "MAX_SAMPLES",
     "ROLL_CHANNELS",
     "Recording",
     "Timing",
@@ -50,6 +51,8 @@ _EXAMPLES: Final = {"Hz": "400 Hz", "s": "0.000675 s", "ppm": "48.3 ppm"}
 _RATE_RANGE: Final = (1e-2, 1e7)  # Hz
 MAX_MAGNITUDE: Final = 1e12
 """Largest accepted stamp, s, or reading: some loggers mark missing cells by huge numbers."""
+MAX_SAMPLES: Final = 50_000_000
+"""Largest number of readings of one file, over all channels: 800 MB with their stamps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +79,8 @@ class Recording:
     Raises
     ------
     InputError
-        If shapes, stamps, units or metadata violate the above.
+        If shapes, stamps, units or metadata violate the above, or if the stamps span more time
+        than `MAX_SAMPLES` readings at the recording's own rate would fill.
     """
 
     time: NDArray[np.float64]
@@ -110,6 +114,7 @@ class Recording:
                 raise InputError(
                     where, f"{name} is beyond {MAX_MAGNITUDE:g}", "leave missing cells as NaN"
                 )
+        _check_span(time, values, where)
         if len(self.units) != len(self.channels):
             raise InputError(where, f"has {len(self.units)} units", "give one per channel")
         for channel, unit in zip(self.channels, self.units, strict=True):
@@ -218,13 +223,7 @@ def nominal_rate(recording: Recording) -> float:
     It comes from the median time step, which gaps do not change.  Channels of different rates have
     rows of their own, so that the rows together say nothing about a rate.
     """
-    present = np.isfinite(recording.values)
-    steps = [
-        float(np.median(np.diff(recording.time[there])))
-        for there in present
-        if np.count_nonzero(there) > 1
-    ]
-    return 1.0 / max(min(steps, default=0.0), 1e-300)
+    return _fastest_rate(recording.time, recording.values)
 
 
 def declared_rate(recording: Recording) -> float | None:
@@ -373,6 +372,37 @@ def first_unsorted_row(time: NDArray[np.float64]) -> int | None:
     good = np.isfinite(time)
     good[1:] &= time[1:] > time[:-1]
     return None if good.all() else int(np.argmin(good))
+
+
+def _fastest_rate(time: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Rate of the channel (C, N) with the smallest median step, Hz."""
+    steps = [
+        float(np.median(np.diff(time[there])))
+        for there in np.isfinite(values)
+        if np.count_nonzero(there) > 1
+    ]
+    return 1.0 / max(min(steps, default=0.0), 1e-300)
+
+
+def _check_span(time: NDArray[np.float64], values: NDArray[np.float64], where: str) -> None:
+    """Check that the readings that would fill the recording's span fit into memory.
+
+    Spectra, filters and events take a recording on an even grid at its own rate, gaps included.  A
+    single stamp in another unit would make that grid thousands of times longer than the file.
+    """
+    span, steps = float(time[-1] - time[0]), np.diff(time)
+    most = MAX_SAMPLES / len(values)
+    if span <= most * float(steps.min()):  # the median step is no smaller
+        return
+    rate = _fastest_rate(time, values)
+    if rate < 1e300 and span * rate > most:
+        row = int(np.argmax(steps)) + 1
+        raise InputError(
+            f"{where}: row {row + 1}",
+            f"comes {steps[row - 1]:.6g} s after the row before, in a recording that lasts "
+            f"{span:.6g} s at {rate:.6g} Hz",
+            "check its stamp and the unit of the time column, or cut the recording there",
+        )
 
 
 def _zero_and_scale(vehicle: Vehicle, sensor: Sensor, channel: str) -> tuple[float, float]:

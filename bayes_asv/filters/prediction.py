@@ -55,7 +55,22 @@ _LOG_2PI = math.log(2.0 * math.pi)
 _SQRT_2 = math.sqrt(2.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+def _cacheable() -> bool:
+    """Whether what is compiled can be kept, beside its module or in the user's cache folder.
+
+    Where neither can be written, as in a read-only container, every process compiles again.
+    """
+    try:
+        njit(cache=True)(_cacheable)
+    except RuntimeError:
+        return False
+    return True
+
+
+_CACHE = _cacheable()
+
+
+@njit(cache=_CACHE, nogil=True, error_model="numpy")
 def upper_tail(z: float) -> tuple[float, float]:
     """Logarithm of P(Z > z), and the hazard φ(z)/P(Z > z) of a standard normal Z."""
     if z < 25.0:
@@ -70,7 +85,7 @@ ORDER = 8
 TAYLOR = 12
 """Powers of A h that are kept."""
 
-OPTIONS = {"cache": True, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+OPTIONS = {"cache": _CACHE, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 INLINE = {**OPTIONS, "forceinline": True}
 """Of functions whose sizes become constants of the filter that calls them."""
 IN_PLACE = {**OPTIONS, "inline": "always"}

@@ -4,6 +4,10 @@ The columns are index (from 1), front wheel, front chassis, rear wheel and rear 
 of a 10-bit converter.  The format has no time stamps: the row ``index`` was sampled at
 (index - 1) / rate, so a missing row is a gap in time.  The rate is an argument or the metadata line
 ``# sample_rate = 400 Hz``.
+
+The format has no check sum: a digit that changed on the way to the file is a wrong reading.
+``bayes-asv acquire --text`` therefore reads the dump until every row has come twice alike, and
+notes in the recording if it came once; frames have a check sum of their own.
 """
 
 from __future__ import annotations
@@ -62,6 +66,7 @@ def read(text: TextFile, rate: float | None) -> Recording:
     """
     warnings: list[str] = []
     metadata = [(key.strip(), value.strip()) for key, value in text.metadata]
+    _check_one_header(metadata, text.source)
     rate = _rate(text, rate, metadata, warnings)
     if len(text.lines) < 2:
         raise InputError(text.source, "has one row of data", "a recording needs at least two")
@@ -111,6 +116,18 @@ def write_logger(recording: Recording, path: PathLike) -> None:
     table = np.vstack((index, recording.values)).astype(np.int64).T
     rows = [" ".join(map(str, row)) for row in table.tolist()]
     write_atomically(path, "\n".join([*metadata_lines(recording), *rows, ""]).encode("utf-8"))
+
+
+def _check_one_header(metadata: list[tuple[str, str]], source: str) -> None:
+    """Refuse metadata of two dumps in one file: whose rows are whose cannot be told."""
+    known: dict[str, str] = {}
+    for key, value in metadata:
+        timed = key == "sample_rate" or key.startswith(("delay ", "clock "))
+        if timed and known.setdefault(key, value) != value:
+            raise InputError(
+                f"{source}: # {key}", f"is {known[key][:40]} and {value[:40]}",
+                "keep the rows and the header of one dump",
+            )  # fmt: skip
 
 
 def _rate(

@@ -13,9 +13,9 @@ import numpy as np
 
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.log import MAX_SAMPLES
 from bayes_asv.domain.recording import (
     MAX_MAGNITUDE,
+    MAX_SAMPLES,
     Recording,
     declared_rate,
     first_unsorted_row,
@@ -239,8 +239,11 @@ def _parse_cell(cell: str, where: str, name: str) -> float:
     if abs(value) > MAX_MAGNITUDE:
         raise InputError(
             where,
-            f"{name} is {value:g}, which is implausible for a sensor",
-            "leave a missing cell empty",
+            f"{name} is {value:g}, which is implausible for a "
+            + ("stamp" if name == "time" else "sensor"),
+            "give the unit of the stamps in the header, such as time [ms]"
+            if name == "time"
+            else "leave a missing cell empty",
         )
     return value
 

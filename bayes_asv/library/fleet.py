@@ -402,6 +402,12 @@ def _columns(document: FleetDocument) -> dict[str, list[Any]]:
     return columns
 
 
+def _spreadsheet_safe(cell: object) -> object:
+    """Put an apostrophe before a text that a spreadsheet would compute: file names are foreign."""
+    formula = isinstance(cell, str) and cell.startswith(("=", "+", "-", "@", "\t", "\r"))
+    return f"'{cell}" if formula else cell
+
+
 def _write_table(document: FleetDocument, target: Path) -> None:
     """Write one row a recording, Parquet or CSV."""
     columns = _columns(document)
@@ -409,7 +415,8 @@ def _write_table(document: FleetDocument, target: Path) -> None:
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+        rows = zip(*columns.values(), strict=True)
+        writer.writerows([_spreadsheet_safe(cell) for cell in row] for row in rows)
         write_atomically(target, text.getvalue().encode("utf-8", "replace"))
         return
     import pyarrow

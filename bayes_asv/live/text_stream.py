@@ -31,6 +31,7 @@ RESTART_GAP: Final = 5.0
 _FIRST_ROWS: Final = 20  # rows from which the rate of a stream with stamps is determined
 _MAX_HEADER_LINES: Final = 200  # unreadable lines before the first row until the stream is refused
 _MAX_STEP: Final = 1.0  # s: a stamp that steps further, or back, has to be confirmed by the next
+_MAX_PAUSE: Final = 3600.0  # s: a clock that jumps further was set
 _MAX_LINE: Final = 10_000  # bytes without a line end
 _MAX_METADATA: Final = 200  # lines
 
@@ -221,7 +222,7 @@ class TextStreamReader:
             self._unconfirmed = None
             accepted = [row]
         elif unconfirmed is not None and 0.0 < row[0] - unconfirmed[0] <= _MAX_STEP:
-            if unconfirmed[0] <= last:
+            if not last < unconfirmed[0] <= last + _MAX_PAUSE:
                 self.restarts += 1
                 self._shift += last + RESTART_GAP - unconfirmed[0]
             self._unconfirmed = None

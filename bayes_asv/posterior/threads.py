@@ -44,8 +44,13 @@ def threads() -> Iterator[Threads]:
     if count == 1:
         yield Threads(1, None)
         return
-    with ThreadPoolExecutor(count) as executor:
+    executor = ThreadPoolExecutor(count)
+    try:
         yield Threads(count, executor)
+    except BaseException:  # Ctrl-C does not wait for work whose result nobody takes
+        executor.shutdown(wait=False, cancel_futures=True)
+        raise
+    executor.shutdown()
 
 
 def _processors() -> int:

@@ -33,6 +33,12 @@ _REACH = 2.0  # periods of the band's edge that the filter looks back and ahead
 _KAISER = 4.55  # 50 dB in the stop band (Kaiser 1974), which then begins at 1.37 times the edge
 _SHORT = 0.125  # of a period: a gap that a spline crosses without harm in the band
 _STEPS = 16.0  # at least, in a period: what drives the car is smooth
+_SAMPLES_A_PERIOD = 4.0  # of the edge: up to there a cubic spline misses 2 % at most, (2π/4)⁴/384
+_NO_GAP = 1.5  # rows: what is no longer than that lacks no reading
+# Up to this many samples in a period of the edge, a cubic spline between them misses less than 2 %
+# of the amplitude, (2π/4)⁴/384.
+_SAMPLES_A_PERIOD = 4.0
+_NO_GAP = 1.5  # rows: readings that stand no further apart than that lack none between them
 _FEWEST = 32  # pairs of chassis readings
 # What the half car leaves unexplained in a band is not the sensors' noise; before the fit it is
 # taken to be a tenth of the motion, to within the usual factor for a level that nobody gave.
@@ -124,8 +130,19 @@ def low_pass_recording(line: PreparedRecording, below: float) -> PreparedRecordi
         band's edge (or the sampling rate, where that is lower).  Readings that the filter mixes
         with clipped samples, or with a gap longer than an eighth of a period, are missing.
         Noise levels are those after the filter.
+
+    Raises
+    ------
+    InputError
+        When the recording has fewer than four samples in a period of the band's upper edge.
     """
     rate = 1.0 / float(np.median(np.diff(line.times[0])))
+    if below > rate / _SAMPLES_A_PERIOD:
+        raise InputError(
+            f"--below {below:g}",
+            f"is too near the sampling rate of {line.source}, {rate:.4g} Hz",
+            f"give at most {math.floor(rate / _SAMPLES_A_PERIOD):g}, or leave --below out",
+        )
     weights = low_pass(below, rate)
     reach = len(weights) // 2
     usable = np.isfinite(line.values) & ~line.clipped
@@ -143,7 +160,8 @@ def low_pass_recording(line: PreparedRecording, below: float) -> PreparedRecordi
         else:
             curve = CubicSpline(at, line.values[c, usable[c]])
         values[c] = np.convolve(curve(grid), weights, "valid")
-        guessed = _guessed(grid, at, line.times[c, line.clipped[c]], _SHORT / below)
+        longest = max(_SHORT / below, _NO_GAP / rate)
+        guessed = _guessed(grid, at, line.times[c, line.clipped[c]], longest)
         mixed[c] = np.convolve(guessed, np.ones(len(weights)), "valid") > 0.5
     left_out = mixed | np.any(mixed[list(line.inputs)], axis=0)
     kept = np.arange(0, len(time), max(int(rate / (2.0 * below) + 1e-6), 1))

@@ -23,6 +23,7 @@ from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
 from bayes_asv.preprocessing.quantization import noise_level
 from bayes_asv.preprocessing.timeline import (
     FEWEST_READINGS,
+    LONGEST_GAP,
     PreparedRecording,
     rails,
     used_channels,
@@ -202,7 +203,7 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
                 "takes; check the unit of the column and the scale of the sensor"
             )
         largest = float(np.diff(wheel.knots).max())
-        if largest > 0.25 / fastest:
+        if largest > LONGEST_GAP / fastest:
             reasons.append(
                 f"the {name} of {line.source} has a gap of {largest * 1e3:.0f} ms, longer "
                 "than this car's motion can be followed across; cut the recording there and give "

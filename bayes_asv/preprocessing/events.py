@@ -50,7 +50,7 @@ from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, clipping_limit, min_sampling_rate
 from bayes_asv.preprocessing.quantization import quiet_level
-from bayes_asv.preprocessing.timeline import rails, used_channels
+from bayes_asv.preprocessing.timeline import LONGEST_GAP, rails, used_channels
 
 __all__ = [
     "AT_RAIL", "IN_THE_AIR", "LOST", "MOST_ROWS", "NOT_NEEDED", "NO_TIME", "PUSHED", "Event",
@@ -375,7 +375,7 @@ def _binned(recording: Recording, vehicle: Vehicle, car: CarModel, rate: float) 
     means = np.empty((n, len(used)))
     gap, rail = np.zeros(n, bool), np.zeros(n, bool)
     sd = np.empty(len(used))
-    longest = 0.25 / nominal_modes(car)[-1].natural
+    longest = LONGEST_GAP / nominal_modes(car)[-1].natural
     for c, channel in enumerate(channels):
         sensor = vehicle.sensor(channel.name)
         at = np.floor((times[c] - start) / step).astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,6 +26,7 @@ from bayes_asv.models.car_model import (
     state_space,
 )  # fmt: skip
 from bayes_asv.models.cars import cars_with
+from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.missing_band import MissingBand
 from bayes_asv.preprocessing.wheel_spline import (
     WheelSignal,
@@ -34,9 +36,9 @@ from bayes_asv.preprocessing.wheel_spline import (
 )
 
 __all__ = [
-    "FEWEST_READINGS", "ClockError", "MeasurementSchedule", "PreparedRecording", "Retimed",
-    "changed", "common_bandwidth", "common_readings", "interpolation_weights", "prepare", "rails",
-    "schedule", "used_channels",
+    "FEWEST_READINGS", "LONGEST_GAP", "ClockError", "MeasurementSchedule", "PreparedRecording",
+    "Retimed", "changed", "common_bandwidth", "common_readings", "interpolation_weights",
+    "prepare", "rails", "schedule", "used_channels",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -44,6 +46,8 @@ Flags = NDArray[np.bool_]
 
 FEWEST_READINGS = 8
 """Readings of a channel inside its range below which no spline can be drawn."""
+LONGEST_GAP = 0.25
+"""Periods of the car's fastest mode across which the motion of a wheel can be followed."""
 # The power series of the filter lose (λh)⁸/8! a step: with λh at most 1/4 for the nominal car they
 # hold to 1e-9 there, and to 1e-5 where a rate is three times nominal.
 _LONGEST_STEP = 0.005  # s
@@ -506,7 +510,10 @@ def schedule(
     MeasurementSchedule
     """
     longest = min(longest, _LONGEST_PHASE / fastest_rate(state_space(car, car.nominal, ())))
-    instants, kind, reading, pairs = _instants(values, times, rails, wheels, outputs, longest)
+    # Steps between two samples of a wheel: across a longer gap nothing can be followed, and a stamp
+    # that is wrong must not cost memory for each of its milliseconds.
+    most = math.ceil(LONGEST_GAP / nominal_modes(car)[-1].natural / longest) + 1
+    instants, kind, reading, pairs = _instants(values, times, rails, wheels, outputs, longest, most)
     closes = np.zeros(len(instants), bool)
     closes[pairs.max(axis=1)] = True
     return MeasurementSchedule(
@@ -564,6 +571,7 @@ def _instants(
     wheels: Sequence[WheelSignal],
     outputs: Sequence[int],
     longest: float,
+    most: int,
 ) -> tuple[Array, NDArray[np.int8], Array, NDArray[np.int64]]:
     """Instants of observation in order, with fillers where the step would be too long."""
     low, high = rails
@@ -586,7 +594,9 @@ def _instants(
     new = np.append(True, np.diff(t) > _SAME_INSTANT)
     place = np.cumsum(new) - 1
     observed = t[new]
-    pieces = np.maximum(np.ceil(np.diff(observed) / longest - _OVER).astype(int), 1)
+    samples = np.min([np.diff(np.searchsorted(w.knots, observed)) for w in wheels], axis=0)
+    pieces = np.ceil(np.diff(observed) / longest - _OVER)
+    pieces = np.clip(pieces, 1, most * (samples + 1)).astype(int)
     position = np.concatenate([[0], np.cumsum(pieces)])
     total = int(position[-1]) + 1
     instants = np.interp(np.arange(total), position, observed)

@@ -122,6 +122,7 @@ def car_modes_lines(document: Document) -> list[str]:
 _MAX_FREQUENCY = 30.0  # Hz; peaks of the car are below
 _PEAKS = 3
 _MIN_READINGS = 32
+_SEGMENT = 2.0  # s
 
 
 def spectrum_document(recording: Recording, vehicle: Vehicle) -> dict[str, Any]:
@@ -141,9 +142,16 @@ def spectrum_document(recording: Recording, vehicle: Vehicle) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If a channel has fewer than 32 readings.
+        If a channel has fewer than 32 readings, or than that in two seconds, or a gap longer than
+        a segment.
     """
     rate = nominal_rate(recording)
+    segment = int(_SEGMENT * rate)
+    if segment < _MIN_READINGS:
+        raise InputError(
+            recording.source, f"has {rate:.4g} rows a second, too few for a spectrum",
+            f"record at {_MIN_READINGS / _SEGMENT:g} Hz or more, or check the unit of the time",
+        )  # fmt: skip
     unit = display_units(vehicle.units)["acceleration"]
     time, channels = recording.time, {}
     even = time[0] + np.arange(int((time[-1] - time[0]) * rate + 1e-6) + 1) / rate
@@ -153,9 +161,13 @@ def spectrum_document(recording: Recording, vehicle: Vehicle) -> dict[str, Any]:
             raise InputError(
                 recording.source, f"{name} has fewer than {_MIN_READINGS} readings", "record longer"
             )
+        if np.diff(time[valid]).max() > _SEGMENT:
+            raise InputError(
+                recording.source, f"{name} has a gap of {np.diff(time[valid]).max():.6g} s",
+                "cut the recording there, or check its stamps",
+            )  # fmt: skip
         signal = from_si(1.0, unit, "acceleration") * np.interp(even, time[valid], values[valid])
-        segment = min(len(even), int(2.0 * rate))
-        frequency, density = welch(signal, rate, nperseg=segment)
+        frequency, density = welch(signal, rate, nperseg=min(len(even), segment))
         low = frequency <= _MAX_FREQUENCY
         index = find_peaks(density[low])[0]
         best = index[np.argsort(density[index])[::-1][:_PEAKS]]

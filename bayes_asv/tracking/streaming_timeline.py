@@ -22,6 +22,8 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
 from bayes_asv.filters.ukf_state import Steps
 from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
+from bayes_asv.models.modes import nominal_modes
+from bayes_asv.preprocessing.data_checks import min_sampling_rate
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -127,7 +129,9 @@ class StreamingTimeline:
         self, vehicle: Vehicle, sensors: SensorModel, rate: float, timing: Timing | None = None
     ) -> None:
         self._sensors = sensors
-        gap = max_gap(rate)
+        # At a rate that is refused as too slow, rows are gaps: stamps in a wrong unit would else
+        # take thousands of steps a row.
+        gap = max_gap(max(rate, min_sampling_rate(nominal_modes(sensors.car))))
         self._max_step = max_step(sensors.car)
         self._max_gap = gap
         count = len(sensors.channels)

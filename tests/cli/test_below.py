@@ -44,3 +44,18 @@ def test_a_record_that_the_filter_eats_up_cannot_answer(
     said = invoke("estimate", stops, "-v", baja, "--below", 5)
     assert said.status == 3
     assert "too short for the motion below 5 Hz alone" in said.out
+
+
+def test_a_band_near_the_sampling_rate(
+    invoke: Command, refuse: Check, stops: Path, baja: Path, saved: Saved, tmp_path: Path
+) -> None:
+    """An eighth of its period is shorter than a row, which is no gap for that."""
+    file = tmp_path / "band.json"
+    assert invoke("estimate", stops, "-v", baja, "--below", 60, "--json", file).status == 0
+    document = json.loads(file.read_text(encoding="utf-8"))
+    for name in ("c_f", "c_r", "i"):
+        band, whole = (d["parameters"][name] for d in (document, saved.document))
+        assert abs(band["mean"] - whole["mean"]) < 0.3 * whole["sd"]
+        assert band["sd"] == pytest.approx(whole["sd"], rel=0.2)
+    said = invoke("estimate", stops, "-v", baja, "--below", 101)
+    assert refuse(said, "--below 101", "sampling rate", "400 Hz", "give at most 100")

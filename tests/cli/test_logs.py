@@ -193,3 +193,31 @@ def test_what_calibrate_prints_belongs_into_the_map(
     mapped = parse_channel_map(f"[channels.front_wheel]\n{said.out}".encode(), "map.toml")
     levels = mapped.recording(read_log(held)).values[0].reshape(2, 300).mean(axis=1)
     assert levels == pytest.approx([0.0, -2.0 * G], abs=0.01)
+
+
+def test_names_of_a_foreign_log_reach_no_terminal_and_no_spreadsheet(
+    invoke: Command, tmp_path: Path
+) -> None:
+    """Escape sequences are not printed, and a cell that a spreadsheet would compute not written."""
+    log, mapped = tmp_path / "evil.csv", tmp_path / "channels.toml"
+    names = "\x1b[2J\x1b]0;x\x07 fw,=cmd|calc!A1,+rw,@rc"
+    log.write_text(
+        f"time [s],{names}\n"
+        + "".join(f"{0.01 * k:.2f},{k % 7},{k % 5},{k % 3},{k % 4}\n" for k in range(200)),
+        "utf-8",
+    )
+    said = invoke("inspect", log, "-o", mapped)
+    assert all(ch.isprintable() or ch == "\n" for ch in said.out + said.err)
+    mapped.write_text(
+        "".join(
+            f'[channels.{channel}]\ncolumn = "{column}"\nunit = "g"\n'
+            for channel, column in (
+                ("front_wheel", "=cmd|calc!A1"), ("rear_wheel", "+rw"), ("rear_chassis", "@rc"),
+            )
+        ),
+        "utf-8",
+    )  # fmt: skip
+    written = tmp_path / "rec.csv"
+    assert invoke("convert", log, "--channels", mapped, "-o", written).status == 0
+    cells = [c for line in written.read_text("utf-8").splitlines() for c in line.split(",")]
+    assert not [cell for cell in cells if cell[:1] in ("=", "+", "@", "\t")]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -219,3 +220,57 @@ def test_data_that_cannot_answer_are_refused_with_reasons(
     assert told.status == 3
     assert "Why: " in told.out
     assert "refused" in (tmp_path / "x.html").read_text(encoding="utf-8")
+
+
+def _stamps(lines: list[str], change: Callable[[int, float], float]) -> None:
+    for at in range(HEADER + 1, len(lines)):
+        stamp, rest = lines[at].split(",", 1)
+        lines[at] = f"{change(at - HEADER - 1, float(stamp))!r},{rest}"
+
+
+STAMPS: dict[str, tuple[Callable[[int, float], float], str]] = {
+    "milliseconds": (lambda _, t: 1e3 * t, "too slow for this car"),
+    "microseconds": (lambda _, t: 1e6 * t, "too slow for this car"),
+    "a gap of hours": (lambda row, t: t + 25_200.0 * (row > 500), ""),
+    "one stamp far off": (lambda row, t: t + 1e9 * (row == 799), "row 800: comes 1e+09 s after"),
+    "clock set after the first row": (lambda row, t: t + 1.7e9 * (row > 0), "row 2: comes 1.7e+09"),
+    "milliseconds since 1970": (lambda _, t: 1.7e12 + 1e3 * t, "such as time [ms]"),
+}
+COMMANDS = {
+    "track": ("track",), "watch": ("watch", "--below", "80"), "estimate": ("estimate",),
+    "diagnose": ("diagnose",), "greybox": ("greybox",), "modes": ("modes",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", STAMPS)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_stamps_far_off_cost_no_memory(
+    invoke: Command, stops: Path, baja: Path, tmp_path: Path, command: str, kind: str
+) -> None:
+    """Without their bounds these stamps make grids of 0.4 to 5000 GiB."""
+    lines = stops.read_text(encoding="utf-8").splitlines()[: HEADER + 1 + 800]
+    change, expected = STAMPS[kind]
+    _stamps(lines, change)
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with _address_space(1 << 30):
+        said = invoke(*COMMANDS[command], file, "-v", baja)
+    assert said.status in (0, 2, 3), said
+    assert "memory" not in said.err
+    if said.status == 2:
+        assert len(said.err.splitlines()) == 1
+    if command in ("track", "watch") or (said.status == 2 and command != "modes"):
+        assert expected in said.out + said.err
+
+
+@contextlib.contextmanager
+def _address_space(more: int) -> Iterator[None]:
+    """Let this process take no more than so many bytes in addition to what it has."""
+    resource = pytest.importorskip("resource")
+    old = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + more, old[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, old)

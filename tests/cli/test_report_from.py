@@ -157,3 +157,17 @@ def test_a_text_with_markup_stays_text(invoke: Command, saved: Saved, tmp_path: 
         assert said.status == 0, said.err
         assert "\x1b" not in said.out
     assert "<script" not in (tmp_path / "x.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("curve", ["median", "band95"])
+def test_a_track_without_values_is_refused(
+    invoke: Command, refuse: Check, stops: Path, baja: Path, tmp_path: Path, curve: str
+) -> None:
+    file = tmp_path / "track.json"
+    assert invoke("track", stops, "-v", baja, "--json", file).status == 0
+    document = json.loads(file.read_text(encoding="utf-8"))
+    nothing = [None] * len(document["track"]["time"])
+    document["track"]["parameters"]["c_f"][curve] = nothing if curve == "median" else [nothing] * 2
+    file.write_text(json.dumps(document), encoding="utf-8")
+    said = invoke("report", "--from", file, "-o", tmp_path / "x.html")
+    assert refuse(said, "track.json: track", "a curve has no values")

@@ -58,6 +58,15 @@ def test_given_rate_takes_precedence_with_a_warning(read: Read) -> None:
     assert recording.warnings == ("the file declares 800 Hz, but the given rate of 400 Hz is used",)
 
 
+def test_the_header_of_a_second_dump_is_refused(read: Read) -> None:
+    with pytest.raises(InputError, match=r"sample_rate: is 400 Hz and 800 Hz; keep .* one dump"):
+        read("# sample_rate = 400 Hz\n" + USUAL + "# sample_rate = 800 Hz\n6 1 2 3 4\n")
+    twice = "# clock rear = 48.3 ppm\n" + USUAL + "# clock rear = 48.4 ppm\n"
+    with pytest.raises(InputError, match="clock rear"):
+        read(twice, 400.0)
+    assert read("# sample_rate = 400 Hz\n" * 2 + USUAL).time[1] == 1 / 400
+
+
 def test_run_may_start_late(read: Read) -> None:
     assert read("101 1 2 3 4\n102 1 2 3 4\n", rate=100.0).time[0] == 1.0
 

@@ -349,3 +349,12 @@ def test_the_command_writes_table_page_and_json(
     assert document["schema"] == "bayes_asv/fleet/1"
     assert document["files"][0]["verdict"] == "refused"
     assert (tmp_path / "s.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.parametrize("name", ["=cmd|x", "+1", "-1", "@a", "\t=1"])
+def test_a_file_name_is_no_formula_of_a_spreadsheet(name: str) -> None:
+    from bayes_asv.library.fleet import _spreadsheet_safe
+
+    assert _spreadsheet_safe(name) == f"'{name}"
+    assert _spreadsheet_safe("run=1.csv") == "run=1.csv"
+    assert _spreadsheet_safe(-1.5) == -1.5

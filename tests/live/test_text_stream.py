@@ -160,6 +160,17 @@ def test_one_wrong_stamp_has_no_effect(tmp_path: Path, stamp: bytes) -> None:
     assert (reader.unreadable, reader.restarts) == (1, 0)
 
 
+def test_a_clock_that_is_set_continues_after_a_gap() -> None:
+    """A gap of years would need as much memory as its rows."""
+    header = b"time [s],front_wheel [g],front_chassis [g],rear_wheel [g],rear_chassis [g]\n"
+    stamps = [0.01 * k + 1.7e9 * (k >= 30) for k in range(60)]
+    rows = b"".join(b"%.2f,1,2,3,4\n" % stamp for stamp in stamps)
+    reader = TextStreamReader("port")
+    block = _read(reader, header + rows, [])
+    assert (len(block.time), reader.restarts) == (60, 1)
+    assert block.time[30] - block.time[29] == pytest.approx(5.0)
+
+
 def test_lost_rows_are_a_gap_in_time(tmp_path: Path) -> None:
     data = _logger(tmp_path, 20) + b"\n".join(_logger(tmp_path, 30, first=2021).split(b"\n")[1:])
     reader = TextStreamReader("port")

@@ -78,6 +78,9 @@ def test_page_is_whole_and_needs_nothing(pages: dict[str, str], kind: str) -> No
 def test_hostile_text_is_shown_and_not_run(pages: dict[str, str]) -> None:
     page = pages["hostile"]
     assert "<script" not in page
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)
+    assert policy is not None
+    assert policy[1] == "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
     assert "<img" not in page
     assert "\x1b" not in page
     assert "\x00" not in page

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.log import MAX_CHANNELS, MAX_SAMPLES
+from bayes_asv.domain.log import MAX_CHANNELS
+from bayes_asv.domain.recording import MAX_SAMPLES
 from bayes_asv.io.formats.format import Format, LogBuilder, library, listed
 
 if TYPE_CHECKING:

@@ -107,6 +107,10 @@ class TrackCurves(Model):
         for curve in self.parameters.values():
             curves += [curve.median, *curve.band95]
         check_lengths(len(self.time), *curves, self.consistent)
+        drawn = [c for curve in self.parameters.values() for c in (curve.median, *curve.band95)]
+        for values in (self.time, *drawn):
+            if all(value is None for value in values):
+                raise ValueError("a curve has no values")
         return self
 
 

@@ -218,12 +218,11 @@ def _range(median: Array, low: Array, high: Array, nominal: float | None) -> tup
 
 
 def _shade_inconsistent(axes: Axes, time: Array, consistent: Sequence[bool]) -> None:
-    inconsistent = np.array([not good for good in consistent]).astype(int)
-    edges = np.diff(np.concatenate([[0], inconsistent, [0]]))
-    starts, stops = np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist()
-    for start, stop in zip(starts, stops, strict=True):
-        axes.axvspan(
-            float(time[start]), float(time[min(stop, len(time) - 1)]),
+    inconsistent = ~np.array(consistent, bool)
+    inconsistent[1:] |= inconsistent[:-1]  # to the first point at which it was consistent again
+    if inconsistent.any():  # one artist, however often the filter changed its mind
+        axes.fill_between(
+            time, 0.0, 1.0, where=inconsistent, transform=axes.get_xaxis_transform(),
             color=svg.COLOURS["below"], alpha=0.15, linewidth=0,
         )  # fmt: skip
 
