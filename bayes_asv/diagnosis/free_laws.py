@@ -18,7 +18,7 @@ from bayes_asv.diagnosis.misspecification_test import misspecification_tests
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.model_comparison import weighted_posterior
 from bayes_asv.diagnosis.results import NamedEffect
-from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS
+from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.tolerance_prior import projection_with_tolerances
 from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation, free_damper_evidence
 from bayes_asv.models.effects import EFFECTS, Site
@@ -47,8 +47,11 @@ def with_free_laws(
         See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
     """
     own = selection.assessed
+    stopped = bool(selection.stopped_by)
+    if not (stopped or selection.effects or own.p_value < SIGNIFICANCE_LEVEL):
+        return selection
     axles = list(dict.fromkeys(element.axle for element in linear.model.space.car.elements))
-    found, enough = _axle_to_free(own, seed, stopped=bool(selection.stopped_by))
+    found, enough = _axle_to_free(own, seed, stopped=stopped)
     if not found:
         return selection
     current, (axle, _) = linear, _axle_to_free(linear, seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,7 +130,9 @@ class Diagnosis:
         """Factor on probabilities where something unexplained may be the true cause."""
         if self.unexplained is None or not self.unexplained.present:
             return 1.0
-        if self.unexplained.detected and self.unexplained.alternative > -CLEARLY_WORSE:
+        alternative = self.unexplained.alternative  # −∞ where none was compared
+        clearly_worse = math.isfinite(alternative) and alternative < -CLEARLY_WORSE
+        if self.unexplained.detected and not clearly_worse:
             return RELIABILITY_BESIDE_FAULT
         return RELIABILITY_WITH_ALTERNATIVE
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bayes_asv.domain.errors import InputError
@@ -12,6 +12,7 @@ from bayes_asv.domain.units import si_factor
 from benchmarks.battery.run import Result
 from tests.battery.effects import EFFECTS
 from tests.battery.truth import TrueEffect, Truth
+from tests.battery.unlisted_faults import NAMES
 
 __all__ = ["CONFIDENT", "PARAMETERS", "Gap", "Judged", "judge"]
 
@@ -135,7 +136,8 @@ def _judge(document: Mapping[str, Any], truth: Truth, seconds: float) -> Judged:
     told = [_claim(one) for one in effects]
     classes = [[_claim(one), *map(_claim, one.get("indistinguishable_from") or [])]
                for one in effects]  # fmt: skip
-    listed = tuple(one for one in truth.effects if one.name in EFFECTS)
+    called = [replace(one, name=NAMES.get(one.name, one.name)) for one in truth.effects]
+    listed = tuple(one for one in called if one.name in EFFECTS or one.name in NAMES.values())
     right = [any(_says(mine, one, classes) for one in listed) for mine in classes]
     probabilities = tuple(
         (float(one["probability"]), yes) for one, yes in zip(effects, right, strict=True)

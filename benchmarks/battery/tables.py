@@ -62,8 +62,8 @@ def _strong(cases: Sequence[Judged], least: float = ABOVE_THE_FLOOR) -> list[Jud
 
 
 def flagged_outside(cases: Sequence[Judged]) -> Share:
-    """Count unlisted faults that are reported as unexplained."""
-    return count_true([one.flagged for one in cases if one.verdict != "refused"])
+    """Count unlisted faults that are reported as unexplained, or named where there is a name."""
+    return count_true([one.flagged or one.class_right for one in cases if one.verdict != "refused"])
 
 
 def misnamed_outside(cases: Sequence[Judged]) -> Share:

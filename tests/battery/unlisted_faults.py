@@ -204,4 +204,10 @@ UNLISTED_FAULTS: Final[Mapping[str, EffectFactory]] = {
     "sensor_compression": _compressed,
     "sensor_place": _place,
 }
-"""Factories by name; a diagnosis never names any of these."""
+"""Factories by name; a diagnosis has no name for most of these."""
+
+NAMES: Final[Mapping[str, str]] = {
+    "maxwell_mount": "damper_hysteresis",
+    "progressive_damper": "damper_curve",
+}
+"""Names that a diagnosis has for some of them: laws of a damper in another form."""

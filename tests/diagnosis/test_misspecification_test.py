@@ -24,6 +24,12 @@ def test_named_effects_count_in_full_when_nothing_is_unexplained() -> None:
     assert _reliability(NOTHING) == _reliability(None) == 1.0
 
 
+def test_a_name_that_no_unlisted_fault_replaces_is_reliable_beside_one() -> None:
+    left = replace(NOTHING, p_unlisted=1e-4)
+    assert _reliability(replace(left, alternative=-1e5)) == pytest.approx(0.9)
+    assert _reliability(replace(left, alternative=-5.0)) < 0.5
+
+
 def test_an_alternative_lowers_reliability_less_than_a_detected_fault() -> None:
     with_alternative = replace(NOTHING, alternative=-1.0)
     assert with_alternative.present

@@ -11,7 +11,6 @@ from tests.battery.cases import case
 @pytest.mark.parametrize(
     ("name", "seed", "number", "description"),
     [
-        ("bouc_wen-4000", 58, 0, "hysteresis at the front"),
         # between the axles
         ("compliant_seat-4000", 58, 0, "a mass on a spring near the middle"),
         # at 187 Hz, above what the car excites
