@@ -14,7 +14,7 @@ from benchmarks.battery.ablations import ABLATIONS, without
 from benchmarks.battery.diagnoser import DEFAULT, resolve
 from tests.battery.cases import case
 
-NAME = "coulomb_friction-400/rough~baja"
+NAME = "coulomb_friction-400/bump~baja"
 SEED = 1
 
 

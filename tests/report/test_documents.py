@@ -12,6 +12,9 @@ import pytest
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
+from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.report.documents.estimate import estimate_document
 from bayes_asv.report.page import report_page
 from bayes_asv.report.schema import EstimateDocument, read_saved
@@ -24,8 +27,10 @@ def document() -> EstimateDocument:
     """Document of an estimate with a travel sensor at the front, made from the simulation."""
     car = read_vehicle(shipped("vehicles", "baja2008.toml"))
     run = read_recording(shipped("recordings", "stops-400hz.csv"))
-    (fit,) = estimate([run], car).runs
-    deflection = np.interp(run.time, fit.line.instants, fit.free.states[:, 0])
+    lines, _, _ = prepare_runs((run,), car)
+    fit = base(make_dataset(car, lines))
+    moved = free_run(fit.target, fit.mode.z, 0).states[:, 0]
+    deflection = np.interp(run.time, lines[0].instants, moved)
     noise = np.random.default_rng(5).normal(scale=2e-4, size=len(run.time))
     more = replace(
         run,
