@@ -4,7 +4,7 @@ Three numbers stand for its curve F(v): the slope at rest, the rate of the linea
 takes the same power at the speeds driven, E[F v]/E[v²], and the force over the speed on either
 side at one speed, the root mean square of those driven.
 
-Its shape is told by ratios that hold for any curve, with the posterior probability of each
+Its shape is described by ratios that hold for any curve, with the posterior probability of each
 statement.  On either side the mean slope over the upper half of the speeds driven is compared with
 that over their lowest eighth: less is digressive, more is progressive.  Force over speed in
 extension is compared with that in compression.
@@ -34,7 +34,7 @@ MAX_DRAWS = 2000
 """Draws of which rates are worked out: intervals of 95 % to a twentieth of their width."""
 
 _AT_REST = 1e-4  # m/s, at which the slope at rest is taken
-_FASTEST = 0.95  # quantile of the speeds driven up to which the shape is told
+_FASTEST = 0.95  # quantile of the speeds driven up to which the shape is described
 _SLOWEST = 0.125  # of that speed: the piece of the curve that stands for slow motion
 _BENT = 1.25  # ratio of slopes from which a curve is called bent
 _UNEQUAL = 1.1  # ratio of rates from which the sides are called unequal
@@ -98,6 +98,11 @@ class DampingRates:
     compression: Array
     extension: Array
     shapes: tuple[DamperShape, ...]
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the damping rate and of the damping ratio that belongs to it."""
+        return self.parameter, self.parameter.replace("c_", "zeta_", 1)
 
 
 def damping_rates(
@@ -180,7 +185,7 @@ def with_equal_power(
     out = dict(draws)
     for damper in dampers:
         if damper.free_form:
-            for name in (damper.parameter, damper.parameter.replace("c_", "zeta_", 1)):
+            for name in damper.names:
                 if name in out:
                     out[name] = out[name] * damper.over_rate.reshape(out[name].shape)
     return out

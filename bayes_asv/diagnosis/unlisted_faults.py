@@ -43,9 +43,11 @@ from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = [
+    "FreeDamper",
     "UnlistedExplanation",
     "UnlistedFaultScores",
     "best_unlisted_explanation",
+    "free_damper",
     "free_damper_evidence",
     "free_force_evidence",
     "pulse_sensitivities",
@@ -445,7 +447,9 @@ def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) ->
     return by_axle[axle], axle
 
 
-def free_damper_evidence(model: DenoisedModel, projection: NuisanceProjection) -> tuple[float, str]:
+def free_damper_evidence(
+    model: DenoisedModel, projection: NuisanceProjection, scores: UnlistedFaultScores
+) -> tuple[float, str]:
     """Log Bayes factor (nats) of a free damper law against none, and the axle where it is largest.
 
     To first order such a law adds a force that is any piecewise linear function of the rate of
@@ -455,26 +459,24 @@ def free_damper_evidence(model: DenoisedModel, projection: NuisanceProjection) -
     ----------
     model, projection
         As :func:`unlisted_fault_scores` takes them.
+    scores : UnlistedFaultScores
+        Of the same model.
     """
     posterior, z = model.filters[0].posterior, model.model.mode.z
-    runs = range(len(model.dataset.lines))
-    motions = [_motion(model.dataset, posterior, z, run) for run in runs]
+    motions = [_motion(model.dataset, posterior, z, k) for k in range(len(model.dataset.lines))]
     car, values = posterior.space.car, posterior.space.values(z[None])
-    known, descriptions = unlisted_fault_sensitivities(model)
     by_axle = {}
     for axle in car.axles:
         own = [e for e, element in enumerate(car.elements) if element.axle == axle]
-        rates = [np.vstack([m.velocity[:, own].T]) for m in motions]
+        rates = [motion.velocity[:, own].T for motion in motions]
         spread = float(np.std(np.concatenate(rates, axis=1)))
         size = _SMALL * spread * float(np.mean([values[car.elements[e].damping][0] for e in own]))
-        changes: list[list[Array]] = []
-        for j in range(1, len(KNOTS) - 1):
-            hats = [np.interp(rate, KNOTS[j - 1 : j + 2], [0.0, size, 0.0]) for rate in rates]
-            if j != len(KNOTS) // 2 and any(np.any(hat) for hat in hats):
-                changes.append(hats)
-        lags = [text.startswith(_LAGS) and text.endswith(axle) for text in descriptions]
-        along = np.concatenate([_force_sensitivities(model, own, changes), known[lags]])
-        by_axle[axle] = _log_bayes_factor(*projection.project_out(along))
+        hats = size * np.delete(np.eye(len(KNOTS)), len(KNOTS) // 2, axis=0)  # no force at rest
+        changes = [[np.interp(rate, KNOTS, hat) for rate in rates] for hat in hats]
+        places = tuple(f"at the {car.elements[e].words}" for e in own)
+        lags = [d.startswith(_LAGS) and d.endswith(places) for d in scores.descriptions]
+        along = [_force_sensitivities(model, own, changes), scores.sensitivities[lags]]
+        by_axle[axle] = _log_bayes_factor(*projection.project_out(np.concatenate(along)))
     axle = max(by_axle, key=lambda name: by_axle[name])
     return by_axle[axle], axle
 
@@ -564,6 +566,47 @@ def best_unlisted_explanation(dataset: Dataset, evidence: ModelEvidence) -> Unli
     denoised = denoised_model(dataset, evidence.model)
     projection = projection_with_tolerances(denoised.derivatives, evidence)
     scores = unlisted_fault_scores(denoised, projection)
+    return _best_explanation(dataset, evidence, denoised, projection, scores)
+
+
+class FreeDamper(NamedTuple):
+    """A damper law of any form next to a model, to first order.
+
+    Parameters
+    ----------
+    axle : str
+        Where it gains most.
+    gain : float
+        Log evidence (nats) that it gains there.
+    best_gain : float
+        The same of the best unlisted explanation.
+    """
+
+    axle: str
+    gain: float
+    best_gain: float
+
+
+def free_damper(dataset: Dataset, evidence: ModelEvidence) -> FreeDamper:
+    """Compare a free damper law with the best unlisted explanation.
+
+    Parameters are those of :func:`best_unlisted_explanation`.
+    """
+    denoised = denoised_model(dataset, evidence.model)
+    projection = projection_with_tolerances(denoised.derivatives, evidence)
+    scores = unlisted_fault_scores(denoised, projection)
+    best = _best_explanation(dataset, evidence, denoised, projection, scores)
+    gain, axle = free_damper_evidence(denoised, projection, scores)
+    return FreeDamper(axle, gain, best.log_evidence - evidence.log_evidence)
+
+
+def _best_explanation(
+    dataset: Dataset,
+    evidence: ModelEvidence,
+    denoised: DenoisedModel,
+    projection: NuisanceProjection,
+    scores: UnlistedFaultScores,
+) -> UnlistedExplanation:
     best = int(np.argmax(scores.gains))
     gain = float(scores.gains[best])
     jitter, channel = jitter_log_likelihood_ratio(dataset, evidence.model, denoised.settled)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from bayes_asv import __version__
 from bayes_asv.batch.dates import date_of_metadata
@@ -24,7 +24,7 @@ from bayes_asv.library.extras import import_extra
 from bayes_asv.library.inputs import check_car, check_vehicle
 from bayes_asv.library.progress import Progress, Report, progress_bar
 from bayes_asv.library.recordings import expanded
-from bayes_asv.library.result import html_table, json_text
+from bayes_asv.library.result import DocumentResult, html_table, json_text
 from bayes_asv.report.words import plain
 
 if TYPE_CHECKING:
@@ -43,31 +43,18 @@ _MODULES: Final = (
 )  # fmt: skip
 
 
-class Fleet:
+class Fleet(DocumentResult):
     """A season of recordings, from :func:`bayes_asv.fleet`.
 
     ``result["c_f"]`` is the trend of the front damping rate, ``result.files`` says what came of
     each recording.  ``verdict`` is ``"refused"`` if no recording has a verdict on the dampers.
     """
 
+    document: FleetDocument
+
     def __init__(self, document: FleetDocument, folder: Path):
-        self.document = document
+        super().__init__(document)
         self.folder = folder
-
-    @property
-    def verdict(self) -> str:
-        """``ok`` or ``refused``."""
-        return self.document.verdict
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why there is no answer; empty otherwise."""
-        return tuple(self.document.reasons)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What limits the answer."""
-        return tuple(self.document.warnings)
 
     @property
     def files(self) -> list[FleetFile]:
@@ -106,32 +93,11 @@ class Fleet:
         """Return the result as plain data, schema ``bayes_asv/fleet/1``."""
         return self.document.to_dict()
 
-    @overload
-    def to_json(self, path: None = None) -> str: ...
-    @overload
-    def to_json(self, path: PathLike) -> None: ...
-    def to_json(self, path: PathLike | None = None) -> str | None:
-        """Write :meth:`to_dict` as JSON to a file, or return its text."""
-        text = json_text(self.to_dict())
-        if path is None:
-            return text
-        write_atomically(path, text.encode("utf-8", "replace"))
-        return None
-
-    def report(self, path: PathLike) -> None:
-        """Write the page, HTML or PDF by the suffix of the file."""
-        from bayes_asv.report.render import write_report
-
-        write_report(self.document, path)
-
     def lines(self) -> list[str]:
         """State the result in sentences, as the command line prints them."""
         from bayes_asv.report.sections.fleet import fleet_lines
 
         return fleet_lines(self.document)
-
-    def __str__(self) -> str:
-        return "\n".join(self.lines())
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.document.counts.items())

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from bayes_asv.domain.vehicle import Vehicle
 
-__all__ = ["Result", "html_table", "json_text"]
+__all__ = ["DocumentResult", "Result", "html_table", "json_text"]
 
 Units = Literal["vehicle", "SI", "US"]
 
@@ -26,7 +26,77 @@ _MAX_NAME = 60  # characters of the car's name in a repr
 _MAX_REASON = 160  # characters of a reason in a repr
 
 
-class Result:
+class DocumentResult:
+    """Base class of all results: a typed document with a verdict, as JSON, pages and sentences.
+
+    Parameters
+    ----------
+    document : pydantic model
+        The typed document that :meth:`to_json` writes.
+    """
+
+    def __init__(self, document: Any):
+        self.document = document
+
+    @property
+    def verdict(self) -> str:
+        """Verdict, ``"refused"`` if the recordings cannot answer."""
+        return str(self.document.verdict)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the answer was refused; empty otherwise."""
+        return tuple(self.document.reasons)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What limits the answer."""
+        return tuple(self.document.warnings)
+
+    @overload
+    def to_json(self, path: None = None) -> str: ...
+    @overload
+    def to_json(self, path: PathLike) -> None: ...
+    def to_json(self, path: PathLike | None = None) -> str | None:
+        """Write the document that the command line writes with ``--json``.
+
+        Parameters
+        ----------
+        path : str or os.PathLike, optional
+            The file; without it the text is returned.
+        """
+        text = json_text(self.document.to_dict())
+        if path is None:
+            return text
+        write_atomically(path, text.encode("utf-8", "replace"))  # a name need not be Unicode
+        return None
+
+    def report(self, path: PathLike) -> None:
+        """Write a report, HTML or PDF by the suffix of the file.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Ends in ``.html`` or ``.pdf``.
+
+        Raises
+        ------
+        InputError
+            If the suffix is another one or the file cannot be written.
+        """
+        from bayes_asv.report.render import write_report
+
+        write_report(self.document, path)
+
+    def lines(self) -> list[str]:
+        """State the result in sentences, as the command line prints them."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+
+class Result(DocumentResult):
     """Base class of the results of ``estimate``, ``diagnose`` and ``track``.
 
     ``result["c_f"]`` is a :class:`Parameter`, in the vehicle's units.  A refusal is a result
@@ -43,24 +113,9 @@ class Result:
     """
 
     def __init__(self, document: Any, parameters: Mapping[str, Parameter], vehicle: Vehicle):
-        self.document = document
+        super().__init__(document)
         self.parameters = dict(parameters)
         self.vehicle = vehicle
-
-    @property
-    def verdict(self) -> str:
-        """Verdict, ``"refused"`` if the recordings cannot answer."""
-        return str(self.document.verdict)
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why the answer was refused; empty otherwise."""
-        return tuple(self.document.reasons)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What limits the answer."""
-        return tuple(self.document.warnings)
 
     def __getitem__(self, name: str) -> Parameter:
         if name in self.parameters:
@@ -115,48 +170,6 @@ class Result:
         ]  # fmt: skip
         index = pandas.Index(list(self.parameters), name="parameter")
         return pandas.DataFrame(rows, index=index, columns=columns)
-
-    @overload
-    def to_json(self, path: None = None) -> str: ...
-    @overload
-    def to_json(self, path: PathLike) -> None: ...
-    def to_json(self, path: PathLike | None = None) -> str | None:
-        """Write the document that the command line writes with ``--json``.
-
-        Parameters
-        ----------
-        path : str or os.PathLike, optional
-            The file; without it the text is returned.
-        """
-        text = json_text(self.document.to_dict())
-        if path is None:
-            return text
-        write_atomically(path, text.encode("utf-8", "replace"))  # a name need not be Unicode
-        return None
-
-    def report(self, path: PathLike) -> None:
-        """Write a report, HTML or PDF by the suffix of the file.
-
-        Parameters
-        ----------
-        path : str or os.PathLike
-            Ends in ``.html`` or ``.pdf``.
-
-        Raises
-        ------
-        InputError
-            If the suffix is another one or the file cannot be written.
-        """
-        from bayes_asv.report.render import write_report
-
-        write_report(self.document, path)
-
-    def lines(self) -> list[str]:
-        """State the result in sentences, as the command line prints them."""
-        raise NotImplementedError
-
-    def __str__(self) -> str:
-        return "\n".join(self.lines())
 
     def __repr__(self) -> str:
         car = plain(self.vehicle.name)[:_MAX_NAME]

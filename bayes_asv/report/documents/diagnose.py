@@ -21,7 +21,13 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.report.documents.force_curves import force_curves
-from bayes_asv.report.documents.quantities import Units, damper_rates, effect_value, parameter
+from bayes_asv.report.documents.quantities import (
+    Units,
+    damper_rates,
+    effect_value,
+    parameter,
+    without_single_rate,
+)
 from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema import diagnose as schema
 from bayes_asv.report.schema.parts import (
@@ -234,8 +240,11 @@ def nominal_quantities(diagnosis: Diagnosis) -> dict[str, float]:
 
 
 def _parameters(draws: dict[str, Array] | None, diagnosis: Diagnosis) -> dict[str, Parameter]:
+    free_form = without_single_rate(diagnosis.dampers)
     return {
-        name: parameter(name, draws[name], diagnosis.vehicle, nominal)
+        name: parameter(name, draws[name], diagnosis.vehicle, nominal).model_copy(
+            update={"withheld": name in free_form}
+        )
         for name, nominal in nominal_quantities(diagnosis).items()
         if draws and name in draws
     }

@@ -24,6 +24,7 @@ from bayes_asv.report.documents.quantities import (
     parameter,
     provenance,
     summary,
+    without_single_rate,
 )
 from bayes_asv.report.documents.runs import pooled_fit, run_consistency, run_document
 from bayes_asv.report.schema import EstimateDocument
@@ -44,8 +45,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
     """Document of an estimate from :func:`bayes_asv.estimation.estimate`, of any verdict."""
     vehicle, agreement, car = result.vehicle, result.agreement, result.car
     units, nominal = Units(vehicle.units), result.nominal
-    rates = [damper.parameter for damper in result.dampers if damper.free_form]
-    free_form = {*rates, *(name.replace("c_", "zeta_", 1) for name in rates)}
+    free_form = without_single_rate(result.dampers)
     origin = provenance(
         ((r.source, r.sha256) for r in result.recordings), vehicle, _PACKAGES, result.seed
     )

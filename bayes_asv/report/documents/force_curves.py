@@ -14,7 +14,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fitted_model import FittedModel
-from bayes_asv.report.documents.quantities import Units
+from bayes_asv.report.documents.quantities import Units, without_single_rate
 from bayes_asv.report.schema import diagnose as schema
 from bayes_asv.report.schema.parts import EffectValue
 
@@ -159,8 +159,8 @@ def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, 
     drawn = model.space.quantities(z, diagnosis.seed)
     car = model.space.car
     out: dict[str, Array] = {}
-    # what is told of a free curve is another rate than the one that it is a multiple of
-    free = {damper.parameter for damper in diagnosis.dampers if damper.free_form}
+    # the reported rate of a free curve is not the one that the curve is a multiple of
+    free = without_single_rate(diagnosis.dampers)
     for name in [name for element in car.elements for name in (element.damping, element.spring)]:
         if name in free:
             out[name] = drawn[name]

@@ -40,6 +40,7 @@ __all__ = [
     "parameter",
     "provenance",
     "summary",
+    "without_single_rate",
 ]
 
 Array = NDArray[np.float64]
@@ -155,6 +156,11 @@ def damper_rates(damper: DampingRates, units: Units) -> schema.DampingRates:
             for one in damper.shapes
         ],
     )
+
+
+def without_single_rate(dampers: Iterable[DampingRates]) -> set[str]:
+    """Names of the parameters of dampers with a free curve, which no nominal value is held to."""
+    return {name for damper in dampers if damper.free_form for name in damper.names}
 
 
 def effects(draws: Mapping[Site, Mapping[str, Array]], vehicle: Vehicle) -> list[Effect]:
