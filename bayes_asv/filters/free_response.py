@@ -68,14 +68,10 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         Q = np.zeros((nu, nx, nx, 1))
         work = np.empty((nx, nx, 1))
         impulse = np.empty((nx, nu, 1))
-        W0 = np.zeros((nf, ne, 1))
-        W1 = np.zeros((nf, ne, 1))
-        W2 = np.zeros((nf, ne, 1))
+        W = np.zeros((3, nf, ne, 1))
         last = np.zeros((3, ne, 1))
-        now = np.zeros((ne, 1))
-        then = np.zeros((ne, 1))
-        early = np.zeros((ne, coupled, 1))
-        late = np.zeros((ne, coupled, 1))
+        forces = np.zeros((2, ne, 1))
+        slopes = np.zeros((2, ne, coupled, 1))
         rate = np.zeros((2, ne, 1))
         by = np.zeros((2, ne, coupled, 1))
         series = np.zeros((4, nm, 1))
@@ -98,7 +94,7 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                     discretize(nx, nd, nu, rows, 1, h, powers, B, N, base, Q, work, impulse)
                     if ne > 0:
                         force_weights(
-                            nx, ne, 1, h, powers, E, pole, base, W0, W1, W2, room[:, 0], room[:, 1]
+                            nx, ne, 1, h, powers, E, pole, base, W, room[:, 0], room[:, 1]
                         )
                 advance_mean(nx, nu, rows, coupled, 1, base, drive, k, moments, mean, ahead)
                 if ne > 0:
@@ -106,8 +102,8 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                     h_before = h
                     advance_forces(
                         nx, ne, nd, nu, nm, 1, nonlinear, table, rates, powers, B, E, N, pole, mean,
-                        k, h, up, back, inputs, elapsed, added, W0, W1, W2, last, now, then, early,
-                        late, rate, by, series, ahead,
+                        k, h, up, back, inputs, elapsed, added, W, last, forces, slopes,
+                        rate, by, series, ahead,
                     )  # fmt: skip
                 for a in range(rows):
                     mean[a, 0] = ahead[a, 0]

@@ -282,14 +282,10 @@ def _compiled(
         intensity = np.empty((nu, lanes))
         work = np.empty((nx, nx, lanes))
         impulse = np.empty((nx, nu, lanes))
-        W0 = np.zeros((nf, ne, lanes))
-        W1 = np.zeros((nf, ne, lanes))
-        W2 = np.zeros((nf, ne, lanes))
+        W = np.zeros((3, nf, ne, lanes))
         last = np.zeros((3, ne, lanes))
-        now = np.zeros((ne, lanes))
-        then = np.zeros((ne, lanes))
-        early = np.zeros((ne, coupled, lanes))
-        late = np.zeros((ne, coupled, lanes))
+        forces = np.zeros((2, ne, lanes))
+        slopes = np.zeros((2, ne, coupled, lanes))
         rate = np.zeros((2, ne, lanes))
         by = np.zeros((2, ne, coupled, lanes))
         series = np.zeros((4, nm, lanes))
@@ -304,9 +300,7 @@ def _compiled(
                     discretize(nx, nd, nu, rows, lanes, h, powers, B, N, base, Q, work, impulse)
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     if ne > 0:
-                        force_weights(
-                            nx, ne, lanes, h, powers, E, pole, base, W0, W1, W2, T[:, 0], T[:, 1]
-                        )
+                        force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[:, 0], T[:, 1])
                     carry[:] = base
                 for u in range(nu):
                     for q in range(lanes):
@@ -317,12 +311,12 @@ def _compiled(
                     h_before = h
                     advance_forces(
                         nx, ne, nd, nu, nm, lanes, nonlinear, table, rates, powers, B, E, N, pole,
-                        mean, k, h, up, back, inputs, elapsed, added, W0, W1, W2, last, now, then,
-                        early, late, rate, by, series, ahead,
+                        mean, k, h, up, back, inputs, elapsed, added, W, last, forces, slopes,
+                        rate, by, series, ahead,
                     )  # fmt: skip
                     if nonlinear:
                         linearise(
-                            nf, ne, nm, coupled, lanes, base, W0, W1, W2, up, back, early, late,
+                            nf, ne, nm, coupled, lanes, base, W, up, back, slopes,
                             by, series, carry,
                         )  # fmt: skip
                 for a in range(rows):

@@ -58,16 +58,14 @@ def force_weights(
     E: Array,
     pole: float,
     base: Array,
-    W0: Array,
-    W1: Array,
-    W2: Array,
+    W: Array,
     term: Array,
     after: Array,
 ) -> None:
     """Fill what one step of length h makes of filtered and of new forces.
 
-    Columns nx … nx + ne of ``base`` carry φ at the step's beginning, ``W0`` (nx + ne, ne, L) a
-    force that is constant over the step, ``W1`` one that grows from zero to one newton, ``W2`` one
+    Columns nx … nx + ne of ``base`` carry φ at the step's beginning.  ``W`` (3, nx + ne, ne, L)
+    carries a force that is constant over the step, one that grows from zero to one newton, and one
     of (s² − s)/2 newton at the share s of the step.  ``term`` and ``after`` (nx + ne, L) are room
     to work in.
     """
@@ -75,15 +73,15 @@ def force_weights(
         for a in range(nx + ne):
             for q in range(lanes):
                 term[a, q] = 1.0 if a == nx + e else 0.0
-                base[a, nx + e, q] = W0[a, e, q] = W1[a, e, q] = W2[a, e, q] = 0.0
+                base[a, nx + e, q] = W[0, a, e, q] = W[1, a, e, q] = W[2, a, e, q] = 0.0
         for j in range(TAYLOR + 8):
             for a in range(nx + ne):
                 for q in range(lanes):
                     base[a, nx + e, q] += term[a, q]
-                    W0[a, e, q] += term[a, q] * pole * h / (j + 1)
+                    W[0, a, e, q] += term[a, q] * pole * h / (j + 1)
                     linear = term[a, q] * pole * h / ((j + 1) * (j + 2))
-                    W1[a, e, q] += linear
-                    W2[a, e, q] += linear * (1.0 / (j + 3) - 0.5)
+                    W[1, a, e, q] += linear
+                    W[2, a, e, q] += linear * (1.0 / (j + 3) - 0.5)
             for a in range(nx):
                 for q in range(lanes):
                     total = 0.0
@@ -352,14 +350,10 @@ def advance_forces(
     inputs: Array,
     elapsed: Array,
     added: Array,
-    W0: Array,
-    W1: Array,
-    W2: Array,
+    W: Array,
     last: Array,
-    now: Array,
-    then: Array,
-    early: Array,
-    late: Array,
+    forces: Array,
+    slopes: Array,
     rate: Array,
     by: Array,
     series: Array,
@@ -367,13 +361,13 @@ def advance_forces(
 ) -> None:
     """Add to ``ahead`` (nx + ne + nm, L) what the forces of step k do over it.
 
-    ``early`` and ``late`` (ne, coupled, L) get the slopes of the forces at both ends; ``nonlinear``
-    says whether there are any laws beside the forces ``added`` (N, ne), which go straight from
-    instant to instant.  ``up`` and ``back`` are the weights of :func:`bend_weights`; ``last``
-    (3, ne, L) keeps forces and rates of the step's beginning for the next one.  ``rate`` (2, ne, L)
-    and ``by`` (2, ne, coupled, L) get the rates of deflection at both ends and their slopes,
-    ``series`` (4, nm, L) what a damper in series with a stiffness makes of its force and of those
-    rates, and the rate at the damper.
+    ``forces`` (2, ne, L) and ``slopes`` (2, ne, coupled, L) get the forces at both ends and their
+    slopes, ``rate`` (2, ne, L) and ``by`` (2, ne, coupled, L) the rates of deflection there and
+    theirs; ``nonlinear`` says whether there are any laws beside the forces ``added`` (N, ne), which
+    go straight from instant to instant.  ``up`` and ``back`` are those of :func:`bend_weights`.
+    ``last`` (3, ne, L) holds force and rate at the beginning of the step before, and room for a
+    force; it is made ready for the next step.  ``series`` (4, nm, L) gets what a damper in series
+    with a stiffness makes of its force and of the rates at both ends, and the rate at the damper.
     """
     if nonlinear:
         _rates(
@@ -382,18 +376,18 @@ def advance_forces(
         )  # fmt: skip
         _forces(
             nx, ne, nd, nu, nm, lanes, table, rates, pole, mean, k - 1, elapsed, rate[0], by[0],
-            now, early,
+            forces[0], slopes[0],
         )  # fmt: skip
         for e in range(ne):
             for q in range(lanes):
-                last[2, e, q] = now[e, q]
+                last[2, e, q] = forces[0, e, q]
     for e in range(ne):
         for q in range(lanes):
-            now[e, q] = now[e, q] + added[k - 1, e] if nonlinear else added[k - 1, e]
+            forces[0, e, q] = forces[0, e, q] + added[k - 1, e] if nonlinear else added[k - 1, e]
     for a in range(nx + ne):
         for e in range(ne):
             for q in range(lanes):
-                ahead[a, q] += W0[a, e, q] * now[e, q]
+                ahead[a, q] += W[0, a, e, q] * forces[0, e, q]
     if nonlinear:
         _rates(
             nx, ne, nd, nu, nm, lanes, powers, B, E, N, pole, ahead, mean, k, inputs, rate[1], by[1]
@@ -404,22 +398,22 @@ def advance_forces(
         )  # fmt: skip
         _forces(
             nx, ne, nd, nu, nm, lanes, table, rates, pole, ahead, k, elapsed, rate[1], by[1],
-            then, late,
+            forces[1], slopes[1],
         )  # fmt: skip
         for e in range(ne):
             for q in range(lanes):
                 force = last[2, e, q]
-                bend = up * (then[e, q] - force) - back * (force - last[0, e, q])
+                bend = up * (forces[1, e, q] - force) - back * (force - last[0, e, q])
                 for a in range(nx + ne):
-                    ahead[a, q] += W2[a, e, q] * bend
+                    ahead[a, q] += W[2, a, e, q] * bend
                 last[0, e, q], last[1, e, q] = force, rate[0, e, q]
     for e in range(ne):
         for q in range(lanes):
-            then[e, q] = then[e, q] + added[k, e] if nonlinear else added[k, e]
+            forces[1, e, q] = forces[1, e, q] + added[k, e] if nonlinear else added[k, e]
     for a in range(nx + ne):
         for e in range(ne):
             for q in range(lanes):
-                ahead[a, q] += W1[a, e, q] * (then[e, q] - now[e, q])
+                ahead[a, q] += W[1, a, e, q] * (forces[1, e, q] - forces[0, e, q])
 
 
 @njit(**INLINE)
@@ -430,22 +424,20 @@ def linearise(
     coupled: int,
     lanes: int,
     base: Array,
-    W0: Array,
-    W1: Array,
-    W2: Array,
+    W: Array,
     up: float,
     back: float,
-    early: Array,
-    late: Array,
+    slopes: Array,
     by: Array,
     series: Array,
     carry: Array,
 ) -> None:
     """Fill the Jacobian ``carry`` (nf + nm, coupled, L) of a step with forces that change along it.
 
-    ``base`` holds that of the linear car and of the filtered forces, its first nf rows; ``early``
-    and ``late`` (ne, coupled, L) the slopes of the forces at the step's beginning and at its
-    predicted end; ``by`` and ``series`` are as :func:`advance_forces` leaves them.
+    ``base`` holds that of the linear car and of the filtered forces, its first nf rows;
+    ``slopes`` (2, ne, coupled, L) those of the forces at the step's beginning and at its predicted
+    end, the first of which is overwritten; ``by`` and ``series`` are as :func:`advance_forces`
+    leaves them.
     """
     rows = nf + nm
     for a in range(nf):
@@ -453,7 +445,7 @@ def linearise(
             for q in range(lanes):
                 slope = base[a, b, q]
                 for e in range(ne):
-                    slope += (W0[a, e, q] - back * W2[a, e, q]) * early[e, b, q]
+                    slope += (W[0, a, e, q] - back * W[2, a, e, q]) * slopes[0, e, b, q]
                 carry[a, b, q] = slope
     for e in range(nm):
         for b in range(coupled):
@@ -466,20 +458,20 @@ def linearise(
     for e in range(ne):
         for b in range(coupled):
             for q in range(lanes):
-                early[e, b, q] = -early[e, b, q]
+                slopes[0, e, b, q] = -slopes[0, e, b, q]
         for b in range(rows, coupled):
             for q in range(lanes):
-                early[e, b, q] += late[e, b, q]
+                slopes[0, e, b, q] += slopes[1, e, b, q]
         for b in range(coupled):
             for q in range(lanes):
                 for a in range(rows):
-                    early[e, b, q] += late[e, a, q] * carry[a, b, q]
+                    slopes[0, e, b, q] += slopes[1, e, a, q] * carry[a, b, q]
     for a in range(nf):
         for b in range(coupled):
             for q in range(lanes):
                 slope = carry[a, b, q]
                 for e in range(ne):
-                    slope += (W1[a, e, q] + up * W2[a, e, q]) * early[e, b, q]
+                    slope += (W[1, a, e, q] + up * W[2, a, e, q]) * slopes[0, e, b, q]
                 carry[a, b, q] = slope
 
 
