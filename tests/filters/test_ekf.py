@@ -82,7 +82,11 @@ def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str) -> None:
-    """The car moves, then the sensors filter: states of the true motion, not of the filtered."""
+    """The car moves, then the sensors filter: states of the true motion, not of the filtered.
+
+    Forces that went straight from sample to sample would miss 1.1 % of friction, 0.28 % of unequal
+    sides and 0.22 % of a stop.
+    """
     where = site(name)
     law = EFFECTS[where.effect.name].force
     assert law is not None
@@ -92,7 +96,10 @@ def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str)
         return float(law(CASES[name], c, k, x[2 * axle], x[2 * axle + 1], share))
 
     output, wanted = _simulated(target, {where: CASES[name]}, axle, force)
-    assert np.sqrt(np.mean((output - wanted) ** 2)) < 0.01 * np.sqrt(np.mean(wanted**2))
+    linear, _ = _simulated(target, {}, axle, lambda x, share, c, k: 0.0)
+    bound = 0.006 if where.effect.name == "coulomb_friction" else 0.002
+    error = np.sqrt(np.mean((output - wanted) ** 2))
+    assert error < bound * np.sqrt(np.mean((wanted - linear) ** 2))
 
 
 def test_a_damper_in_series_with_a_stiffness_lags(target: Posterior) -> None:
@@ -115,8 +122,7 @@ def test_a_damper_in_series_with_a_stiffness_lags(target: Posterior) -> None:
     output, wanted = _simulated(target, SERIES, 0, force, lambda x, c: x[1] - rate(x, c))
     linear, _ = _simulated(target, {}, 0, lambda x, share, c, k: 0.0)
     error = np.sqrt(np.mean((output - wanted) ** 2))
-    assert error < 0.01 * np.sqrt(np.mean(wanted**2))
-    assert error < 0.02 * np.sqrt(np.mean((output - linear) ** 2))
+    assert error < 0.0013 * np.sqrt(np.mean((wanted - linear) ** 2))
 
 
 def test_a_very_stiff_mount_is_none(target: Posterior) -> None:
