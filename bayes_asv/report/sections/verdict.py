@@ -251,7 +251,10 @@ def cards(
     shown = {name: parameters[name] for name in answers(parameters)}
     compared = {name: compare_parameter(name, p) for name, p in shown.items()}
     spans = [
-        abs(v / p.nominal - 1.0) for p in shown.values() if p.nominal for v in (*p.eti95, p.mean)
+        abs(v / p.nominal - 1.0)
+        for name, p in shown.items()
+        if compared[name] is not None and p.nominal
+        for v in (*p.eti95, p.mean)
     ]
     # One scale for all cards, so that they can be compared.
     scale = next((s for s in _SCALES if max(spans, default=0.1) <= s), _SCALES[-1])
@@ -266,6 +269,8 @@ def cards(
             "nominal": f"nominal {number(p.nominal)}",
             "sense": "", "words": "", "tone": "muted", "gauge": "", "alt": "",
         }  # fmt: skip
+        if p.withheld:
+            card["words"] = "not compared with the nominal value"
         comparison = compared[name]
         if comparison is not None and p.nominal:
             tone = TONES[comparison.sense] if reliable else "muted"
