@@ -37,7 +37,14 @@ from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
 from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.free_simulation import FreeRun, free_run
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs, unidentified_before_fit
+from bayes_asv.posterior.map_fit import (
+    MapFit,
+    best_fit,
+    fit_near_declared_noise,
+    prepare_runs,
+    unidentified_before_fit,
+)
+from bayes_asv.posterior.model_error import draw_cars, model_error
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
 from bayes_asv.preprocessing.resampling import at_own_rate
@@ -360,16 +367,23 @@ def _estimate_prepared(
                     if timed is None
                     else fitted(timed, sites)
                 )
-                reasons, warnings = found.reasons, warnings + found.warnings
+                reasons = found.reasons
                 # At the mode the same is known better than at nominal values.
                 unidentified = () if found.mode.converged else unidentified
             sampler = loading.result()
-    warnings += unidentified
+    whole = below is None and likelihood == "innovations" and timed is None
+    lacking = None
+    if whole and found is not None and (found.faults or sites):
+        found, lacking = _with_model_error(found, vehicle)
+        reasons = found.reasons
     doubt = None
     if below is None and not sites:
         tell(0.05, "checking the input")
         at_mode = recordings if timed is None else timed.recordings
         doubt = check_input(at_mode, vehicle, car, refused=bool(reasons))
+    if whole and found is not None and lacking is None and doubt and not doubt.model_holds:
+        found, lacking = _with_model_error(found, vehicle)
+    warnings += (*(() if found is None else found.warnings), *unidentified)
     if timed is not None and timed.ambiguity is not None:
         warnings += (timed.ambiguity,)
         doubt = doubt or Doubt((), timed.ambiguity)
@@ -390,14 +404,20 @@ def _estimate_prepared(
         warnings = (doubt.sentence, *warnings)
     where, target = found.space, found.target
     tell(0.1, "sampling")
-    ensembles = sampler.run_ensembles(
+    if lacking is not None:
+        rng, spread = np.random.default_rng([seed, 29]), found.mode.covariance + lacking
+        cars = draw_cars(where, found.mode.z, spread, math.prod(_APART), rng)
+        ensembles = sampler.independent_draws(target, cars.reshape(*_APART, -1))
+    else:
         # the parameters of a force law are too far from linear for an expansion at the mode
-        target if timed is None or sites else target.expanded(found.mode.z, found.mode.covariance),
-        found.mode,
-        seed,
-        None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
-        _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
-    )
+        exact_form = timed is None or bool(sites)
+        ensembles = sampler.run_ensembles(
+            target if exact_form else target.expanded(found.mode.z, found.mode.covariance),
+            found.mode,
+            seed,
+            None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
+            _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
+        )
     if any(site.effect.free_form for site in sites):
         ensembles = ensembles.thinned(MAX_DRAWS)
     flat = ensembles.draws.reshape(-1, where.dimension)
@@ -415,7 +435,7 @@ def _estimate_prepared(
         _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
     )
     exact = timed is None or not any(timed.modes)
-    budget = ensembles.converged and exact and not sites
+    budget = ensembles.converged and exact and not sites and lacking is None
     dampers = damping_rates(target, found.mode.z, flat, draws)
     draws = with_equal_power(draws, dampers)
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
@@ -450,6 +470,19 @@ def _estimate_prepared(
             for site, values in where.effect_draws(flat).items()
         },
     )
+
+
+def _with_model_error(found: MapFit, vehicle: Vehicle) -> tuple[MapFit, Array | None]:
+    """Fit again with noise levels near the declared ones, and say how far that mode may be off.
+
+    Returns the fit as it was where that one explains too little, or lacks nothing.  A climb through
+    a misfit settles less closely than one through noise: what it leaves is far below the error of
+    the model.
+    """
+    near = fit_near_declared_noise(found, vehicle)
+    assert near.near is not None
+    error = model_error(near.near)
+    return (found, None) if near.reasons or not error.any() else (near, error)
 
 
 def _no_single_rate(damper: DampingRates) -> str:

@@ -79,10 +79,13 @@ class Doubt:
         does.
     sentence : str
         What is probably wrong and what to do.
+    model_holds : bool
+        Whether the car as given explains the recordings down to the noise of the sensors.
     """
 
     mistakes: tuple[Mistake, ...]
     sentence: str
+    model_holds: bool = True
 
 
 def check_input(
@@ -116,19 +119,20 @@ def check_input(
     if not mistakes and fit is not None and not refused:
         mistakes = nominal_mistakes(vehicle, car_model(car, vehicle), fit.values)
     if mistakes:
-        return Doubt(tuple(mistakes), _sentence(mistakes))
+        return Doubt(tuple(mistakes), _sentence(mistakes), holds)
     if refused:
         return None  # a refusal has reasons of its own
     if moved:
         assert fit is not None
-        return Doubt((), _contradiction(moved, fit.values, vehicle))
+        return Doubt((), _contradiction(moved, fit.values, vehicle), holds)
     if holds:
         return None
     return Doubt(
         (),
-        "the linear car does not explain the recording down to the noise of the sensors, so the "
-        "intervals are too narrow for a verdict on a damper; bayes-asv diagnose says what is "
-        "missing",
+        "the linear car does not explain the recording down to the noise of the sensors; the "
+        "intervals allow for that, but no verdict on a damper is given until 'bayes-asv diagnose' "
+        "has found what is missing",
+        model_holds=False,
     )
 
 

@@ -35,6 +35,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
 from bayes_asv.models.effects import BOTH, Site
 from bayes_asv.posterior.effect_fit import Candidate, added
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
+from bayes_asv.posterior.model_error import draw_cars
 
 __all__ = [
     "CandidateGroup",
@@ -329,7 +330,7 @@ def draw_quantities(posteriors: list[WeightedPosterior], seed: int) -> dict[str,
     weights = np.array([one.weight for one in posteriors])
     counts = rng.multinomial(_DRAWS, weights / weights.sum())
     parts = [
-        model.space.quantities(rng.multivariate_normal(mean, covariance, n, method="eigh"), seed)
+        model.space.quantities(draw_cars(model.space, mean, covariance, n, rng), seed)
         for n, (_, model, mean, covariance) in zip(counts, posteriors, strict=True)
         if n > 1
     ]
@@ -351,7 +352,7 @@ def draw_dampers(
     """
     rng = np.random.default_rng([seed, 53])
     mean = model.mode.z + evidence.mode_shift
-    z = rng.multivariate_normal(mean, evidence.covariance, MAX_DRAWS, method="eigh")
+    z = draw_cars(model.space, mean, evidence.covariance, MAX_DRAWS, rng)
     draws = model.space.quantities(z, seed)
     dampers = damping_rates(model.target, model.mode.z, z, draws)
     rates = with_equal_power(draws, dampers)
@@ -364,5 +365,5 @@ def draw_effects(
     """Draw the parameters of a model's effects under the tolerance prior, by site."""
     rng = np.random.default_rng([seed, 52])
     mean = model.mode.z + evidence.mode_shift
-    z = rng.multivariate_normal(mean, evidence.covariance, _DRAWS, method="eigh")
+    z = draw_cars(model.space, mean, evidence.covariance, _DRAWS, rng)
     return {str(site): values for site, values in model.space.effect_draws(z).items()}

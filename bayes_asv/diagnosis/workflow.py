@@ -60,6 +60,7 @@ from bayes_asv.models.effects import Site
 from bayes_asv.posterior.clock_errors import synchronised
 from bayes_asv.posterior.fitted_model import base, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.posterior.model_error import model_error
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
@@ -154,7 +155,13 @@ def diagnose(
     linear = given.linear
     before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
     final = assessed.on_inputs_as_read
-    dampers, rates = draw_dampers(final, assessed.evidence, seed)
+    posteriors, spread = selection.posteriors, assessed.evidence
+    if unexplained.detected:
+        posteriors = [
+            one._replace(covariance=one.covariance + model_error(one.model)) for one in posteriors
+        ]
+        spread = replace(spread, covariance=spread.covariance + model_error(assessed.model))
+    dampers, rates = draw_dampers(final, spread, seed)
     return Diagnosis(
         verdict=verdict,
         reasons=(),
@@ -175,8 +182,8 @@ def diagnose(
         base_model=search.without_tones.linear,
         final_model=final,
         quantities_before=draw_quantities([before], seed),
-        quantities_after={**draw_quantities(selection.posteriors, seed), **rates},
-        effect_draws=draw_effects(assessed.model, assessed.evidence, seed),
+        quantities_after={**draw_quantities(posteriors, seed), **rates},
+        effect_draws=draw_effects(assessed.model, spread, seed),
         dampers=dampers,
         seconds=time.perf_counter() - clock,
     )

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.models.car_model import CarModel, state_space
+from bayes_asv.models.car_model import CarModel, Values, state_space
 from bayes_asv.models.half_car import HalfCar, deflection_form
 
-__all__ = ["Mode", "modes", "nominal_modes"]
+__all__ = ["Mode", "half_width", "modes", "nominal_modes"]
 
 
 class Mode(NamedTuple):
@@ -58,6 +58,22 @@ def nominal_modes(car: CarModel) -> list[Mode]:
     What is no motion of the body, such as a twist of the wheels that it cannot follow, is left out.
     """
     return _modes_of(state_space(car, car.nominal, ()).A[0])
+
+
+def half_width(car: CarModel, values: Values) -> float:
+    """Half width ζ f of a resonance of the body at half its power, Hz, the mean over its modes.
+
+    A mode's eigenvalues add up to −2 ζ ω, so that the mean is −tr A / 4π n for n elements.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    values : dict of str to (1,) array
+        Its parameters, SI units.
+    """
+    A = state_space(car, values, ()).A[0]
+    return float(-np.trace(A) / (4.0 * np.pi * len(car.elements)))
 
 
 def _modes_of(A: NDArray[np.float64]) -> list[Mode]:

@@ -28,6 +28,7 @@ from bayes_asv.posterior.fit_checks import (
 )
 from bayes_asv.posterior.fitted_model import (
     FittedModel,
+    base,
     make_dataset,
     transfer_coordinates,
     update_patterns_at,
@@ -62,6 +63,7 @@ from bayes_asv.preprocessing.tone_removal import (
 __all__ = [
     "MapFit",
     "best_fit",
+    "fit_near_declared_noise",
     "prepare_runs",
     "sensor_for",
     "unidentified_before_fit",
@@ -90,6 +92,8 @@ class MapFit:
     shares : tuple of float or None
         In a band, the share of its readings that each run counts for; see
         :class:`bayes_asv.posterior.band_fit.BandFit`.
+    near : FittedModel or None
+        The same model with noise levels near the declared ones, where that was fitted.
     """
 
     target: Posterior
@@ -98,6 +102,7 @@ class MapFit:
     warnings: tuple[str, ...]
     shares: tuple[float | None, ...] = ()
     faults: tuple[str, ...] = ()
+    near: FittedModel | None = None
 
     @property
     def space(self) -> ParameterSpace:
@@ -181,12 +186,38 @@ def best_fit(
         Its reasons say when the mode answers nothing or explains too little.
     """
     shares: tuple[float | None, ...] = ()
+    near = None
     if likelihood == "innovations" and lines[0].below is not None:
         mode, target, shares = fit_in_band(lines, vehicle)
     elif sites:
-        mode, target = _with_sites(lines, vehicle, sites)
+        mode, target, near = _with_sites(lines, vehicle, sites)
     else:
         mode, target = _at_full_band(lines, vehicle, likelihood)
+    return replace(_judged(target, mode, shares), near=near)
+
+
+def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
+    """Climb to the mode with noise levels near the declared ones and white innovations.
+
+    Where the model lacks something, noise levels that are free swell until it is noise, and a
+    colour gives the parts of the spectrum that the model explains worst the least weight; the
+    parameters then follow the rest of it.
+
+    Parameters
+    ----------
+    found : MapFit
+        From :func:`best_fit`, on the whole band.
+    vehicle : Vehicle
+        Gives the priors.
+    """
+    near = found.near or base(make_dataset(vehicle, found.space.timelines))
+    top = near.mode
+    mode = Mode(top.z, top.covariance, top.log_posterior, top.converged)
+    return replace(_judged(near.target, mode, ()), near=near)
+
+
+def _judged(target: Posterior, mode: Mode, shares: tuple[float | None, ...]) -> MapFit:
+    """Say whether a mode answers anything, and what to know about it."""
     where = target.space
     # A mode that has not settled leaves the word to the ensembles.
     reasons, warnings = _unmeasured(where, mode) if mode.converged else ([], [])
@@ -220,8 +251,11 @@ def _at_full_band(
 
 def _with_sites(
     lines: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
-) -> tuple[Mode, Posterior]:
-    """Climb to the mode of a model with effects, its noise levels free."""
+) -> tuple[Mode, Posterior, FittedModel]:
+    """Climb to the mode of a model with effects, its noise levels free.
+
+    Returns the model with noise levels near the declared ones as well.
+    """
     alone = tuple(replace(line, retimed=None) for line in lines)
     where, stage = with_effects(make_dataset(vehicle, alone), sites)
     whole = space(vehicle, lines, sites=stage.sites)
@@ -232,7 +266,7 @@ def _with_sites(
     start = stage.transfer(whole)
     start[whole.shared_dimension :] = whole.origin[whole.shared_dimension :]
     with shared_work(target) as shared:
-        return find_mode(shared, start), target
+        return find_mode(shared, start), target, stage
 
 
 def _retimed_patterns(

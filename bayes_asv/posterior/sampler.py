@@ -37,6 +37,7 @@ __all__ = [
     "Proposal",
     "WeightedDraws",
     "importance_sample",
+    "independent_draws",
     "run_ensembles",
 ]
 
@@ -222,6 +223,14 @@ def run_ensembles(
         converged=done,
         acceptance=float(np.mean([s.acceptance_fraction.mean() for s in samplers])),
     )
+
+
+def independent_draws(target: Density, draws: Array) -> Ensembles:
+    """Take independent draws (ENSEMBLES, S, D) for ensembles that have converged."""
+    count, _, d = draws.shape
+    rhat, bulk, tail = diagnose(draws.reshape(count, -1, 1, d))
+    log_posterior = target.log_posterior(draws.reshape(-1, d)).reshape(count, -1)
+    return Ensembles(draws, log_posterior, rhat, bulk, tail, converged=True, acceptance=math.nan)
 
 
 def diagnose(chains: Array) -> tuple[float, float, float]:

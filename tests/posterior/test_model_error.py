@@ -1,0 +1,59 @@
+"""The error that a mode owes to what its model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.posterior.fitted_model import FittedModel, base, make_dataset
+from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.posterior.model_error import draw_cars, model_error
+from benchmarks.real_cars import NAMES, driven
+
+
+def _fit(recordings: Sequence[Recording], vehicle: Vehicle) -> FittedModel:
+    lines, reasons, _ = prepare_runs(recordings, vehicle)
+    assert not reasons
+    return base(make_dataset(vehicle, lines))
+
+
+def test_exact_cars_have_none() -> None:
+    found = [model_error(_fit([recording], given)) for recording, given, _ in _drives(6, 0.0)]
+    assert sum(bool(one.any()) for one in found) <= 1  # one in a hundred by chance
+
+
+@pytest.mark.parametrize("size", [0.25, 1.0])
+def test_intervals_hold_the_truth_of_cars_that_the_model_is_not_quite(size: float) -> None:
+    rng = np.random.default_rng(0)
+    inside = {True: 0, False: 0}
+    drives = _drives(9, size)
+    for recording, given, truth in drives:
+        fit = _fit([recording], given)
+        for allowed in inside:
+            spread = fit.mode.covariance + model_error(fit) * allowed
+            z = draw_cars(fit.space, fit.mode.z, spread, 4000, rng)
+            draws = fit.space.quantities(z, 0)
+            for name in NAMES:
+                low, high = np.quantile(draws[name], [0.025, 0.975])
+                inside[allowed] += bool(low <= truth[name] <= high)
+    of = len(drives) * len(NAMES)
+    assert inside[True] >= 0.85 * of
+    assert inside[False] < 0.75 * of
+
+
+def test_more_of_the_same_drive_does_not_average_it_out() -> None:
+    recording, given, _ = driven(0, 0.5)
+    once, four = (_fit([recording] * n, given) for n in (1, 4))
+    of_car = slice(0, once.space.car_dimension)
+    one, many = (np.diag(model_error(fit))[of_car] for fit in (once, four))
+    assert np.all(many > 0.5 * one)
+    noise = [np.trace(fit.mode.covariance[of_car, of_car]) for fit in (once, four)]
+    assert noise[1] < noise[0]
+
+
+def _drives(count: int, size: float) -> list[tuple[Recording, Vehicle, dict[str, float]]]:
+    return [driven(300 + seed, size) for seed in range(count)]
