@@ -377,7 +377,7 @@ def _estimate_prepared(
         found, lacking = _with_model_error(found, vehicle)
         reasons = found.reasons
     doubt = None
-    if below is None and not sites:
+    if below is None and not sites and lines:
         tell(0.05, "checking the input")
         at_mode = recordings if timed is None else timed.recordings
         doubt = check_input(at_mode, vehicle, car, refused=bool(reasons))

@@ -62,6 +62,8 @@ WHEELS, CHASSIS = (0, 2), (1, 3)
 _RATES = (250.0, 400.0, 400.0, 500.0, 800.0)
 _SPEEDS = {"bump": (3.0, 6.0), "stops": (2.0, 4.0), "rough": (4.0, 9.0)}
 _PEAK = 60.0  # m/s² of a wheel, to which the road is lowered: 6 g
+_SPARSE = 0.25  # share of vehicle files that say nothing of noise and steps of the sensors
+_OF_SENSORS = ("noise", "resolution", "range")
 _TRAVEL = 0.8  # share of the travel to the stops that a drive uses at most
 
 
@@ -138,7 +140,7 @@ def _inverted(sense: Callable[[Array], Array], time: Array, noise: Array, rng: G
 
 
 def _late(sense: Callable[[Array], Array], time: Array, noise: Array, rng: Generator) -> Broken:
-    groups = (*((c,) for c in range(4)), *((c,) for c in range(4)), WHEELS, CHASSIS, (0, 1), (2, 3))
+    groups = (*((c,) for c in range(4)), WHEELS, CHASSIS)
     group = groups[int(rng.integers(len(groups)))]
     lag, delays = float(rng.uniform(0.005, 0.020)), np.zeros(4)
     delays[list(group)] = -lag
@@ -246,6 +248,8 @@ def draw_case(seed: int, number: int) -> Case:
     recording = Recording(time, readings, ("m/s^2",) * 4, (), f"case{number}.csv")
     units = cars.SI_UNITS
     text = cars.vehicle_file(design.name, "SI", design.values, units, sds, sensors, design.travel)
+    if rng.random() < _SPARSE and kind != "noisy":
+        text = "\n".join(line for line in text.splitlines() if not line.startswith(_OF_SENSORS))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "car.toml"
         path.write_text(text, encoding="utf-8")
@@ -286,7 +290,7 @@ def _road(
 ) -> Terrain:
     """Draw a road, lowered until the car keeps off its stops and its sensors in their range."""
     seed, length = int(rng.integers(2**31)), float(rng.uniform(0.6, 1.5))
-    height = design.road_height * float(rng.uniform(0.7, 1.0))
+    height = design.road_height * float(rng.uniform(0.2, 1.0))
     while True:
         road = {
             "bump": lambda: bump(height, length),  # noqa: B023 # called in this turn
@@ -340,8 +344,6 @@ def _watch(case: Case) -> Answer:
         return "refused", " | ".join(document.reasons)
     if getattr(document, "doubt", ""):
         return "doubt", document.doubt
-    if document.share_of_time < 0.95:  # from which on it says so
-        return "inconsistent", " | ".join(result.lines())
     return "ok", " | ".join(result.lines())
 
 

@@ -29,7 +29,10 @@ from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.models.car_model import CarModel
 
-__all__ = ["CORRECT", "INDEX_RANGE", "Hypothesis", "Mistake", "hypotheses", "nominal_mistakes"]
+__all__ = [
+    "CORRECT", "INDEX_RANGE", "Hypothesis", "Mistake", "hypotheses", "implausible_values",
+    "nominal_mistakes",
+]  # fmt: skip
 
 Corrected = tuple[Recording, Vehicle]
 
@@ -445,6 +448,15 @@ INDEX_RANGE = (0.3, 2.5)
 """Dynamic index beyond which something is wrong; that of cars is near one (Gillespie 1992,
 Fundamentals of Vehicle Dynamics, ch. 5)."""
 
+_RATIOS = (0.01, 3.0)
+"""Damping ratios of an axle between which all cars are.  Passenger cars have 0.2 to 0.4 and racing
+cars up to one (Dixon 2007, The Shock Absorber Handbook, ch. 3); a damper without oil leaves the
+friction of its bushes, and the rate of a racing damper at low speed is up to three times its mean.
+"""
+_RIDE_FREQUENCIES = (0.4, 12.0)
+"""Hz: half of the softest and nearly twice the stiffest car, which runs on its tyres (Milliken &
+Milliken 1995, Race Car Vehicle Dynamics, ch. 16)."""
+
 
 @dataclass(frozen=True)
 class Mistake:
@@ -463,6 +475,49 @@ class Mistake:
     words: str
     fix: str
     probability: float
+
+
+def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
+    """Say where a fitted car is none that anybody builds.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car that was estimated.
+    values : mapping of str to float
+        Its parameters as estimated, SI units.
+
+    Returns
+    -------
+    list of Mistake
+        One an element whose damping ratio c/(2√(k m)) or natural frequency √(k/m)/2π, with m the
+        sprung mass that it bears, is outside the range of all cars.
+    """
+    if car.derived is None:
+        return []
+    derived = car.derived({name: np.array([value]) for name, value in values.items()})
+    out = []
+    for element in car.elements:
+        ratio = derived.get(element.damping.replace("c_", "zeta_", 1))
+        if ratio is None:
+            continue
+        zeta = float(ratio[0])
+        frequency = zeta * values[element.spring] / (math.pi * values[element.damping])
+        if not _RATIOS[0] <= zeta <= _RATIOS[1]:
+            what = f"the estimated {QUANTITIES[element.damping][1]} means a damping ratio of {zeta:.2g}"
+        elif not _RIDE_FREQUENCIES[0] <= frequency <= _RIDE_FREQUENCIES[1]:
+            what = (
+                f"the {QUANTITIES[element.spring][1]} and the mass on it mean a natural frequency of "
+                f"{frequency:.2g} Hz"
+            )
+        else:
+            continue
+        out.append(
+            Mistake(
+                f"{what}, as no car has", "check channels, units, spring rates and sprung mass", 1.0
+            )
+        )
+    return out
 
 
 def nominal_mistakes(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> list[Mistake]:

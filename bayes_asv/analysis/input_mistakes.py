@@ -35,15 +35,23 @@ from bayes_asv.analysis.input_hypotheses import (
     Hypothesis,
     Mistake,
     hypotheses,
+    implausible_values,
     nominal_mistakes,
 )
-from bayes_asv.analysis.screening_fit import COARSE_STEPS, STEPS, Fit, screening_fit
+from bayes_asv.analysis.screening_fit import (
+    COARSE_STEPS,
+    STEPS,
+    Fit,
+    holds_throughout,
+    screening_fit,
+)
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.activity import cut, most_active_rows, wheel_power
+from bayes_asv.preprocessing.stuck_readings import stuck_channels
 
 __all__ = [
     "Doubt",
@@ -93,9 +101,10 @@ def check_input(
 ) -> Doubt | None:
     """Check the input of an estimate and look for a mistake where something is wrong.
 
-    Something is wrong where the data move a given value by more than `_MOVED` of its deviations,
-    where the rear wheels lead, or where the innovations have a long-run variance that noise as
-    declared cannot explain.
+    Something is wrong where a channel holds its value or another one's, where the data move a given
+    value by more than `_MOVED` of its deviations, where the rear wheels lead, where the innovations
+    have a long-run variance that noise as declared cannot explain, or where the fitted car is none
+    that anybody builds.
 
     Parameters
     ----------
@@ -109,15 +118,23 @@ def check_input(
     Doubt or None
         None where nothing speaks against the estimate.
     """
+    model = car_model(car, vehicle)
     recordings = recordings[:_RUNS]
+    stuck = [why for one in recordings for why in stuck_channels(one, vehicle, model)]
+    if stuck:
+        known = [Mistake(*why.split("; ", 1), probability=1.0) for why in stuck]
+        return Doubt(tuple(known), "; ".join(stuck))
     fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
     moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
     holds = fit is not None and fit.holds
+    if fit is not None and holds:
+        holds = all(holds_throughout(fit, one, vehicle, car, _SECONDS) for one in recordings)
     mistakes: list[Mistake] = []
     if moved or not holds or rear_leads(recordings):
         mistakes = likely_mistakes(recordings, vehicle, car)
     if not mistakes and fit is not None and not refused:
-        mistakes = nominal_mistakes(vehicle, car_model(car, vehicle), fit.values)
+        mistakes = implausible_values(model, fit.values)
+        mistakes = mistakes or nominal_mistakes(vehicle, model, fit.values)
     if mistakes:
         return Doubt(tuple(mistakes), _sentence(mistakes), holds)
     if refused:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,15 +19,18 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
+from bayes_asv.preprocessing.activity import wheel_power
 from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
 
-__all__ = ["COARSE_STEPS", "STEPS", "Fit", "screening_fit"]
+__all__ = ["COARSE_STEPS", "STEPS", "Fit", "holds_throughout", "screening_fit"]
 
 Array = NDArray[np.float64]
 
 STEPS, COARSE_STEPS = 25, 6  # evaluations of the Jacobian at most; the right model needs six
 _HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
+_LIVELY = 0.25  # of the power of the most lively stretch
+_FEWEST = 50  # readings of an output in a stretch
 _MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
 
 
@@ -47,6 +51,8 @@ class Fit(NamedTuple):
         Given values at the mode, in deviations from what was given.
     values : dict of str to float
         Parameters of the car at the mode, SI units.
+    shared : (n,) array
+        Coordinates of the car at the mode.
     """
 
     log_posterior: float
@@ -55,6 +61,7 @@ class Fit(NamedTuple):
     holds: bool
     moved: dict[str, float]
     values: dict[str, float]
+    shared: Array
 
 
 def screening_fit(
@@ -132,8 +139,49 @@ def screening_fit(
         for run, line in enumerate(lines)
     ]
     dispersion = max(1.0, *spread)
-    filtered = max(_of_filtered_noise(line) for line in lines)
-    return Fit(value, noise_factor, dispersion, dispersion < _HOLDS * filtered, moved, values)
+    holds = dispersion < _HOLDS * max(_of_filtered_noise(line) for line in lines)
+    return Fit(value, noise_factor, dispersion, holds, moved, values, fit.x)
+
+
+def holds_throughout(
+    fit: Fit, recording: Recording, vehicle: Vehicle, car: str, seconds: float
+) -> bool:
+    """Whether a fit to a stretch of a recording explains the rest of it as well.
+
+    Parameters
+    ----------
+    fit : Fit
+        To the stretch in which the wheels move most.
+    recording : Recording
+        All of it, with enough readings of every channel.
+    vehicle, car : Vehicle and str
+        As for :func:`screening_fit`.
+    seconds : float
+        Length of a stretch.  Stretches with less than `_LIVELY` of the wheels' power in the most
+        lively one are left out: the errors of a converter at rest are no noise.
+
+    Returns
+    -------
+    bool
+    """
+    model = car_model(car, vehicle)
+    line = prepare(recording, vehicle, model)
+    target = Posterior(space(vehicle, (line,)), (WHITE,))
+    z = np.zeros(target.space.dimension)
+    z[: len(fit.shared)] = fit.shared
+    innovations, use = target.innovations(z, 0), line.kind == VALUE
+    power = np.interp(line.instants, recording.time, wheel_power(recording, vehicle))
+    first, last = float(line.instants[0]), float(line.instants[-1])
+    count = max(round((last - first) / seconds), 1)
+    edges = np.searchsorted(line.instants, np.linspace(first, last, count + 1))
+    stretches = [slice(*ends) for ends in pairwise(edges)]
+    powers = [float(np.mean(power[rows])) for rows in stretches]
+    spread = [
+        long_run_variance(innovations[rows], use[rows], line.instants[rows])
+        for rows, own in zip(stretches, powers, strict=True)
+        if own > _LIVELY * max(powers) and np.all(np.count_nonzero(use[rows], axis=0) > _FEWEST)
+    ]
+    return max(spread, default=1.0) < _HOLDS * _of_filtered_noise(line)
 
 
 def _innovations(target: Posterior, z: Array) -> tuple[int, float]:

@@ -51,6 +51,7 @@ from bayes_asv.preprocessing.data_checks import (
     preflight,
     suggest_band,
 )
+from bayes_asv.preprocessing.stuck_readings import stuck_channels
 from bayes_asv.preprocessing.timeline import PreparedRecording, changed, prepare
 from bayes_asv.preprocessing.tone_removal import (
     engine_tones,
@@ -130,7 +131,7 @@ def prepare_runs(
     Returns
     -------
     lines : tuple of PreparedRecording
-        Empty when a channel has nothing to lay out.
+        Empty when a channel has nothing to lay out, or readings that are not its own.
     reasons, warnings : tuple of str
         Any reason means that the data cannot answer.
 
@@ -143,7 +144,11 @@ def prepare_runs(
     model = car_model(car, vehicle)
     if below is not None:
         check_band(below, model)
-    reasons = [why for one in recordings for why in dead_channels(one, vehicle, model)]
+    reasons = [
+        why
+        for one in recordings
+        for why in dead_channels(one, vehicle, model) or stuck_channels(one, vehicle, model)
+    ]
     warnings = [w for recording in recordings for w in recording.warnings]
     if reasons:
         return (), tuple(reasons), tuple(warnings)

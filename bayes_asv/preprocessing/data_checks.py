@@ -21,6 +21,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import Mode, nominal_modes
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
 from bayes_asv.preprocessing.quantization import noise_level
+from bayes_asv.preprocessing.stuck_readings import clipping_limit
 from bayes_asv.preprocessing.timeline import (
     FEWEST_READINGS,
     LONGEST_GAP,
@@ -34,7 +35,6 @@ __all__ = [
     "MAX_UNEXPLAINED",
     "MIN_EXCITATION",
     "Coherence",
-    "clipping_limit",
     "coherence",
     "dead_channels",
     "min_sampling_rate",
@@ -57,11 +57,6 @@ _RAIL = 0.1
 and converters end a few per cent beyond it."""
 MIN_EXCITATION = 5.0
 """Wheel rms in units of its noise, below which nothing was driven over."""
-
-
-def clipping_limit(samples: int) -> int:
-    """Clipped samples of one channel that are still treated as bounds: ten, or 2 %."""
-    return max(10, int(0.02 * samples))
 
 
 def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:

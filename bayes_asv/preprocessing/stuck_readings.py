@@ -1,0 +1,175 @@
+"""Channels whose readings repeat each other or themselves as those of no working sensor do.
+
+Two sensors never read the same, noise and all: a channel that equals another one is a copy.  A
+sensor that holds its value while others move is frozen, and one that piles up readings at its
+largest or smallest one is at the end of a range that nobody stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.recording import Recording, accelerations
+from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.preprocessing.quantization import quiet_level
+from bayes_asv.preprocessing.timeline import rails, used_channels
+
+__all__ = ["clipping_limit", "stuck_channels"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_SAME = 0.99  # share of equal readings from which on one channel is a copy of another
+_ROUNDED = 0.51  # of both steps, by which copies differ that were rounded apart
+_CHANCE = 1e-3  # of a run of equal readings of that length in a channel that works
+_WINDOW = 24  # readings of which the share of equal neighbours is taken
+_FEWEST_EQUAL = 0.05  # such a share that is believed at least, of a finely resolved channel
+_FEWEST = 3  # equal readings in a row that need no reason
+_JUMP = 8.0  # after such a run, in steps or noise of the channel
+_MOVES = 20.0  # deviation of another channel meanwhile, in steps or noise of the one that holds
+_NEAR = 0.02  # of all it covers, next to an extreme: where a channel that is not clipped often is
+_PILED = 5.0  # readings at an extreme over those near it; a rounded crest has twice as many at most
+
+
+def clipping_limit(samples: int) -> int:
+    """Readings of one channel at the end of its range that a fit copes with: ten, or 2 %."""
+    return max(10, int(0.02 * samples))
+
+
+def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
+    """Name channels that are copies, frozen, or clipped within the range that is stated.
+
+    Parameters
+    ----------
+    recording, vehicle : Recording and Vehicle
+        As read.
+    car : CarModel
+        Says which channels it needs.
+
+    Returns
+    -------
+    list of str
+        One reason a channel.
+
+    Raises
+    ------
+    InputError
+        When a channel that the car needs is missing.
+    """
+    used = list(used_channels(recording, vehicle, car))
+    channels = [vehicle.channel(recording.channels[c]) for c in used]
+    values = accelerations(recording, vehicle)[used]
+    source = Path(recording.source).name
+    reasons = [
+        f"the columns {channels[a].words} and {channels[b].words} of {source} hold the same "
+        "readings, which two sensors never do; check the columns and the wiring"
+        for a, b in _copies(values, channels)
+    ]
+    if reasons:
+        return reasons
+    low, high = rails(values, vehicle, channels)
+    for c, channel in enumerate(channels):
+        limit = clipping_limit(int(np.count_nonzero(np.isfinite(values[c]))))
+        piled = _piled_up(values[c], low[c] | high[c])
+        held = _held(values, c)
+        if piled > limit:
+            reasons.append(
+                f"the {channel.words} sensor of {source} stays at its extreme for {piled} samples "
+                "in all, as a sensor or amplifier at the end of its range does; check its supply "
+                "and gain, drive slower, or use a sensor with a wider range"
+            )
+        elif np.count_nonzero(held) > limit:
+            at = recording.time[np.flatnonzero(held)[0]] - recording.time[0]
+            reasons.append(
+                f"the {channel.words} sensor of {source} holds its value in "
+                f"{np.count_nonzero(held)} samples, the first time after {at:.2f} s, while the car "
+                "moves; check sensor, plug and cable"
+            )
+    return reasons
+
+
+def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]:
+    """Pairs of channels that equal each other wherever one of them moves."""
+    out = []
+    for b in range(len(values)):
+        for a in range(b):
+            if channels[a].quantity != channels[b].quantity:
+                continue
+            both = np.isfinite(values[a]) & np.isfinite(values[b])
+            moves = np.append(np.diff(values[a]) != 0.0, False) & both
+            step = _smallest_step(values[a, both]) + _smallest_step(values[b, both])
+            apart = np.abs(values[a, moves] - values[b, moves])
+            if moves.any() and np.mean(apart <= _ROUNDED * step) > _SAME:
+                out.append((a, b))
+    return out
+
+
+def _runs(signal: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First reading and length of each run of equal readings; each missing one is a run."""
+    begins = np.flatnonzero(np.concatenate([[True], signal[1:] != signal[:-1]]))
+    return begins, np.diff(np.append(begins, len(signal)))
+
+
+def _held(values: Array, c: int) -> Flags:
+    """Readings (N,) of runs so long that a working channel does not have them, as others move."""
+    out = np.zeros(values.shape[1], bool)
+    present = np.isfinite(values[c])
+    signal = values[c, present]
+    if len(signal) < _WINDOW:
+        return out
+    floor = max(quiet_level(signal, 0.0), _smallest_step(signal))
+    others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
+    moves = np.max(_local_deviation(others), axis=0) > _MOVES * floor
+    signal = np.where(moves, signal, np.nan)  # what stands still is in no run
+    begins, lengths = _runs(signal)
+    # A run that ends in a jump was no crest; one without needs more readings to be no chance.
+    step = np.concatenate([[0.0], np.nan_to_num(np.abs(np.diff(signal))), [0.0]])
+    jump = np.maximum(step[begins], step[begins + lengths]) > _JUMP * floor
+    held = jump & (lengths > _FEWEST)
+    equal = np.repeat((lengths > 1) & ~held, lengths)
+    for n in np.unique(lengths[(lengths > _FEWEST) & ~held]):
+        rest = equal[np.repeat((lengths < n) & ~held, lengths) & moves]
+        if len(rest) < _WINDOW:
+            continue
+        share = float(uniform_filter1d(rest.astype(float), _WINDOW).max())
+        if len(signal) * max(share, _FEWEST_EQUAL) ** (float(n) - 1.0) < _CHANCE:
+            held |= lengths >= n
+            break
+    out[np.flatnonzero(present)[np.repeat(held, lengths)]] = True
+    return out
+
+
+def _local_deviation(signals: Array) -> Array:
+    """Standard deviation of signals (C, N) over windows of `_WINDOW` readings."""
+    mean = uniform_filter1d(signals, _WINDOW, axis=1)
+    square = uniform_filter1d(signals**2, _WINDOW, axis=1)
+    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
+
+
+def _smallest_step(signal: Array) -> float:
+    """Smallest distance between two different readings; zero where all are equal."""
+    steps = np.diff(np.unique(signal))
+    steps = steps[steps > 1e-9 * np.ptp(signal)] if len(steps) else steps  # beyond rounding
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _piled_up(signal: Array, at_rail: Flags) -> int:
+    """Count readings that pile up at an extreme which is not the end of the stated range."""
+    readings = signal[np.isfinite(signal) & ~at_rail]
+    if len(readings) < 2:
+        return 0
+    near = max(_NEAR * float(np.ptp(readings)), 2.0 * _smallest_step(readings))
+    out = 0
+    for extreme in (readings.max(), readings.min()):
+        distance = np.abs(readings - extreme)
+        there = int(np.count_nonzero(distance == 0.0))
+        close = int(np.count_nonzero((distance > 0.0) & (distance <= near)))
+        out += there if there > _PILED * max(close, 1) else 0
+    return out
