@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.domain.recording import Recording, nominal_rate, timing
+from bayes_asv.domain.recording import COUNTS, Recording, nominal_rate, timing
 from bayes_asv.domain.units import STANDARD_GRAVITY, si_factor
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.models.car_model import CarModel
@@ -82,6 +82,7 @@ _FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # ratios of rates
 # Where the search for a size begins; between them the fit finds its way.
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
 _LAGS = (0.005, 0.02)  # s
+_SLOPES = (0.15, 0.8)  # m/s³
 _FREE = 1.0  # deviation of the logarithm of a given value whose factor is looked for
 _APART = 0.4  # the same of values that have a factor in common, and each one of its own
 
@@ -170,6 +171,9 @@ def _of_readings(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
     outputs = tuple(channel.name for channel in channels if not channel.is_input)
     axles = [tuple(c.name for c in channels if c.axle == axle) for axle in ("front", "rear")]
     alone = [(channel.name,) for channel in channels]
+    for channel in channels:
+        if channel.quantity == "acceleration":
+            yield _drifting(channel.name)
     for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
         yield _inverted(names)
         yield _gain(names)
@@ -217,6 +221,28 @@ def _late(names: tuple[str, ...]) -> Hypothesis:
         ),
         lambda recording, vehicle, size: _shifted(recording, vehicle, names, -size),
         tuple(sorted(sign * lag for lag in _LAGS for sign in (1.0, -1.0))),
+    )
+
+
+def _drifting(name: str) -> Hypothesis:
+    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
+        c = recording.channels.index(name)
+        sensor = vehicle.sensor(name)
+        unit = recording.units[c]
+        one = sensor.counts_scale if unit == COUNTS else si_factor(unit, "acceleration")
+        if one is None:
+            return recording, vehicle
+        values = recording.values.copy()
+        values[c] -= size / one * (recording.time - recording.time[0])
+        return replace(recording, values=values), vehicle
+
+    return Hypothesis(
+        lambda size: (
+            f"the zero of {_words(name)} drifts by {size:.2g} m/s² per second",
+            "check the supply, the temperature and the mount of the sensor",
+        ),
+        undo,
+        tuple(sorted(sign * slope for slope in _SLOPES for sign in (1.0, -1.0))),
     )
 
 

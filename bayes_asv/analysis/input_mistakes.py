@@ -51,7 +51,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.activity import cut, most_active_rows, wheel_power
-from bayes_asv.preprocessing.stuck_readings import stuck_channels
+from bayes_asv.preprocessing.faulty_channels import noisy_channels, stuck_channels
 
 __all__ = [
     "Doubt",
@@ -139,17 +139,19 @@ def check_input(
         return Doubt(tuple(mistakes), _sentence(mistakes), holds)
     if refused:
         return None  # a refusal has reasons of its own
+    if holds and not moved:
+        return None
+    noisy = [why for one in recordings for why in noisy_channels(one, vehicle, model)]
+    if noisy:
+        return Doubt((), "; ".join(noisy))
     if moved:
         assert fit is not None
-        return Doubt((), _contradiction(moved, fit.values, vehicle), holds)
-    if holds:
-        return None
+        return Doubt((), _contradiction(moved, fit.values, vehicle))
     return Doubt(
         (),
-        "the linear car does not explain the recording down to the noise of the sensors; the "
-        "intervals allow for that, but no verdict on a damper is given until 'bayes-asv diagnose' "
-        "has found what is missing",
-        model_holds=False,
+        "the linear car does not explain the recording down to the noise of the sensors, so the "
+        "intervals are too narrow for a verdict on a damper; run 'bayes-asv diagnose' to find "
+        "what is missing",
     )
 
 

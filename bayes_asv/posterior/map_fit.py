@@ -51,7 +51,7 @@ from bayes_asv.preprocessing.data_checks import (
     preflight,
     suggest_band,
 )
-from bayes_asv.preprocessing.stuck_readings import stuck_channels
+from bayes_asv.preprocessing.faulty_channels import stuck_channels
 from bayes_asv.preprocessing.timeline import PreparedRecording, changed, prepare
 from bayes_asv.preprocessing.tone_removal import (
     engine_tones,

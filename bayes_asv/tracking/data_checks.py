@@ -15,7 +15,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
 from bayes_asv.posterior.map_fit import unidentified_sentence
 from bayes_asv.preprocessing.data_checks import min_sampling_rate
-from bayes_asv.preprocessing.stuck_readings import clipping_limit
+from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.tracking.sensor_noise import SensorModel
 
 __all__ = ["DataChecks", "unidentified_parameters"]

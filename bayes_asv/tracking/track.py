@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.analysis.input_mistakes import Doubt
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
@@ -68,6 +69,8 @@ class TrackResult:
         Implementation of the filter.
     seconds : float
         Computing time, s.
+    doubt : Doubt or None
+        Why no verdict on a damper may rest on it; ``reasons`` or ``warnings`` begin with it.
     """
 
     verdict: str
@@ -91,6 +94,7 @@ class TrackResult:
     forget: float | None
     engine: str
     seconds: float
+    doubt: Doubt | None = None
 
     @property
     def nominal(self) -> dict[str, float]:
@@ -211,6 +215,11 @@ def conclude(
         mean, covariance = state.mu.copy(), parameter_covariance(state)
         resets = tuple(tracker.filter.resets)
     reasons = tracker.unanswered(name)
+    doubt = tracker.input_doubt(name, refused=bool(reasons))
+    if doubt is not None and reasons:
+        reasons = [doubt.sentence, *reasons]
+    elif doubt is not None:
+        warnings = (doubt.sentence, *warnings)
     all_warnings = [*warnings, *checks.warnings(tracker.sensors, name)]
     channels = tracker.sensors.channels
     unknown = [c.name for c in channels if tracker.vehicle.sensor(c.name).noise is None]
@@ -241,4 +250,5 @@ def conclude(
         forget=tracker.forget,
         engine=tracker.engine,
         seconds=seconds,
+        doubt=doubt,
     )

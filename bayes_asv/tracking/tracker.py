@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.analysis.input_mistakes import Doubt, check_input
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
@@ -34,6 +35,7 @@ from bayes_asv.tracking.filter_model import (
     twists,
 )
 from bayes_asv.tracking.frames import Frames, concatenate, empty_frames
+from bayes_asv.tracking.lively_rows import LivelyRows
 from bayes_asv.tracking.parameters import coordinates
 from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
 from bayes_asv.tracking.streaming_timeline import StreamingTimeline, TimelineChunk
@@ -75,6 +77,8 @@ class Tracker:
     counts : sequence of bool, optional
         Channels whose readings came in counts: their quantization step and the standard deviation
         of their scale matter; none by default.
+    metadata : tuple of (key, value)
+        Of the recording, for the check of the input.
 
     Attributes
     ----------
@@ -101,6 +105,7 @@ class Tracker:
         engine: str = "compiled",
         timing: Timing | None = None,
         counts: Sequence[bool] | None = None,
+        metadata: tuple[tuple[str, str], ...] = (),
     ) -> None:
         if not (math.isfinite(rate) and rate > 0.0):
             raise InputError(
@@ -134,6 +139,7 @@ class Tracker:
         outputs = len(self._sensors.outputs)
         self.consistency = ConsistencyMonitor(rate, self._noise_declared, outputs)
         self.data_checks = DataChecks(rate, len(names))
+        self._lively = LivelyRows(self._sensors.channels, metadata)
         self._standstill: StandstillBias | None = None
         if self._noise_declared and not twists(model):
             self._start_filter(self._sensors)
@@ -206,6 +212,7 @@ class Tracker:
             )  # fmt: skip
         if len(self._columns) < len(self.channels):
             acc = acc[:, self._columns]
+        self._lively.append(times, acc)
         if self._timeline is None:
             return self._collect(times, acc)
         return self._process(times, acc)
@@ -266,6 +273,32 @@ class Tracker:
             inconsistent=self.consistency.summary().verdict == "inconsistent",
         )
         return begin + found if found and moving else found
+
+    def input_doubt(self, source: str, refused: bool = False) -> Doubt | None:
+        """Check the input as ``estimate`` does, on the rows in which the wheels moved most.
+
+        Parameters
+        ----------
+        source : str
+            Name of the recording or port, for the messages.
+        refused : bool
+            Whether the rows cannot answer for another reason.
+
+        Returns
+        -------
+        Doubt or None
+            None where nothing speaks against the parameters.
+        """
+        kept = self._lively.recordings(source)
+        if not kept:
+            return None
+        sensors = dict(self.vehicle.sensors)
+        for channel, step in zip(self._sensors.channels, self._sensors.resolution, strict=True):
+            sensors[channel.name] = replace(
+                self.vehicle.sensor(channel.name), resolution=float(step) or None
+            )
+        as_read = replace(self.vehicle, sensors=sensors)
+        return check_input(kept, as_read, self.coordinates.car.name, refused)
 
     def save(self, path: PathLike) -> None:
         """Save the tracker to a file, from which :meth:`restore` continues.
@@ -523,4 +556,5 @@ def tracker_for(
         engine=engine,
         timing=timing(recording),
         counts=tuple(unit == COUNTS for unit in recording.units),
+        metadata=recording.metadata,
     )

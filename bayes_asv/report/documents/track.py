@@ -62,6 +62,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
         verdict=result.verdict,
         reasons=list(result.reasons),
         warnings=list(result.warnings),
+        doubt="" if result.doubt is None else result.doubt.sentence,
         parameters={n: _parameter(n, result) for n in answers} if ok else {},
         consistency=_consistency(result),
         known={p.name: _known(p, result) for p in given},
@@ -114,6 +115,7 @@ def _parameter(name: str, result: TrackResult) -> Parameter:
         **_log_normal(log_mean, log_sd, factor),
         nominal=units.convert_parameter(nominal, name),
         p_below_nominal=0.5 * math.erfc(-z / math.sqrt(2.0)),
+        withheld=result.doubt is not None,
         si=Quantity(unit=si.unit_of(name), **_log_normal(log_mean, log_sd, 1.0), nominal=nominal),
     )
 
@@ -217,12 +219,17 @@ def watch_document(
     """
     name = Path(source).name
     reasons = [] if alarm else tracker.unanswered(name)
+    doubt = tracker.input_doubt(name, refused=bool(reasons))
+    if doubt is not None and doubt.mistakes:
+        # What looks like a worn damper may be the mistake.
+        alarm, reasons = None, [doubt.sentence, *reasons]
     return WatchDocument(
         schema="bayes_asv/watch/1",
         car=tracker.coordinates.car.name,
         verdict="alarm" if alarm else "refused" if reasons else "ok",
         reasons=list(reasons),
-        warnings=[],
+        warnings=[] if doubt is None or reasons else [doubt.sentence],
+        doubt="" if doubt is None else doubt.sentence,
         asked=schema.AlarmSettings(
             share=monitor.share, probability=monitor.threshold, hold_seconds=monitor.hold
         ),

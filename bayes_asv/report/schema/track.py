@@ -142,6 +142,8 @@ class TrackDocument(Model):
     reasons: Texts
     """Why it was refused."""
     warnings: Texts
+    doubt: Text = ""
+    """Why no verdict on a damper may rest on it; empty where nothing speaks against it."""
     parameters: dict[QuantityName, Parameter]
     """After the last row."""
     consistency: Consistency
@@ -203,6 +205,8 @@ class WatchDocument(Model):
     verdict: Annotated[str, OneOf("alarm", "ok", "refused")]
     reasons: Texts
     warnings: Texts
+    doubt: Text = ""
+    """As in a track: with a mistake in the input there is no alarm."""
     asked: AlarmSettings
     alarm: AlarmInfo | None
     probability: dict[ElementName, MaybeShare]

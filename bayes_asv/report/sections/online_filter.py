@@ -283,6 +283,7 @@ def watch_lines(document: WatchDocument) -> list[str]:
     """State an alarm, or that there was none."""
     asked = document.asked
     worn = f"below {percent(asked.share)} of its nominal rate"
+    notes = [f"Note: {plain(warning)}." for warning in document.warnings]
     alarm = document.alarm
     if alarm is not None:
         low, high = alarm.eti95
@@ -294,6 +295,7 @@ def watch_lines(document: WatchDocument) -> list[str]:
             f"{number(alarm.time - alarm.since, 0.1)} s above the required probability.",
             f"Next: stop and inspect the {alarm.axle.replace('_', ' ')} damper: oil, seals, gas "
             "charge, heat.",
+            *notes,
         ]
     if document.verdict == "refused":
         return [
@@ -314,4 +316,4 @@ def watch_lines(document: WatchDocument) -> list[str]:
             f"For {percent(1.0 - document.share_of_time)} of the time the filter was inconsistent "
             "and could not have raised an alarm; see 'bayes-asv track'."
         )
-    return lines
+    return lines + notes

@@ -66,11 +66,11 @@ _PROVISIONAL: Final = "Not to be relied on: "
 def headline(document: EstimateDocument | TrackDocument) -> str:
     """State the verdict on the parameters in one or two sentences."""
     if document.verdict == "refused":
-        if isinstance(document, EstimateDocument) and document.doubt:
+        if document.doubt:
             return f"No answer: {split_reason(document.doubt)[0]}."
         several = len(document.provenance.recordings) > 1
         return f"No answer: {_NO_ANSWER} {'these recordings' if several else 'this recording'}."
-    if isinstance(document, EstimateDocument) and document.doubt:
+    if document.doubt:
         return f"No verdict on the dampers. {capitalized(split_reason(document.doubt)[0])}."
     if document.verdict == "not_converged":
         return _NOT_CONVERGED
@@ -146,11 +146,11 @@ def next_steps(document: EstimateDocument | TrackDocument) -> list[str]:
             "Record again over a single, smooth bump and give both files to the same command.",
             "Run again with another --seed; an answer that changes is not reliable.",
         ]
-    if isinstance(document, TrackDocument):
-        return _steps(document, [])
     if document.doubt:
         what, fix = split_reason(document.doubt)
         return [f"{capitalized(fix or what)}.", "Then run the same command again."]
+    if isinstance(document, TrackDocument):
+        return _steps(document, [])
     return [*consistency_steps(document), *_steps(document, budget_steps(document))]
 
 
@@ -213,7 +213,7 @@ def verdict_lines(document: EstimateDocument) -> list[str]:
 def track_headline(document: TrackDocument) -> str:
     """State the verdict of the online filter in one to three sentences."""
     words = headline(document)
-    if document.verdict != "ok":
+    if document.verdict != "ok" or document.doubt:
         return words
     if is_inconsistent(document):
         return INCONSISTENT.format(car=document.car)
@@ -222,7 +222,7 @@ def track_headline(document: TrackDocument) -> str:
 
 def track_steps(document: TrackDocument) -> list[str]:
     """Say what to do after a track."""
-    if document.verdict == "ok" and is_inconsistent(document):
+    if document.verdict == "ok" and is_inconsistent(document) and not document.doubt:
         return [step.format(car=document.car) for step in INCONSISTENT_STEPS]
     return next_steps(document)
 
@@ -236,7 +236,7 @@ def track_lines(document: TrackDocument) -> list[str]:
     sentence = last_state if is_inconsistent(document) else parameter_sentence
     lines = [track_headline(document), *(sentence(n, p) for n, p in parameters.items())]
     lines += consistency_lines(document)
-    if is_inconsistent(document):
+    if is_inconsistent(document) or document.doubt:
         lines += [f"Next: {step}" for step in track_steps(document)]
     return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
 

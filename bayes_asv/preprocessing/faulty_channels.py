@@ -1,4 +1,4 @@
-"""Channels whose readings repeat each other or themselves as those of no working sensor do.
+"""Channels whose readings no working sensor has: copied, frozen, clipped, or far too noisy.
 
 Two sensors never read the same, noise and all: a channel that equals another one is a copy.  A
 sensor that holds its value while others move is frozen, and one that piles up readings at its
@@ -21,7 +21,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.preprocessing.quantization import quiet_level
 from bayes_asv.preprocessing.timeline import rails, used_channels
 
-__all__ = ["clipping_limit", "stuck_channels"]
+__all__ = ["clipping_limit", "noisy_channels", "stuck_channels"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -36,6 +36,8 @@ _JUMP = 8.0  # after such a run, in steps or noise of the channel
 _MOVES = 20.0  # deviation of another channel meanwhile, in steps or noise of the one that holds
 _NEAR = 0.02  # of all it covers, next to an extreme: where a channel that is not clipped often is
 _PILED = 5.0  # readings at an extreme over those near it; a rounded crest has twice as many at most
+
+_NOISY = 3.0  # times the stated noise, and times what the sensor of the other axle has
 
 
 def clipping_limit(samples: int) -> int:
@@ -93,6 +95,42 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
                 "moves; check sensor, plug and cable"
             )
     return reasons
+
+
+def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
+    """Name channels that are far noisier than stated, while the same one of the other axle is not.
+
+    On a rough road the scatter of a sound wheel looks like noise too, but of both axles.
+
+    Parameters
+    ----------
+    recording, vehicle, car
+        As for :func:`stuck_channels`.
+
+    Returns
+    -------
+    list of str
+        One sentence a channel.
+    """
+    names = [recording.channels[c] for c in used_channels(recording, vehicle, car)]
+    values = dict(zip(recording.channels, accelerations(recording, vehicle), strict=True))
+    ratios = {}
+    for name in names:
+        sensor = vehicle.sensor(name)
+        if sensor.noise:
+            stated = float(np.hypot(sensor.noise, (sensor.resolution or 0.0) / np.sqrt(12.0)))
+            ratios[name] = quiet_level(values[name], 0.0) / stated
+    out = []
+    for name, ratio in ratios.items():
+        front, rear = name.replace("rear", "front", 1), name.replace("front", "rear", 1)
+        other = ratios.get(rear if name == front else front)
+        if other is not None and ratio > _NOISY * max(other, 1.0):
+            out.append(
+                f"the {vehicle.channel(name).words} sensor of {Path(recording.source).name} is "
+                f"{ratio:.0f} times as noisy as the vehicle file says; check sensor, plug, cable "
+                "and mount"
+            )
+    return out
 
 
 def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]:
