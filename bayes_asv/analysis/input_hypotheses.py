@@ -37,6 +37,7 @@ __all__ = [
 Corrected = tuple[Recording, Vehicle]
 
 _NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
+_FAR_GAIN = math.log(1.5)  # beyond which a sensor is not out of calibration, but another one
 _DEAD = 0.05  # gain below which a sensor is called dead
 # Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
 # measured to a few hundredths of the range in which it may lie.
@@ -111,6 +112,8 @@ class Hypothesis:
         finds it.
     size_of : callable or None
         From the vehicle and the car's parameters that such a fit found to the size.
+    misread : callable
+        Whether a channel is then not what it is taken for, as no effect of car or sensor describes.
     """
 
     words: Callable[[float], tuple[str, str]]
@@ -121,6 +124,7 @@ class Hypothesis:
     stretch: Callable[[float], dict[str, float]] = lambda size: {}
     freed: Callable[[Vehicle], Vehicle] | None = None
     size_of: Callable[[Vehicle, Mapping[str, float]], float] | None = None
+    misread: Callable[[float], bool] = lambda size: False
 
 
 CORRECT = Hypothesis(lambda size: ("", ""), lambda recording, vehicle, size: (recording, vehicle))
@@ -162,7 +166,9 @@ def _exchange(pairs: Sequence[tuple[str, str]]) -> Hypothesis:
         return replace(recording, values=recording.values[order], units=units), vehicle
 
     return Hypothesis(
-        lambda size: (f"the columns of {text} are exchanged", "exchange their names"), undo
+        lambda size: (f"the columns of {text} are exchanged", "exchange their names"),
+        undo,
+        misread=lambda size: True,
     )
 
 
@@ -188,6 +194,7 @@ def _inverted(names: tuple[str, ...]) -> Hypothesis:
     return Hypothesis(
         lambda size: (f"{_are(names)} upside down", fix),
         lambda recording, vehicle, size: _scaled(recording, vehicle, names, -1.0),
+        misread=lambda size: True,
     )
 
 
@@ -209,6 +216,7 @@ def _gain(names: tuple[str, ...]) -> Hypothesis:
         lambda recording, vehicle, size: _scaled(recording, vehicle, names, math.exp(-size)),
         tuple(math.log(gain) for gain in _GAINS),
         stretch=lambda size: dict.fromkeys(names, -size),
+        misread=lambda size: abs(size) > _FAR_GAIN,
     )
 
 
@@ -496,11 +504,14 @@ class Mistake:
         What to do, in one line.
     probability : float
         Given that the input has a mistake of the list or none.
+    misread : bool
+        Whether a channel is not what it is taken for.
     """
 
     words: str
     fix: str
     probability: float
+    misread: bool = False
 
 
 def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:

@@ -122,7 +122,7 @@ def check_input(
     recordings = recordings[:_RUNS]
     stuck = [why for one in recordings for why in stuck_channels(one, vehicle, model)]
     if stuck:
-        known = [Mistake(*why.split("; ", 1), probability=1.0) for why in stuck]
+        known = [Mistake(*why.split("; ", 1), 1.0, misread=True) for why in stuck]
         return Doubt(tuple(known), "; ".join(stuck))
     fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
     moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
@@ -240,7 +240,9 @@ def likely_mistakes(
     ranked = sorted(zip(weights, tried, strict=True), key=lambda pair: -pair[0])
     if not any(one.hypothesis is CORRECT and weight > 0.5 for weight, one in ranked):
         return [
-            Mistake(*one.hypothesis.words(one.size), probability=float(weight))
+            Mistake(
+                *one.hypothesis.words(one.size), float(weight), one.hypothesis.misread(one.size)
+            )
             for weight, one in ranked
             if weight > REPORTED and one.hypothesis is not CORRECT
         ]

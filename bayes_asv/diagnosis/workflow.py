@@ -1,6 +1,7 @@
 """The discrepancy workflow: from recordings to the effects that the linear car lacks.
 
-1. Preflight, and a fit of the linear car with noise levels near the given ones.
+1. Preflight, and a fit of the linear car with noise levels near the given ones; where it explains
+   too little, the input is checked for a channel that is not what it is taken for.
 2. An engine is recognised by its tones, which are removed; where they may belong to another fault,
    only once that is named.
 3. One test over all candidate effects: is any missing?
@@ -23,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bayes_asv.analysis.input_mistakes import check_input
 from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
 from bayes_asv.diagnosis.forward_selection import (
     Progress,
@@ -58,7 +60,9 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.clock_errors import synchronised
+from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.model_error import model_error
 from bayes_asv.preprocessing.resampling import at_own_rate
@@ -127,6 +131,9 @@ def diagnose(
     progress(0.05, f"fitting the linear {car} car")
     dataset = make_dataset(vehicle, fit)
     given = Split(dataset, make_dataset(vehicle, held) if held else None, base(dataset))
+    misread = _misread_channel(given, fit_runs, vehicle, car)
+    if misread is not None:
+        return Diagnosis("refused", (misread,), warnings, (), vehicle, seed, car=car)
     search = _search(given, held, seed, progress)
     localization = localize(search.without_tones.fit, search.without_tones.linear)
     validated = validate(
@@ -187,6 +194,26 @@ def diagnose(
         dampers=dampers,
         seconds=time.perf_counter() - clock,
     )
+
+
+def _misread_channel(
+    given: Split, runs: Sequence[Recording], vehicle: Vehicle, car: str
+) -> str | None:
+    """Say which channel is not what it is taken for, where the linear car explains too little.
+
+    What an effect describes, such as a sensor that is late or out of calibration, is left to the
+    search.
+    """
+    target, z = given.linear.target, given.linear.mode.z
+    short = [
+        explained_power_findings(line, free_run(target, z, run))
+        for run, line in enumerate(given.fit.lines)
+    ]
+    if not any(reasons or warnings for reasons, warnings in short):
+        return None
+    doubt = check_input(runs, vehicle, car)
+    likeliest = doubt.mistakes[:1] if doubt is not None else ()
+    return doubt.sentence if doubt is not None and any(m.misread for m in likeliest) else None
 
 
 class _Search(NamedTuple):

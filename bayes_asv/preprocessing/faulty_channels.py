@@ -7,6 +7,7 @@ largest or smallest one is at the end of a range that nobody stated.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,11 +29,14 @@ Flags = NDArray[np.bool_]
 
 _SAME = 0.99  # share of equal readings from which on one channel is a copy of another
 _ROUNDED = 0.51  # of both steps, by which copies differ that were rounded apart
-_CHANCE = 1e-3  # of a run of equal readings of that length in a channel that works
-_WINDOW = 24  # readings of which the share of equal neighbours is taken
-_FEWEST_EQUAL = 0.05  # such a share that is believed at least, of a finely resolved channel
+_RESOLVED = 2.0  # largest step, in deviations of the noise, that a channel at rest flickers by
+_AT_REST = 3.0  # largest deviation of the others then, in steps or noise of the channel
+_EQUAL = 0.65  # share of equal neighbours at rest then: half where white, more behind a filter
+_CHANCE = 1e-3  # of so long a run of equal readings in a recording
+_WINDOW = 24  # readings in which a channel is at rest
 _FEWEST = 3  # equal readings in a row that need no reason
 _JUMP = 8.0  # after such a run, in steps or noise of the channel
+_BEFORE, _AMID = 8, 4.0  # readings before it, and their deviation in the same
 _MOVES = 20.0  # deviation of another channel meanwhile, in steps or noise of the one that holds
 _NEAR = 0.02  # of all it covers, next to an extreme: where a channel that is not clipped often is
 _PILED = 5.0  # readings at an extreme over those near it; a rounded crest has twice as many at most
@@ -41,7 +45,7 @@ _NOISY = 3.0  # times the stated noise, and times what the sensor of the other a
 
 
 def clipping_limit(samples: int) -> int:
-    """Readings of one channel at the end of its range that a fit copes with: ten, or 2 %."""
+    """Return how many readings at the end of its range a fit copes with: ten, or 2 %."""
     return max(10, int(0.02 * samples))
 
 
@@ -80,7 +84,7 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     for c, channel in enumerate(channels):
         limit = clipping_limit(int(np.count_nonzero(np.isfinite(values[c]))))
         piled = _piled_up(values[c], low[c] | high[c])
-        held = _held(values, c)
+        held = _held(values, c, vehicle.sensor(channel.name).noise)
         if piled > limit:
             reasons.append(
                 f"the {channel.words} sensor of {source} stays at its extreme for {piled} samples "
@@ -155,37 +159,43 @@ def _runs(signal: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return begins, np.diff(np.append(begins, len(signal)))
 
 
-def _held(values: Array, c: int) -> Flags:
-    """Readings (N,) of runs so long that a working channel does not have them, as others move."""
+def _held(values: Array, c: int, noise: float | None) -> Flags:
+    """Find readings (N,) in runs that a working channel does not have while the others move.
+
+    A run amid motion that ends in a jump was neither a crest nor rest.  In another one, such as one
+    to the end of the recording, noise of a good part of a step would have shown.
+    """
     out = np.zeros(values.shape[1], bool)
     present = np.isfinite(values[c])
     signal = values[c, present]
     if len(signal) < _WINDOW:
         return out
-    floor = max(quiet_level(signal, 0.0), _smallest_step(signal))
+    step = _smallest_step(signal)
+    floor = max(quiet_level(signal, 0.0), step)
     others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
-    moves = np.max(_local_deviation(others), axis=0) > _MOVES * floor
-    signal = np.where(moves, signal, np.nan)  # what stands still is in no run
+    flickers = noise is not None and step <= _RESOLVED * noise
+    if noise is None:
+        rest = np.max(_local_deviation(others), axis=0) < _AT_REST * floor
+        pairs = rest[1:] & rest[:-1]
+        same = np.diff(signal)[pairs] == 0.0
+        flickers = len(same) > _WINDOW and float(np.mean(same)) < _EQUAL
+    enough = 1.0 + math.log(_CHANCE / len(signal)) / math.log(_EQUAL)
     begins, lengths = _runs(signal)
-    # A run that ends in a jump was no crest; one without needs more readings to be no chance.
-    step = np.concatenate([[0.0], np.nan_to_num(np.abs(np.diff(signal))), [0.0]])
-    jump = np.maximum(step[begins], step[begins + lengths]) > _JUMP * floor
-    held = jump & (lengths > _FEWEST)
-    equal = np.repeat((lengths > 1) & ~held, lengths)
-    for n in np.unique(lengths[(lengths > _FEWEST) & ~held]):
-        rest = equal[np.repeat((lengths < n) & ~held, lengths) & moves]
-        if len(rest) < _WINDOW:
-            continue
-        share = float(uniform_filter1d(rest.astype(float), _WINDOW).max())
-        if len(signal) * max(share, _FEWEST_EQUAL) ** (float(n) - 1.0) < _CHANCE:
-            held |= lengths >= n
-            break
-    out[np.flatnonzero(present)[np.repeat(held, lengths)]] = True
+    jumps = np.concatenate([[0.0], np.abs(np.diff(signal)), [0.0]])
+    long = lengths > _FEWEST
+    for begin, length in zip(begins[long], lengths[long], strict=True):
+        rows = slice(int(begin), int(begin + length))
+        before = signal[max(int(begin) - _BEFORE, 0) : int(begin)]
+        amid = len(before) == _BEFORE and float(np.std(before)) > _AMID * floor
+        ends = jumps[begin + length] > _JUMP * floor
+        if (ends and amid) or (flickers and length > enough):
+            moves = float(np.max(np.std(others[:, rows], axis=1))) > _MOVES * floor
+            out[np.flatnonzero(present)[rows]] = moves
     return out
 
 
 def _local_deviation(signals: Array) -> Array:
-    """Standard deviation of signals (C, N) over windows of `_WINDOW` readings."""
+    """Return the standard deviation of signals (C, N) over windows of `_WINDOW` readings."""
     mean = uniform_filter1d(signals, _WINDOW, axis=1)
     square = uniform_filter1d(signals**2, _WINDOW, axis=1)
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))

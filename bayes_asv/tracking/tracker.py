@@ -18,6 +18,7 @@ from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.recording import COUNTS, Recording, Timing, nominal_rate, timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
+from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import used_channels
 from bayes_asv.tracking.checkpoint import read_checkpoint, restore, write_checkpoint
 from bayes_asv.tracking.consistency import ConsistencyMonitor
@@ -289,7 +290,7 @@ class Tracker:
         Doubt or None
             None where nothing speaks against the parameters.
         """
-        kept = self._lively.recordings(source)
+        kept = [at_own_rate(one) for one in self._lively.recordings(source)]
         if not kept:
             return None
         sensors = dict(self.vehicle.sensors)

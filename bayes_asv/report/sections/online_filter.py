@@ -28,10 +28,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
-    "INCONSISTENT",
     "INCONSISTENT_STEPS",
+    "LAST_STATE",
     "RECOVERED",
     "SECTION",
+    "UNEXPLAINED",
     "consistency_lines",
     "is_inconsistent",
     "last_state",
@@ -42,10 +43,10 @@ __all__ = [
 Array = NDArray[np.float64]
 
 RECOVERED: Final = "The filter was inconsistent for some time and has recovered."
-INCONSISTENT: Final = (
-    "Not to be relied on: the {car} car and the sensors of the vehicle file do not explain this "
-    "recording. The figures are the last state of the filter."
+UNEXPLAINED: Final = (
+    "the {car} car and the sensors of the vehicle file do not explain this recording"
 )
+LAST_STATE: Final = "The figures are the last state of the filter."
 INCONSISTENT_STEPS: Final = (
     "Check whether a sensor is loose, or its noise in the vehicle file too small.",
     "Run 'bayes-asv diagnose' to find what the {car} car lacks: unequal compression and rebound "

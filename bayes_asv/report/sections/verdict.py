@@ -11,9 +11,10 @@ from bayes_asv.report.schema import EstimateDocument, TrackDocument
 from bayes_asv.report.schema.parts import Parameter
 from bayes_asv.report.sections.long_logs import log_lines
 from bayes_asv.report.sections.online_filter import (
-    INCONSISTENT,
     INCONSISTENT_STEPS,
+    LAST_STATE,
     RECOVERED,
+    UNEXPLAINED,
     consistency_lines,
     is_inconsistent,
     last_state,
@@ -213,10 +214,13 @@ def verdict_lines(document: EstimateDocument) -> list[str]:
 def track_headline(document: TrackDocument) -> str:
     """State the verdict of the online filter in one to three sentences."""
     words = headline(document)
-    if document.verdict != "ok" or document.doubt:
+    if document.verdict != "ok":
         return words
     if is_inconsistent(document):
-        return INCONSISTENT.format(car=document.car)
+        what = split_reason(document.doubt)[0] or UNEXPLAINED.format(car=document.car)
+        return f"{_PROVISIONAL}{what}. {LAST_STATE}"
+    if document.doubt:
+        return words
     return f"{words} {RECOVERED}" if document.consistency.verdict == "recovered" else words
 
 
@@ -271,6 +275,7 @@ def cards(
         }  # fmt: skip
         if p.withheld:
             card["words"] = "not compared with the nominal value"
+            card["sense"] = "" if reliable else "not to be relied on"
         comparison = compared[name]
         if comparison is not None and p.nominal:
             tone = TONES[comparison.sense] if reliable else "muted"
