@@ -320,9 +320,9 @@ Answer = tuple[str, str]
 
 def _estimate(case: Case) -> Answer:
     lines, reasons, _ = prepare_runs([case.recording], case.vehicle)
-    if not reasons:
-        reasons = best_fit(lines, case.vehicle).reasons
     doubt = check_input([case.recording], case.vehicle, refused=bool(reasons))
+    if not reasons and doubt is None:
+        reasons = best_fit(lines, case.vehicle).reasons
     words = " | ".join([*([] if doubt is None else [doubt.sentence]), *reasons])
     return ("refused" if reasons else "ok" if doubt is None else "doubt"), words
 

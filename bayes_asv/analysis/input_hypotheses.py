@@ -541,12 +541,11 @@ def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mista
         zeta = float(ratio[0])
         frequency = zeta * values[element.spring] / (math.pi * values[element.damping])
         if not _RATIOS[0] <= zeta <= _RATIOS[1]:
-            what = f"the estimated {QUANTITIES[element.damping][1]} means a damping ratio of {zeta:.2g}"
+            name = QUANTITIES[element.damping][1]
+            what = f"the estimated {name} means a damping ratio of {zeta:.2g}"
         elif not _RIDE_FREQUENCIES[0] <= frequency <= _RIDE_FREQUENCIES[1]:
-            what = (
-                f"the {QUANTITIES[element.spring][1]} and the mass on it mean a natural frequency of "
-                f"{frequency:.2g} Hz"
-            )
+            name = QUANTITIES[element.spring][1]
+            what = f"the {name} and the mass on it mean a natural frequency of {frequency:.2g} Hz"
         else:
             continue
         out.append(

@@ -20,8 +20,8 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import Mode, nominal_modes
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
-from bayes_asv.preprocessing.quantization import noise_level
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
+from bayes_asv.preprocessing.quantization import noise_level
 from bayes_asv.preprocessing.timeline import (
     FEWEST_READINGS,
     LONGEST_GAP,

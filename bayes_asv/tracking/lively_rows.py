@@ -1,4 +1,4 @@
-"""Rows of a stream that are kept for a check of the input: where the wheels moved most, and last."""
+"""Rows of a stream that are kept for a check of its input: the liveliest ones, and the last."""
 
 from __future__ import annotations
 
