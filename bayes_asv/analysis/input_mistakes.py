@@ -122,7 +122,8 @@ def check_input(
     recordings = recordings[:_RUNS]
     stuck = [why for one in recordings for why in stuck_channels(one, vehicle, model)]
     if stuck:
-        known = [Mistake(*why.split("; ", 1), 1.0, misread=True) for why in stuck]
+        parts = [why.partition("; ") for why in stuck]
+        known = [Mistake(what, fix, 1.0, misread=True) for what, _, fix in parts]
         return Doubt(tuple(known), "; ".join(stuck))
     fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
     moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
@@ -139,11 +140,12 @@ def check_input(
         return Doubt(tuple(mistakes), _sentence(mistakes), holds)
     if refused:
         return None  # a refusal has reasons of its own
-    if holds and not moved:
-        return None
+    # White noise leaves the long-run variance small, so that a fit holds nevertheless.
     noisy = [why for one in recordings for why in noisy_channels(one, vehicle, model)]
     if noisy:
         return Doubt((), "; ".join(noisy))
+    if holds and not moved:
+        return None
     if moved:
         assert fit is not None
         return Doubt((), _contradiction(moved, fit.values, vehicle))

@@ -48,7 +48,8 @@ from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import ORDER, Measurements
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.modes import nominal_modes
-from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, clipping_limit, min_sampling_rate
+from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, min_sampling_rate
+from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.preprocessing.quantization import quiet_level
 from bayes_asv.preprocessing.timeline import LONGEST_GAP, rails, used_channels
 

@@ -41,7 +41,7 @@ _MOVES = 20.0  # deviation of another channel meanwhile, in steps or noise of th
 _NEAR = 0.02  # of all it covers, next to an extreme: where a channel that is not clipped often is
 _PILED = 5.0  # readings at an extreme over those near it; a rounded crest has twice as many at most
 
-_NOISY = 3.0  # times the stated noise, and times what the sensor of the other axle has
+_NOISY = 2.0  # times the stated noise
 
 
 def clipping_limit(samples: int) -> int:
@@ -104,7 +104,8 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
 def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
     """Name channels that are far noisier than stated, while the same one of the other axle is not.
 
-    On a rough road the scatter of a sound wheel looks like noise too, but of both axles.
+    On a rough road the motion of a sound wheel looks like noise too, but at both axles; by what
+    factor the axles then differ is uncertain by as much as that, hence the square.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     for name, ratio in ratios.items():
         front, rear = name.replace("rear", "front", 1), name.replace("front", "rear", 1)
         other = ratios.get(rear if name == front else front)
-        if other is not None and ratio > _NOISY * max(other, 1.0):
+        if other is not None and ratio > _NOISY * max(other, 1.0) ** 2:
             out.append(
                 f"the {vehicle.channel(name).words} sensor of {Path(recording.source).name} is "
                 f"{ratio:.0f} times as noisy as the vehicle file says; check sensor, plug, cable "
