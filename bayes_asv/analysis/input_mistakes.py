@@ -143,17 +143,17 @@ def check_input(
     # White noise leaves the long-run variance small, so that a fit holds nevertheless.
     noisy = [why for one in recordings for why in noisy_channels(one, vehicle, model)]
     if noisy:
-        return Doubt((), "; ".join(noisy))
+        return Doubt((), "; ".join(noisy), holds)
     if holds and not moved:
         return None
     if moved:
         assert fit is not None
-        return Doubt((), _contradiction(moved, fit.values, vehicle))
+        return Doubt((), _contradiction(moved, fit.values, vehicle), holds)
     return Doubt(
         (),
-        "the linear car does not explain the recording down to the noise of the sensors, so the "
-        "intervals are too narrow for a verdict on a damper; run 'bayes-asv diagnose' to find "
-        "what is missing",
+        "the linear car does not explain the recording down to the noise of the sensors; no "
+        "verdict on a damper is given until 'bayes-asv diagnose' has found what is missing",
+        model_holds=False,
     )
 
 
