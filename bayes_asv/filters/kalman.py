@@ -301,7 +301,10 @@ def _compiled(
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[:, 0], T[:, 1])
-                    carry[:] = base
+                    for a in range(rows):
+                        for b in range(coupled):
+                            for q in range(lanes):
+                                carry[a, b, q] = base[a, b, q]
                 for u in range(nu):
                     for q in range(lanes):
                         intensity[u, q] = white[u, q] * spread[k, u] + spread[k, nu + u]

@@ -172,7 +172,11 @@ def discretize(
                 for u in range(nu):
                     total += carry[a, ahead + nd + u, q] * N[u, d]
                 carry[a, ahead + d, q] = total
-    Q[:] = 0.0
+    for u in range(nu):  # a slice's message of unequal shapes would take 2.4 s to compile
+        for a in range(nx):
+            for b in range(nx):
+                for q in range(lanes):
+                    Q[u, a, b, q] = 0.0
     for g in range(2):
         s = h * (0.5 + (g - 0.5) / math.sqrt(3.0))
         for a in range(nx):
