@@ -40,6 +40,7 @@ from bayes_asv.filters.prediction import (
     predict_covariance,
     predicted_reading,
     project,
+    sizes_of_one_type,
 )  # fmt: skip  # fmt: skip
 from bayes_asv.filters.suspension_forces import (
     advance_forces,
@@ -91,7 +92,7 @@ class StateSpace(NamedTuple):
     N: Array
 
     def some(self, sets: Sequence[int]) -> StateSpace:
-        """Some of the parameter sets."""
+        """Pick some of the parameter sets."""
         only = list(sets)
         return StateSpace(
             self.A[only], self.B[only], self.C[only], self.E[only], self.G[only],
@@ -116,7 +117,7 @@ class SensorNoise(NamedTuple):
     poles: Array
 
     def some(self, sets: Sequence[int]) -> SensorNoise:
-        """Some of the parameter sets."""
+        """Pick some of the parameter sets."""
         only = list(sets)
         return SensorNoise(self.white[only], self.filtered[only], self.poles[only])
 
@@ -202,6 +203,8 @@ class FilterPass(NamedTuple):
 def _compiled(
     nx: int, ne: int, nm: int, nd: int, nu: int, ny: int, lanes: int
 ) -> Callable[..., None]:  # sizes are constants of the compiled function
+    if lanes == 1:  # else loops of known length have to be vectorized before they are put together
+        nx, ne, nm, nd, nu, ny = sizes_of_one_type(nx, ne, nm, nd, nu, ny)
     nf = nx + ne
     rows = nf + nm
     coupled = rows + nd + nu
