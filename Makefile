@@ -42,7 +42,8 @@ $(VENV)/.documented: pyproject.toml $(VENV)/.installed
 docs: $(VENV)/.documented ## the site of the documentation, in docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 
-check: format lint types contract unit ## every check, nothing installed
+check: format lint contract ## every check, nothing installed
+	$(MAKE) -j 2 types unit
 
 format:
 	$(BIN)/ruff format --check .
@@ -51,13 +52,13 @@ lint:
 	$(BIN)/ruff check .
 
 types:
-	$(BIN)/mypy bayes_asv tests benchmarks
+	nice $(BIN)/mypy bayes_asv tests benchmarks
 
 contract:
 	$(BIN)/lint-imports
 
 unit:
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 
 attack: $(VENV)/.tested ## attack every reader and command: ATTACK="--inputs 100000 --minutes 30"
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.attack $(ATTACK)

@@ -130,11 +130,11 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
     data = line.measurements
     systems = target.space.state_space(picked, run)
     for k, point in enumerate(picked):
-        system = systems.one(k)
+        system = systems.some([k])
         fitted = free_run(target, point, run).output
         basis = _basis(system, data, views)
         normals = rng.standard_normal((count, paths, normal_count))
-        noisy = simulate_noise(system, noises.one(k), data, normals)
+        noisy = simulate_noise(system, noises.some([k]), data, normals)
         for y, view in enumerate(views):
             noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], line, view)
         measured = _stacked(line.reading[:, None, :], views)

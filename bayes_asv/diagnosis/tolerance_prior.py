@@ -197,11 +197,11 @@ class OffsetPosterior(Posterior):
     log_variances: tuple[Array, ...] = ()
     cost: float = 0.0
 
-    def innovations_and_variances(
+    def filter_passes(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
         """Return what the plain posterior does, the offset subtracted from the innovations."""
-        nu, logs, states = super().innovations_and_variances(z, run, nudge)
+        nu, logs, states = super().filter_passes(z, run, nudge)
         change = np.exp(-0.5 * (logs - self.log_variances[run])) * self.offset[run]
         return np.where(logs != 0.0, nu - change, 0.0), logs, states
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import IN_PLACE
+from bayes_asv.filters.prediction import IN_PLACE, INLINE
 
 __all__ = ["add_parameter_noise", "measurement_update", "parameter_variance", "recentre"]
 
@@ -105,7 +105,7 @@ def measurement_update(
         m[k] += workspace[k] * by
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def parameter_variance(g: Array, F: Array, Fg: Array) -> float:
     """Fill ``Fg`` with F g; return its squared norm, the reading's variance due to d."""
     p = g.shape[0]
@@ -119,7 +119,7 @@ def parameter_variance(g: Array, F: Array, Fg: Array) -> float:
     return total
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def recentre(ns: int, mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
     """Move the reference to the estimate."""
     p = mu.shape[0]
@@ -146,7 +146,7 @@ def recentre(ns: int, mu: Array, D: Array, x: Array, J: Array, m: Array, F: Arra
         F[i, i] = 1.0
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def add_parameter_noise(ns: int, D: Array, J: Array, Pi: Array, variance: Array) -> float:
     """Add process noise to the parameters, the reference being at the estimate.
 

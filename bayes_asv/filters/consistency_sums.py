@@ -132,7 +132,8 @@ def _recompute_sums(
     rows: Array, end: int, nis_window: int, whiteness_window: int, sums: Array
 ) -> None:
     """Sum over the windows that end with row ``end``."""
-    sums[:] = 0.0
+    for k in range(len(sums)):
+        sums[k] = 0.0
     for e in range(end - nis_window + 1, end + 1):
         sums[0] += rows[e, 0]
         sums[1] += rows[e, 1]

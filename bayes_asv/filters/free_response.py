@@ -28,6 +28,7 @@ from bayes_asv.filters.prediction import (
     advance_mean,
     discretize,
     power_series,
+    sizes_of_one_type,
 )
 from bayes_asv.filters.suspension_forces import advance_forces, bend_weights, force_weights
 
@@ -38,6 +39,7 @@ Array = NDArray[np.float64]
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
+    nx, ne, nm, nd, nu, ny = sizes_of_one_type(nx, ne, nm, nd, nu, ny)
     nf = nx + ne
     rows = nf + nm
     coupled = rows + nd + nu

@@ -12,7 +12,7 @@ once for `LANES` sets side by side, which takes less than half the time for each
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -40,6 +40,7 @@ from bayes_asv.filters.prediction import (
     predict_covariance,
     predicted_reading,
     project,
+    sizes_of_one_type,
 )  # fmt: skip  # fmt: skip
 from bayes_asv.filters.suspension_forces import (
     advance_forces,
@@ -90,9 +91,9 @@ class StateSpace(NamedTuple):
     rates: Array
     N: Array
 
-    def one(self, k: int) -> StateSpace:
-        """Parameter set k alone."""
-        only = slice(k, k + 1)
+    def some(self, sets: Sequence[int]) -> StateSpace:
+        """Pick some of the parameter sets."""
+        only = list(sets)
         return StateSpace(
             self.A[only], self.B[only], self.C[only], self.E[only], self.G[only],
             self.rates[only], self.N,
@@ -115,9 +116,10 @@ class SensorNoise(NamedTuple):
     filtered: Array
     poles: Array
 
-    def one(self, k: int) -> SensorNoise:
-        """Parameter set k alone."""
-        return SensorNoise(self.white[k : k + 1], self.filtered[k : k + 1], self.poles[k : k + 1])
+    def some(self, sets: Sequence[int]) -> SensorNoise:
+        """Pick some of the parameter sets."""
+        only = list(sets)
+        return SensorNoise(self.white[only], self.filtered[only], self.poles[only])
 
 
 class Measurements(NamedTuple):
@@ -201,6 +203,8 @@ class FilterPass(NamedTuple):
 def _compiled(
     nx: int, ne: int, nm: int, nd: int, nu: int, ny: int, lanes: int
 ) -> Callable[..., None]:  # sizes are constants of the compiled function
+    if lanes == 1:  # else loops of known length have to be vectorized before they are put together
+        nx, ne, nm, nd, nu, ny = sizes_of_one_type(nx, ne, nm, nd, nu, ny)
     nf = nx + ne
     rows = nf + nm
     coupled = rows + nd + nu
@@ -301,7 +305,10 @@ def _compiled(
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[:, 0], T[:, 1])
-                    carry[:] = base
+                    for a in range(rows):
+                        for b in range(coupled):
+                            for q in range(lanes):
+                                carry[a, b, q] = base[a, b, q]
                 for u in range(nu):
                     for q in range(lanes):
                         intensity[u, q] = white[u, q] * spread[k, u] + spread[k, nu + u]
@@ -374,8 +381,11 @@ def readout(system: StateSpace, nm: int) -> Array:
     return np.concatenate([system.C, system.G, np.zeros((W, ny, nm))], axis=2)
 
 
-def _lanes_last(values: Array) -> Array:
-    return np.ascontiguousarray(np.moveaxis(values, 0, -1))
+def _lanes_last(values: Array, sets: NDArray[np.int64] | int) -> Array:
+    """Pick one parameter set or several of them (W, …); they become the last axis."""
+    if isinstance(sets, int):
+        return np.ascontiguousarray(values[sets])[..., None]
+    return np.ascontiguousarray(values[sets].transpose(*range(1, values.ndim), 0))
 
 
 def _passes(
@@ -398,20 +408,27 @@ def _passes(
     tables = np.broadcast_to(laws.table, (W, *laws.table.shape[1:]))
     done = 0
     while done < W:
-        lanes = LANES if W - done >= _FEWEST_LANES else 1
-        sets = np.minimum(np.arange(done, done + lanes), W - 1)  # the last one fills up
+        several = W - done >= _FEWEST_LANES
+        lanes = LANES if several else 1
+        picked = np.minimum(np.arange(done, done + lanes), W - 1)  # the last one fills up
+        sets = picked if several else done
         run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny, lanes)
-        A, B, rows, E, rates, white, filtered, poles = (_lanes_last(x[sets]) for x in per_set)
-        total = np.zeros(lanes)
-        kept = [np.zeros((instants, size, lanes)) for size in (ny, ny, nx + ne)]
+        A, B, rows, E, rates, white, filtered, poles = (_lanes_last(x, sets) for x in per_set)
+        # One set alone is written where it belongs.
+        total, *kept = (
+            [np.zeros((*x.shape[1:], lanes)) for x in out]
+            if several
+            else [x[done, ..., None] for x in out]
+        )
         run(
             A, B, rows, E, rates, system.N, white, filtered, poles, *data,
-            np.ascontiguousarray(tables[sets]), laws.pole, laws.inputs, laws.elapsed, laws.added,
+            np.ascontiguousarray(tables[picked]), laws.pole, laws.inputs, laws.elapsed, laws.added,
             total, keep, *kept,
         )  # fmt: skip
         count = min(lanes, W - done)
-        for into, values in zip(out, (total, *kept), strict=True):
-            into[done : done + count] = np.moveaxis(values, -1, 0)[:count]
+        if several:
+            for into, values in zip(out, (total, *kept), strict=True):
+                into[done : done + count] = np.moveaxis(values, -1, 0)[:count]
         done += count
     return out
 

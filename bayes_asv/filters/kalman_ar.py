@@ -34,6 +34,7 @@ from bayes_asv.filters.prediction import (
     power_series,
     predict_covariance,
     project,
+    sizes_of_one_type,
 )
 
 __all__ = ["innovations", "log_likelihood"]
@@ -135,6 +136,7 @@ def _whiten(
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., float]:
+    nx, nd, nu, ny = sizes_of_one_type(nx, nd, nu, ny)
     coupled = nx + nd + nu
     n = coupled + 2 * ny
     unknown = nx + nd + ny

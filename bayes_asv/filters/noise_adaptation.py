@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import IN_PLACE
+from bayes_asv.filters.prediction import INLINE
 from bayes_asv.filters.ukf_state import DRIFT_LAGS, FilterSettings, Statistics
 
 __all__ = [
@@ -30,7 +30,7 @@ SNAPSHOT_INTERVAL = 0.1
 """Time between snapshots of the parameters, s."""
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def noise_factors(
     ny: int, at: Statistics, statistics: Array, settings: FilterSettings, noise_factor: Array
 ) -> None:
@@ -46,7 +46,7 @@ def noise_factors(
             noise_factor[y] = statistics[at.fast_factor + y]
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def update_noise_factor(
     at: Statistics, statistics: Array, settings: FilterSettings, y: int, nis: float, factor: float
 ) -> None:
@@ -59,7 +59,7 @@ def update_noise_factor(
     statistics[fast] += (raw - statistics[fast]) / settings.fast_window
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def update_autocovariance(autocovariance: Array, nu: float, settings: FilterSettings) -> None:
     """Update an output's autocovariance (2, 1 + DRIFT_LAGS) by a normalised innovation.
 
@@ -75,7 +75,7 @@ def update_autocovariance(autocovariance: Array, nu: float, settings: FilterSett
             autocovariance[0, lag] = autocovariance[0, lag - 1]
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def detect_drift(
     ny: int, at: Statistics, statistics: Array, autocovariance: Array, threshold: float
 ) -> None:
@@ -100,7 +100,7 @@ def detect_drift(
         statistics[at.drift_detected] = 0.0
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def is_excited(
     ny: int, nx: int, at: Statistics, statistics: Array, x: Array, Pi: Array, C: Array, h: float
 ) -> bool:
@@ -127,7 +127,7 @@ def is_excited(
     return excited
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def take_snapshot(
     ny: int,
     at: Statistics,

@@ -17,7 +17,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace
-from bayes_asv.filters.prediction import OPTIONS, ORDER, TAYLOR, decays, discretize, power_series
+from bayes_asv.filters.prediction import (
+    OPTIONS,
+    ORDER,
+    TAYLOR,
+    decays,
+    discretize,
+    power_series,
+    sizes_of_one_type,
+)
 
 __all__ = ["normals_needed", "simulate_noise"]
 
@@ -31,6 +39,7 @@ def normals_needed(nu: int, ny: int) -> int:
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
+    nx, nu, ny = sizes_of_one_type(nx, nu, ny)
     coupled = nx + nu
     n = coupled + 2 * ny
 

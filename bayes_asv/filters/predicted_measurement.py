@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import IN_PLACE, OPTIONS
+from bayes_asv.filters.prediction import INLINE, OPTIONS
 from bayes_asv.filters.simd_batch import set_states
 from bayes_asv.filters.simd_layout import LANES, Rows, Shape, accelerations, lane_offset
 from bayes_asv.filters.ukf_state import Sizes
@@ -53,7 +53,7 @@ def outputs(
             y[lane, o] = W[at + gain] * value
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def odd_parts(sizes: Sizes, rows: Rows, W: Array, p: int, distance: float, odd: Array) -> None:
     """Fill ``odd`` (p, nR · 2 ne): derivatives of the accelerations along each direction."""
     half = 0.5 / distance
@@ -64,7 +64,7 @@ def odd_parts(sizes: Sizes, rows: Rows, W: Array, p: int, distance: float, odd: 
             odd[i, a] = half * (W[up + row] - W[down + row])
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def interaction_variance(sizes: Sizes, odd: Array, Pi: Array, work: Array, B: Array) -> None:
     """Fill B (nR, nR): variance of accelerations due to uncertain parameters times uncertain state.
 
@@ -93,7 +93,7 @@ def interaction_variance(sizes: Sizes, odd: Array, Pi: Array, work: Array, B: Ar
             B[s, r] = B[r, s]
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def output_matrix(
     sizes: Sizes,
     rows: Rows,
@@ -121,7 +121,7 @@ SIGMA_DISTANCE: Final = math.sqrt(3.0)
 """Distance of the sigma points in standard deviations; √3 matches the fourth moment of a normal."""
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def predict_measurement(
     sizes: Sizes,
     rows: Rows,

@@ -22,6 +22,7 @@ and the state is conditioned on it by matching two moments.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -48,6 +49,7 @@ __all__ = [
     "predict_covariance",
     "predicted_reading",
     "project",
+    "sizes_of_one_type",
     "upper_tail",
 ]
 
@@ -89,7 +91,19 @@ OPTIONS = {"cache": _CACHE, "nogil": True, "fastmath": {"contract"}, "error_mode
 INLINE = {**OPTIONS, "forceinline": True}
 """Of functions whose sizes become constants of the filter that calls them."""
 IN_PLACE = {**OPTIONS, "inline": "always"}
-"""Of functions that become part of the filter that calls them before anything is optimised."""
+"""Of functions that become part of the filter that calls them before anything is optimised.
+
+They are compiled again with every filter, and belong in the innermost loops alone.
+"""
+
+
+def sizes_of_one_type(*sizes: int) -> tuple[Any, ...]:
+    """Return sizes for a filter such that what it calls is compiled once for all sizes.
+
+    To numba the value of a Python integer is part of its type, that of NumPy's is not.
+    """
+    return tuple(np.int64(size) for size in sizes)
+
 
 Array = NDArray[np.float64]
 
@@ -172,7 +186,11 @@ def discretize(
                 for u in range(nu):
                     total += carry[a, ahead + nd + u, q] * N[u, d]
                 carry[a, ahead + d, q] = total
-    Q[:] = 0.0
+    for u in range(nu):  # a slice's message of unequal shapes would take 2.4 s to compile
+        for a in range(nx):
+            for b in range(nx):
+                for q in range(lanes):
+                    Q[u, a, b, q] = 0.0
     for g in range(2):
         s = h * (0.5 + (g - 0.5) / math.sqrt(3.0))
         for a in range(nx):

@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.prediction import IN_PLACE, OPTIONS, ORDER, TAYLOR
+from bayes_asv.filters.prediction import IN_PLACE, INLINE, OPTIONS, ORDER, TAYLOR
 from bayes_asv.filters.simd_layout import (
     LANES,
     WIDTH,
@@ -69,7 +69,7 @@ def _exp(x: float) -> float:
     return even + x * odd
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def fill_lanes(sizes: Sizes, rows: Rows, W: Array, p: int, model: Model) -> None:
     """Fill all lanes of p directions with one parameter vector and with what is constant."""
     for b in range(blocks(p, sizes.elements)):
@@ -213,7 +213,7 @@ def set_parameters(
     return max_rate
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def propagate(
     sizes: Sizes,
     rows: Rows,
@@ -302,7 +302,7 @@ def propagate(
         horner(shape, W, np.uint64(b) * np.uint64(rows.size), inputs, order)
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def set_states(
     sizes: Sizes, rows: Rows, W: Array, p: int, distance: float, x: Array, J: Array, N: Array
 ) -> None:
@@ -393,7 +393,7 @@ def unscented_moments(
             even_covariance[b, a] = even_covariance[a, b]
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def transition_matrices(
     sizes: Sizes, rows: Rows, W: Array, p: int, h: float, phi: Array, gamma: Array, Q: Array
 ) -> None:

@@ -56,7 +56,14 @@ from bayes_asv.filters.predicted_measurement import (
     output_matrix,
     predict_measurement,
 )
-from bayes_asv.filters.prediction import IN_PLACE, OPTIONS, TAYLOR, upper_tail
+from bayes_asv.filters.prediction import (
+    IN_PLACE,
+    INLINE,
+    OPTIONS,
+    TAYLOR,
+    sizes_of_one_type,
+    upper_tail,
+)
 from bayes_asv.filters.simd_batch import (
     fill_lanes,
     propagate,
@@ -140,7 +147,7 @@ def _advance_covariance(
         P[noise + c, noise + c] += filtered[c] * (1.0 - kept * kept)
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def _reset_motion(
     sizes: Sizes, x: Array, J: Array, Pi: Array, start: Array, filtered: Array
 ) -> None:
@@ -200,7 +207,9 @@ def run(
 @lru_cache(maxsize=64)
 def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
     rows, at, into = lane_rows(sizes), statistics(sizes.outputs), columns(sizes)
-    nx, ne, nd, ny, ns = sizes.motion, sizes.elements, sizes.directions, sizes.outputs, sizes.states
+    nx, ne, nd, ny, ns = sizes_of_one_type(
+        sizes.motion, sizes.elements, sizes.directions, sizes.outputs, sizes.states
+    )
     nR, size, shape = sizes.rows, rows.size, shape_of(sizes)
 
     @njit(**OPTIONS)
@@ -516,7 +525,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
     return run  # type: ignore[no-any-return]
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def _propagate_direction(
     sizes: Sizes, slope: Array, phi: Array, gamma: Array, by_bias: Array, work: Array
 ) -> None:
@@ -535,7 +544,7 @@ def _propagate_direction(
         slope[a] = total
 
 
-@njit(**IN_PLACE)
+@njit(**INLINE)
 def _write_results(
     sizes: Sizes,
     into: Columns,

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.filters.kalman import LANES
 from bayes_asv.posterior.likelihood import Posterior
 
 __all__ = ["LaplaceFit", "ScoreAndInformation", "maximise", "secant_update", "slopes"]
@@ -119,12 +120,6 @@ class LaplaceFit:
         return self.log_posterior + volume
 
 
-def _passes(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
-    """Innovations and log variances (2 E,) of one run."""
-    nu, logs, _ = target.innovations_and_variances(z, run)
-    return nu.ravel(), logs.ravel()
-
-
 def slopes(
     target: Posterior, z: Array, first: int = 0, last: int | None = None
 ) -> ScoreAndInformation:
@@ -148,46 +143,35 @@ def slopes(
     last = len(z) if last is None else last
     seen = [space.coordinates_of_run(run) for run in runs]
     along = [own[(own >= first) & (own < last)] for own in seen]
-    moves: list[tuple[int, int | None]] = [(run, None) for run in runs]
-    moves += [(run, k) for run in runs for k in along[run]]
+    moved = [z + np.vstack([np.zeros(len(z)), _STEP * np.eye(len(z))[own]]) for own in along]
+    pieces = [(run, k) for run in runs for k in range(0, len(moved[run]), LANES)]
 
-    def one(move: tuple[int, int | None]) -> tuple[Array, Array]:
-        run, k = move
-        return _passes(target, z if k is None else _with_step(z, k), run)
+    def passed(piece: tuple[int, int]) -> tuple[Array, Array, Array]:
+        run, k = piece
+        return target.filter_passes(moved[run][k : k + LANES], run)
 
     work = target.pool.map if target.pool else map
-    found = dict(zip(moves, work(one, moves), strict=True))
+    found = dict(zip(pieces, work(passed, pieces), strict=True))
     parts = []
     returned = np.zeros(len(z))
     for run in runs:
-        nu, logs = found[run, None]
-        there = logs != 0.0
-        n = int(np.count_nonzero(there))
+        of_run = [found[piece] for piece in pieces if piece[0] == run]
+        nu, logs = (np.concatenate([x[k].reshape(len(x[k]), -1) for x in of_run]) for k in (0, 1))
+        there = logs[0] != 0.0
+        nu, logs = nu[:, there], logs[:, there]
         own = along[run]
-        means, scales = np.zeros((len(z), n)), np.zeros((len(z), n))
-        for k in own:
-            nu_k, logs_k = found[run, k]
-            ds = (logs_k - logs)[there] / _STEP
-            means[k] = -((nu_k - nu)[there] / _STEP + 0.5 * nu[there] * ds)
-            scales[k] = ds
-        parts.append((nu[there], logs[there], means, scales))
+        means, scales = (np.zeros((len(z), nu.shape[1])) for _ in range(2))
+        scales[own] = (logs[1:] - logs[0]) / _STEP
+        means[own] = -((nu[1:] - nu[0]) / _STEP + 0.5 * nu[0] * scales[own])
+        parts.append((nu[0], logs[0], means, scales))
         if space.timelines[run].cut is not None:
-            moved = z + _STEP * np.eye(len(z))[own]
-            change = target.removed_band_correction(moved, run) - target.removed_band_correction(
-                z[None], run
-            )
-            returned[own] += change / _STEP
+            corrections = target.removed_band_correction(moved[run], run)
+            returned[own] += (corrections[1:] - corrections[0]) / _STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     value = _value(target, z)
     means = np.concatenate([p[2] for p in parts], axis=1)
     scales = np.concatenate([p[3] for p in parts], axis=1)
     return ScoreAndInformation(nu, logs, means, scales, value, returned)
-
-
-def _with_step(z: Array, k: int) -> Array:
-    out = z.copy()
-    out[k] += _STEP
-    return out
 
 
 def maximise(target: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:

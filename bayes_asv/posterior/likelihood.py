@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from bayes_asv.filters import kalman, kalman_ar
-from bayes_asv.filters.kalman import MISSING, Laws, Measurements
+from bayes_asv.filters.kalman import MISSING, Laws, Measurements, SensorNoise, StateSpace
 from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
@@ -214,22 +214,38 @@ class Posterior:
 
     def _with_effects(self, z: Array, run: int, recording: PreparedRecording) -> Array:
         """Log-likelihood (W,) of one run whose car or sensors have effects."""
+        out = np.empty(len(z))
+        for sets, model in self._models(z, run, recording):
+            out[sets] = kalman.log_likelihood(*model)
+        return out
+
+    def _models(
+        self, z: Array, run: int, recording: PreparedRecording, nudge: Perturbation | None = None
+    ) -> Iterator[tuple[list[int], tuple[StateSpace, SensorNoise, Measurements, Laws | None]]]:
+        """Divide points (W, D) by what sensors would have read, each part with its models."""
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
-        known = self._patterns(run, recording)
         values = [self.space.effects(point) for point in z]
         tables = np.stack([law_table(self.space.car, v, run) for v in values])
-        readings = [
-            known.corrected(recording, v, self.space.zeros(point, run))
-            for v, point in zip(values, z, strict=True)
-        ]
-        if all(one is readings[0] for one in readings):  # no sensor differs
-            data, laws = self._declared(recording, run, readings[0], tables)
-            return kalman.log_likelihood(system, noise, data, laws)
-        out = np.empty(len(z))
-        for w in range(len(z)):
-            data, laws = self._declared(recording, run, readings[w], tables[w : w + 1])
-            out[w] = kalman.log_likelihood(system.one(w), noise.one(w), data, laws)[0]
-        return out
+        known = self._patterns(run, recording) if self.patterns else None
+        as_read = NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
+        parts: dict[int, tuple[NominalReadings, list[int]]] = {}
+        for w, (value, point) in enumerate(zip(values, z, strict=True)):
+            nominal = (
+                as_read
+                if known is None
+                else known.corrected(recording, value, self.space.zeros(point, run))
+            )
+            parts.setdefault(id(nominal), (nominal, []))[1].append(w)
+        for nominal, sets in parts.values():
+            whole = len(sets) == len(z)
+            yield (
+                sets,
+                (
+                    system if whole else system.some(sets),
+                    noise if whole else noise.some(sets),
+                    *self._declared(recording, run, nominal, tables[sets], nudge),
+                ),
+            )
 
     def _patterns(self, run: int, recording: PreparedRecording) -> SensorPatterns:
         """Patterns of a run, prepared for certain errors of its clocks."""
@@ -239,13 +255,21 @@ class Posterior:
         return self.retimed_patterns[run][retimed.lines.index(recording)]
 
     def _declared(
-        self, recording: PreparedRecording, run: int, nominal: NominalReadings, tables: Array
+        self,
+        recording: PreparedRecording,
+        run: int,
+        nominal: NominalReadings,
+        tables: Array,
+        nudge: Perturbation | None,
     ) -> tuple[Measurements, Laws | None]:
-        """Measurements of sensors as declared, and the laws; None where no force law acts."""
-        data = recording.measurements._replace(moments=nominal.moments, reading=nominal.reading)
-        if tables.shape[1] == 0:
+        """Measurements of sensors as declared, and the laws; None where no force acts."""
+        moments, reading = nominal.moments, nominal.reading
+        added = np.zeros((len(recording.step), len(self.space.car.elements)))
+        if nudge is not None:
+            moments, reading, added = moments + nudge.moments, reading + nudge.reading, nudge.force
+        data = recording.measurements._replace(moments=moments, reading=reading)
+        if tables.shape[1] == 0 and not np.any(added):
             return data, None
-        added = np.zeros((len(data.step), len(self.space.car.elements)))
         pole = self.patterns[run].pole
         return data, Laws(tables, pole, nominal.wheel, recording.elapsed, added)
 
@@ -313,30 +337,39 @@ class Posterior:
     def innovations_and_variances(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
-        """Innovations (E, ny), logarithms of their variances (E, ny) and states of one run.
+        """Innovations (E, ny), logarithms of their variances (E, ny) and states (E, nx + ne).
 
-        Zero where there is no value; the states (E, nx + ne) are deflections and their rates
-        element by element, body rates, and excess forces.  A perturbation changes what was read,
-        or adds forces.
+        Of one run at coordinates (D,); otherwise as :meth:`filter_passes`.
         """
-        recording = self.space.timelines[run]
-        nominal = self.as_declared(z, run)
-        if nudge is not None:
-            nominal = nominal._replace(
-                moments=nominal.moments + nudge.moments, reading=nominal.reading + nudge.reading
-            )
-        table = law_table(self.space.car, self.space.effects(z), run)[None]
-        data, laws = self._declared(recording, run, nominal, table)
-        if nudge is not None and np.any(nudge.force):
-            laws = Laws(
-                table, self.patterns[run].pole, nominal.wheel, recording.elapsed, nudge.force
-            )
-        system, noise = self.space.state_space(z[None], run), self.space.noises(z[None], run)
-        passed = kalman.filter_pass(system, noise, data, laws)
-        states = passed.states[0]
-        if laws is None:
-            states = np.hstack([states, np.zeros((len(states), len(self.space.car.elements)))])
-        return passed.innovations[0], passed.log_variances[0], states
+        innovations, log_variances, states = self.filter_passes(z[None], run, nudge)
+        return innovations[0], log_variances[0], states[0]
+
+    def filter_passes(
+        self, z: Array, run: int, nudge: Perturbation | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Innovations (W, E, ny), logarithms of their variances (W, E, ny) and states of one run.
+
+        At coordinates (W, D).  Zero where there is no value; the states (W, E, nx + ne) are
+        deflections and their rates element by element, body rates, and excess forces.  A
+        perturbation changes what was read, or adds forces.
+        """
+        passes = []
+        order: list[int] = []
+        for sets, model in self._models(z, run, self.space.timelines[run], nudge):
+            found = kalman.filter_pass(*model)
+            states = found.states
+            if model[-1] is None:
+                forces = np.zeros((*states.shape[:2], len(self.space.car.elements)))
+                states = np.concatenate([states, forces], axis=2)
+            passes.append((found.innovations, found.log_variances, states))
+            order += sets
+        if len(passes) == 1:
+            return passes[0]
+        back = np.argsort(order)
+        innovations, log_variances, states = (
+            np.concatenate(parts)[back] for parts in zip(*passes, strict=True)
+        )
+        return innovations, log_variances, states
 
     def as_declared(
         self, z: Array, run: int, line: PreparedRecording | None = None

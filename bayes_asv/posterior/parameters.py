@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -126,8 +126,13 @@ class CarPrior:
         return np.asarray(np.sqrt(np.sum(self.root**2, axis=1)))
 
 
-def car_prior(car: CarModel, recordings: tuple[PreparedRecording, ...]) -> CarPrior:
-    """Set up the prior of a car and find what the outputs of its recordings can identify."""
+@lru_cache(maxsize=16)  # a diagnosis sets up thousands of spaces of one vehicle
+def _prior_of_vehicle(car: str, vehicle: Vehicle, outputs: tuple[Output, ...]) -> CarPrior:
+    return car_prior(car_model(car, vehicle), outputs)
+
+
+def car_prior(car: CarModel, outputs: Sequence[Output]) -> CarPrior:
+    """Set up the prior of a car and find what measured outputs can identify."""
     logs = tuple(p.name for p in car.parameters if p.kind != "fraction" and p.nominal != 0.0)
     by_name = {p.name: p for p in car.parameters}
     terms = sorted({t[0] for name in logs for t in by_name[name].terms if t[2] > 0.0})
@@ -137,7 +142,6 @@ def car_prior(car: CarModel, recordings: tuple[PreparedRecording, ...]) -> CarPr
             if sd > 0.0:
                 root[a, terms.index(term)] += coefficient * sd
     log_mean = np.log([by_name[name].nominal for name in logs])
-    outputs = tuple(dict.fromkeys(o for one in recordings for o in one.output_models))
     return CarPrior(car, logs, log_mean, root, *identified_directions(car, outputs, logs, root))
 
 
@@ -607,8 +611,9 @@ def space(
     -------
     ParameterSpace
     """
-    car = car_model(timelines[0].car.name, vehicle)
-    prior = car_prior(car, timelines)
+    outputs = tuple(dict.fromkeys(o for one in timelines for o in one.output_models))
+    prior = _prior_of_vehicle(timelines[0].car.name, vehicle, outputs)
+    car = prior.car
     coordinates = [Coordinate("car", f"car-{k}") for k in range(prior.identified.shape[1])]
     coordinates += [
         Coordinate("fraction", p.name, p.nominal, p.terms[0][2])

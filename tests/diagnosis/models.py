@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.domain.recording import Recording
@@ -16,9 +17,10 @@ from bayes_asv.posterior.fitted_model import (
     update_patterns,
 )
 from bayes_asv.posterior.map_fit import prepare_runs
-from tests.battery.cases import Case
+from tests.battery.cases import Case, case
+from tests.battery.vehicles import Fleet
 
-__all__ = ["assess_linear", "fit_linear", "ignore_progress", "prepared"]
+__all__ = ["assess_case", "assess_linear", "fit_linear", "ignore_progress", "prepared"]
 
 
 def prepared(recordings: Sequence[Recording], vehicle: Vehicle) -> Dataset:
@@ -39,6 +41,12 @@ def assess_linear(one: Case, seed: int = 1) -> AssessedModel:
     """The linear half car on the fitted recordings of a case, assessed."""
     dataset = prepared(one.recordings, one.vehicle)
     return assess(dataset, base(dataset), seed)
+
+
+@cache  # several tests begin with the same one
+def assess_case(name: str, seed: int, number: int, fleet: Fleet) -> AssessedModel:
+    """Assess a case of the battery, given by its name, as :func:`assess_linear` does."""
+    return assess_linear(case(name, seed, number, fleet))
 
 
 def ignore_progress(share: float, text: str) -> None:

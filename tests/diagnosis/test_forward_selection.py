@@ -26,11 +26,11 @@ from bayes_asv.posterior.effect_fit import read_site
 from bayes_asv.posterior.fitted_model import Dataset
 from tests.battery.cases import case
 from tests.battery.vehicles import Fleet
-from tests.diagnosis.models import assess_linear, ignore_progress
+from tests.diagnosis.models import assess_case, ignore_progress
 
 
 def _selected(name: str, seed: int, number: int, fleet: Fleet) -> Selection:
-    assessed = assess_linear(case(name, seed, number, fleet))
+    assessed = assess_case(name, seed, number, fleet)
     return select_effects(start_selection(assessed), 1, ignore_progress)
 
 
@@ -128,7 +128,7 @@ def test_a_further_effect_is_named_where_it_is_more_probable_than_not() -> None:
 
 def test_excluded_effects_are_not_named() -> None:
     one = case("bound_rebound-400", 5, 0)
-    assessed = assess_linear(one)
+    assessed = assess_case("bound_rebound-400", 5, 0, "dev")
     truth = f"bound_rebound@{one.truth.effects[0].where}"
     every = [str(group.candidates[0].site) for group in leading_candidates(assessed.test)]
     assert truth in every
@@ -141,7 +141,7 @@ def test_excluded_effects_are_not_named() -> None:
 
 def test_fewer_candidates_are_fitted_for_a_further_effect() -> None:
     """Those that are fitted for a further effect are fitted for the first one as well."""
-    test = assess_linear(case("null", 5, 0)).test
+    test = assess_case("null", 5, 0, "dev").test
     first, further = (
         {str(g.candidates[0].site) for g in leading_candidates(test, further=f)}
         for f in (False, True)
@@ -158,7 +158,7 @@ def _pulse(run: int) -> NamedEffect:
 
 
 def _pulse_then_drift() -> Selection:
-    assessed = assess_linear(case("bound_rebound-400", 5, 0))
+    assessed = assess_case("bound_rebound-400", 5, 0, "dev")
     return Selection(assessed, (_pulse(1), _named(read_site("sensor_drift@front_wheel"))), [], 0.0)
 
 

@@ -24,14 +24,14 @@ from bayes_asv.models.effects import AXLES, EFFECTS, Scale, Site
 from bayes_asv.posterior.effect_fit import Candidate, added, read_site
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
 from tests.battery.cases import case
-from tests.diagnosis.models import assess_linear, ignore_progress
+from tests.diagnosis.models import assess_case, assess_linear, ignore_progress
 
 _TRUNCATION = math.log(math.erf(3.0 / math.sqrt(2.0)))  # of a tolerance's prior, at three
 
 
 def test_a_tolerance_that_would_have_to_be_negative_imitates_nothing() -> None:
     """One at its upper bound still imitates: what is left of it is its own."""
-    assessed = assess_linear(case("null", 5, 0, "dev"))
+    assessed = assess_case("null", 5, 0, "dev")
     test = assessed.test
     tolerances = np.flatnonzero([c.tolerance for c in test.candidates])
     one_sided = np.array([test.candidates[k].signed for k in tolerances])
