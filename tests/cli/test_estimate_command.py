@@ -38,10 +38,14 @@ def _numbers(value: Any) -> Iterator[float]:
 def test_it_says_the_verdict_and_nothing_else(saved: Saved) -> None:
     assert saved.said.status == 0
     assert saved.said.err == ""
-    first, *others = saved.said.out.splitlines()
+    first, head, *others = saved.said.sentences
     assert first.startswith("Front damper: 2")
     assert "softer than nominal" in first
-    assert all(line.startswith(("The ", "Note: ", "Next: ")) for line in others)
+    assert head.split("  ")[0] == "parameter"
+    labels = ("Front damping ", "Rear damping ", "Pitch inertia ", "Radius of gyration ")
+    assert all(line.startswith(label) for line, label in zip(others, labels, strict=False))
+    assert all(line.startswith(("The ", "Note: ", "Next: ")) for line in others[len(labels) :])
+    assert max(map(len, saved.said.out.splitlines())) <= 80
     assert "\x1b" not in saved.said.out
 
 
@@ -155,7 +159,11 @@ def test_not_converged_is_status_4(
     said = invoke("estimate", stops, "-v", baja, "--json", tmp_path / "x.json")
     assert said.status == 4
     assert said.err == ""
-    assert "Not to be relied on: " in said.out
+    parameters = ("Front damping", "Rear damping", "Pitch inertia", "Radius of gyration")
+    rows = [line for line in said.out.splitlines() if line.startswith(parameters)]
+    assert len(rows) == 4
+    assert all(row.endswith("not to be relied on") for row in rows)
+    assert "certain" not in said.out
     document = json.loads((tmp_path / "x.json").read_text(encoding="utf-8"))
     assert document["verdict"] == "not_converged"
     assert invoke("report", "--from", tmp_path / "x.json", "-o", tmp_path / "x.html").status == 4
@@ -275,6 +283,6 @@ def test_the_demo_names_the_report_it_wrote(run: Command, tmp_path: Path) -> Non
     assert (tmp_path / html).read_bytes().startswith(b"<!DOCTYPE html>")
     assert (tmp_path / pdf).read_bytes().startswith(b"%PDF")
     assert "Front damper: " in said.out
-    truth = next(line for line in said.out.splitlines() if line.startswith("True values "))
+    truth = next(line for line in said.sentences if line.startswith("True values "))
     assert "front damping rate 5.76 lbf·s/in (" in truth
     assert truth.count("side its interval)") == 3

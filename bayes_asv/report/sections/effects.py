@@ -18,6 +18,7 @@ from bayes_asv.report.schema.parts import (
     Summary,
 )
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
+from bayes_asv.report.sections.damper_force import label_sides
 from bayes_asv.report.words import (
     MISSING,
     capitalized,
@@ -122,7 +123,7 @@ def _model_limits(document: EstimateDocument) -> list[str]:
 SECTION: Final = Section(_content)
 """Effects that a diagnosis named."""
 
-MODEL_SECTION: Final = Section(_model_content, _model_limits)
+MODEL_SECTION: Final = Section(_model_content, _model_limits, about="model")
 """Effects in the model of an estimate."""
 
 
@@ -292,8 +293,7 @@ def _effect_table(effects: Sequence[NamedEffect]) -> Table:
         "Named effects",
         ["effect", "probability", "parameter", "value", "95 % interval"],
         rows,
-        "In the order in which they were added to the model. docs/effects.md defines the "
-        "parameters; the intervals allow for the tolerances of all other effects.",
+        "docs/effects.md defines the parameters; intervals allow for the tolerances of all others.",
     )
 
 
@@ -353,8 +353,7 @@ def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
     panels = []
     for place, part, curve in curves:
         words = place.replace("_", " ")
-        alone = len(curves) == 1
-        figure = svg.canvas(6.0, 3.4) if alone else svg.canvas(height=3.2)
+        figure = svg.canvas(height=1.9)
         axes = figure.subplots()
         along = "velocity" if part == "damper" else "deflection"
         _draw_force(axes, curve, svg.axle_colour(place), along)
@@ -365,7 +364,7 @@ def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
         )
         alt = f"{words} {part}: force against {along}, before and after"
         key = f"law-{place.replace('_', '-')}-{part}"
-        panels.append(svg.panel(figure, key, alt, wide=alone))
+        panels.append(svg.panel(figure, key, alt))
     return tuple(panels)
 
 
@@ -390,10 +389,6 @@ def _draw_force(axes: Axes, curve: ForceCurve, paint: str, along: str) -> None:
             axes.plot(
                 grid, svg.curve_array(band.median), color=colour, linestyle=dashes, label=label
             )
-    sides = ("compression", "rebound") if along == "velocity" else ("bump", "droop")
-    for x, y, align, words in (
-        (0.02, 0.93, "left", f"← {sides[0]}"), (0.98, 0.03, "right", f"{sides[1]} →"),
-    ):  # fmt: skip
-        axes.text(x, y, words, transform=axes.transAxes, ha=align, fontsize=8.5, color=muted)
+    label_sides(axes, *(("compression", "rebound") if along == "velocity" else ("bump", "droop")))
     count = 3 + (curve.after_end is not None)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count, columnspacing=1.0)

@@ -18,7 +18,7 @@ from bayes_asv.report.words import plain, readable_unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SECTION", "where_to_look"]
+__all__ = ["SECTION", "residual_overview", "where_to_look"]
 
 _MAX_RUNS: Final = 3  # runs whose residuals are drawn
 _POSITIVE: Final = {
@@ -32,12 +32,8 @@ _FORCE: Final = (
     "velocity (damper, friction). A frame marks the strongest cell, if it is significant."
 )
 _RESIDUAL: Final = (
-    "In the shaded windows the linear {car} leaves more than chance; the coloured curve should "
-    "have no pattern there."
-)
-_SPECTRUM: Final = (
-    "Shaded bands are those of the disagreement: low frequencies are motion of the body, high ones "
-    "of wheels, engine or sensors."
+    "In the shaded windows and bands the linear {car} leaves more than chance. Low frequencies are "
+    "motion of the body, high ones of wheels, engine or sensors."
 )
 
 
@@ -50,16 +46,13 @@ def _content(document: DiagnoseDocument) -> Iterator[Block]:
     for n, run in enumerate(document.residuals[:_MAX_RUNS]):
         of = f", {plain(run.source)}" if len(document.residuals) > 1 else ""
         yield Figure(
-            f"left-{n}", f"Residuals before and after{of}", _RESIDUAL.format(car=car),
-            _residuals(run, seen, n),
-        )  # fmt: skip
-        yield Figure(
-            f"leftband-{n}", f"Spectrum of the residuals{of}", _SPECTRUM,
-            _residual_spectra(run, seen, n),
+            f"left-{n}", f"Residuals before and after{of}",
+            _RESIDUAL.format(car=car),
+            (*_residuals(run, seen, n), *_residual_spectra(run, seen, n)), 3,
         )  # fmt: skip
 
 
-SECTION: Final = Section(_content)
+SECTION: Final = Section(_content, title="Where simulation and measurement disagree")
 
 
 def where_to_look(document: DiagnoseDocument) -> str:
@@ -119,7 +112,7 @@ def _missing_force(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
         axes.grid(visible=False)
         return f"{axle}: mean missing force by deflection and velocity"
 
-    return svg.axle_panels("plane-{}", draw, 3.4)
+    return svg.axle_panels("plane-{}", draw, 2.4)
 
 
 def _same_cell(cell: Cell, other: Cell | None) -> bool:
@@ -140,8 +133,11 @@ def _signed(value: float) -> str:
     return text.replace("-", "−")
 
 
-def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
-    """Draw the residuals of a run against time, before and after."""
+def _residuals(run: Residual, seen: Disagreement, n: int | None) -> tuple[svg.Panel, ...]:
+    """Draw the residuals of a run against time, before and after.
+
+    `n` is the number of the run; on the first page, where panels are wider, it is None.
+    """
     time = svg.curve_array(run.time)
     spans = zip(seen.time, seen.time_run, strict=False)
     windows = [window for window, source in spans if source == run.source]
@@ -163,37 +159,66 @@ def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ..
         svg.legend_above(axes)
         return f"{plain(run.source)}, {_place(name)}: residuals against time, before and after"
 
-    return _output_panels(f"left-{{}}-{n}", draw, run)
+    if n is None:
+        return _output_panels("overview-{}", draw, run, (svg.WIDTH, 1.9))
+    return _output_panels(f"left-{{}}-{n}", draw, run, svg.SMALL)
+
+
+def residual_overview(document: DiagnoseDocument) -> Figure:
+    """Residuals of the first run, before and after the effects, for the first page."""
+    run = document.residuals[0] if document.residuals else None
+    return Figure(
+        "overview",
+        "" if run is None else f"Measured less simulated motion, {plain(run.source)}",
+        "Before: the linear car. After: with the named effects. A model that holds leaves sensor "
+        "noise alone, without a pattern.",
+        () if run is None else _residuals(run, document.disagreement or Disagreement(), None),
+    )
 
 
 def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
-    """Draw the power spectral densities of the residuals of a run, before and after."""
+    """Draw the spectra of the residuals of a run, before and after, one panel a unit."""
     spectrum = run.spectrum
-
-    def draw(axes: Axes, name: str) -> str | None:
-        curve = spectrum.entries.get(name)
-        if curve is None:
-            return None
+    by_unit: dict[str, list[str]] = {}
+    for name, curve in spectrum.entries.items():
+        if curve is not None:
+            by_unit.setdefault(curve.unit or spectrum.unit, []).append(name)
+    panels = []
+    for unit, names in by_unit.items():
+        figure = svg.canvas(*svg.SMALL)
+        axes = figure.subplots()
         _shade(axes, seen.frequency)
-        muted, paint = svg.COLOURS["muted"], _colour(name)
-        spectra = [("before", muted, curve.before), ("after", paint, curve.after)]
-        if not svg.draw_spectra(axes, spectrum.frequency, spectra):
-            return None
-        unit = readable_unit(curve.unit or spectrum.unit)
-        axes.set_ylabel(f"{_place(name)}, spectral\ndensity [{unit}]")
+        drawn = []
+        for k, name in enumerate(names):
+            curve = spectrum.entries[name]
+            assert curve is not None
+            muted: svg.Look = {"color": svg.COLOURS["muted"], "linestyle": ("-", "--", ":")[k % 3]}
+            after: svg.Look = {"color": _colour(name), "linestyle": muted["linestyle"]}
+            curves = [
+                (f"{_place(name)}, before", muted, curve.before),
+                ("after", after, curve.after),
+            ]
+            if svg.draw_spectra(axes, spectrum.frequency, curves):
+                drawn.append(_place(name))
+        if not drawn:
+            continue
+        svg.label_spectra(axes)
+        axes.set_ylabel(f"spectral density\n[{readable_unit(unit)}]")
         axes.set_xlim(*svg.curve_array(spectrum.frequency)[[0, -1]].tolist())
-        return f"{plain(run.source)}, {_place(name)}: spectrum of the residuals, before and after"
-
-    return _output_panels(f"leftband-{{}}-{n}", draw, run)
+        svg.legend_above(axes, 2)
+        words = f"{plain(run.source)}: spectrum of the residuals, before and after"
+        key = f"leftband-{drawn[0].replace(' ', '-')}-{n}"
+        panels.append(svg.panel(figure, key, f"{words}, {', '.join(drawn)}"))
+    return tuple(panels)
 
 
 def _output_panels(
-    key: str, draw: Callable[[Axes, str], str | None], run: Residual
+    key: str, draw: Callable[[Axes, str], str | None], run: Residual, size: tuple[float, float]
 ) -> tuple[svg.Panel, ...]:
     """Draw one panel an output."""
     panels = []
     for name in run.entries:
-        figure = svg.canvas(height=2.5)
+        figure = svg.canvas(*size)
         alt = draw(figure.subplots(), name)
         if alt is not None:
             panels.append(svg.panel(figure, key.format(_place(name).replace(" ", "-")), alt))

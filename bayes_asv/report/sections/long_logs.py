@@ -35,7 +35,7 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
     )  # fmt: skip
 
 
-SECTION: Final = Section(_content)
+SECTION: Final = Section(_content, title="Events of long recordings")
 
 
 def log_lines(document: EstimateDocument) -> list[str]:
