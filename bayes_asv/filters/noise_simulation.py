@@ -39,7 +39,7 @@ def normals_needed(nu: int, ny: int) -> int:
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
-    nx, nu, ny = sizes_of_one_type(nx, nu, ny)
+    nx, nu, ny, nd = sizes_of_one_type(nx, nu, ny, 0)
     coupled = nx + nu
     n = coupled + 2 * ny
 
@@ -65,7 +65,7 @@ def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
         decay = np.ones((n, 1))
         work = np.empty((nx, nx, 1))
         impulse = np.empty((nx, nu, 1))
-        N = np.zeros((nu, 0))
+        N = np.zeros((nu, nd))
         node = np.zeros((nx, 2, nu))  # Φ(s) B at the Gauss nodes, whose squares add to Q
         kick = np.zeros((2, nu))
         rest = np.zeros(nu + ny)
@@ -83,7 +83,7 @@ def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
             if h > 0.0:
                 if abs(h - known) > 1e-12:
                     known = h
-                    discretize(nx, 0, nu, nx, 1, h, powers, B, N, carry, Q, work, impulse)
+                    discretize(nx, nd, nu, nx, 1, h, powers, B, N, carry, Q, work, impulse)
                     decays(coupled, nu, ny, 1, h, poles, decay)
                     for g in range(2):
                         s = h * (0.5 + (g - 0.5) / math.sqrt(3.0))
