@@ -40,6 +40,7 @@ from tests.rig import (
     FadingDamper,
     LinearSpring,
     MaxwellMount,
+    Mounting,
     OneSided,
     Panel,
     PositionDamper,
@@ -125,7 +126,7 @@ def usual(world: World, rng: np.random.Generator, size: float, rate: Array, trav
     seat = Seat(mass, mass * omega**2, 0.5 * mass * omega, float(rng.uniform(-0.1, 0.1)))
     forces = (Engine(float(rng.uniform(25.0, 45.0)), 60.0 * size, seed=int(rng.integers(2**31))),)
     begin, behind = (float(x) for x in rng.uniform([0.4, 0.2], [1.2, 0.6]))
-    mountings = (
+    mountings: tuple[Mounting, ...] = (
         OneSided(0.01 * size, begin, float(rng.uniform(0.12, 0.3)), behind),
         *(Panel(j, float(rng.uniform(25.0, 45.0)), 0.05 * size) for j in (1, 3)),
     )
