@@ -75,8 +75,8 @@ class RunFit:
         Simulation from the wheels alone at the mean of the posterior's coordinates.
     ensemble : (S, E, ny) array
         Outputs of the simulation for S draws of the posterior, m/s².
-    travel : (S, E, ne) array
-        Deflections for the same draws, m.
+    travel, velocity : (S, E, ne) arrays
+        Deflections for the same draws, m, and their rates, m/s.
     innovations : (E, ny) array
         Normalised innovations after the colour was taken out; nan where there was no reading.
     colour : ResidualAR
@@ -90,6 +90,7 @@ class RunFit:
     free: FreeRun
     ensemble: Array
     travel: Array
+    velocity: Array
     innovations: Array
     colour: ResidualAR
     checks: tuple[Check, ...]
@@ -562,6 +563,7 @@ def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, see
         free=free_run(target, centre, run),
         ensemble=np.stack([one.output for one in each]),
         travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),
+        velocity=np.stack([one.states[:, 1 : 2 * elements : 2] for one in each]),
         innovations=innovations,
         colour=target.colours[run],
         # Replicates know the sensors' noise alone; where it explains little there is nothing

@@ -37,6 +37,7 @@ _AT_REST = 1e-4  # m/s, at which the slope at rest is taken
 _FASTEST = 0.95  # quantile of the speeds driven up to which the shape is described
 _SLOWEST = 0.125  # of that speed: the piece of the curve that stands for slow motion
 _BENT = 1.25  # ratio of slopes from which a curve is called bent
+_POINTS = 41  # of a curve over the range driven
 _UNEQUAL = 1.1  # ratio of rates from which the sides are called unequal
 
 
@@ -86,6 +87,10 @@ class DampingRates:
         Force over speed at ``speed`` on either side.
     shapes : tuple of DamperShape
         Statements that are more probable than not.
+    velocity : (P,) array
+        Rates of deflection over the range driven, m/s.
+    force : (N, P) array
+        Force at these, N, positive where it resists extension.
     """
 
     element: str
@@ -98,6 +103,8 @@ class DampingRates:
     compression: Array
     extension: Array
     shapes: tuple[DamperShape, ...]
+    velocity: Array
+    force: Array
 
     @property
     def names(self) -> tuple[str, str]:
@@ -139,7 +146,9 @@ def damping_rates(
         speed = math.sqrt(square / sum(map(len, rates)))
         fastest = float(np.quantile(np.abs(np.concatenate(rates)), _FASTEST))
         side = np.array([_AT_REST, speed, _SLOWEST * fastest, 0.5 * fastest, fastest])
-        grid = np.concatenate([-side, side])
+        ends = min(map(np.min, rates)), max(map(np.max, rates))
+        shown = np.linspace(*ends, _POINTS)
+        grid = np.concatenate([-side, side, shown])
         c = draws[element.damping].ravel()[used]
         power, curve = np.zeros(len(used)), np.zeros((len(used), len(grid)))
         for n, (one, table) in enumerate(zip(c, tables, strict=True)):
@@ -149,7 +158,7 @@ def damping_rates(
                 start = np.zeros_like(rate)
                 force = damper_forces(table, e, one, rate, line.measurements.step, start)
                 power[n] += force @ rate
-        compression, extension = -curve[:, : len(side)], curve[:, len(side) :]
+        compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
         out.append(
             DampingRates(
                 element.name,
@@ -162,6 +171,8 @@ def damping_rates(
                 compression[:, 1] / speed,
                 extension[:, 1] / speed,
                 _shapes(compression, extension),
+                shown,
+                curve[:, 2 * len(side) :],
             )
         )
     return tuple(out)

@@ -89,11 +89,14 @@ class Doubt:
         What is probably wrong and what to do.
     model_holds : bool
         Whether the car as given explains the recordings down to the noise of the sensors.
+    about : {'input', 'model'}
+        Whether the sentence speaks of an input or of the model.
     """
 
     mistakes: tuple[Mistake, ...]
     sentence: str
     model_holds: bool = True
+    about: str = "input"
 
 
 def check_input(
@@ -154,6 +157,7 @@ def check_input(
         "the linear car does not explain the recording down to the noise of the sensors; no "
         "verdict on a damper is given until 'bayes-asv diagnose' has found what is missing",
         model_holds=False,
+        about="model",
     )
 
 

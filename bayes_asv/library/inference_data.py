@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import tempfile
 from collections.abc import Iterable
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
+from bayes_asv.analysis.prior_sensitivity import log_priors
 from bayes_asv.domain.channels import channel
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
@@ -24,7 +24,6 @@ from bayes_asv.library.extras import import_extra
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior, shared_work
-from bayes_asv.posterior.parameters import ParameterSpace
 
 __all__ = ["coordinates", "groups", "inference_data", "write_netcdf"]
 
@@ -109,7 +108,9 @@ def groups(result: Estimate) -> dict[str, Any]:
     if z is not None:
         assert result.space is not None
         target = Posterior(result.space, tuple(run.colour for run in result.runs))
-        datasets["log_prior"] = _dataset(_log_prior(result, result.space), {})
+        datasets["log_prior"] = _dataset(
+            log_priors(result.space, result.draws, result.nuisance), {}
+        )
         datasets["log_likelihood"] = _log_likelihood(target, z)
         if all(run.colour.order == 0 for run in result.runs):
             datasets["posterior_predictive"] = _readings(result, _predicted(result, target, z))
@@ -187,32 +188,6 @@ def _prior(result: Estimate) -> Any:
     if not result.joint:  # of runs that differ, this space is that of the first alone
         values |= _nuisance(space.nuisance(z))
     return _dataset({name: x[None] for name, x in values.items()}, _units(values, space.sites))
-
-
-def _log_prior(result: Estimate, space: ParameterSpace) -> dict[str, Array]:
-    """Log prior density by variable, of the logarithm of a positive one."""
-    half_log_2pi = 0.5 * math.log(2.0 * math.pi)
-    out = {}
-    for name in space.prior.logs:
-        mean, sd = space.log_prior_of(name)
-        if name in result.draws and sd > 0.0:
-            u = (np.log(result.draws[name]) - mean) / sd
-            out[name] = -0.5 * u**2 - half_log_2pi - math.log(sd)
-    for one in space.coordinates:
-        if one.kind == "fraction":
-            value = result.draws[one.name]
-        elif one.name in result.nuisance:
-            value = result.nuisance[one.name]
-        else:
-            continue
-        label = one.name.replace(" ", "_")
-        if one.kind == "filtered_share":
-            out[label] = np.zeros_like(value)  # uniform
-            continue
-        linear = one.kind in ("fraction", "clock")
-        u = ((value if linear else np.log(value)) - one.centre) / one.scale
-        out[label] = -0.5 * u**2 - half_log_2pi - math.log(one.scale)
-    return out
 
 
 def _log_likelihood(target: Posterior, z: Array) -> Any:

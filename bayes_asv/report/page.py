@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
 from bayes_asv.report.schema import (
@@ -15,7 +16,13 @@ from bayes_asv.report.schema import (
     TrackDocument,
 )
 from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, FLEET, TRACK
-from bayes_asv.report.sections.blocks import Block, Figure, Section, Text
+from bayes_asv.report.sections.blocks import About, Block, Figure, Section, Text
+from bayes_asv.report.sections.checks import (
+    Answer,
+    diagnosis_checks,
+    estimate_checks,
+    track_checks,
+)
 from bayes_asv.report.sections.diagnosis import (
     diagnosis_headline,
     diagnosis_lines,
@@ -23,13 +30,14 @@ from bayes_asv.report.sections.diagnosis import (
     diagnosis_subtitle,
 )
 from bayes_asv.report.sections.fleet import fleet_headline, fleet_steps, fleet_subtitle
+from bayes_asv.report.sections.localization import residual_overview
 from bayes_asv.report.sections.online_filter import (
-    consistency_lines,
     is_inconsistent,
     track_subtitle,
 )
 from bayes_asv.report.sections.parameters import given_table, parameter_table
 from bayes_asv.report.sections.provenance import provenance
+from bayes_asv.report.sections.simulation import overview
 from bayes_asv.report.sections.verdict import (
     cards,
     headline,
@@ -46,6 +54,50 @@ __all__ = ["limits", "report_page"]
 
 D = TypeVar("D")
 Page = dict[str, Any]
+
+
+@dataclass
+class _Content:
+    """A report before it becomes plain data."""
+
+    page: Page
+    """Texts of the first page."""
+    gauges: Sequence[Panel]
+    overview: Figure
+    """The figure of the first page."""
+    checks: Sequence[Answer] = ()
+    main: list[Block] = field(default_factory=list)
+    """What an engineer reads."""
+    appendix: list[tuple[str, list[Block]]] = field(default_factory=list)
+    """Titles and content of the parts of the appendix."""
+
+    def add(self, sections: Iterable[Section[D]], document: D) -> None:
+        """Add the content of sections, each to the main report or to the appendix."""
+        for section in sections:
+            blocks = [
+                block
+                for block in section.content(document)
+                if not isinstance(block, Figure) or block.panels
+            ]
+            if section.title and blocks:
+                self.appendix.append((section.title, blocks))
+            else:
+                self.main += blocks
+
+    def take_overview(self) -> None:
+        """Move the first block of the main report to the first page if it is a figure."""
+        match self.main:
+            case [Figure() as figure, *others]:
+                self.overview, self.main = figure, others
+
+    def panels(self) -> Iterator[Panel]:
+        """All pictures."""
+        yield from self.gauges
+        blocks = [self.overview, *self.main, *(b for _, part in self.appendix for b in part)]
+        for block in blocks:
+            if isinstance(block, Figure):
+                yield from block.panels
+
 
 _BADGES: Final = {
     "ok": "Verdict",
@@ -68,54 +120,80 @@ def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
     Returns
     -------
     page : dict
-        Strings, lists and dicts only, ready for JSON.  ``sections`` holds texts, tables and
-        figures in order; figures name their pictures by key.
+        Strings, lists and dicts only, ready for JSON.  ``overview`` is the figure of the first
+        page, ``sections`` the texts, tables and figures of the main report in order, and
+        ``appendix`` the parts of the appendix; figures name their pictures by key.
     pictures : dict of str to Panel
         The pictures.
     """
     # matplotlib takes half a second to import, and a refusal has no figures.
     with nullcontext() if document.verdict == "refused" else style():
         if isinstance(document, EstimateDocument):
-            page, gauges, blocks = _estimate(document)
+            content = _estimate(document)
         elif isinstance(document, DiagnoseDocument):
-            page, gauges, blocks = _diagnosis(document)
+            content = _diagnosis(document)
         elif isinstance(document, FleetDocument):
-            page, gauges, blocks = _fleet(document)
+            content = _fleet(document)
         else:
-            page, gauges, blocks = _track(document)
-        sections = [block for block in blocks if not isinstance(block, Figure) or block.panels]
+            content = _track(document)
+    content.appendix.append(("Provenance", list(provenance(document))))
     name = plain(document.vehicle.name or "unnamed vehicle")
+    page = content.page
     page |= {
         "title": f"Suspension of {name}",
         "name": name,
         "verdict": document.verdict,
         "reasons": [_sentence(split_reason(r)[0]) for r in document.reasons],
-        "sections": [block.to_dict() for block in sections],
+        "checks": [answer._asdict() for answer in content.checks],
+        "overview": content.overview.to_dict() if content.overview.panels else None,
+        "sections": [block.to_dict() for block in content.main],
+        "appendix": [
+            {"title": title, "id": f"appendix-{n}", "sections": _below(title, part)}
+            for n, (title, part) in enumerate(content.appendix, start=1)
+        ],
         "system": document.vehicle.units,
         "footer": f"bayes_asv {plain(document.version)}, seed {document.seed}",
     }
     # One sentence of the headline a line, so that a damper is found at a glance.
     *first, last = page["headline"].split(". ")
     page["headline"] = [*(f"{line}." for line in first), last]
-    panels = [panel for block in sections if isinstance(block, Figure) for panel in block.panels]
-    return _with_fixed_spaces(page), {panel.key: panel for panel in (*gauges, *panels)}
+    return _with_fixed_spaces(page), {panel.key: panel for panel in content.panels()}
 
 
-def limits(document: EstimateDocument) -> list[str]:
-    """State what limits the answer: warnings of the document, then sentences of the sections."""
-    found = [_sentence(warning) for warning in document.warnings]
-    return found + [text for section in ESTIMATE for text in section.limits(document)]
+def _below(title: str, blocks: Iterable[Block]) -> list[dict[str, Any]]:
+    """Plain data of the blocks below a title, which they do not repeat."""
+    made = [block.to_dict() for block in blocks]
+    return [one | {"title": "" if one["title"] == title else one["title"]} for one in made]
 
 
-def _content(sections: Iterable[Section[D]], document: D) -> Iterator[Block]:
-    for section in sections:
-        yield from section.content(document)
+def limits(document: EstimateDocument, about: About | None = None) -> list[str]:
+    """State what limits an answer, as the sections of the report do.
+
+    Parameters
+    ----------
+    document : EstimateDocument
+        The estimate.
+    about : {'precision', 'model', 'input'}, optional
+        Of what the sentences speak, with the document's warnings among those about precision; by
+        default all sentences.
+    """
+    found = [
+        text
+        for section in ESTIMATE
+        if about in (None, section.about)
+        for text in section.limits(document)
+    ]
+    if about in ("model", "input"):
+        return found
+    # The verdict states a doubt already.
+    return [_sentence(w) for w in document.warnings if w != document.doubt] + found
 
 
-Composed = tuple[Page, Sequence[Panel], Iterable[Block]]
+def _no_figure() -> Figure:
+    return Figure("overview", "", "", ())
 
 
-def _estimate(document: EstimateDocument) -> Composed:
+def _estimate(document: EstimateDocument) -> _Content:
     reliable = document.verdict == "ok"
     made, gauges = cards(document.parameters, reliable=reliable)
     page = {
@@ -125,24 +203,23 @@ def _estimate(document: EstimateDocument) -> Composed:
         "tone": tone(document.verdict, made),
         "cards": made,
         "steps": next_steps(document),
-        "limits": limits(document),
+        "limits": limits(document, "precision"),
     }
-
-    def blocks() -> Iterator[Block]:
-        yield from _content(ESTIMATE, document)
-        diagnosis, track = document.diagnosis, document.online
-        if diagnosis is not None:
-            refused = diagnosis.verdict == "refused"
-            lines = diagnosis_lines(diagnosis) if refused else [diagnosis_headline(diagnosis)]
-            lines += [f"Next: {step}" for step in diagnosis_steps(diagnosis)]
-            yield Text("What is missing?", lines)
-            yield from _content(DIAGNOSIS, diagnosis)
-        if track is not None and track.verdict != "refused":
-            yield Text("Online filter", [f"{track_subtitle(track)}.", track_headline(track)])
-            yield from _content(TRACK, track)
-        yield from provenance(document)
-
-    return page, gauges, blocks()
+    checks = estimate_checks(document, limits(document, "model"), limits(document, "input"))
+    content = _Content(page, gauges, overview(document), checks)
+    content.add(ESTIMATE, document)
+    diagnosis, track = document.diagnosis, document.online
+    if diagnosis is not None:
+        refused = diagnosis.verdict == "refused"
+        lines = diagnosis_lines(diagnosis) if refused else [diagnosis_headline(diagnosis)]
+        lines += [f"Next: {step}" for step in diagnosis_steps(diagnosis)]
+        content.main.append(Text("What is missing?", lines))
+        content.add(DIAGNOSIS, diagnosis)
+    if track is not None and track.verdict != "refused":
+        lines = [f"{track_subtitle(track)}.", track_headline(track)]
+        content.main.append(Text("Online filter", lines))
+        content.add(TRACK, track)
+    return content
 
 
 def _subtitle(document: EstimateDocument) -> str:
@@ -155,7 +232,7 @@ def _subtitle(document: EstimateDocument) -> str:
     return " · ".join(p for p in parts if p)
 
 
-def _diagnosis(document: DiagnoseDocument) -> Composed:
+def _diagnosis(document: DiagnoseDocument) -> _Content:
     """Pages of a diagnosis alone; its cards are the parameters with the named effects."""
     refused = document.verdict == "refused"
     made, gauges = cards({} if refused else document.parameters_after)
@@ -168,14 +245,16 @@ def _diagnosis(document: DiagnoseDocument) -> Composed:
         "steps": diagnosis_steps(document),
         "limits": [_sentence(warning) for warning in document.warnings],
     }
-    return page, gauges, (*_content(DIAGNOSIS, document), *provenance(document))
+    figure = _no_figure() if refused else residual_overview(document)
+    content = _Content(page, gauges, figure, diagnosis_checks(document))
+    content.add(DIAGNOSIS, document)
+    return content
 
 
-def _track(document: TrackDocument) -> Composed:
+def _track(document: TrackDocument) -> _Content:
     ok = document.verdict == "ok"
     unreliable = ok and is_inconsistent(document)
     made, gauges = cards(document.parameters, reliable=not unreliable)
-    at_fault = document.consistency.verdict != "consistent"
     page = {
         "subtitle": track_subtitle(document),
         "badge": "Verdict, not to be relied on" if unreliable else _BADGES[document.verdict],
@@ -183,24 +262,19 @@ def _track(document: TrackDocument) -> Composed:
         "tone": "stop" if unreliable else tone(document.verdict, made),
         "cards": made,
         "steps": track_steps(document),
-        "limits": [
-            *(consistency_lines(document)[1:] if ok and at_fault else []),
-            *(_sentence(warning) for warning in document.warnings),
-        ],
+        "limits": [_sentence(warning) for warning in document.warnings],
     }
-
-    def blocks() -> Iterator[Block]:
-        if ok:
-            yield parameter_table(document.parameters, "Parameters at the last row")
-            if document.known:
-                yield given_table(document.known)
-        yield from _content(TRACK, document)
-        yield from provenance(document)
-
-    return page, gauges, blocks()
+    content = _Content(page, gauges, _no_figure(), track_checks(document))
+    content.add(TRACK, document)
+    content.take_overview()  # the parameters against time
+    if ok:
+        content.main.append(parameter_table(document.parameters, "Parameters at the last row"))
+        if document.known:
+            content.appendix.insert(0, ("Given values", [given_table(document.known)]))
+    return content
 
 
-def _fleet(document: FleetDocument) -> Composed:
+def _fleet(document: FleetDocument) -> _Content:
     """Pages of a season; its cards are the levels at the last recording."""
     made, gauges = cards({name: trend.latest for name, trend in document.trends.items()})
     page = {
@@ -215,7 +289,10 @@ def _fleet(document: FleetDocument) -> Composed:
             *(text for section in FLEET for text in section.limits(document)),
         ],
     }
-    return page, gauges, (*_content(FLEET, document), *provenance(document))
+    content = _Content(page, gauges, _no_figure())
+    content.add(FLEET, document)
+    content.take_overview()  # the season
+    return content
 
 
 def _sentence(text: str) -> str:

@@ -22,18 +22,23 @@ if TYPE_CHECKING:
 __all__ = [
     "AXLES",
     "COLOURS",
+    "SMALL",
+    "WIDE",
     "Panel",
     "axle_colour",
     "axle_panels",
     "canvas",
     "curve_array",
-    "draw_autocorrelation",
+    "draw_autocorrelations",
     "draw_level",
     "draw_spectra",
     "gauge",
     "label_rows",
+    "label_spectra",
     "legend_above",
+    "mark_stop",
     "panel",
+    "place_style",
     "power_of_ten",
     "shared_limits",
     "style",
@@ -56,6 +61,10 @@ COLOURS: Final = {
 }
 
 WIDTH, HEIGHT = 4.3, 2.9  # inches; a page has two panels side by side, a phone one
+SMALL: Final = (3.4, 2.3)
+"""Width and height of a panel of which a page has three side by side, inches."""
+WIDE: Final = 8.6  # inches: the width of a page
+_GAUGE: Final = 10.0  # times its interval: the longest scale of a gauge
 
 _SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -253,80 +262,155 @@ def draw_level(axes: Axes, value: float, text: str, *, above: bool) -> None:
     )  # fmt: skip
 
 
-def draw_spectra(axes: Axes, frequency: Curve, spectra: Sequence[tuple[str, str, Curve]]) -> bool:
-    """Draw spectral densities (label, colour, values); False if one has no positive value."""
-    for label, colour, values in spectra:
+def mark_stop(axes: Axes, at: float, text: str) -> None:
+    """Draw a dashed vertical line with its text above the axes."""
+    axes.axvline(at, color=COLOURS["ink"], linestyle=(0, (5, 3)), linewidth=1.0)
+    axes.annotate(
+        text, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+        textcoords="offset points", ha="left" if at < 0.0 else "right", va="bottom", fontsize=8.5,
+    )  # fmt: skip
+
+
+Look = dict[str, Any]
+"""Colour and style of a line."""
+
+
+def place_style(name: str) -> Look:
+    """Colour of the axle and dashes of the side that a name has, for curves in one panel."""
+    body = not name.startswith(AXLES)
+    dashes: Any = (0, (4, 1.5)) if "right" in name or "travel" in name else "-"
+    return {"color": COLOURS["good"] if body else axle_colour(name), "linestyle": dashes}
+
+
+def draw_spectra(axes: Axes, frequency: Curve, spectra: Sequence[tuple[str, Look, Curve]]) -> bool:
+    """Draw spectral densities (label, look, values); False if one has no positive value."""
+    densities = []
+    for label, look, values in spectra:
         density = curve_array(values)
         density[~(density > 0.0)] = np.nan
         if not np.isfinite(density).any():
             return False  # a channel that never moved has no logarithm
-        axes.loglog(curve_array(frequency), density, color=colour, label=label)
-    axes.set_xlabel("frequency [Hz]")
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(value))
-    legend_above(axes)
+        densities.append((label, look, density))
+    for label, look, density in densities:
+        axes.loglog(curve_array(frequency), density, label=label, **look)
     return True
 
 
-def draw_autocorrelation(
+def label_spectra(axes: Axes) -> None:
+    """Label the axes of spectra: frequencies as they are, densities as powers of ten."""
+    axes.set_xlabel("frequency [Hz]")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(value))
+
+
+def draw_autocorrelations(
     axes: Axes,
-    values: Sequence[float],
+    curves: Sequence[tuple[str, str, Sequence[float]]],
     band: float,
     lag_seconds: float,
-    name: str,
-    colour: str,
 ) -> None:
-    """Draw an autocorrelation from lag 1 on, with its 95 % band ±`band`."""
-    lags, paint = np.arange(1, len(values) + 1), colour
-    axes.axhspan(-band, band, color=paint, alpha=0.2, linewidth=0)
+    """Draw autocorrelations (label, place, values) from lag 1 on, with the 95 % band ±`band`."""
+    axes.axhspan(-band, band, color=COLOURS["muted"], alpha=0.2, linewidth=0)
     axes.axhline(0.0, color=COLOURS["muted"], linewidth=0.8)
-    axes.vlines(lags, 0.0, values, color=paint, linewidth=2.0)
-    axes.plot(lags, values, "o", color=paint, markersize=3.5)
-    end = max(1.15 * max(map(abs, values)), 2.2 * band, 1e-3)
+    end, longest = max(2.2 * band, 1e-3), 1
+    for n, (label, place, values) in enumerate(curves):
+        look = place_style(place)
+        lags = np.arange(1, len(values) + 1) + 0.3 * (n - 0.5 * (len(curves) - 1))
+        axes.vlines(lags, 0.0, values, color=look["color"], linewidth=1.6)
+        axes.plot(lags, values, "os^D"[n % 4], color=look["color"], markersize=3.0, label=label)
+        end, longest = max(end, 1.15 * max(map(abs, values))), max(longest, len(values))
     axes.set(
-        xlabel=f"lag [samples of {1e3 * lag_seconds:.3g} ms]", ylabel=f"{name} autocorrelation",
-        ylim=(-end, end), xlim=(0.3, len(values) + 0.7),
+        xlabel=f"lag [samples of {1e3 * lag_seconds:.3g} ms]", ylabel="autocorrelation",
+        ylim=(-end, end), xlim=(0.3, longest + 0.7),
     )  # fmt: skip
+    legend_above(axes, 2)
 
 
-def gauge(key: str, share: float, low: float, high: float, reach: float, colour: str) -> Panel:
-    """Draw a parameter relative to nominal, as a dot with its 95 % interval, 300 × 40 units.
+def gauge(
+    key: str, mean: float, low: float, high: float, nominal: float | None, colour: str
+) -> Panel:
+    """Draw the mean and 95 % interval of a parameter on a scale that fits them, 300 × 52 units.
 
-    `share`, `low` and `high` are mean and interval over nominal, less one; the scale ends at
-    ±`reach`; `colour` is one of :data:`COLOURS`.
+    The scale includes the nominal value unless the interval would then take less than a tenth of
+    it; an arrow then points to where nominal is.  `colour` is one of :data:`COLOURS`.
     """
+    from matplotlib.ticker import MaxNLocator
+
+    left, right, outside = _gauge_scale(mean, low, high, nominal)
 
     def x(value: float) -> float:
-        return 150.0 + 130.0 * max(-1.08, min(1.08, value / reach))
+        return 12.0 + 276.0 * min(max((value - left) / (right - left), 0.0), 1.0)
 
     ink, muted, grid = COLOURS["ink"], COLOURS["muted"], COLOURS["grid"]
-    paint = COLOURS[colour]
-    left, right = x(low), x(high)
-    wide = max(right - left, 2.0)
-    left = (left + right) / 2.0 - wide / 2.0
-    font = "font-family: 'DejaVu Sans', Verdana, sans-serif; font-size: 11px"
-    ends = "".join(
-        f'<text x="{x(s * reach):.2f}" y="37" text-anchor="middle" '
-        f'style="fill: {muted}; {font}">{word}</text>'
-        for s, word in (
-            (-1, f"−{100 * reach:.0f} %"), (0, "nominal"), (1, f"+{100 * reach:.0f} %"),
-        )
-    )  # fmt: skip
-    ticks = "".join(
-        f'<path d="M{x(s * reach / 2):.2f} 9V17" style="stroke: {grid}; stroke-width: 1.5"/>'
-        for s in (-2, -1, 1, 2)
+    paint, font = (
+        COLOURS[colour],
+        "font-family: 'DejaVu Sans', Verdana, sans-serif; font-size: 11px",
     )
-    alt = f"{100 * share:+.0f} % from nominal, on a scale of ±{100 * reach:.0f} %"
+    ticks = [t for t in MaxNLocator(4).tick_values(left, right) if left <= t <= right]
+    parts = [f'<path d="M12 25H288" style="stroke: {grid}; stroke-width: 3"/>']
+    for tick in ticks:
+        parts.append(
+            f'<path d="M{x(tick):.2f} 22V31" style="stroke: {muted}; stroke-width: 1"/>'
+            f'<text x="{min(max(x(tick), 20.0), 280.0):.2f}" y="48" text-anchor="middle" '
+            f'style="fill: {muted}; {font}">{_tick_text(float(tick), ticks)}</text>'
+        )
+    begin, end = x(low), x(high)
+    parts.append(
+        f'<rect x="{begin:.2f}" y="18" width="{max(end - begin, 1.0):.2f}" height="14" '
+        f'style="fill: {paint}; fill-opacity: 0.3"/>'
+        f'<path d="M{begin:.2f} 17V33M{end:.2f} 17V33" style="stroke: {paint}; stroke-width: 2"/>'
+        f'<path d="M{x(mean):.2f} 16V34" style="stroke: {paint}; stroke-width: 4"/>'
+    )
+    alt = "mean with its 95 % interval"
+    if nominal is not None:
+        at, words = x(nominal), f"nominal {_short(nominal)}"
+        anchor = "middle"
+        if outside:
+            anchor = "start" if outside < 0 else "end"
+            words = f"◂ {words}" if outside < 0 else f"{words} ▸"
+        else:
+            anchor = "start" if at < 50.0 else "end" if at > 250.0 else "middle"
+            parts.append(
+                f'<path d="M{at:.2f} 14V35" style="stroke: {ink}; stroke-width: 2; '
+                'stroke-dasharray: 4 2"/>'
+            )
+        parts.append(
+            f'<text x="{at:.2f}" y="10" text-anchor="{anchor}" '
+            f'style="fill: {ink}; {font}">{words}</text>'
+        )
+        alt = f"mean with its 95 % interval, {words.strip('◂▸ ')}"
     return Panel(
         key,
         alt,
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 300 40" role="img" '
-        f'aria-label="{escape(alt)}">'
-        f'<path d="M10 13H290" style="stroke: {grid}; stroke-width: 3; stroke-linecap: round"/>'
-        f"{ticks}"
-        f'<path d="M150 3V23" style="stroke: {ink}; stroke-width: 2"/>'
-        f'<rect x="{left:.2f}" y="8" width="{wide:.2f}" height="10" rx="1" '
-        f'style="fill: {paint}; fill-opacity: 0.35"/>'
-        f'<circle cx="{x(share):.2f}" cy="13" r="5" style="fill: {paint}"/>'
-        f"{ends}</svg>",
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 300 52" role="img" '
+        f'aria-label="{escape(alt)}">{"".join(parts)}</svg>',
     )
+
+
+def _gauge_scale(
+    mean: float, low: float, high: float, nominal: float | None
+) -> tuple[float, float, int]:
+    """Return the ends of a gauge, and the side (−1, 1) on which nominal is beyond them, or 0."""
+    width = max(high - low, 1e-3 * abs(mean)) or 1.0
+    first, last = min(low, mean), max(high, mean)
+    ends = [first, last] if nominal is None else [first, last, nominal]
+    span = max(ends) - min(ends)
+    if nominal is None or span <= _GAUGE * width:
+        margin = 0.08 * max(span, width) if nominal is not None else width
+        return min(ends) - margin, max(ends) + margin, 0
+    if nominal < first:
+        return last + width - _GAUGE * width, last + width, -1
+    return first - width, first - width + _GAUGE * width, 1
+
+
+def _tick_text(value: float, ticks: Sequence[float]) -> str:
+    """Write a tick with the decimals that tell it from its neighbours."""
+    step = min(np.diff(ticks), default=abs(value) or 1.0)
+    places = max(-math.floor(math.log10(step) + 1e-9), 0)
+    if places and abs(step * 10**places - round(step * 10**places)) > 1e-6:
+        places += 1
+    return f"{value:.{places}f}".replace("-", "−")
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
+from bayes_asv.analysis.prior_sensitivity import log_priors, prior_sensitivity
 from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
@@ -55,6 +56,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         reasons=list(result.reasons),
         warnings=list(result.warnings),
         doubt="" if result.doubt is None else result.doubt.sentence,
+        doubt_about="input" if result.doubt is None else result.doubt.about,
         car=car.name,
         elements={
             e.name: schema.Element(axle=e.axle, side=e.side, damping=e.damping, spring=e.spring)
@@ -97,6 +99,8 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         noise=_noise(result),
         runs=[run_document(run, vehicle.units) for run in result.runs],
         logs=[_long_log(log) for log in result.logs],
+        forces=_forces(result),
+        sensitivity=_sensitivity(result),
         draws={
             n: units.curve(_thinned(x), QUANTITIES[n][0]) for n, x in result.draws.items()
         },
@@ -106,6 +110,52 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         version=__version__,
         seed=result.seed,
     )  # fmt: skip
+
+
+def _forces(result: Estimate) -> dict[str, schema.DamperForce]:
+    """Force of every damper over the velocities driven, by its element."""
+    units, nominal, forces = Units(result.vehicle.units), result.nominal, {}
+    own = {damper.element: damper for damper in result.dampers}
+    for e, element in enumerate(result.car.elements):
+        if not result.runs or element.damping not in result.draws:
+            continue
+        if element.name in own:
+            velocity = own[element.name].velocity
+            curves = np.quantile(own[element.name].force, [0.025, 0.5, 0.975], axis=0)
+        else:  # a line through zero
+            driven = np.concatenate([fit.free.states[:, 2 * e + 1] for fit in result.runs])
+            velocity = np.array([driven.min(), 0.0, driven.max()])
+            rate = np.quantile(result.draws[element.damping], [0.025, 0.5, 0.975])
+            curves = np.sort(rate[:, None] * velocity, axis=0)
+        low, median, high = (units.curve(curve, "force") for curve in curves)
+        forces[element.name] = schema.DamperForce(
+            velocity=units.curve(velocity, "velocity"),
+            unit=units.unit("velocity"),
+            force_unit=units.unit("force"),
+            median=median,
+            band95=[low, high],
+            nominal=units.curve(nominal[element.damping] * velocity, "force")
+            if element.damping in nominal
+            else None,
+        )
+    return forces
+
+
+def _sensitivity(result: Estimate) -> dict[str, schema.PriorSensitivity]:
+    """Sensitivity of the answers to each prior; empty where runs differ or nothing was drawn."""
+    if result.space is None or result.joint or not result.draws:
+        return {}
+    answers = {name: result.draws[name] for name in result.answers}
+    free_form = without_single_rate(result.dampers)
+    return {
+        name: schema.PriorSensitivity(
+            label=QUANTITIES[name][1], pareto_k=one.pareto_k, sensitivity=one.sensitivity
+        )
+        for name, one in prior_sensitivity(
+            log_priors(result.space, result.draws, {}), answers
+        ).items()
+        if name in QUANTITIES and name not in free_form
+    }
 
 
 def _long_log(log: LogEvents) -> schema.LongLog:

@@ -27,6 +27,16 @@ Array = NDArray[np.float64]
 
 _MAX_POINTS: Final = 1500  # of a curve
 _LAGS: Final = 20
+# m/s that divide low from high speed: J. Segers, "Shock speed histogram analysis".
+_LOW_SPEED: Final = 0.025
+_RANGES: Final = (
+    ("compression", "high", -math.inf, -_LOW_SPEED),
+    ("compression", "low", -_LOW_SPEED, 0.0),
+    ("rebound", "low", 0.0, _LOW_SPEED),
+    ("rebound", "high", _LOW_SPEED, math.inf),
+)
+_SHORTEST: Final = 64  # readings of which a transmissibility is worked out
+_EXCITED: Final = 0.01  # of the wheel's largest spectral density: below it, the ratio is noise
 
 
 def pooled_fit(runs: Sequence[RunFit], source: str | None = None) -> schema.Fits:
@@ -66,9 +76,12 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
     pairs = prepared.pairs[whole] if np.any(whole) else prepared.pairs
     pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, _MAX_POINTS).astype(int))]
     rows = np.unique(np.linspace(0, prepared.times.shape[1] - 1, _MAX_POINTS).astype(int))
+    transmitted = _transmissibilities(fit, units)
     start, at = prepared.times[0, 0], np.where(pairs[:, 0] >= 0, pairs[:, 0], pairs.max(axis=1))
     outputs = _outputs(fit)
     curves = {c.name: _output(fit, y, pairs, units) for y, c in enumerate(outputs)}
+    for name, transmissibility in transmitted.items():
+        curves[name].transmissibility = transmissibility
     chassis = {c.name: curves.pop(c.name) for c in outputs if _on_chassis(c)}
     names = [channel.name for channel in prepared.channels]
     run = schema.Run(
@@ -93,6 +106,7 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
         travel=schema.Travel(
             unit=units.unit("deflection"),
             velocity_unit=units.unit("velocity"),
+            low_speed=units.convert(_LOW_SPEED, "velocity"),
             **{
                 element.name: _travel(fit, e, at, units)
                 for e, element in enumerate(prepared.car.elements)
@@ -167,6 +181,48 @@ def _spectrum(
     )
 
 
+def _transmissibilities(fit: RunFit, units: Units) -> dict[str, schema.Transmissibility]:
+    """Transmissibility to each chassis acceleration from the wheel below it, by its name.
+
+    It is √(S_yy/S_uu) of the spectral densities of output and wheel acceleration (Welch), of the
+    reading and of the simulation alike, so that motion from the other wheel is in both.
+    """
+    from scipy.signal import welch
+
+    prepared, out = fit.line, {}
+    names = [channel.name for channel in prepared.channels]
+    for y, channel in enumerate(_outputs(fit)):
+        wheel = channel.name.replace("_chassis", "_wheel")
+        if not _on_chassis(channel) or wheel not in names:
+            continue
+        c = names.index(wheel)
+        there = np.isfinite(prepared.values[c])
+        read = prepared.kind[:, y] == VALUE
+        if min(there.sum(), read.sum()) < _SHORTEST:
+            continue
+        first, last = (float(t) for t in prepared.instants[read][[0, -1]])
+        time = np.arange(first, last, prepared.reading_step)
+        length = min(256, len(time))
+        densities = []
+        for at, values in (
+            (prepared.times[c, there], prepared.values[c, there]),
+            (prepared.instants[read], prepared.reading[read, y]),
+            (prepared.instants[read], fit.free.output[read, y]),
+        ):
+            signal = np.interp(time, at, values)
+            frequency, density = welch(signal, 1.0 / prepared.reading_step, nperseg=length)
+            densities.append(density[1:])
+        driven, *answers = densities
+        excited = driven > _EXCITED * driven.max()
+        measured, simulated = (np.sqrt(a[excited] / driven[excited]) for a in answers)
+        out[channel.name] = schema.Transmissibility(
+            frequency=units.curve(frequency[1:][excited]),
+            measured=units.curve(measured),
+            simulated=units.curve(simulated),
+        )
+    return out
+
+
 def _travel(
     fit: RunFit, element: int, keep: NDArray[np.integer], units: Units
 ) -> schema.TravelCurves:
@@ -178,7 +234,27 @@ def _travel(
         velocity=units.curve(velocity[keep], "velocity"),
         largest_bump=units.convert(max(-float(deflection.min()), 0.0), "deflection"),
         largest_droop=units.convert(max(float(deflection.max()), 0.0), "deflection"),
+        speed_shares=_speed_shares(fit.velocity[:, :, element], velocity),
     )
+
+
+def _speed_shares(draws: Array, centre: Array) -> list[schema.SpeedShare]:
+    """Shares of the time of an element's motion in the ranges of its velocity.
+
+    Parameters
+    ----------
+    draws : (S, E) array
+        Velocities for draws of the posterior, m/s.
+    centre : (E,) array
+        The same at its mean.
+    """
+    shares = []
+    for side, speed, low, high in _RANGES:
+        each = np.mean((draws > low) & (draws <= high), axis=1)
+        mean = float(np.mean((centre > low) & (centre <= high)))
+        ends = [float(q) for q in np.quantile(each, [0.025, 0.975])]
+        shares.append(schema.SpeedShare(side=side, speed=speed, mean=mean, eti95=ends))
+    return shares
 
 
 def _check(check: Check, channel: Channel, units: Units) -> schema.Check:

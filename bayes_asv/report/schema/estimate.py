@@ -277,6 +277,19 @@ class Spectrum(Model):
         return self
 
 
+class Transmissibility(Model):
+    """Amplitude of an output over that of the wheel acceleration, by frequency."""
+
+    frequency: Curve
+    measured: Curve
+    simulated: Curve
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        check_lengths(len(self.frequency), self.measured, self.simulated)
+        return self
+
+
 class OutputCurves(Model):
     """One output: measured, simulated, and tests of what is left."""
 
@@ -295,6 +308,8 @@ class OutputCurves(Model):
     """p-value of the Ljung–Box test."""
     lag_seconds: NonNegative = 0.0
     spectrum: Spectrum | None = None
+    transmissibility: Transmissibility | None = None
+    """From the wheel below it, at the frequencies at which that wheel moved."""
 
 
 class WheelCurves(ByName[Curve]):
@@ -309,6 +324,15 @@ class WheelCurves(ByName[Curve]):
         return self
 
 
+class SpeedShare(Model):
+    """Share of the time in one range of damper velocity."""
+
+    side: Annotated[str, OneOf("compression", "rebound")]
+    speed: Annotated[str, OneOf("low", "high")]
+    mean: Share
+    eti95: Annotated[list[Share], Field(min_length=2, max_length=2)]
+
+
 class TravelCurves(Model):
     """Suspension travel from rest and its velocity; extension is positive."""
 
@@ -317,6 +341,8 @@ class TravelCurves(Model):
     velocity: Curve
     largest_bump: NonNegative
     largest_droop: NonNegative
+    speed_shares: Annotated[list[SpeedShare], Field(max_length=4)] = Field(default_factory=list)
+    """From fast compression to fast rebound; they add up to 1."""
 
 
 class Travel(ByName[TravelCurves]):
@@ -325,6 +351,8 @@ class Travel(ByName[TravelCurves]):
     __pydantic_extra__: dict[ElementName, TravelCurves]
     unit: Unit
     velocity_unit: Unit = ""
+    low_speed: Positive | None = None
+    """Damper velocity that divides low from high speed."""
 
 
 class Replicated(Model):
@@ -398,6 +426,34 @@ class SideRatio(Summary):
     p_left_softer: Share
 
 
+class DamperForce(Model):
+    """Force of a damper over the velocities driven; a force that resists extension is positive."""
+
+    velocity: Curve
+    unit: Unit
+    force_unit: Unit
+    median: Curve
+    band95: Band
+    nominal: Curve | None = None
+    """Of the nominal rate."""
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        nominal = [] if self.nominal is None else [self.nominal]
+        check_lengths(len(self.velocity), self.median, *self.band95, *nominal)
+        return self
+
+
+class PriorSensitivity(Model):
+    """Power-scaling sensitivity of the answers to one prior (Kallioinen et al. 2024)."""
+
+    label: Text = ""
+    pareto_k: MaybeNumber = None
+    """Pareto k̂ of the importance weights; above 0.7 the sensitivities are not reliable."""
+    sensitivity: dict[QuantityName, NonNegative]
+    """Change of the posterior per doubling of the prior's exponent."""
+
+
 class LogEvent(Model):
     """A stretch of a long log that moves the suspension; times as in the log, s."""
 
@@ -439,6 +495,8 @@ class EstimateDocument(Model):
     warnings: Texts
     doubt: Text = ""
     """Why the input is probably wrong or the model does not hold; no verdict is given then."""
+    doubt_about: Annotated[str, OneOf("input", "model")] = "input"
+    """Which of these ``doubt`` speaks of."""
     car: Text = "half"
     """Model of the car, as ``--car`` takes it."""
     elements: dict[ElementName, Element] = Field(default_factory=half_car)
@@ -464,6 +522,10 @@ class EstimateDocument(Model):
     runs: Annotated[list[Run], Field(max_length=1000)] = Field(default_factory=list)
     logs: Annotated[list[LongLog], Field(max_length=1000)] = Field(default_factory=list)
     """Recordings of which only events were used; these are the runs then."""
+    forces: dict[ElementName, DamperForce] = Field(default_factory=dict)
+    """Force of each damper over the velocities driven."""
+    sensitivity: dict[QuantityName, PriorSensitivity] = Field(default_factory=dict)
+    """Power-scaling sensitivity of the answers to each prior."""
     draws: dict[Text, Curve] = Field(default_factory=dict)
     """Some of the draws, in the vehicle's units."""
     vehicle: VehicleInfo = VehicleInfo()

@@ -1,5 +1,7 @@
 """Sections of a report, one file each, in the order of the page.
 
+Those with a title of their own are the appendix.
+
 To add one, write a file with a ``SECTION`` and list it here; ``docs/extending.md`` has an example.
 """
 
@@ -22,10 +24,12 @@ from bayes_asv.report.sections import (
     online_filter,
     parameters,
     predictive_checks,
+    prior_sensitivity,
     run_consistency,
     sampling,
     simulation,
     simulation_error,
+    transmissibility,
     travel,
     uncertainty_budget,
     undeclared_faults,
@@ -37,12 +41,15 @@ __all__ = ["DIAGNOSIS", "ESTIMATE", "FLEET", "TRACK"]
 ESTIMATE: Final[tuple[Section[EstimateDocument], ...]] = (
     parameters.SECTION,
     effects.MODEL_SECTION,
+    travel.SECTION,
+    transmissibility.SECTION,
+    long_logs.SECTION,
+    parameters.DETAILS_SECTION,
     uncertainty_budget.SECTION,
     undeclared_faults.SECTION,
+    prior_sensitivity.SECTION,
     run_consistency.SECTION,
-    long_logs.SECTION,
     simulation.SECTION,
-    travel.SECTION,
     predictive_checks.SECTION,
     sampling.SECTION,
 )
@@ -55,6 +62,9 @@ DIAGNOSIS: Final[tuple[Section[DiagnoseDocument], ...]] = (
     diagnosis.FAULTS_SECTION,
 )
 
-TRACK: Final[tuple[Section[TrackDocument], ...]] = (online_filter.SECTION,)
+TRACK: Final[tuple[Section[TrackDocument], ...]] = (
+    online_filter.SECTION,
+    online_filter.DETAILS_SECTION,
+)
 
-FLEET: Final[tuple[Section[FleetDocument], ...]] = (fleet.SECTION,)
+FLEET: Final[tuple[Section[FleetDocument], ...]] = (fleet.SECTION, fleet.RECORDINGS_SECTION)

@@ -8,7 +8,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from bayes_asv.report.svg import Panel
 
-__all__ = ["Block", "Figure", "Section", "Table", "Text"]
+__all__ = ["About", "Block", "Figure", "Section", "Table", "Text"]
 
 D = TypeVar("D")
 
@@ -53,17 +53,21 @@ class Figure:
     title: str
     caption: str
     panels: tuple[Panel, ...]
+    columns: Literal[2, 3] = 2
+    """Panels beside each other, where there is room; three of :data:`~bayes_asv.report.svg.SMALL`
+    size."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the templates, which take the pictures by their keys."""
         panels = [{"key": p.key, "alt": p.alt, "wide": p.wide} for p in self.panels]
         return {
             "kind": "figure", "key": self.key, "title": self.title, "caption": self.caption,
-            "panels": panels,
+            "panels": panels, "columns": self.columns,
         }  # fmt: skip
 
 
 Block = Text | Table | Figure
+About = Literal["precision", "model", "input"]
 
 
 def _no_limits(_: Any) -> list[str]:
@@ -80,8 +84,16 @@ class Section(Generic[D]):
         From the document to texts, tables and figures in their order; nothing where the document
         has no data for them.  A figure without panels is left out.
     limits : callable
-        From the document to sentences for "What limits the answer" on the first page.
+        From the document to sentences for the first page.
+    about : {'precision', 'model', 'input'}
+        What the limits speak of: they are part of "What limits the answer", or of the answers to
+        whether the model holds and whether the inputs agree.
+    title : str
+        Title of its part of the appendix, which is folded away; without one it is a section of
+        the main report.
     """
 
     content: Callable[[D], Iterable[Block]]
     limits: Callable[[D], Sequence[str]] = _no_limits
+    about: About = "precision"
+    title: str = ""

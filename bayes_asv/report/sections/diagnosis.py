@@ -67,7 +67,7 @@ def _faults_content(document: DiagnoseDocument) -> Iterator[Block]:
 
 
 SECTION: Final = Section(_content)
-FAULTS_SECTION: Final = Section(_faults_content)
+FAULTS_SECTION: Final = Section(_faults_content, title="Faults of the recordings")
 
 
 def diagnosis_subtitle(document: DiagnoseDocument) -> str:

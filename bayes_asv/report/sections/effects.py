@@ -18,6 +18,7 @@ from bayes_asv.report.schema.parts import (
     Summary,
 )
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
+from bayes_asv.report.sections.damper_force import label_sides
 from bayes_asv.report.words import (
     MISSING,
     capitalized,
@@ -122,7 +123,7 @@ def _model_limits(document: EstimateDocument) -> list[str]:
 SECTION: Final = Section(_content)
 """Effects that a diagnosis named."""
 
-MODEL_SECTION: Final = Section(_model_content, _model_limits)
+MODEL_SECTION: Final = Section(_model_content, _model_limits, about="model")
 """Effects in the model of an estimate."""
 
 
@@ -390,10 +391,6 @@ def _draw_force(axes: Axes, curve: ForceCurve, paint: str, along: str) -> None:
             axes.plot(
                 grid, svg.curve_array(band.median), color=colour, linestyle=dashes, label=label
             )
-    sides = ("compression", "rebound") if along == "velocity" else ("bump", "droop")
-    for x, y, align, words in (
-        (0.02, 0.93, "left", f"← {sides[0]}"), (0.98, 0.03, "right", f"{sides[1]} →"),
-    ):  # fmt: skip
-        axes.text(x, y, words, transform=axes.transAxes, ha=align, fontsize=8.5, color=muted)
+    label_sides(axes, *(("compression", "rebound") if along == "velocity" else ("bump", "droop")))
     count = 3 + (curve.after_end is not None)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count, columnspacing=1.0)

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
-    "SECTION", "file_rows", "fleet_headline", "fleet_lines", "fleet_steps", "fleet_subtitle",
+    "RECORDINGS_SECTION", "SECTION", "file_rows", "fleet_headline", "fleet_lines", "fleet_steps",
+    "fleet_subtitle",
 ]  # fmt: skip
 
 _VERDICTS: Final = {
@@ -150,6 +151,9 @@ def _content(document: FleetDocument) -> Iterator[Block]:
             "Recordings without a verdict", ["recording", "date", "verdict", "reason"], rows,
             kind="texts",
         )  # fmt: skip
+
+
+def _recordings(document: FleetDocument) -> Iterator[Block]:
     head, rows = file_rows(document)
     if rows:
         yield Table(
@@ -172,6 +176,8 @@ def _limits(document: FleetDocument) -> list[str]:
 _SCATTER: Final = 0.01  # beyond which the scatter, and not the recordings, limits the trend
 
 SECTION: Final = Section(_content, _limits)
+
+RECORDINGS_SECTION: Final = Section(_recordings, title="Recordings of the season")
 
 
 def _hypotheses(document: FleetDocument) -> Table:

@@ -18,7 +18,7 @@ from bayes_asv.report.words import plain, readable_unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SECTION", "where_to_look"]
+__all__ = ["SECTION", "residual_overview", "where_to_look"]
 
 _MAX_RUNS: Final = 3  # runs whose residuals are drawn
 _POSITIVE: Final = {
@@ -50,16 +50,13 @@ def _content(document: DiagnoseDocument) -> Iterator[Block]:
     for n, run in enumerate(document.residuals[:_MAX_RUNS]):
         of = f", {plain(run.source)}" if len(document.residuals) > 1 else ""
         yield Figure(
-            f"left-{n}", f"Residuals before and after{of}", _RESIDUAL.format(car=car),
-            _residuals(run, seen, n),
-        )  # fmt: skip
-        yield Figure(
-            f"leftband-{n}", f"Spectrum of the residuals{of}", _SPECTRUM,
-            _residual_spectra(run, seen, n),
+            f"left-{n}", f"Residuals before and after{of}",
+            f"{_RESIDUAL.format(car=car)} {_SPECTRUM}",
+            (*_residuals(run, seen, n), *_residual_spectra(run, seen, n)),
         )  # fmt: skip
 
 
-SECTION: Final = Section(_content)
+SECTION: Final = Section(_content, title="Where simulation and measurement disagree")
 
 
 def where_to_look(document: DiagnoseDocument) -> str:
@@ -166,6 +163,34 @@ def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ..
     return _output_panels(f"left-{{}}-{n}", draw, run)
 
 
+def residual_overview(document: DiagnoseDocument) -> Figure:
+    """Residuals of the first run, before and after the effects, for the first page."""
+    panels: tuple[svg.Panel, ...] = ()
+    title = ""
+    for run in document.residuals[:1]:
+        curves = [(name, curve) for name, curve in run.entries.items() if curve is not None]
+        if not curves:
+            break
+        figure = svg.canvas(svg.WIDE, 0.55 + 0.95 * len(curves))
+        rows = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
+        time = svg.curve_array(run.time)
+        for n, (axes, (name, curve)) in enumerate(zip(rows, curves, strict=True)):
+            before, after = svg.curve_array(curve.before), svg.curve_array(curve.after)
+            axes.plot(time, before, color=svg.COLOURS["muted"], linewidth=0.9, label="linear car")
+            axes.plot(time, after, color=_colour(name), linewidth=0.8, label="with the effects")
+            axes.set_ylabel(f"{_place(name)}\n[{readable_unit(curve.unit or run.unit)}]")
+            if n == 0:
+                svg.legend_above(axes, 2)
+        rows[-1].set_xlabel("time [s]")
+        rows[-1].set_xlim(float(time[0]), float(time[-1]))
+        figure.align_ylabels(rows.tolist())
+        title = f"Measured less simulated motion: {plain(run.source)}"
+        alt = "measured less simulated motion against time, before and after the named effects"
+        panels = (svg.panel(figure, "overview", alt, wide=True),)
+    caption = "A model that holds leaves sensor noise alone, without a pattern."
+    return Figure("overview", title, caption, panels)
+
+
 def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
     """Draw the power spectral densities of the residuals of a run, before and after."""
     spectrum = run.spectrum
@@ -175,10 +200,12 @@ def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Pa
         if curve is None:
             return None
         _shade(axes, seen.frequency)
-        muted, paint = svg.COLOURS["muted"], _colour(name)
-        spectra = [("before", muted, curve.before), ("after", paint, curve.after)]
+        looks: tuple[svg.Look, ...] = ({"color": svg.COLOURS["muted"]}, {"color": _colour(name)})
+        spectra = [("before", looks[0], curve.before), ("after", looks[1], curve.after)]
         if not svg.draw_spectra(axes, spectrum.frequency, spectra):
             return None
+        svg.label_spectra(axes)
+        svg.legend_above(axes)
         unit = readable_unit(curve.unit or spectrum.unit)
         axes.set_ylabel(f"{_place(name)}, spectral\ndensity [{unit}]")
         axes.set_xlim(*svg.curve_array(spectrum.frequency)[[0, -1]].tolist())
@@ -193,7 +220,7 @@ def _output_panels(
     """Draw one panel an output."""
     panels = []
     for name in run.entries:
-        figure = svg.canvas(height=2.5)
+        figure = svg.canvas(height=2.1)
         alt = draw(figure.subplots(), name)
         if alt is not None:
             panels.append(svg.panel(figure, key.format(_place(name).replace(" ", "-")), alt))

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
+    "DETAILS_SECTION",
     "INCONSISTENT_STEPS",
     "LAST_STATE",
     "RECOVERED",
@@ -99,18 +100,24 @@ _LAGS: Final = (
 def _content(document: TrackDocument) -> Iterator[Block]:
     if document.verdict == "refused":
         return
-    yield Text("Consistency of the filter", consistency_lines(document))
     yield Figure(
-        "track", "Parameters from the online filter", _PARAMETERS, _parameter_curves(document)
+        "track", "Parameters from the online filter", _PARAMETERS, _parameter_curves(document), 3
     )
-    yield Figure("track-nis", "Normalised innovation squared", _NIS, _consistency_curves(document))
+
+
+def _details(document: TrackDocument) -> Iterator[Block]:
+    if document.verdict == "refused":
+        return
+    yield Text("", consistency_lines(document))
     yield Figure(
-        "track-lags", "Autocorrelation of the filter's innovations", _LAGS,
-        _autocorrelations(document.consistency),
+        "track-nis", "Errors of the online filter", f"{_NIS} {_LAGS}",
+        (*_consistency_curves(document), *_autocorrelations(document.consistency)),
     )  # fmt: skip
 
 
 SECTION: Final = Section(_content)
+
+DETAILS_SECTION: Final = Section(_details, title="Consistency of the online filter")
 
 
 def track_subtitle(document: TrackDocument) -> str:
@@ -189,7 +196,7 @@ def _parameter_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
         parameter = document.parameters.get(name)
         nominal = None if parameter is None else parameter.nominal
         paint = svg.axle_colour(LABELS[name])
-        figure = svg.canvas(height=2.4)
+        figure = svg.canvas(*svg.SMALL)
         axes = figure.subplots()
         _shade_inconsistent(axes, time, curves.consistent)
         axes.fill_between(time, low, high, color=paint, alpha=0.3, linewidth=0)
@@ -236,7 +243,7 @@ def _consistency_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
     time, mean = svg.curve_array(curves.time), svg.curve_array(curves.nis.mean)
     low, high = (svg.curve_array(side) for side in curves.nis.band95)
     inflation = svg.curve_array(curves.inflation)
-    figure = svg.canvas(width=6.4, height=2.9)
+    figure = svg.canvas(height=2.7)
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
     _shade_inconsistent(top, time, curves.consistent)
     end = min(max(2.2, 1.1 * float(np.nanquantile(mean, 0.995))), _MAX_NIS)
@@ -255,7 +262,7 @@ def _consistency_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
     below.set_xlim(float(time[0]), float(time[-1]))
     figure.align_ylabels([top, below])
     alt = "mean NIS against time with its 95 % band, and the factor on the noise"
-    return (svg.panel(figure, "track-nis", alt, wide=True),)
+    return (svg.panel(figure, "track-nis", alt),)
 
 
 def _autocorrelations(consistency: Consistency) -> tuple[svg.Panel, ...]:
@@ -267,17 +274,18 @@ def _autocorrelations(consistency: Consistency) -> tuple[svg.Panel, ...]:
     half = set(correlation.outputs) <= {"front_chassis", "rear_chassis"}
     curves = by_axle if half else correlation.outputs
 
-    def draw(axes: Axes, place: str) -> str | None:
-        values = [v or 0.0 for v in curves[place][1:]]
-        if not values:
-            return None
-        name = place.replace("_", " ")
-        svg.draw_autocorrelation(
-            axes, values, correlation.band95, correlation.lag_seconds, name, svg.axle_colour(place)
-        )
-        return f"{name} innovations of the online filter: autocorrelation with its 95 % band"
-
-    return svg.axle_panels("track-lags-{}", draw, 2.2, tuple(curves))
+    shown = [
+        (place.removesuffix("_chassis").replace("_", " "), place, [v or 0.0 for v in values[1:]])
+        for place, values in curves.items()
+        if len(values) > 1
+    ]
+    if not shown:
+        return ()
+    figure = svg.canvas(height=2.7)
+    svg.draw_autocorrelations(figure.subplots(), shown, correlation.band95, correlation.lag_seconds)
+    names = ", ".join(name for name, _, _ in shown)
+    alt = f"{names} innovations of the online filter: autocorrelation with its 95 % band"
+    return (svg.panel(figure, "track-lags", alt),)
 
 
 def watch_lines(document: WatchDocument) -> list[str]:

@@ -24,19 +24,21 @@ from bayes_asv.report.words import (
     labelled,
     likelihood_words,
     number,
+    plain,
     plus_minus,
     probability,
     readable_unit,
 )
 
 __all__ = [
-    "SECTION", "answers", "given_table", "log_normal_prior", "parameter_table", "short_label",
-    "side_lines",
+    "DETAILS_SECTION", "SECTION", "answers", "given_table", "log_normal_prior", "moved_values",
+    "parameter_table", "short_label", "side_lines",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 _DISTINCT: Final = 0.95  # probability from which left and right dampers are called different
+_MOVED: Final = 2.0  # standard deviations: one given value in twenty moves farther by chance
 _POSTERIOR: Final = (
     "The dashed line is the nominal value: where it is outside the shaded 95 % interval, the car "
     "differs from its data sheet. The prior (brown) should be flat over the posterior; then the "
@@ -59,23 +61,58 @@ def short_label(name: str) -> str:
     return LABELS[name].removesuffix(" rate")
 
 
+def _title(document: EstimateDocument) -> str:
+    return "Parameters" if document.verdict == "ok" else "Parameters, not to be relied on"
+
+
 def _content(document: EstimateDocument) -> Iterator[Block]:
-    parameters = document.parameters
-    if parameters:
-        title = "Parameters" if document.verdict == "ok" else "Parameters, not to be relied on"
-        yield parameter_table(parameters, title)
-        if document.vehicle.units != "SI" and all(p.si is not None for p in parameters.values()):
-            yield parameter_table(parameters, f"{title}, in SI units", si=True)
+    if document.parameters:
+        yield parameter_table(document.parameters, _title(document))
     if document.left_over_right:
         yield Text("Left and right dampers", side_lines(document))
+
+
+def _details(document: EstimateDocument) -> Iterator[Block]:
+    parameters = document.parameters
+    if (
+        parameters
+        and document.vehicle.units != "SI"
+        and all(p.si is not None for p in parameters.values())
+    ):
+        yield parameter_table(parameters, f"{_title(document)}, in SI units", si=True)
     if document.known:
         yield given_table(document.known)
     if document.draws:
-        yield Figure("posterior", "Posterior and prior", _POSTERIOR, _posteriors(document))
-        yield Figure("corner", "Joint posterior", _CORNER, _corner(document))
+        yield Figure(
+            "posterior", "Posterior", f"{_POSTERIOR} {_CORNER}",
+            (*_corner(document), *_posteriors(document)), 3,
+        )  # fmt: skip
+
+
+def _limits(document: EstimateDocument) -> list[str]:
+    """Name the given values that the recordings contradict."""
+    return [
+        f"The recordings moved the {LABELS.get(name) or plain(document.known[name].label or name)} "
+        f"by {_shift(size)}: the given value or the model is wrong."
+        for name, size in moved_values(document.known).items()
+        if abs(size) > _MOVED
+    ]
 
 
 SECTION: Final = Section(_content)
+
+DETAILS_SECTION: Final = Section(
+    _details, _limits, about="input", title="Parameters, given values and priors"
+)
+
+
+def moved_values(known: Mapping[str, Known]) -> dict[str, float]:
+    """Shift of each given value that is not exact, in its standard deviations."""
+    return {
+        name: (value.posterior.mean - value.value) / value.sd
+        for name, value in known.items()
+        if value.posterior is not None and value.sd
+    }
 
 
 def parameter_table(parameters: Mapping[str, Parameter], title: str, *, si: bool = False) -> Table:
@@ -171,7 +208,7 @@ def _posteriors(document: EstimateDocument) -> tuple[svg.Panel, ...]:
         centres = [p.mean] if p.nominal is None else [p.mean, p.nominal]
         margin = max(4.5 * p.sd, 0.12 * (max(centres) - min(centres)))
         start, stop = float(min(centres) - margin), float(max(centres) + margin)
-        figure = svg.canvas(height=2.2)
+        figure = svg.canvas(*svg.SMALL)
         axes = figure.subplots()
         paint = svg.axle_colour(LABELS[name])
         fine = p.mean + p.sd * np.linspace(-4.5, 4.5, 200)

@@ -51,7 +51,9 @@ def _check_limits(document: EstimateDocument) -> list[str]:
     return sentences
 
 
-SECTION: Final = Section(_content, _check_limits)
+SECTION: Final = Section(
+    _content, _check_limits, about="model", title="Posterior predictive checks"
+)
 
 
 def _band_text(check: Check) -> str:

@@ -51,7 +51,7 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
         yield Figure("agreement", "Comparison of the runs", _FOREST, (_forest(document),))
 
 
-SECTION: Final = Section(_content)
+SECTION: Final = Section(_content, title="Consistency of the runs")
 
 
 def consistency_headline(document: EstimateDocument) -> str:

@@ -19,10 +19,10 @@ _USUAL_ACCEPTANCE: Final = (0.1, 0.9)
 def _content(document: EstimateDocument) -> Iterator[Block]:
     lines = sampling_lines(document.diagnostics)
     if lines:
-        yield Text("Convergence of the sampler", lines)
+        yield Text("", lines)
 
 
-SECTION: Final = Section(_content)
+SECTION: Final = Section(_content, title="Convergence of the sampler")
 
 
 def sampling_lines(diagnostics: Diagnostics) -> list[str]:

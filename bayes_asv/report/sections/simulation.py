@@ -6,11 +6,14 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Fit, Noise, OutputCurves, Run
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
+from bayes_asv.report.sections.motion import motion_window
+from bayes_asv.report.sections.travel import travel_curve
 from bayes_asv.report.words import (
     MISSING,
     capitalized,
@@ -25,14 +28,14 @@ from bayes_asv.report.words import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["MAX_RUNS", "SECTION", "motion_window"]
+__all__ = ["SECTION", "overview"]
+
+Array = NDArray[np.float64]
 
 MAX_RUNS: Final = 6
 """Runs that get figures of their own: more would make a page too large to open."""
 
 _COLOURED: Final = 0.01  # whiteness p-value below which the intervals are called too narrow
-_MOVING: Final = 0.05  # of the largest wheel acceleration: the motion is above it
-_BEFORE, _AFTER = 0.1, 0.4  # s shown around the motion
 
 _SIGNS: Final = (
     "Signs: up is positive for accelerations, extension is positive for travel, and compression is "
@@ -40,20 +43,15 @@ _SIGNS: Final = (
 )
 _MOTION: Final = (
     "The lower strip is the residual: it should stay inside the band, where 95 % of the readings "
-    "are predicted to be, and show no pattern."
+    "are predicted to be, and show no pattern. In the wheel accelerations, from which all else is "
+    "computed, flat tops, spikes and steps are faults of a sensor and not of the road."
 )
-_WHEELS: Final = (
-    "Flat tops, spikes and steps are faults of a sensor and not of the road. All else is computed "
-    "from these curves."
-)
-_SPECTRUM: Final = (
-    "A peak of the residual is a motion that the model does not describe, such as an engine or "
-    "a loose mount. Without peaks the residual is sensor noise, with that of the wheel sensors "
-    "rising towards low frequencies."
-)
-_WHITENESS: Final = (
-    "About one bar in twenty may be outside the band. A pattern, or a p-value below 1 %, means "
-    "that the intervals are too narrow."
+_RESIDUALS: Final = (
+    "A peak in the spectrum of the residual (thick, below that of the reading) is a motion that "
+    "the model does not describe, such as an engine or a loose mount; without peaks it is sensor "
+    "noise. Of the bars of the "
+    "autocorrelation, one in twenty may be outside the band: a pattern, or a p-value below 1 %, "
+    "means that the intervals are too narrow. Shading around the travel is its 95 % interval."
 )
 
 
@@ -67,6 +65,11 @@ class _Output(NamedTuple):
     @property
     def label(self) -> str:
         return self.name.replace("_", " ")
+
+    @property
+    def place(self) -> str:
+        """The label of a chassis acceleration without what it is."""
+        return self.label.removesuffix(" chassis")
 
     @property
     def key(self) -> str:
@@ -92,30 +95,79 @@ def _outputs(run: Run) -> list[_Output]:
 
 
 def _content(document: EstimateDocument) -> Iterator[Block]:
-    runs, several = document.runs, len(document.runs) > 1
-    if runs:
-        yield Text("Measurement and simulation", [_SIGNS])
+    runs = document.runs
     if document.fit_by_run:
         yield _fit_table(document)
+    if any(noise.entries for noise in document.noise):
+        yield _noise_table(document.noise)
     for n, run in enumerate(runs[:MAX_RUNS]):
-        of = f", {plain(run.source)}" if several else ""
-        motion = "Measured and simulated motion" if run.outputs else "Chassis acceleration"
-        yield Figure(f"chassis-{n}", f"{motion}{of}", _MOTION, _motion(run, n))
-        yield Figure(f"wheels-{n}", f"Wheel acceleration{of}", _WHEELS, _wheels(run, n))
-    for n, run in enumerate(runs[:MAX_RUNS]):
-        of = f", {plain(run.source)}" if several else ""
+        of = f", {plain(run.source)}" if len(runs) > 1 else ""
         yield Figure(
-            f"spectrum-{n}", f"Spectrum of reading and residual{of}", _SPECTRUM, _spectra(run, n)
-        )
+            f"motion-{n}", f"Measured and simulated motion{of}",
+            f"{_MOTION} {_SIGNS}" if n == 0 else "", (*_motion(run, n), *_wheels(run, n)), 3,
+        )  # fmt: skip
         yield Figure(
-            f"whiteness-{n}", f"Autocorrelation of the innovations{of}", _WHITENESS,
-            _whiteness(run, n),
+            f"residuals-{n}", f"Residuals and travel{of}", _RESIDUALS if n == 0 else "",
+            (*_spectra(run, n), *_whiteness(run, n), *travel_curve(run, n)), 3,
         )  # fmt: skip
     if len(runs) > MAX_RUNS:
         further = len(runs) - MAX_RUNS
         yield Text("", [f"Figures of {further} further recordings are left out; tables have all."])
-    if any(noise.entries for noise in document.noise):
-        yield _noise_table(document.noise)
+
+
+def overview(document: EstimateDocument) -> Figure:
+    """Measured and simulated motion of the run that is explained worst, for the first page."""
+    runs = document.runs
+    if not runs:
+        return Figure("overview", "", "", ())
+    run = max(runs, key=_misfit)
+    chosen = "" if len(runs) == 1 else f"Of {len(runs)} recordings, that with the largest error. "
+    return Figure(
+        "overview", f"Measured and simulated motion, {plain(run.source)}",
+        f"{chosen}The band should hold 95 % of the readings.", (_overview(run),),
+    )  # fmt: skip
+
+
+def _misfit(run: Run) -> float:
+    """Largest rms residual of an output of a run over the rms of its motion."""
+    ratios = [0.0]
+    for curves in (*run.chassis.values(), *run.outputs.values()):
+        measured, simulated = svg.curve_array(curves.measured), svg.curve_array(curves.simulated)
+        there = np.isfinite(measured) & np.isfinite(simulated)
+        if there.any() and measured[there].std() > 0.0:
+            left = measured[there] - simulated[there]
+            ratios.append(float(np.sqrt(np.mean(left**2)) / measured[there].std()))
+    return max(ratios)
+
+
+def _overview(run: Run) -> svg.Panel:
+    outputs, time = _outputs(run), svg.curve_array(run.time)
+    figure = svg.canvas(svg.WIDE, 0.55 + 0.95 * len(outputs))
+    rows = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
+    for n, (axes, output) in enumerate(zip(rows, outputs, strict=True)):
+        _draw_motion(axes, time, output)
+        axes.set_ylabel(f"{output.label.removesuffix(' chassis')}\n[{output.unit}]")
+        if n == 0:
+            svg.legend_above(axes, 3)
+    rows[-1].set_xlabel("time [s]")
+    rows[-1].set_xlim(*motion_window(run))
+    figure.align_ylabels(rows.tolist())
+    names = " and ".join(output.label for output in outputs)
+    alt = f"{names} against time, measured and simulated with a 95 % band"
+    return svg.panel(figure, "overview", alt, wide=True)
+
+
+def _draw_motion(axes: Axes, time: Array, output: _Output) -> None:
+    """Draw an output as measured and simulated, with its band."""
+    curves, paint = output.curves, output.colour
+    low, high = (svg.curve_array(side) for side in curves.band95)
+    # Thick and pale below thin and strong: both are visible where they coincide.
+    axes.plot(
+        time, svg.curve_array(curves.measured), color=svg.COLOURS["ink"], alpha=0.3,
+        linewidth=4.0, label="measured",
+    )  # fmt: skip
+    axes.fill_between(time, low, high, color=paint, alpha=0.25, linewidth=0, label="95 % band")
+    axes.plot(time, svg.curve_array(curves.simulated), color=paint, label="simulated")
 
 
 def _limits(document: EstimateDocument) -> list[str]:
@@ -129,7 +181,9 @@ def _limits(document: EstimateDocument) -> list[str]:
     ]
 
 
-SECTION: Final = Section(_content, _limits)
+SECTION: Final = Section(
+    _content, _limits, about="model", title="Measurement, simulation and residuals"
+)
 
 
 def _fit_table(document: EstimateDocument) -> Table:
@@ -156,20 +210,6 @@ def _fit_text(fit: Fit | None) -> str:
     return f"{number(fit.nrmse_percent, 0.1 * abs(fit.nrmse_percent) or None)} %"
 
 
-def motion_window(run: Run) -> tuple[float, float]:
-    """First and last time that figures show: the motion of the wheels with a margin."""
-    time = svg.curve_array(run.wheels.time)
-    moving = np.zeros(len(time), dtype=bool)
-    for curve in run.wheels.entries.values():
-        size = np.abs(svg.curve_array(curve))
-        if np.isfinite(size).any():
-            moving |= size > _MOVING * np.nanmax(size)
-    if not moving.any():
-        return float(time[0]), float(time[-1])
-    first, last = time[moving][[0, -1]]
-    return max(float(first) - _BEFORE, float(time[0])), min(float(last) + _AFTER, float(time[-1]))
-
-
 def _motion(run: Run, n: int) -> tuple[svg.Panel, ...]:
     """Draw each output as measured and simulated, with the residual below."""
     time, window = svg.curve_array(run.time), motion_window(run)
@@ -178,16 +218,12 @@ def _motion(run: Run, n: int) -> tuple[svg.Panel, ...]:
         curves, paint, ink = output.curves, output.colour, svg.COLOURS["ink"]
         measured, simulated = svg.curve_array(curves.measured), svg.curve_array(curves.simulated)
         low, high = (svg.curve_array(side) for side in curves.band95)
-        figure = svg.canvas(height=3.1)
+        figure = svg.canvas(*svg.SMALL)
         top, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.25))
-        # Thick and pale below thin and strong: both are visible where they coincide.
-        top.plot(time, measured, color=ink, alpha=0.3, linewidth=4.0, label="measured")
-        top.fill_between(time, low, high, color=paint, alpha=0.25, linewidth=0)
-        top.plot(time, simulated, color=paint, label="simulated, 95 % band")
+        _draw_motion(top, time, output)
         alike = run.chassis.values() if output.name in run.chassis else [curves]
         top.set_ylim(*svg.shared_limits([c.measured for c in alike]))
-        top.set_ylabel(f"{output.label} [{output.unit}]\n{output.sign}")
-        svg.legend_above(top, 2)
+        top.set_ylabel(f"{output.label}\n[{output.unit}], {output.sign}")
         below.fill_between(
             time, low - simulated, high - simulated, color=paint, alpha=0.25, linewidth=0
         )
@@ -198,66 +234,91 @@ def _motion(run: Run, n: int) -> tuple[svg.Panel, ...]:
         below.set_xlim(*window)
         figure.align_ylabels([top, below])
         alt = f"{output.label} against time, measured and simulated"
-        panels.append(svg.panel(figure, f"chassis-{output.key}-{n}", alt))
+        panels.append(svg.panel(figure, f"motion-{output.key}-{n}", alt))
     return tuple(panels)
 
 
 def _wheels(run: Run, n: int) -> tuple[svg.Panel, ...]:
-    unit, window, time = (
-        readable_unit(run.unit),
-        motion_window(run),
-        svg.curve_array(run.wheels.time),
-    )
-    curves = {name.removesuffix("_wheel"): curve for name, curve in run.wheels.entries.items()}
-    limits = svg.shared_limits([*curves.values()])
-
-    def draw(axes: Axes, place: str) -> str:
-        curve, words = svg.curve_array(curves[place]), place.replace("_", " ")
-        axes.plot(time, curve, color=svg.axle_colour(place), linewidth=0.9)
-        axes.set(xlabel="time [s]", ylabel=f"{words} wheel [{unit}]\nup +", xlim=window)
-        axes.set_ylim(*limits)
-        return f"{words} wheel acceleration against time"
-
-    return svg.axle_panels(f"wheel-{{}}-{n}", draw, 2.1, curves)
+    """Draw the acceleration of every wheel in one panel."""
+    curves = run.wheels.entries
+    if not curves:
+        return ()
+    figure = svg.canvas(*svg.SMALL)
+    axes = figure.subplots()
+    for name, curve in curves.items():
+        axes.plot(
+            svg.curve_array(run.wheels.time), svg.curve_array(curve), linewidth=0.9,
+            label=name.removesuffix("_wheel").replace("_", " "), **svg.place_style(name),
+        )  # fmt: skip
+    axes.set(
+        xlabel="time [s]", ylabel=f"wheel acceleration\n[{readable_unit(run.unit)}], up +",
+        xlim=motion_window(run), ylim=svg.shared_limits([*curves.values()]),
+    )  # fmt: skip
+    svg.legend_above(axes, 2)
+    return (svg.panel(figure, f"wheels-{n}", "acceleration of the wheels against time"),)
 
 
 def _spectra(run: Run, n: int) -> tuple[svg.Panel, ...]:
-    panels = []
+    """Draw the spectra of reading and residual of the outputs, those of one unit in one panel."""
+    by_unit: dict[str, list[_Output]] = {}
     for output in _outputs(run):
-        spectrum = output.curves.spectrum
-        if spectrum is None:
-            continue
-        figure = svg.canvas(height=2.5)
+        if output.curves.spectrum is not None:
+            by_unit.setdefault(output.curves.spectrum.unit, []).append(output)
+    panels = []
+    for unit, outputs in by_unit.items():
+        figure = svg.canvas(*svg.SMALL)
         axes = figure.subplots()
-        spectra = [
-            ("reading", svg.COLOURS["ink"], spectrum.measured),
-            ("residual", output.colour, spectrum.residual),
-        ]
-        if svg.draw_spectra(axes, spectrum.frequency, spectra):
-            unit = readable_unit(spectrum.unit)
-            axes.set_ylabel(f"{output.label}, spectral\ndensity [{unit}]")
-            alt = f"{output.label}: spectrum of the reading and of the residual"
-            panels.append(svg.panel(figure, f"spectrum-{output.key}-{n}", alt))
+        drawn = [output.label for output in outputs if _draw_spectrum(axes, output)]
+        if not drawn:
+            continue
+        svg.label_spectra(axes)
+        axes.set_ylabel(f"spectral density\n[{readable_unit(unit)}]")
+        svg.legend_above(axes, 2)
+        alt = f"spectrum of reading and residual: {', '.join(drawn)}"
+        panels.append(svg.panel(figure, f"spectrum-{outputs[0].key}-{n}", alt))
     return tuple(panels)
+
+
+def _draw_spectrum(axes: Axes, output: _Output) -> bool:
+    """Draw reading (thin) and residual (thick); False where one has no positive value."""
+    spectrum = output.curves.spectrum
+    assert spectrum is not None
+    look = svg.place_style(output.name)
+    name = output.place
+    return svg.draw_spectra(
+        axes, spectrum.frequency,
+        [
+            (name, {**look, "linewidth": 0.8}, spectrum.measured),
+            ("", {**look, "linewidth": 2.0}, spectrum.residual),
+        ],
+    )  # fmt: skip
 
 
 def _whiteness(run: Run, n: int) -> tuple[svg.Panel, ...]:
-    panels = []
-    for output in _outputs(run):
-        curves, name = output.curves, output.label.removesuffix(" chassis")
-        values = [v or 0.0 for v in curves.autocorrelation[1:]]
-        if not values:
-            continue
-        figure = svg.canvas(height=2.2)
-        axes = figure.subplots()
-        band = curves.autocorrelation_band95
-        svg.draw_autocorrelation(axes, values, band, curves.lag_seconds, name, output.colour)
-        axes.set_xticks(range(5, len(values) + 1, 5))
-        p = probability(curves.whiteness_p)
-        axes.set_title(f"{name}: whiteness p-value {p}", loc="left")
-        alt = f"{name} innovations: autocorrelation, whiteness p-value {p}"
-        panels.append(svg.panel(figure, f"whiteness-{output.key}-{n}", alt))
-    return tuple(panels)
+    """Draw the autocorrelations of the innovations of all outputs in one panel, side by side."""
+    outputs = [output for output in _outputs(run) if len(output.curves.autocorrelation) > 1]
+    if not outputs:
+        return ()
+    figure = svg.canvas(*svg.SMALL)
+    axes = figure.subplots()
+    first = outputs[0].curves
+    svg.draw_autocorrelations(
+        axes,
+        [
+            (
+                f"{output.place}, p {probability(output.curves.whiteness_p)}",
+                output.name,
+                [v or 0.0 for v in output.curves.autocorrelation[1:]],
+            )
+            for output in outputs
+        ],
+        first.autocorrelation_band95,
+        first.lag_seconds,
+    )
+    p = ", ".join(
+        f"{output.label} p-value {probability(output.curves.whiteness_p)}" for output in outputs
+    )
+    return (svg.panel(figure, f"whiteness-{n}", f"autocorrelation of the innovations: {p}"),)
 
 
 def _noise_table(entries: Sequence[Noise]) -> Table:

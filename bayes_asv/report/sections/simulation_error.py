@@ -63,7 +63,7 @@ def _content(document: DiagnoseDocument) -> Iterator[Block]:
         yield Figure("moved", "Parameters before and after", caption, _parameter_changes(document))
 
 
-SECTION: Final = Section(_content)
+SECTION: Final = Section(_content, title="Simulation error and parameters, before and after")
 
 
 def asked(document: DiagnoseDocument) -> list[str]:

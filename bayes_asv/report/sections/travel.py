@@ -1,40 +1,50 @@
-"""Suspension travel and damper velocity: table, curves, histogram, and stops that were reached."""
+"""Suspension travel and damper velocity: histograms, shares of time, stops that were reached."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
-from bayes_asv.report.schema.estimate import Run, TravelCurves
+from bayes_asv.report.schema.estimate import Run, SpeedShare, TravelCurves
 from bayes_asv.report.schema.parts import Curve, TravelLimits
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
-from bayes_asv.report.sections.simulation import MAX_RUNS, motion_window
-from bayes_asv.report.words import MISSING, capitalized, number, percent, plain, readable_unit
+from bayes_asv.report.sections.damper_force import force_panel
+from bayes_asv.report.sections.motion import motion_window
+from bayes_asv.report.words import (
+    MISSING,
+    capitalized,
+    number,
+    percent,
+    plain,
+    readable_unit,
+    two_digits,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SECTION", "velocity_shares"]
+__all__ = ["SECTION", "travel_curve", "velocity_shares"]
 
 Array = NDArray[np.float64]
 
 _AT_REST: Final = 0.02  # of the largest velocity: neither compression nor rebound
 _REACHED: Final = 0.95  # share of a travel limit that counts as reached
 _STOPS: Final = ((-1.0, "bump"), (1.0, "droop"))
+_BINS: Final = 41
+_RANGES: Final = ("compression high", "compression low", "rebound low", "rebound high")
 
-_TRAVEL: Final = (
-    "Reconstructed from the recording. A stop that was reached biases the answer. The shading, "
-    "where it is wide enough to be seen, is the 95 % interval."
-)
-_VELOCITY: Final = (
-    "A damping rate is learnt only at the velocities that were driven, and the rates of "
-    "compression (left of zero) and rebound are averaged: look for unequal shares. The velocity is "
-    "that of the suspension at the wheel; below 2 % of the largest it counts as at rest."
+_SUSPENSION: Final = (
+    "Left: damper force over the velocities driven, with its 95 % band; a force that resists "
+    "extension is positive. Middle: share of the time at each damper velocity (extension is "
+    "positive) in all recordings, on a logarithmic scale. A damping rate is learnt only at the "
+    "velocities that were driven, and those of compression (hatched) and rebound are averaged: "
+    "look for unequal shares; pale bars are low speed. Right: share of the time at each travel "
+    "from rest; a stop that was reached biases the answer. All is at the wheel."
 )
 
 
@@ -42,11 +52,21 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
     runs, limits = document.runs, document.vehicle.travel or TravelLimits()
     if not runs:
         return
+    places = dict.fromkeys(place for run in runs for place in run.travel.entries)
+    panels = [
+        panel
+        for place in places
+        for panel in (
+            force_panel(document, place),
+            _velocity_panel(runs, place),
+            _travel_panel(runs, limits, place),
+        )
+        if panel is not None
+    ]
+    yield Figure("suspension", "Damper force, velocity and travel", _SUSPENSION, tuple(panels), 3)
+    if any(curves.speed_shares for run in runs for curves in run.travel.entries.values()):
+        yield _share_table(runs)
     yield _travel_table(runs, limits)
-    for n, run in enumerate(runs[:MAX_RUNS]):
-        of = f", {plain(run.source)}" if len(runs) > 1 else ""
-        yield Figure(f"travel-{n}", f"Suspension travel{of}", _TRAVEL, _travels(run, limits, n))
-    yield Figure("velocity", "Damper velocity", _VELOCITY, _velocities(runs))
 
 
 def _limits(document: EstimateDocument) -> list[str]:
@@ -62,7 +82,7 @@ def _limits(document: EstimateDocument) -> list[str]:
     ]
 
 
-SECTION: Final = Section(_content, _limits)
+SECTION: Final = Section(_content, _limits, about="model")
 
 
 def _words(place: str) -> str:
@@ -116,78 +136,122 @@ def _sd(curve: Curve) -> float:
     return float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
-def _travels(run: Run, limits: TravelLimits, n: int) -> tuple[svg.Panel, ...]:
-    time, window, unit = (
-        svg.curve_array(run.time),
-        motion_window(run),
-        readable_unit(run.travel.unit),
+def _share_table(runs: Sequence[Run]) -> Table:
+    """Shares of the time in compression and rebound at high and low speed, with intervals."""
+    rows = []
+    for run in runs:
+        for place, curves in run.travel.entries.items():
+            of = f", {plain(run.source)}" if len(runs) > 1 else ""
+            shares = {f"{s.side} {s.speed}": s for s in curves.speed_shares}
+            cells = (shares.get(name) for name in _RANGES)
+            rows.append([f"{capitalized(_words(place))}{of}", *map(_share_text, cells)])
+    travel = runs[-1].travel
+    unit = readable_unit(travel.velocity_unit)
+    divided = f"{two_digits(travel.low_speed or 0.0)} {unit}"
+    metric = "" if unit == "mm/s" else " (25 mm/s)"
+    return Table(
+        "Time in compression and rebound, at low and high speed",
+        ["suspension", "compression, high", "compression, low", "rebound, low", "rebound, high"],
+        rows,
+        f"Low speed is below {divided}{metric}. In brackets the 95 % credible interval.",
     )
-    elements = run.travel.entries
-    stops = {
-        (place, stop): sign * limit
-        for place in elements
+
+
+def _share_text(share: SpeedShare | None) -> str:
+    if share is None:
+        return MISSING
+    low, high = (percent(end, 1).removesuffix(" %") for end in share.eti95)
+    return f"{percent(share.mean, 1)} ({low} to {high})"
+
+
+def _travel_panel(runs: Sequence[Run], limits: TravelLimits, place: str) -> svg.Panel | None:
+    """Draw the histogram of the travel of an element, with its stops where they are given."""
+    travel, words = _pooled(runs, place, "deflection"), _words(place)
+    if not len(travel):
+        return None
+    unit = readable_unit(runs[0].travel.unit)
+    stops = [
+        (sign * limit, stop)
         for sign, stop in _STOPS
         if (limit := _limit(limits, place, stop)) is not None
-    }
-    drawn = [curves.deflection for curves in elements.values()]
-    y_limits = svg.shared_limits([*drawn, [*stops.values()]])
+    ]
+    figure = svg.canvas(*svg.SMALL)
+    axes: Axes = figure.subplots()
+    axes.hist(
+        travel, bins=_BINS, weights=np.full(len(travel), 100.0 / len(travel)),
+        color=svg.axle_colour(place), alpha=0.85, edgecolor=svg.COLOURS["ink"], linewidth=0.3,
+    )  # fmt: skip
+    _as_shares(axes)
+    for at, stop in stops:
+        svg.mark_stop(axes, at, f"{stop} stop {number(abs(at))}")
+    axes.set_title(" ", fontsize=9)  # room for the names of the stops
+    axes.set(xlabel=f"{words} travel [{unit}]")
+    texts = "".join(f", {stop} stop at {number(at)} {unit}" for at, stop in stops)
+    alt = f"{words} suspension travel: share of the time{texts}"
+    return svg.panel(figure, f"travel-{place.replace('_', '-')}", alt)
 
-    def draw(axes: Axes, place: str) -> str:
-        curves, words, paint = elements[place], _words(place), svg.axle_colour(place)
+
+def _as_shares(axes: Axes) -> None:
+    """Make the values of a histogram shares of the time on a logarithmic scale."""
+    axes.set_yscale("log")  # the time at rest would dwarf the rest
+    axes.axvline(0.0, color=svg.COLOURS["ink"], linewidth=0.8)
+    axes.set_ylabel("share of time [%]")
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+
+
+def travel_curve(run: Run, n: int) -> tuple[svg.Panel, ...]:
+    """Draw the travel of every element of a run against time, with its interval, in one panel."""
+    elements, time = run.travel.entries, svg.curve_array(run.time)
+    if not elements:
+        return ()
+    figure = svg.canvas(*svg.SMALL)
+    axes = figure.subplots()
+    for place, curves in elements.items():
         low, high = (svg.curve_array(side) for side in curves.band95)
-        axes.fill_between(time, low, high, color=paint, alpha=0.3, linewidth=0)
-        axes.plot(time, svg.curve_array(curves.deflection), color=paint)
-        axes.axhline(0.0, color=svg.COLOURS["muted"], linewidth=0.8)
-        for (of, stop), at in stops.items():
-            if of == place:
-                svg.draw_level(axes, at, f"{stop} limit {number(abs(at))} {unit}", above=at < 0.0)
-        axes.set(xlabel="time [s]", ylabel=f"{words} travel [{unit}]\nextension +", xlim=window)
-        axes.set_ylim(*y_limits)
-        return f"{words} suspension travel against time"
-
-    return svg.axle_panels(f"travel-{{}}-{n}", draw, 2.3, elements)
+        look = svg.place_style(place)
+        axes.fill_between(time, low, high, color=look["color"], alpha=0.3, linewidth=0)
+        axes.plot(time, svg.curve_array(curves.deflection), label=_words(place), **look)
+    axes.axhline(0.0, color=svg.COLOURS["muted"], linewidth=0.8)
+    unit = readable_unit(run.travel.unit)
+    axes.set(xlabel="time [s]", ylabel=f"travel [{unit}]\nextension +", xlim=motion_window(run))
+    svg.legend_above(axes, 2)
+    return (svg.panel(figure, f"travel-{n}", "suspension travel against time"),)
 
 
-def _velocities(runs: Sequence[Run]) -> tuple[svg.Panel, ...]:
-    """Draw the histogram of damper velocity, all runs together."""
-    unit = readable_unit(runs[0].travel.velocity_unit)
-
-    def draw(axes: Axes, place: str) -> str | None:
-        velocity, words = _pooled_velocity(runs, place), _words(place)
-        if not velocity.any():
-            return None
-        largest = float(np.abs(velocity).max())
-        edges = np.linspace(-largest, largest, 41).tolist()
-        weights = np.full(len(velocity), 100.0 / len(velocity))
-        for sign, hatch in ((-1.0, "////"), (1.0, None)):
-            side = sign * velocity > 0.0
-            axes.hist(
-                velocity[side], bins=edges, weights=weights[side], facecolor=svg.axle_colour(place),
-                alpha=0.55 if hatch else 0.85, hatch=hatch, edgecolor=svg.COLOURS["ink"],
-                linewidth=0.4,
+def _velocity_panel(runs: Sequence[Run], place: str) -> svg.Panel | None:
+    """Draw the histogram of the velocity of a damper, all runs together."""
+    velocity, words = _pooled(runs, place, "velocity"), _words(place)
+    if not velocity.any():
+        return None
+    unit, low_speed = readable_unit(runs[0].travel.velocity_unit), runs[0].travel.low_speed or 0.0
+    figure = svg.canvas(*svg.SMALL)
+    axes: Axes = figure.subplots()
+    largest = float(np.abs(velocity).max())
+    edges, ink = np.linspace(-largest, largest, _BINS), svg.COLOURS["ink"]
+    share = 100.0 * np.histogram(velocity, edges)[0] / len(velocity)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    slow = np.abs(middle) < low_speed
+    for side, hatch in ((middle < 0.0, "////"), (middle >= 0.0, None)):
+        for shown, alpha in ((side & slow, 0.35), (side & ~slow, 0.8)):
+            axes.bar(
+                middle[shown], share[shown], edges[1] - edges[0], alpha=alpha, hatch=hatch,
+                facecolor=svg.axle_colour(place), edgecolor=ink, linewidth=0.4,
             )  # fmt: skip
-        axes.set_yscale("log")  # the time at rest would dwarf the rest
-        axes.axvline(0.0, color=svg.COLOURS["ink"], linewidth=0.8)
-        axes.set(
-            xlabel=f"{words} damper velocity [{unit}], extension +", ylabel="share of time [%]"
-        )
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        shares = zip(
-            ("compression", "at rest", "rebound"), velocity_shares(runs, place), strict=True
-        )
-        texts = [f"{name} {percent(share)}" for name, share in shares]
-        axes.set_title(texts[0], loc="left", fontsize=9)
-        axes.set_title(texts[1], loc="center", fontsize=9)
-        axes.set_title(texts[2], loc="right", fontsize=9)
-        return f"{words} damper velocity: {', '.join(texts)} of the time"
-
-    places = dict.fromkeys(place for run in runs for place in run.travel.entries)
-    return svg.axle_panels("velocity-{}", draw, 2.4, places)
+    _as_shares(axes)
+    axes.set_xlabel(f"{words} damper velocity [{unit}]")
+    compression, at_rest, rebound = velocity_shares(runs, place)
+    axes.set_title(f"compression {percent(compression)}", loc="left", fontsize=9)
+    axes.set_title(f"rebound {percent(rebound)}", loc="right", fontsize=9)
+    alt = (
+        f"{words} damper velocity: compression {percent(compression)}, at rest {percent(at_rest)}, "
+        f"rebound {percent(rebound)} of the time"
+    )
+    return svg.panel(figure, f"velocity-{place.replace('_', '-')}", alt)
 
 
 def velocity_shares(runs: Sequence[Run], place: str) -> tuple[float, float, float]:
     """Shares of the time in compression (negative velocity), at rest and in rebound; sum 1."""
-    velocity = _pooled_velocity(runs, place)
+    velocity = _pooled(runs, place, "velocity")
     if not velocity.any():
         return 0.0, 1.0, 0.0
     edge = _AT_REST * float(np.abs(velocity).max())
@@ -195,18 +259,18 @@ def velocity_shares(runs: Sequence[Run], place: str) -> tuple[float, float, floa
     return compression, 1.0 - compression - rebound, rebound
 
 
-def _pooled_velocity(runs: Sequence[Run], place: str) -> Array:
-    """Velocities of one damper in all runs, at equal time steps."""
+def _pooled(runs: Sequence[Run], place: str, of: Literal["velocity", "deflection"]) -> Array:
+    """Velocity or travel of one damper in all runs, at equal time steps."""
     parts = []
     for run in runs:
         curves = run.travel.entries.get(place)
         if curves is None:
             continue
-        time, velocity = svg.curve_array(run.time), svg.curve_array(curves.velocity)
-        good = np.isfinite(velocity) & np.isfinite(time)
+        time, values = svg.curve_array(run.time), svg.curve_array(getattr(curves, of))
+        good = np.isfinite(values) & np.isfinite(time)
         if good.sum() > 1:
             # Curves are thinned by different factors, so they are resampled at one rate first.
             count = int(np.clip((time[good][-1] - time[good][0]) * 400.0, 2, 400_000))
             clock = np.linspace(time[good][0], time[good][-1], count)
-            parts.append(np.interp(clock, time[good], velocity[good]))
+            parts.append(np.interp(clock, time[good], values[good]))
     return np.concatenate(parts) if parts else np.empty(0)

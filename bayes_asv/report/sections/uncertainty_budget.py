@@ -109,7 +109,7 @@ def _budget_limits(document: EstimateDocument) -> list[str]:
     return lines
 
 
-SECTION: Final = Section(_content, _budget_limits)
+SECTION: Final = Section(_content, _budget_limits, title="Uncertainty budget")
 
 
 def usable_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:

@@ -60,7 +60,7 @@ def _fault_limits(document: EstimateDocument) -> list[str]:
     return lines
 
 
-SECTION: Final = Section(_content, _fault_limits)
+SECTION: Final = Section(_content, _fault_limits, title="Undeclared faults")
 
 
 def fault_text(fault: Fault, units: str, *, brief: bool = False) -> str:

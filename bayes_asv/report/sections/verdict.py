@@ -35,7 +35,6 @@ from bayes_asv.report.words import (
     estimate_text,
     interval,
     likelihood_words,
-    number,
     parameter_sentence,
     percent,
     plain,
@@ -57,7 +56,6 @@ __all__ = [
 _ORDER: Final = ("below", "above", "unclear", "agrees")  # senses of dampers in the headline
 _MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
 _COUNTS: Final = {2: "two", 3: "three", 4: "four"}
-_SCALES: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ends of a gauge, share of nominal
 
 _NO_ANSWER: Final = "the suspension parameters cannot be determined from"
 _NOT_CONVERGED: Final = "No reliable answer: the sampling did not converge."
@@ -248,20 +246,12 @@ def track_lines(document: TrackDocument) -> list[str]:
 def cards(
     parameters: Mapping[str, Parameter], *, reliable: bool = True
 ) -> tuple[list[dict[str, Any]], list[svg.Panel]]:
-    """One card a parameter: value, gauge against nominal, and, if `reliable`, the comparison.
+    """One card a parameter: value, gauge with nominal, and, if `reliable`, the comparison.
 
     Plain data for the templates, and the pictures that they name.
     """
     shown = {name: parameters[name] for name in answers(parameters)}
     compared = {name: compare_parameter(name, p) for name, p in shown.items()}
-    spans = [
-        abs(v / p.nominal - 1.0)
-        for name, p in shown.items()
-        if compared[name] is not None and p.nominal
-        for v in (*p.eti95, p.mean)
-    ]
-    # One scale for all cards, so that they can be compared.
-    scale = next((s for s in _SCALES if max(spans, default=0.1) <= s), _SCALES[-1])
     made: list[dict[str, Any]] = []
     gauges = []
     for name, p in shown.items():
@@ -270,21 +260,14 @@ def cards(
             "label": capitalized(LABELS[name]),
             "value": estimate_text(p, p.unit),
             "interval": f"95 %: {interval(p, 1)}",
-            "nominal": f"nominal {number(p.nominal)}",
-            "sense": "", "words": "", "tone": "muted", "gauge": "", "alt": "",
+            "sense": "", "words": "", "tone": "muted",
         }  # fmt: skip
         if p.withheld:
             card["words"] = "not compared with the nominal value"
             card["sense"] = "" if reliable else "not to be relied on"
         comparison = compared[name]
-        if comparison is not None and p.nominal:
-            tone = TONES[comparison.sense] if reliable else "muted"
-            low, high = (v / p.nominal - 1.0 for v in p.eti95)
-            picture = svg.gauge(
-                f"gauge-{name.replace('_', '-')}", comparison.share, low, high, scale, tone
-            )
-            gauges.append(picture)
-            card |= {"gauge": picture.key, "alt": picture.alt, "tone": tone}
+        if comparison is not None:
+            card["tone"] = TONES[comparison.sense] if reliable else "muted"
             card["sense"] = "not to be relied on"
             if reliable:
                 p_side = comparison.p_side
@@ -292,6 +275,12 @@ def cards(
                 card["words"] = (
                     f"{likelihood_words(p_side)} {comparison.side} nominal ({probability(p_side)})"
                 )
+        nominal, (low, high) = None if comparison is None else p.nominal, p.eti95
+        picture = svg.gauge(
+            f"gauge-{name.replace('_', '-')}", p.mean, low, high, nominal, card["tone"]
+        )
+        gauges.append(picture)
+        card |= {"gauge": picture.key, "alt": picture.alt}
         made.append(card)
     return made, gauges
 
