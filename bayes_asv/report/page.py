@@ -212,6 +212,7 @@ def _estimate(document: EstimateDocument) -> _Content:
     if diagnosis is not None:
         refused = diagnosis.verdict == "refused"
         lines = diagnosis_lines(diagnosis) if refused else [diagnosis_headline(diagnosis)]
+        lines += [f"Note: {_sentence(note)}" for note in diagnosis.warnings if not refused]
         lines += [f"Next: {step}" for step in diagnosis_steps(diagnosis)]
         content.main.append(Text("What is missing?", lines))
         content.add(DIAGNOSIS, diagnosis)

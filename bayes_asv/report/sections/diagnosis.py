@@ -38,6 +38,7 @@ __all__ = [
     "diagnosis_lines",
     "diagnosis_steps",
     "diagnosis_subtitle",
+    "findings",
 ]
 
 _REFUSED: Final = "No answer: these recordings do not allow a diagnosis."
@@ -54,7 +55,7 @@ _FAULTS: Final = {
 
 def _content(document: DiagnoseDocument) -> Iterator[Block]:
     if document.verdict != "refused":
-        yield Text("Findings", diagnosis_lines(document))
+        yield Text("Findings", findings(document))
 
 
 def _faults_content(document: DiagnoseDocument) -> Iterator[Block]:
@@ -127,14 +128,22 @@ def _missing(document: DiagnoseDocument) -> list[str]:
 
 
 def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
-    """State all findings, one sentence each, the most important first.
+    """State all findings, the parameters before and after, and warnings, one sentence each.
 
     Text without markup; foreign text in it is on one line and without control characters.
     """
+    if document.verdict == "refused":
+        return [_REFUSED, *(f"Why: {plain(reason)}." for reason in document.reasons)]
+    lines = [*findings(document), *error_sentences(document.gap)]
+    if document.verdict == "named":
+        lines += [shift_sentence(name, document) for name in asked(document)]
+    return lines + [f"Note: {plain(note)}." for note in document.warnings]
+
+
+def findings(document: DiagnoseDocument) -> list[str]:
+    """State effects, evidence and damping rates, the most important first."""
     verdict, unexplained = document.verdict, document.unexplained
     p = p_value(document.p_value)
-    if verdict == "refused":
-        return [_REFUSED, *(f"Why: {plain(reason)}." for reason in document.reasons)]
     if verdict == "agreement":
         lines = [
             f"The linear {car_words(document)} agrees with the measurement: these recordings show "
@@ -159,10 +168,7 @@ def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
     lines += damper_lines(
         [one for one in document.dampers if not _has_rates(document.laws.get(one.element))]
     )
-    lines += error_sentences(document.gap)
-    if verdict == "named":
-        lines += [shift_sentence(name, document) for name in asked(document)]
-    return lines + [f"Note: {plain(note)}." for note in document.warnings]
+    return lines
 
 
 def _has_rates(curves: ForceCurves | None) -> bool:

@@ -293,8 +293,7 @@ def _effect_table(effects: Sequence[NamedEffect]) -> Table:
         "Named effects",
         ["effect", "probability", "parameter", "value", "95 % interval"],
         rows,
-        "In the order in which they were added to the model. docs/effects.md defines the "
-        "parameters; the intervals allow for the tolerances of all other effects.",
+        "docs/effects.md defines the parameters; intervals allow for the tolerances of all others.",
     )
 
 
@@ -354,8 +353,7 @@ def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
     panels = []
     for place, part, curve in curves:
         words = place.replace("_", " ")
-        alone = len(curves) == 1
-        figure = svg.canvas(6.0, 3.4) if alone else svg.canvas(height=3.2)
+        figure = svg.canvas(height=2.0)
         axes = figure.subplots()
         along = "velocity" if part == "damper" else "deflection"
         _draw_force(axes, curve, svg.axle_colour(place), along)
@@ -366,7 +364,7 @@ def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
         )
         alt = f"{words} {part}: force against {along}, before and after"
         key = f"law-{place.replace('_', '-')}-{part}"
-        panels.append(svg.panel(figure, key, alt, wide=alone))
+        panels.append(svg.panel(figure, key, alt))
     return tuple(panels)
 
 

@@ -32,12 +32,8 @@ _FORCE: Final = (
     "velocity (damper, friction). A frame marks the strongest cell, if it is significant."
 )
 _RESIDUAL: Final = (
-    "In the shaded windows the linear {car} leaves more than chance; the coloured curve should "
-    "have no pattern there."
-)
-_SPECTRUM: Final = (
-    "Shaded bands are those of the disagreement: low frequencies are motion of the body, high ones "
-    "of wheels, engine or sensors."
+    "In the shaded windows and bands the linear {car} leaves more than chance. Low frequencies are "
+    "motion of the body, high ones of wheels, engine or sensors."
 )
 
 
@@ -51,8 +47,8 @@ def _content(document: DiagnoseDocument) -> Iterator[Block]:
         of = f", {plain(run.source)}" if len(document.residuals) > 1 else ""
         yield Figure(
             f"left-{n}", f"Residuals before and after{of}",
-            f"{_RESIDUAL.format(car=car)} {_SPECTRUM}",
-            (*_residuals(run, seen, n), *_residual_spectra(run, seen, n)),
+            _RESIDUAL.format(car=car),
+            (*_residuals(run, seen, n), *_residual_spectra(run, seen, n)), 3,
         )  # fmt: skip
 
 
@@ -116,7 +112,7 @@ def _missing_force(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
         axes.grid(visible=False)
         return f"{axle}: mean missing force by deflection and velocity"
 
-    return svg.axle_panels("plane-{}", draw, 3.4)
+    return svg.axle_panels("plane-{}", draw, 2.5)
 
 
 def _same_cell(cell: Cell, other: Cell | None) -> bool:
@@ -171,7 +167,7 @@ def residual_overview(document: DiagnoseDocument) -> Figure:
         curves = [(name, curve) for name, curve in run.entries.items() if curve is not None]
         if not curves:
             break
-        figure = svg.canvas(svg.WIDE, 0.55 + 0.95 * len(curves))
+        figure = svg.canvas(svg.WIDE, 0.55 + 0.8 * len(curves))
         rows = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
         time = svg.curve_array(run.time)
         for n, (axes, (name, curve)) in enumerate(zip(rows, curves, strict=True)):
@@ -192,26 +188,39 @@ def residual_overview(document: DiagnoseDocument) -> Figure:
 
 
 def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
-    """Draw the power spectral densities of the residuals of a run, before and after."""
+    """Draw the spectra of the residuals of a run, before and after, one panel a unit."""
     spectrum = run.spectrum
-
-    def draw(axes: Axes, name: str) -> str | None:
-        curve = spectrum.entries.get(name)
-        if curve is None:
-            return None
+    by_unit: dict[str, list[str]] = {}
+    for name, curve in spectrum.entries.items():
+        if curve is not None:
+            by_unit.setdefault(curve.unit or spectrum.unit, []).append(name)
+    panels = []
+    for unit, names in by_unit.items():
+        figure = svg.canvas(*svg.SMALL)
+        axes = figure.subplots()
         _shade(axes, seen.frequency)
-        looks: tuple[svg.Look, ...] = ({"color": svg.COLOURS["muted"]}, {"color": _colour(name)})
-        spectra = [("before", looks[0], curve.before), ("after", looks[1], curve.after)]
-        if not svg.draw_spectra(axes, spectrum.frequency, spectra):
-            return None
+        drawn = []
+        for k, name in enumerate(names):
+            curve = spectrum.entries[name]
+            assert curve is not None
+            muted: svg.Look = {"color": svg.COLOURS["muted"], "linestyle": ("-", "--", ":")[k % 3]}
+            after: svg.Look = {"color": _colour(name), "linestyle": muted["linestyle"]}
+            curves = [
+                (f"{_place(name)}, before", muted, curve.before),
+                ("after", after, curve.after),
+            ]
+            if svg.draw_spectra(axes, spectrum.frequency, curves):
+                drawn.append(_place(name))
+        if not drawn:
+            continue
         svg.label_spectra(axes)
-        svg.legend_above(axes)
-        unit = readable_unit(curve.unit or spectrum.unit)
-        axes.set_ylabel(f"{_place(name)}, spectral\ndensity [{unit}]")
+        axes.set_ylabel(f"spectral density\n[{readable_unit(unit)}]")
         axes.set_xlim(*svg.curve_array(spectrum.frequency)[[0, -1]].tolist())
-        return f"{plain(run.source)}, {_place(name)}: spectrum of the residuals, before and after"
-
-    return _output_panels(f"leftband-{{}}-{n}", draw, run)
+        svg.legend_above(axes, 2)
+        words = f"{plain(run.source)}: spectrum of the residuals, before and after"
+        key = f"leftband-{drawn[0].replace(' ', '-')}-{n}"
+        panels.append(svg.panel(figure, key, f"{words}, {', '.join(drawn)}"))
+    return tuple(panels)
 
 
 def _output_panels(
@@ -220,7 +229,7 @@ def _output_panels(
     """Draw one panel an output."""
     panels = []
     for name in run.entries:
-        figure = svg.canvas(height=2.1)
+        figure = svg.canvas(*svg.SMALL)
         alt = draw(figure.subplots(), name)
         if alt is not None:
             panels.append(svg.panel(figure, key.format(_place(name).replace(" ", "-")), alt))

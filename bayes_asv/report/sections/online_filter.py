@@ -111,7 +111,7 @@ def _details(document: TrackDocument) -> Iterator[Block]:
     yield Text("", consistency_lines(document))
     yield Figure(
         "track-nis", "Errors of the online filter", f"{_NIS} {_LAGS}",
-        (*_consistency_curves(document), *_autocorrelations(document.consistency)),
+        (*_consistency_curves(document), *_autocorrelations(document.consistency)), 3,
     )  # fmt: skip
 
 
@@ -243,7 +243,7 @@ def _consistency_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
     time, mean = svg.curve_array(curves.time), svg.curve_array(curves.nis.mean)
     low, high = (svg.curve_array(side) for side in curves.nis.band95)
     inflation = svg.curve_array(curves.inflation)
-    figure = svg.canvas(height=2.7)
+    figure = svg.canvas(*svg.SMALL)
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
     _shade_inconsistent(top, time, curves.consistent)
     end = min(max(2.2, 1.1 * float(np.nanquantile(mean, 0.995))), _MAX_NIS)
@@ -281,7 +281,7 @@ def _autocorrelations(consistency: Consistency) -> tuple[svg.Panel, ...]:
     ]
     if not shown:
         return ()
-    figure = svg.canvas(height=2.7)
+    figure = svg.canvas(*svg.SMALL)
     svg.draw_autocorrelations(figure.subplots(), shown, correlation.band95, correlation.lag_seconds)
     names = ", ".join(name for name, _, _ in shown)
     alt = f"{names} innovations of the online filter: autocorrelation with its 95 % band"

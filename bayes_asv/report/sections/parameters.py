@@ -79,7 +79,7 @@ def _details(document: EstimateDocument) -> Iterator[Block]:
         and document.vehicle.units != "SI"
         and all(p.si is not None for p in parameters.values())
     ):
-        yield parameter_table(parameters, f"{_title(document)}, in SI units", si=True)
+        yield _si_table(parameters, f"{_title(document)}, in SI units")
     if document.known:
         yield given_table(document.known)
     if document.draws:
@@ -115,23 +115,31 @@ def moved_values(known: Mapping[str, Known]) -> dict[str, float]:
     }
 
 
-def parameter_table(parameters: Mapping[str, Parameter], title: str, *, si: bool = False) -> Table:
+def parameter_table(parameters: Mapping[str, Parameter], title: str) -> Table:
     """Mean, standard deviation, interval, nominal value and probability of every parameter."""
-    rows = []
-    for name, parameter in parameters.items():
-        shown = parameter.si if si and parameter.si is not None else parameter
-        rows.append(
-            [
-                capitalized(labelled(name, parameter.label, shown.unit)),
-                number(shown.mean, shown.sd),
-                number(shown.sd, shown.sd),
-                interval(shown),
-                number(shown.nominal),
-                MISSING if parameter.withheld else probability(parameter.p_below_nominal),
-            ]
-        )
+    rows = [
+        [
+            capitalized(labelled(name, p.label, p.unit)), number(p.mean, p.sd),
+            number(p.sd, p.sd), interval(p), number(p.nominal),
+            MISSING if p.withheld else probability(p.p_below_nominal),
+        ]
+        for name, p in parameters.items()
+    ]  # fmt: skip
     columns = ["parameter", "mean", "sd", "95 % interval", "nominal", "P(below nominal)"]
     return Table(title, columns, rows)
+
+
+def _si_table(parameters: Mapping[str, Parameter], title: str) -> Table:
+    """Parameters in SI units."""
+    rows = [
+        [
+            capitalized(labelled(name, p.label, p.si.unit)), plus_minus(p.si), interval(p.si),
+            number(p.si.nominal),
+        ]
+        for name, p in parameters.items()
+        if p.si is not None
+    ]  # fmt: skip
+    return Table(title, ["parameter", "mean ± sd", "95 % interval", "nominal"], rows)
 
 
 def side_lines(document: EstimateDocument) -> list[str]:

@@ -50,25 +50,21 @@ def _label(prior: str, one: PriorSensitivity) -> str:
 
 
 def _lines(document: EstimateDocument, names: list[str]) -> list[str]:
-    """Say which answers depend on which prior, the strongest first."""
+    """Say which answers depend on which prior or given value, the strongest first."""
+    strongest = {
+        prior: max(one.sensitivity.get(name, 0.0) for name in names)
+        for prior, one in document.sensitivity.items()
+        if (one.pareto_k or 0.0) <= _RELIABLE
+    }
     lines = []
-    for name in names:
-        strong = {
-            prior: size
-            for prior, one in document.sensitivity.items()
-            if (size := one.sensitivity.get(name, 0.0)) > _SENSITIVE
-            and (one.pareto_k or 0.0) <= _RELIABLE
-        }
-        if strong:
-            order = sorted(strong, key=lambda prior: -strong[prior])
-            words = enumerated(
-                [
-                    ("the prior of the " if prior in document.prior else "the given ")
-                    + _label(prior, document.sensitivity[prior])
-                    for prior in order
-                ]
-            )
-            lines.append(f"The {LABELS[name]} depends on {words}.")
+    for prior in sorted(strongest, key=lambda p: -strongest[p]):
+        one = document.sensitivity[prior]
+        leaning = [n for n in names if one.sensitivity.get(n, 0.0) > _SENSITIVE]
+        if leaning:
+            source = "the prior of the" if prior in document.prior else "the given"
+            answer = capitalized(enumerated([f"the {LABELS[name]}" for name in leaning]))
+            verb = "depends" if len(leaning) == 1 else "depend"
+            lines.append(f"{answer} {verb} on {source} {_label(prior, one)}.")
     return lines or ["No answer depends noticeably on a prior or on a given value."]
 
 

@@ -21,8 +21,8 @@ def provenance(document: PageDocument) -> Iterator[Block]:
     versions = {"bayes_asv": document.version, "Python": origin.python, **origin.packages}
     shown = ", ".join(f"{plain(name)} {plain(v)}" for name, v in versions.items() if v)
     lines = [
-        f"Versions: {shown}.",
-        f"Seed {document.seed}: the same files, versions and seed give the same numbers.",
+        f"Versions: {shown}. Seed {document.seed}: the same files, versions and seed give the same "
+        "numbers."
     ]
     if isinstance(document, EstimateDocument) and document.diagnostics.likelihood:
         car, likelihood = plain(document.car), plain(document.diagnostics.likelihood)

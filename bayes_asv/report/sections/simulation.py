@@ -37,21 +37,13 @@ MAX_RUNS: Final = 6
 
 _COLOURED: Final = 0.01  # whiteness p-value below which the intervals are called too narrow
 
-_SIGNS: Final = (
-    "Signs: up is positive for accelerations, extension is positive for travel, and compression is "
-    "a negative damper velocity."
-)
-_MOTION: Final = (
-    "The lower strip is the residual: it should stay inside the band, where 95 % of the readings "
-    "are predicted to be, and show no pattern. In the wheel accelerations, from which all else is "
-    "computed, flat tops, spikes and steps are faults of a sensor and not of the road."
-)
-_RESIDUALS: Final = (
-    "A peak in the spectrum of the residual (thick, below that of the reading) is a motion that "
-    "the model does not describe, such as an engine or a loose mount; without peaks it is sensor "
-    "noise. Of the bars of the "
-    "autocorrelation, one in twenty may be outside the band: a pattern, or a p-value below 1 %, "
-    "means that the intervals are too narrow. Shading around the travel is its 95 % interval."
+_CAPTION: Final = (
+    "Accelerations are positive upward, travel in extension. The residual, in the lower strip, "
+    "should stay inside the band, where 95 % of the readings are predicted to be, and show no "
+    "pattern. Flat tops, spikes and steps of a wheel acceleration are faults of its sensor. A peak "
+    "in the spectrum of the residual (thick, below that of the reading) is a motion that the model "
+    "does not describe. Of the bars of the autocorrelation, one in twenty may be outside the band; "
+    "a p-value below 1 % means that the intervals are too narrow."
 )
 
 
@@ -102,14 +94,12 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
         yield _noise_table(document.noise)
     for n, run in enumerate(runs[:MAX_RUNS]):
         of = f", {plain(run.source)}" if len(runs) > 1 else ""
-        yield Figure(
-            f"motion-{n}", f"Measured and simulated motion{of}",
-            f"{_MOTION} {_SIGNS}" if n == 0 else "", (*_motion(run, n), *_wheels(run, n)), 3,
+        panels = (
+            *_motion(run, n), *_wheels(run, n), *_spectra(run, n), *_whiteness(run, n),
+            *travel_curve(run, n),
         )  # fmt: skip
-        yield Figure(
-            f"residuals-{n}", f"Residuals and travel{of}", _RESIDUALS if n == 0 else "",
-            (*_spectra(run, n), *_whiteness(run, n), *travel_curve(run, n)), 3,
-        )  # fmt: skip
+        caption = _CAPTION if n == 0 else ""
+        yield Figure(f"run-{n}", f"Motion and residuals{of}", caption, panels, 3)
     if len(runs) > MAX_RUNS:
         further = len(runs) - MAX_RUNS
         yield Text("", [f"Figures of {further} further recordings are left out; tables have all."])
@@ -142,7 +132,7 @@ def _misfit(run: Run) -> float:
 
 def _overview(run: Run) -> svg.Panel:
     outputs, time = _outputs(run), svg.curve_array(run.time)
-    figure = svg.canvas(svg.WIDE, 0.55 + 0.95 * len(outputs))
+    figure = svg.canvas(svg.WIDE, 0.55 + 0.8 * len(outputs))
     rows = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
     for n, (axes, output) in enumerate(zip(rows, outputs, strict=True)):
         _draw_motion(axes, time, output)

@@ -39,9 +39,8 @@ _MAX_RATIO: Final = 3.0  # times nominal: the end of the axis
 _BARS: Final = (("before", "muted"), ("after", "good"), ("sensor noise alone", "prior"))
 
 _ERROR: Final = (
-    "RMS difference between measured {measured} and a simulation driven by the measured "
-    "wheel accelerations. On held-out runs only initial state and biases are fitted: there the "
-    "green bar should come down to the brown one, which sensor noise alone would leave."
+    "On held-out runs only initial state and biases are fitted: there the green bar should come "
+    "down to the brown one, which sensor noise alone would leave."
 )
 _CHANGES: Final = (
     "The distance from circle to diamond is the error that the linear {car} would have made. "
@@ -52,12 +51,12 @@ _CHANGES: Final = (
 def _content(document: DiagnoseDocument) -> Iterator[Block]:
     if document.gap.fit is not None:
         yield _error_table(document)
-        caption = _ERROR.format(measured=_measured(document))
-        yield Figure(
-            "gap", "Simulation error before and after", caption, (_error_bars(document.gap),)
-        )
     if document.parameters_before and document.parameters_after:
         yield _parameters_table(document)
+    if document.gap.fit is not None:
+        yield Figure(
+            "gap", "Simulation error before and after", _ERROR, (_error_bars(document.gap),)
+        )
     if document.verdict == "named":
         caption = _CHANGES.format(car=car_words(document))
         yield Figure("moved", "Parameters before and after", caption, _parameter_changes(document))
@@ -131,9 +130,8 @@ def _error_table(document: DiagnoseDocument) -> Table:
         "Simulation error",
         ["", f"before [{unit}]", f"after [{unit}]", f"noise alone [{unit}]", "reduction"],
         rows,
-        f"RMS of measured less simulated {_measured(document)}. Noise alone: what the sensors "
-        "would leave if the model were right. Reduction: of the mean square above that. On "
-        "held-out runs everything is fixed but initial state, biases and noise levels.",
+        f"RMS of measured less simulated {_measured(document)}; the reduction is that of the mean "
+        "square above what sensor noise alone leaves.",
     )
 
 

@@ -83,9 +83,9 @@ _BARS_CAPTION: Final = (
 def _content(document: EstimateDocument) -> Iterator[Block]:
     budgets = usable_budgets(document.width)
     if budgets:
-        yield _budget_table(budgets)
         yield Text("How to halve each uncertainty", _halving_lines(document))
         yield Figure("width", "Sources of uncertainty", _BARS_CAPTION, (_budget_bars(budgets),))
+        yield _budget_table(budgets)
 
 
 def _budget_limits(document: EstimateDocument) -> list[str]:
@@ -345,7 +345,7 @@ def _budget_bars(budgets: Mapping[str, AnswerBudget]) -> svg.Panel:
     """Draw a bar an answer, divided into the shares of its variance."""
     names = list(budgets)
     parts = {name: _bar_parts(budget) for name, budget in budgets.items()}
-    figure = svg.canvas(6.6, 0.62 * len(names) + 1.0)
+    figure = svg.canvas(6.6, 0.55 * len(names) + 1.0)
     axes = figure.subplots()
     drawn = [p for p in _BARS if any(parts[n].get(p, 0.0) >= _MIN_SHARE for n in names)]
     for row, name in enumerate(names):
