@@ -23,7 +23,7 @@ __all__ = [
     "AXLES",
     "COLOURS",
     "SMALL",
-    "WIDE",
+    "WIDTH",
     "Panel",
     "axle_colour",
     "axle_panels",
@@ -61,9 +61,8 @@ COLOURS: Final = {
 }
 
 WIDTH, HEIGHT = 4.3, 2.9  # inches; a page has two panels side by side, a phone one
-SMALL: Final = (3.4, 1.85)
+SMALL: Final = (3.4, 1.8)
 """Width and height of a panel of which a page has three side by side, inches."""
-WIDE: Final = 8.6  # inches: the width of a page
 _GAUGE: Final = 10.0  # times its interval: the longest scale of a gauge
 
 _SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -353,7 +353,7 @@ def _force_curves(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
     panels = []
     for place, part, curve in curves:
         words = place.replace("_", " ")
-        figure = svg.canvas(height=2.0)
+        figure = svg.canvas(height=1.9)
         axes = figure.subplots()
         along = "velocity" if part == "damper" else "deflection"
         _draw_force(axes, curve, svg.axle_colour(place), along)

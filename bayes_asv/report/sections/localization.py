@@ -112,7 +112,7 @@ def _missing_force(document: DiagnoseDocument) -> tuple[svg.Panel, ...]:
         axes.grid(visible=False)
         return f"{axle}: mean missing force by deflection and velocity"
 
-    return svg.axle_panels("plane-{}", draw, 2.5)
+    return svg.axle_panels("plane-{}", draw, 2.4)
 
 
 def _same_cell(cell: Cell, other: Cell | None) -> bool:
@@ -133,8 +133,11 @@ def _signed(value: float) -> str:
     return text.replace("-", "−")
 
 
-def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
-    """Draw the residuals of a run against time, before and after."""
+def _residuals(run: Residual, seen: Disagreement, n: int | None) -> tuple[svg.Panel, ...]:
+    """Draw the residuals of a run against time, before and after.
+
+    `n` is the number of the run; on the first page, where panels are wider, it is None.
+    """
     time = svg.curve_array(run.time)
     spans = zip(seen.time, seen.time_run, strict=False)
     windows = [window for window, source in spans if source == run.source]
@@ -156,35 +159,21 @@ def _residuals(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ..
         svg.legend_above(axes)
         return f"{plain(run.source)}, {_place(name)}: residuals against time, before and after"
 
-    return _output_panels(f"left-{{}}-{n}", draw, run)
+    if n is None:
+        return _output_panels("overview-{}", draw, run, (svg.WIDTH, 1.9))
+    return _output_panels(f"left-{{}}-{n}", draw, run, svg.SMALL)
 
 
 def residual_overview(document: DiagnoseDocument) -> Figure:
     """Residuals of the first run, before and after the effects, for the first page."""
-    panels: tuple[svg.Panel, ...] = ()
-    title = ""
-    for run in document.residuals[:1]:
-        curves = [(name, curve) for name, curve in run.entries.items() if curve is not None]
-        if not curves:
-            break
-        figure = svg.canvas(svg.WIDE, 0.55 + 0.8 * len(curves))
-        rows = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
-        time = svg.curve_array(run.time)
-        for n, (axes, (name, curve)) in enumerate(zip(rows, curves, strict=True)):
-            before, after = svg.curve_array(curve.before), svg.curve_array(curve.after)
-            axes.plot(time, before, color=svg.COLOURS["muted"], linewidth=0.9, label="linear car")
-            axes.plot(time, after, color=_colour(name), linewidth=0.8, label="with the effects")
-            axes.set_ylabel(f"{_place(name)}\n[{readable_unit(curve.unit or run.unit)}]")
-            if n == 0:
-                svg.legend_above(axes, 2)
-        rows[-1].set_xlabel("time [s]")
-        rows[-1].set_xlim(float(time[0]), float(time[-1]))
-        figure.align_ylabels(rows.tolist())
-        title = f"Measured less simulated motion: {plain(run.source)}"
-        alt = "measured less simulated motion against time, before and after the named effects"
-        panels = (svg.panel(figure, "overview", alt, wide=True),)
-    caption = "A model that holds leaves sensor noise alone, without a pattern."
-    return Figure("overview", title, caption, panels)
+    run = document.residuals[0] if document.residuals else None
+    return Figure(
+        "overview",
+        "" if run is None else f"Measured less simulated motion, {plain(run.source)}",
+        "Before: the linear car. After: with the named effects. A model that holds leaves sensor "
+        "noise alone, without a pattern.",
+        () if run is None else _residuals(run, document.disagreement or Disagreement(), None),
+    )
 
 
 def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Panel, ...]:
@@ -224,12 +213,12 @@ def _residual_spectra(run: Residual, seen: Disagreement, n: int) -> tuple[svg.Pa
 
 
 def _output_panels(
-    key: str, draw: Callable[[Axes, str], str | None], run: Residual
+    key: str, draw: Callable[[Axes, str], str | None], run: Residual, size: tuple[float, float]
 ) -> tuple[svg.Panel, ...]:
     """Draw one panel an output."""
     panels = []
     for name in run.entries:
-        figure = svg.canvas(*svg.SMALL)
+        figure = svg.canvas(*size)
         alt = draw(figure.subplots(), name)
         if alt is not None:
             panels.append(svg.panel(figure, key.format(_place(name).replace(" ", "-")), alt))

@@ -26,5 +26,5 @@ def provenance(document: PageDocument) -> Iterator[Block]:
     ]
     if isinstance(document, EstimateDocument) and document.diagnostics.likelihood:
         car, likelihood = plain(document.car), plain(document.diagnostics.likelihood)
-        lines.append(f"Model of the car: {car}. Likelihood: {likelihood}.")
+        lines[0] += f" Model of the car: {car}. Likelihood: {likelihood}."
     yield Text("", lines)

@@ -19,7 +19,7 @@ _USUAL_ACCEPTANCE: Final = (0.1, 0.9)
 def _content(document: EstimateDocument) -> Iterator[Block]:
     lines = sampling_lines(document.diagnostics)
     if lines:
-        yield Text("", lines)
+        yield Text("", [" ".join(lines)])
 
 
 SECTION: Final = Section(_content, title="Convergence of the sampler")

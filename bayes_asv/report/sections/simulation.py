@@ -88,10 +88,6 @@ def _outputs(run: Run) -> list[_Output]:
 
 def _content(document: EstimateDocument) -> Iterator[Block]:
     runs = document.runs
-    if document.fit_by_run:
-        yield _fit_table(document)
-    if any(noise.entries for noise in document.noise):
-        yield _noise_table(document.noise)
     for n, run in enumerate(runs[:MAX_RUNS]):
         of = f", {plain(run.source)}" if len(runs) > 1 else ""
         panels = (
@@ -103,6 +99,10 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
     if len(runs) > MAX_RUNS:
         further = len(runs) - MAX_RUNS
         yield Text("", [f"Figures of {further} further recordings are left out; tables have all."])
+    if document.fit_by_run:
+        yield _fit_table(document)
+    if any(noise.entries for noise in document.noise):
+        yield _noise_table(document.noise)
 
 
 def overview(document: EstimateDocument) -> Figure:
@@ -114,7 +114,7 @@ def overview(document: EstimateDocument) -> Figure:
     chosen = "" if len(runs) == 1 else f"Of {len(runs)} recordings, that with the largest error. "
     return Figure(
         "overview", f"Measured and simulated motion, {plain(run.source)}",
-        f"{chosen}The band should hold 95 % of the readings.", (_overview(run),),
+        f"{chosen}The band should hold 95 % of the readings.", _overview(run),
     )  # fmt: skip
 
 
@@ -130,21 +130,20 @@ def _misfit(run: Run) -> float:
     return max(ratios)
 
 
-def _overview(run: Run) -> svg.Panel:
-    outputs, time = _outputs(run), svg.curve_array(run.time)
-    figure = svg.canvas(svg.WIDE, 0.55 + 0.8 * len(outputs))
-    rows = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
-    for n, (axes, output) in enumerate(zip(rows, outputs, strict=True)):
-        _draw_motion(axes, time, output)
-        axes.set_ylabel(f"{output.label.removesuffix(' chassis')}\n[{output.unit}]")
-        if n == 0:
-            svg.legend_above(axes, 3)
-    rows[-1].set_xlabel("time [s]")
-    rows[-1].set_xlim(*motion_window(run))
-    figure.align_ylabels(rows.tolist())
-    names = " and ".join(output.label for output in outputs)
-    alt = f"{names} against time, measured and simulated with a 95 % band"
-    return svg.panel(figure, "overview", alt, wide=True)
+def _overview(run: Run) -> tuple[svg.Panel, ...]:
+    panels = []
+    for output in _outputs(run):
+        figure = svg.canvas(height=1.9)
+        axes = figure.subplots()
+        _draw_motion(axes, svg.curve_array(run.time), output)
+        axes.set(
+            xlabel="time [s]", ylabel=f"{output.label}\n[{output.unit}], {output.sign}",
+            xlim=motion_window(run),
+        )  # fmt: skip
+        svg.legend_above(axes)
+        alt = f"{output.label} against time, measured and simulated with a 95 % band"
+        panels.append(svg.panel(figure, f"overview-{output.key}", alt))
+    return tuple(panels)
 
 
 def _draw_motion(axes: Axes, time: Array, output: _Output) -> None:
@@ -213,13 +212,13 @@ def _motion(run: Run, n: int) -> tuple[svg.Panel, ...]:
         _draw_motion(top, time, output)
         alike = run.chassis.values() if output.name in run.chassis else [curves]
         top.set_ylim(*svg.shared_limits([c.measured for c in alike]))
-        top.set_ylabel(f"{output.label}\n[{output.unit}], {output.sign}")
+        top.set_ylabel(f"{output.label}\n[{output.unit}]")
         below.fill_between(
             time, low - simulated, high - simulated, color=paint, alpha=0.25, linewidth=0
         )
         below.plot(time, measured - simulated, color=ink, linewidth=0.7)
         below.axhline(0.0, color=paint, linewidth=0.8)
-        below.set_ylabel("measured\n− simul.")
+        below.set_ylabel("residual")
         below.set_xlabel("time [s]")
         below.set_xlim(*window)
         figure.align_ylabels([top, below])
