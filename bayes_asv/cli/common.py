@@ -15,12 +15,14 @@ from bayes_asv.domain.errors import InputError
 __all__ = [
     "CARS",
     "EXIT_STATUS",
+    "answer",
     "car_option",
     "channels_option",
     "check_outputs",
     "json_option",
     "make_folder",
     "output",
+    "print_answer",
     "quantity",
     "rate_option",
     "recordings_argument",
@@ -145,6 +147,33 @@ def output(document: Mapping[str, Any], lines: Iterable[str], json_file: str | N
     """
     write_json(document, json_file)
     click.echo("\n".join(lines), err=json_file == "-")
+
+
+def answer(result: Any, json_file: str | None) -> None:
+    """Write the document of an estimate, a track or a diagnosis, and print its answer.
+
+    The answer goes to standard error where standard output holds the JSON.
+    """
+    write_json(result.document.to_dict(), json_file)
+    print_answer(result, err=json_file == "-")
+
+
+def print_answer(result: Any, *further: str, err: bool = False) -> None:
+    """Print the answer of an estimate, a track or a diagnosis, and further sentences.
+
+    It is wrapped at words and has colours on a terminal that shows them, unless ``NO_COLOR`` is
+    set.
+    """
+    from rich.console import Console
+    from rich.text import Text
+
+    from bayes_asv.report.terminal import WIDTH, answer_text
+
+    console = Console(file=sys.stderr if err else sys.stdout, highlight=False, emoji=False)
+    if not console.is_terminal:
+        console.width = WIDTH
+    for part in answer_text(result.document, [*result.lines(), *further], console.width):
+        console.print(part, soft_wrap=isinstance(part, Text))
 
 
 def say(text: str) -> None:

@@ -42,7 +42,7 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     result = asv.estimate(runs, car, seed=seed)
     tracked = asv.track(runs[0], car, seed=seed).document
     result.document = result.document.model_copy(update={"online": tracked})
-    echo(*result.lines(), parameter_line(result))
+    common.print_answer(result, parameter_line(result), err=to_stderr)
     common.write_json(result.document.to_dict(), json_file)
     fit, held = VALVED_DRIVES
     echo(
@@ -51,7 +51,7 @@ def command(folder: str, json_file: str | None, seed: int) -> int:
     )
     run, other = (asv.read_recording(asv.example(name)) for name in VALVED_DRIVES)
     diagnosis = asv.diagnose(run, car, holdout=other, seed=seed)
-    echo(*diagnosis.lines(), *force_lines(diagnosis))
+    common.print_answer(diagnosis, *force_lines(diagnosis), err=to_stderr)
     for path in outputs:
         (result if os.path.basename(path).startswith("demo") else diagnosis).report(path)
     demo_pdf, demo, missing_pdf, missing = outputs

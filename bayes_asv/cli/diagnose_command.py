@@ -46,5 +46,5 @@ def command(
         for paths in (recordings, holdout)
     )
     result = asv.diagnose(runs, described, holdout=held, car=car, seed=seed)
-    common.output(result.document.to_dict(), result.lines(), json_file)
+    common.answer(result, json_file)
     return common.EXIT_STATUS["refused" if result.verdict == "refused" else "ok"]

@@ -89,5 +89,5 @@ def command(
         result.to_netcdf(netcdf)
     elif netcdf is not None:
         common.say(f"bayes-asv: {netcdf} was not written because there are no draws")
-    common.output(result.document.to_dict(), result.lines(), json_file)
+    common.answer(result, json_file)
     return common.EXIT_STATUS[result.verdict]

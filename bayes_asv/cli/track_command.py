@@ -73,5 +73,5 @@ def command(
         result = followed
     if trace is not None:
         result.write_trace(trace)
-    common.output(result.document.to_dict(), result.lines(), json_file)
+    common.answer(result, json_file)
     return common.EXIT_STATUS[result.verdict]

@@ -220,6 +220,8 @@ class Comparison(NamedTuple):
     when it does only because the interval is wide."""
     words: str
     """The same in words, ``9 % softer than nominal``."""
+    short: str
+    """In a word, ``softer``."""
     share: float
     """Posterior mean over nominal, less one."""
     p_below: float
@@ -244,16 +246,16 @@ def compare(
     share = mean / nominal - 1.0
     if low <= nominal <= high:
         if sd > WIDE * abs(mean):
-            return Comparison("unclear", "too uncertain to compare with nominal", share, p_below)
-        return Comparison("agrees", "agrees with nominal", share, p_below)
+            words = "too uncertain to compare with nominal"
+            return Comparison("unclear", words, "uncertain", share, p_below)
+        return Comparison("agrees", "agrees with nominal", "agrees", share, p_below)
     side = "below" if share < 0.0 else "above"
     damper = name.startswith(("c_", "zeta"))
     word = _COMPARATIVES[side][damper]
+    words = f"{difference(share)} {word} than nominal"
     if abs(share) < SMALL_DIFFERENCE:
         words = f"slightly {word} than nominal ({difference(share)})"
-    else:
-        words = f"{difference(share)} {word} than nominal"
-    return Comparison(side, words, share, p_below)
+    return Comparison(side, words, word, share, p_below)
 
 
 def compare_parameter(name: str, parameter: Parameter) -> Comparison | None:

@@ -90,6 +90,22 @@ def figures(document: ReportDocument) -> dict[str, Figure]:
     return {figure.key: figure for figure in found}
 
 
+def sections_of(page: Data) -> list[Data]:
+    """Return the texts, tables and figures of a page: of the main report, then of the appendix."""
+    found: list[Data] = list(page["sections"])
+    for part in page["appendix"]:
+        # what has the title of its part does not repeat it
+        found += [one | {"title": one["title"] or part["title"]} for one in part["sections"]]
+    return found
+
+
+def panel_keys(page: Data) -> set[str]:
+    """Return the keys of all pictures that a page asks for."""
+    shown = [*sections_of(page), *([page["overview"]] if page["overview"] else [])]
+    panels = {p["key"] for s in shown if s["kind"] == "figure" for p in s["panels"]}
+    return panels | {card["gauge"] for card in page["cards"]}
+
+
 def table(document: ReportDocument, title: str) -> Table | None:
     """Return the table of that title."""
     found = [b for b in blocks(document) if isinstance(b, Table) and b.title == title]

@@ -63,11 +63,14 @@ def test_a_travel_sensor_is_in_the_document(document: EstimateDocument, tmp_path
 
 def test_a_travel_sensor_is_in_the_report(document: EstimateDocument) -> None:
     drawn = figures(document)
-    assert [p.key for p in drawn["chassis-0"].panels] == [
-        "chassis-front-0", "chassis-rear-0", "chassis-front-travel-0",
+    assert [p.key for p in drawn["run-0"].panels] == [
+        "motion-front-0", "motion-rear-0", "motion-front-travel-0", "wheels-0",
+        "spectrum-front-0", "spectrum-front-travel-0", "whiteness-0", "travel-0",
     ]  # fmt: skip
     fits = table(document, "Fit of the simulation")
     assert fits is not None
     assert fits.columns[-1] == "front travel, rms error"
     page, _ = report_page(document)
-    assert "Measured and simulated motion" in [s["title"] for s in page["sections"]]
+    assert [p["key"] for p in page["overview"]["panels"]] == [
+        "overview-front", "overview-rear", "overview-front-travel",
+    ]  # fmt: skip

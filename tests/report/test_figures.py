@@ -5,6 +5,8 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Run, Travel, TravelCurves, WheelCurves
@@ -23,12 +25,9 @@ def drawn() -> list[Figure]:
 
 
 def test_every_figure_is_there_in_order(drawn: list[Figure]) -> None:
-    assert [f.key for f in drawn] == [
-        "posterior", "corner", "chassis-0", "wheels-0", "spectrum-0", "whiteness-0", "travel-0",
-        "velocity",
-    ]  # fmt: skip
+    assert [f.key for f in drawn] == ["suspension", "posterior", "run-0"]
     assert all(f.caption.endswith(".") and f.title and f.panels for f in drawn)
-    assert len({p.key for f in drawn for p in f.panels}) == 17
+    assert len({p.key for f in drawn for p in f.panels}) == 15
 
 
 def test_pictures_are_xml_that_scales_and_names_itself(drawn: list[Figure]) -> None:
@@ -84,8 +83,8 @@ def test_many_runs_do_not_make_an_endless_page() -> None:
     document.runs = [document.runs[0]] * (MAX_RUNS + 1)
     document.draws = {}
     keys = figures(document)
-    assert f"chassis-{MAX_RUNS - 1}" in keys
-    assert f"chassis-{MAX_RUNS}" not in keys
+    assert f"run-{MAX_RUNS - 1}" in keys
+    assert f"run-{MAX_RUNS}" not in keys
 
 
 def test_gaps_and_flat_channels_are_drawn() -> None:
@@ -102,18 +101,29 @@ def test_gaps_and_flat_channels_are_drawn() -> None:
     document["draws"] = {}
     drawn = figures(EstimateDocument.model_validate(document))
     panels = {key: [p.key for p in figure.panels] for key, figure in drawn.items()}
-    assert panels["velocity"] == ["velocity-front"]
-    assert panels["spectrum-0"] == ["spectrum-front-0"]
-    assert len(panels["chassis-0"]) == len(panels["whiteness-0"]) == 2
+    assert panels["suspension"] == ["velocity-front", "travel-front", "travel-rear"]
+    assert panels["run-0"] == [
+        "motion-front-0", "motion-rear-0", "wheels-0", "spectrum-front-0", "whiteness-0",
+        "travel-0",
+    ]  # fmt: skip
+    spectrum = drawn["run-0"].panels[3]
+    assert "front chassis" in spectrum.alt
+    assert "rear chassis" not in spectrum.alt  # whose residual has no logarithm
 
 
 def test_travel_without_limits_draws_no_limits() -> None:
     document = load("us")
     document.draws = {}
-    with_limits = figures(document)["travel-0"].panels[0].svg
+    with_limits = {p.key: p for p in figures(document)["suspension"].panels}
     document.vehicle.travel = None
-    without = figures(document)["travel-0"].panels[0].svg
-    assert with_limits.count("stroke-dasharray") == without.count("stroke-dasharray") + 2
+    without = {p.key: p for p in figures(document)["suspension"].panels}
+    key = "travel-rear"
+    assert (
+        with_limits[key].svg.count("stroke-dasharray")
+        == without[key].svg.count("stroke-dasharray") + 2
+    )
+    assert "bump stop at −" in with_limits[key].alt
+    assert "stop" not in without[key].alt
 
 
 def _run(time: Curve, velocity: Curve) -> Run:
@@ -166,14 +176,30 @@ def test_powers_of_ten(value: float, text: str) -> None:
     assert power_of_ten(value) == text
 
 
-def test_gauge_stays_on_its_scale() -> None:
-    svg = gauge("g", 50.0, -3.0, 90.0, 0.2, "below").svg
-    for x in re.findall(r'\s(?:cx|x)="([^"]*)"', svg):
+@given(
+    st.floats(0.1, 1e4), st.floats(1e-4, 1.0), st.none() | st.floats(-5.0, 5.0),
+)  # fmt: skip
+def test_a_gauge_shows_its_interval_and_where_nominal_is(
+    mean: float, share: float, away: float | None
+) -> None:
+    low, high = mean * (1.0 - 0.7 * share), mean * (1.0 + share)
+    nominal = None if away is None else mean * (1.0 + away)
+    picture = gauge("g", mean, low, high, nominal, "below")
+    ((left, width),) = re.findall(r'<rect x="([^"]*)" y="18" width="([^"]*)"', picture.svg)
+    for x in re.findall(r'\s(?:cx|x)="([^"]*)"', picture.svg):
         assert 0.0 <= float(x) <= 300.0
+    assert float(left) + float(width) <= 300.0
+    assert float(width) > 20.0  # a tenth of the scale, less its margins
+    assert len(re.findall(r"<text", picture.svg)) >= 3 + (nominal is not None)
+    assert ("nominal" in picture.svg) == (nominal is not None)
+    if nominal is not None and "◂" in picture.svg:
+        assert nominal < low
+    if nominal is not None and "▸" in picture.svg:
+        assert nominal > high
 
 
 def test_colours_follow_the_page(drawn: list[Figure]) -> None:
-    svg = themed(drawn[2].panels[0].svg)
+    svg = themed(drawn[-1].panels[0].svg)
     assert f"var(--front, {COLOURS['front']})" in svg
     assert svg.count(COLOURS["front"]) == svg.count("var(--front")
 

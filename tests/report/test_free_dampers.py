@@ -34,6 +34,8 @@ def document() -> EstimateDocument:
         800.0 * draws,
         1000.0 * draws,
         (DamperShape("digressive", "both", 0.98, 0.4 * draws),),
+        np.linspace(-0.5, 0.5, 5),
+        np.outer(900.0 * draws, np.linspace(-0.5, 0.5, 5)),
     )
     return estimate_document(replace(found, dampers=(rates,)))
 

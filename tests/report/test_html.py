@@ -15,7 +15,7 @@ from bayes_asv.report.render import html_report, write_report
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.sections.verdict import headline, next_steps
 from bayes_asv.report.words import number
-from tests.report.conftest import KINDS, data, load
+from tests.report.conftest import KINDS, data, load, panel_keys
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 Attributes = list[tuple[str, str | None]]
@@ -148,7 +148,7 @@ def test_report_of_what_did_not_converge_warns_first(pages: dict[str, str]) -> N
 def test_several_runs_are_told_apart(pages: dict[str, str]) -> None:
     text = text_of(pages["two_runs"])
     for source in ("stops.csv", "bump.csv"):
-        assert f"Chassis acceleration, {source}" in text
+        assert f"Motion and residuals, {source}" in text
         assert f"Front, {source}" in text
     assert "All together" in text
 
@@ -180,8 +180,7 @@ def test_a_page_is_plain_data_and_names_its_pictures() -> None:
 
     page, pictures = report_page(load("two_runs"))
     assert json.loads(json.dumps(page)) == page
-    asked = [p["key"] for s in page["sections"] if s["kind"] == "figure" for p in s["panels"]]
-    assert {*asked, *(c["gauge"] for c in page["cards"])} == set(pictures)
+    assert panel_keys(page) == set(pictures)
 
 
 def test_same_document_same_page(pages: dict[str, str]) -> None:

@@ -39,7 +39,7 @@ from bayes_asv.report.sections.diagnosis import (
     diagnosis_steps,
 )
 from bayes_asv.report.sections.verdict import track_lines, track_steps, verdict_lines
-from tests.report.conftest import DATA, Data, data
+from tests.report.conftest import DATA, Data, data, sections_of
 
 ROOT = Path(__file__).parents[2]
 EARLIER = sorted(DATA.glob("commit_*/*.json"))
@@ -74,7 +74,7 @@ def test_an_estimate_of_the_roll_car_of_an_earlier_version_becomes_one_of_any_ca
     assert read.provenance.recordings[0].sha256 == saved["recordings"][0]["sha256"]
     page, _ = report_page(read)
     assert page["headline"] == ["All four dampers agree with nominal."]
-    titles = [section["title"] for section in page["sections"]]
+    titles = [section["title"] for section in sections_of(page)]
     assert titles[:2] == ["Parameters", "Left and right dampers"]
     assert "Fit of the simulation" in titles
 

@@ -203,7 +203,8 @@ def verdict_lines(document: EstimateDocument) -> list[str]:
     lines += log_lines(document)
     lines += run_consistency_lines(document)
     lines += [f"Why: {plain(reason)}." for reason in document.reasons]
-    lines += [f"Note: {plain(warning)}." for warning in document.warnings]
+    # The headline states a doubt already.
+    lines += [f"Note: {plain(w)}." for w in document.warnings if w != document.doubt]
     # Each reason of a refusal carries its own fix already.
     steps = next_steps(document)
     return lines + [f"Next: {step}" for step in (steps[-1:] if document.reasons else steps)]
