@@ -20,6 +20,10 @@ _MAX_SAVED = 3  # an estimate, a diagnosis and a track
     help="JSON that estimate, diagnose or track wrote before; once for each.",
 )  # fmt: skip
 @common.car_option
+@click.option(
+    "--interactive", is_flag=True,
+    help="Write a page to look at the recordings closely: zoom, two cursors, state plane.",
+)  # fmt: skip
 @click.option("--no-diagnosis", is_flag=True, help="Do not diagnose the recordings.")
 @common.json_option
 @common.channels_option
@@ -31,6 +35,7 @@ def command(
     output: str,
     saved: tuple[str, ...],
     car: str | None,
+    interactive: bool,
     no_diagnosis: bool,
     json_file: str | None,
     channel_map: str | None,
@@ -44,7 +49,7 @@ def command(
     """
     from bayes_asv.report.render import check_suffix
 
-    check_suffix(output)
+    check_suffix(output, interactive=interactive)
     if len(saved) > _MAX_SAVED:
         raise click.UsageError(
             "a report holds one estimate, one diagnosis and one track; give --from once for each"
@@ -67,6 +72,7 @@ def command(
         described,
         saved=saved,
         diagnosis=not no_diagnosis,
+        interactive=interactive,
         car=car,
         seed=seed,
     )

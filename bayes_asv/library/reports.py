@@ -34,6 +34,7 @@ def report(
     *,
     saved: Sequence[PathLike] = (),
     diagnosis: bool = True,
+    interactive: bool = False,
     car: str | None = None,
     seed: int = 0,
     progress: Progress = None,
@@ -52,6 +53,8 @@ def report(
         JSON that estimate, diagnose or track wrote, at most one of each.
     diagnosis : bool
         Whether recordings are diagnosed.
+    interactive : bool
+        Write a page to look at the recordings of the estimate closely, in place of a report.
     car : str, optional
         Model of the car, as for :func:`bayes_asv.estimate`.
     seed : int
@@ -72,17 +75,20 @@ def report(
     """
     from bayes_asv.report.render import check_suffix, write_report
 
-    check_suffix(output)
+    check_suffix(output, interactive=interactive)
     documents = _read(saved)
     _check_recordings(saved, recordings)
     with progress_bar(progress) as bar:
         if vehicle is not None:
             parts = [part_of(bar, *span) or False for span in pairwise(_SHARES)]
-            documents = _complete(documents, recordings, vehicle, diagnosis, car, seed, parts)
+            documents = _complete(
+                documents, recordings, vehicle, diagnosis and not interactive, not interactive,
+                car, seed, parts,
+            )  # fmt: skip
         document = _combined(documents)
         if bar is not None:
             bar(_SHARES[-1] if vehicle is not None else 0.0, f"writing {output}")
-        write_report(document, output)
+        write_report(document, output, interactive=interactive)
     return document
 
 
@@ -144,6 +150,7 @@ def _complete(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     diagnosis: bool,
+    online: bool,
     car: str | None,
     seed: int,
     parts: Sequence[Progress],
@@ -167,7 +174,7 @@ def _complete(
         missing = diagnose(recordings, vehicle, car=which, seed=seed, progress=parts[1])
         found["diagnosis"] = missing.document
     usual = which == "half" and all(set(run.channels) == set(CHANNELS) for run in recordings)
-    if usual and "track" not in found:
+    if online and usual and "track" not in found:
         tracked = track(recordings[:1], vehicle, seed=seed, progress=parts[2])
         found["track"] = tracked.document
     return found

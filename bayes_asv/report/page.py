@@ -50,7 +50,7 @@ from bayes_asv.report.sections.verdict import (
 from bayes_asv.report.svg import Panel, style
 from bayes_asv.report.words import number, plain
 
-__all__ = ["limits", "report_page"]
+__all__ = ["limits", "page_texts", "report_page"]
 
 D = TypeVar("D")
 Page = dict[str, Any]
@@ -137,11 +137,8 @@ def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
         else:
             content = _track(document)
     content.appendix.append(("Provenance", list(provenance(document))))
-    name = plain(document.vehicle.name or "unnamed vehicle")
-    page = content.page
+    page = content.page | _frame(document, content.page["headline"])
     page |= {
-        "title": f"Suspension of {name}",
-        "name": name,
         "verdict": document.verdict,
         "reasons": [_sentence(split_reason(r)[0]) for r in document.reasons],
         "checks": [answer._asdict() for answer in content.checks],
@@ -152,12 +149,33 @@ def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
             for n, (title, part) in enumerate(content.appendix, start=1)
         ],
         "system": document.vehicle.units,
+    }
+    return _with_fixed_spaces(page), {panel.key: panel for panel in content.panels()}
+
+
+def page_texts(document: EstimateDocument) -> Page:
+    """Title and verdict of an estimate, as :func:`report_page` has them, without any picture."""
+    made, _ = cards(document.parameters, reliable=document.verdict == "ok")
+    page = {
+        "subtitle": _subtitle(document),
+        "badge": _BADGES[document.verdict],
+        "tone": tone(document.verdict, made),
+    }
+    texts: Page = _with_fixed_spaces(page | _frame(document, headline(document)))
+    return texts
+
+
+def _frame(document: PageDocument, verdict: str) -> Page:
+    """Title, headline and footer of a page."""
+    name = plain(document.vehicle.name or "unnamed vehicle")
+    # One sentence of the headline a line, so that a damper is found at a glance.
+    *first, last = verdict.split(". ")
+    return {
+        "title": f"Suspension of {name}",
+        "name": name,
+        "headline": [*(f"{line}." for line in first), last],
         "footer": f"bayes_asv {plain(document.version)}, seed {document.seed}",
     }
-    # One sentence of the headline a line, so that a damper is found at a glance.
-    *first, last = page["headline"].split(". ")
-    page["headline"] = [*(f"{line}." for line in first), last]
-    return _with_fixed_spaces(page), {panel.key: panel for panel in content.panels()}
 
 
 def _below(title: str, blocks: Iterable[Block]) -> list[dict[str, Any]]:

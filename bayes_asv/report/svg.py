@@ -390,7 +390,7 @@ def _gauge_scale(
     mean: float, low: float, high: float, nominal: float | None
 ) -> tuple[float, float, int]:
     """Return the ends of a gauge, and the side (−1, 1) on which nominal is beyond them, or 0."""
-    width = max(high - low, 1e-3 * abs(mean)) or 1.0
+    width = (high - low) or 1e-3 * abs(mean) or 1.0
     first, last = min(low, mean), max(high, mean)
     ends = [first, last] if nominal is None else [first, last, nominal]
     span = max(ends) - min(ends)

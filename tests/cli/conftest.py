@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -24,6 +25,11 @@ class Said(NamedTuple):
     status: int
     out: str
     err: str
+
+    @property
+    def sentences(self) -> list[str]:
+        """Lines of the standard output without the breaks at words, and without empty ones."""
+        return [line for line in re.sub(r"\n {2,}", " ", self.out).splitlines() if line]
 
 
 class Saved(NamedTuple):

@@ -135,7 +135,7 @@ class _Answers(dict[str, Answer]):
         )
         assert (said.status, said.err) == (0, "")
         true = json.loads(truth.read_text(encoding="utf-8"))["truth"]
-        self[car] = Answer(said.out.splitlines(), true, drive, answer, draws)
+        self[car] = Answer(said.sentences, true, drive, answer, draws)
         return self[car]
 
 

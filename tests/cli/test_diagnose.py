@@ -44,7 +44,7 @@ def diagnosed(
 
 def test_it_names_the_hidden_effect_and_nothing_on_standard_error(diagnosed: Diagnosed) -> None:
     assert (diagnosed.said.status, diagnosed.said.err) == (0, "")
-    first, *others = diagnosed.said.out.splitlines()
+    first, *others = diagnosed.said.sentences
     assert first.startswith("Front damper: rebound damping is 1.")
     assert any(line.startswith("Simulation error on held-out runs: ") for line in others)
     assert "\x1b" not in diagnosed.said.out
@@ -211,7 +211,7 @@ def test_one_recording_is_proved_on_its_second_half(
     )
     note = "the second half of bump-400hz.csv is held out for the validation"
     assert document["warnings"] == [note]
-    assert said.out.splitlines()[-1] == f"Note: {note}."
+    assert said.sentences[-1] == f"Note: {note}."
     assert document["runs"] == {"fit": ["bump-400hz.csv"], "holdout": ["bump-400hz.csv"]}
 
 

@@ -38,10 +38,14 @@ def _numbers(value: Any) -> Iterator[float]:
 def test_it_says_the_verdict_and_nothing_else(saved: Saved) -> None:
     assert saved.said.status == 0
     assert saved.said.err == ""
-    first, *others = saved.said.out.splitlines()
+    first, head, *others = saved.said.sentences
     assert first.startswith("Front damper: 2")
     assert "softer than nominal" in first
-    assert all(line.startswith(("The ", "Note: ", "Next: ")) for line in others)
+    assert head.split("  ")[0] == "parameter"
+    labels = ("Front damping ", "Rear damping ", "Pitch inertia ", "Radius of gyration ")
+    assert all(line.startswith(label) for line, label in zip(others, labels, strict=False))
+    assert all(line.startswith(("The ", "Note: ", "Next: ")) for line in others[len(labels) :])
+    assert max(map(len, saved.said.out.splitlines())) <= 80
     assert "\x1b" not in saved.said.out
 
 
@@ -275,6 +279,6 @@ def test_the_demo_names_the_report_it_wrote(run: Command, tmp_path: Path) -> Non
     assert (tmp_path / html).read_bytes().startswith(b"<!DOCTYPE html>")
     assert (tmp_path / pdf).read_bytes().startswith(b"%PDF")
     assert "Front damper: " in said.out
-    truth = next(line for line in said.out.splitlines() if line.startswith("True values "))
+    truth = next(line for line in said.sentences if line.startswith("True values "))
     assert "front damping rate 5.76 lbf·s/in (" in truth
     assert truth.count("side its interval)") == 3

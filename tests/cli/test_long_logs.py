@@ -79,7 +79,7 @@ def test_the_answer_says_what_was_used_and_what_was_not(
     assert len(used) == len(document["runs"]) == 6
     assert all(event["reason"] for event in log["events"] if not event["used"])
     assert sum(event["unfit"] for event in log["events"]) == len(drive.of("jump"))
-    (line,) = [text for text in done.out.splitlines() if text.startswith("log.csv lasts")]
+    (line,) = [text for text in done.sentences if text.startswith("log.csv lasts")]
     assert line.startswith("log.csv lasts 10.0 min: 9 bumps and ")
     assert " were found, and the best 6 used (" in line
     assert "1 as the wheels left the ground" in line

@@ -190,7 +190,7 @@ def test_where_the_filter_is_not_consistent_nothing_is_claimed(
     valved = ROOT / "data" / "recordings" / "valved-stops-400hz.csv"
     said = invoke("track", valved, "-v", baja, "--json", tmp_path / "t.json")
     assert said.status == 0
-    lines = said.out.splitlines()
+    lines = said.sentences
     assert lines[0].startswith("Not to be relied on")
     assert not any("certain" in line or "95 %:" in line for line in lines)
     assert lines[-3].startswith("Next: ")

@@ -24,6 +24,6 @@ def test_the_document_holds_a_budget_of_every_answer(saved: Saved) -> None:
 
 
 def test_the_command_says_what_to_weigh(saved: Saved) -> None:
-    (line,) = [text for text in saved.said.out.splitlines() if text.startswith("Next: Weigh")]
+    (line,) = [text for text in saved.said.sentences if text.startswith("Next: Weigh")]
     assert "to ±0.4" in line
     assert "halves the uncertainty of the front damping rate" in line
