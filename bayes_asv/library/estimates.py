@@ -75,6 +75,7 @@ class Estimate(Result):
         *,
         diagnosis: Diagnosis | None = None,
         track: Track | None = None,
+        interactive: bool = False,
     ) -> None:
         """Write a report, HTML or PDF by the suffix of the file.
 
@@ -86,6 +87,8 @@ class Estimate(Result):
             Of the same recordings, to be reported beside the estimate.
         track : Track, optional
             Of one of the recordings, likewise.
+        interactive : bool
+            Write a page to look at the recordings closely, in place of a report.
 
         Raises
         ------
@@ -96,7 +99,7 @@ class Estimate(Result):
 
         beside = {"diagnosis": diagnosis, "online": track}
         given = {key: result.document for key, result in beside.items() if result is not None}
-        write_report(self.document.model_copy(update=given), path)
+        write_report(self.document.model_copy(update=given), path, interactive=interactive)
 
     def to_inference_data(self) -> Any:
         """Return the draws as ArviZ inference data, all in SI units.

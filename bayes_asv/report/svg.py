@@ -55,7 +55,7 @@ COLOURS: Final = {
     "front": "#0072b2",
     "rear": "#d55e00",
     "prior": "#946c00",
-    "good": "#007a5a",
+    "good": "#007184",
     "below": "#b0244a",
     "above": "#6a4fb3",
 }

@@ -109,7 +109,12 @@ def test_it_says_and_writes_what_the_command_does(
     files = [asv.example(name) for name in ("stops-400hz.csv", "bump-400hz.csv")]
     car = asv.example("baja2008.toml")
     said = invoke("estimate", *files, "-v", car, "--seed", 1, "--json", tmp_path / "a.json")
-    assert said.out == f"{result}\n"
+    table = [line for line in result.lines() if "(95 %: " in line]
+    assert [line for line in said.sentences if line in result.lines()] == [
+        line for line in result.lines() if line not in table
+    ]
+    for p in (result["c_f"], result["c_r"], result["i"]):
+        assert any(f"{p.label.capitalize()} ".replace(" rate", "") in x for x in said.sentences)
     assert result.to_json(tmp_path / "b.json") is None
     text = (tmp_path / "b.json").read_text(encoding="utf-8")
     assert text == result.to_json()

@@ -1,7 +1,4 @@
-import os
 import re
-import shutil
-from collections.abc import Iterator
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,7 +14,6 @@ from bayes_asv.report.sections.verdict import headline, next_steps
 from bayes_asv.report.words import number
 from tests.report.conftest import KINDS, data, load, panel_keys
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 Attributes = list[tuple[str, str | None]]
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -214,30 +210,6 @@ def test_an_inconsistent_document_leaves_the_old_report(tmp_path: Path) -> None:
         write_report(document, tmp_path / "r.html")
     assert "bayes-asv estimate --json" in str(caught.value)
     assert (tmp_path / "r.html").read_text() == "old"
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    driver_path = shutil.which("chromedriver")
-    if CHROMIUM is None or driver_path is None:
-        if os.environ.get("CI") == "true":
-            pytest.fail("chromium and chromedriver have to be there in CI")
-        pytest.skip("chromium or chromedriver is not installed")
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for flag in (
-        "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
-        f"--user-data-dir={tmp_path_factory.mktemp('browser')}",
-    ):  # fmt: skip
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(driver_path))
-    yield driver
-    driver.quit()
 
 
 @pytest.mark.parametrize("width", [390, 1100])

@@ -39,12 +39,12 @@ _BINS: Final = 41
 _RANGES: Final = ("compression high", "compression low", "rebound low", "rebound high")
 
 _SUSPENSION: Final = (
-    "Left: damper force over the velocities driven, with its 95 % band; a force that resists "
-    "extension is positive. Middle: share of the time at each damper velocity (extension is "
-    "positive) in all recordings, on a logarithmic scale. A damping rate is learnt only at the "
-    "velocities that were driven, and those of compression (hatched) and rebound are averaged: "
-    "look for unequal shares; pale bars are low speed. Right: share of the time at each travel "
-    "from rest; a stop that was reached biases the answer. All is at the wheel."
+    "Force: over the velocities driven, with its 95 % band; a force that resists extension is "
+    "positive. Velocity: share of the time at each damper velocity (extension is positive) in all "
+    "recordings, on a logarithmic scale. A damping rate is learnt only at the velocities that were "
+    "driven, and those of compression (hatched) and rebound are averaged: look for unequal shares; "
+    "pale bars are low speed. Travel: share of the time at each travel from rest; a stop that was "
+    "reached biases the answer. All is at the wheel."
 )
 
 

@@ -51,7 +51,8 @@
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
-      ctx.fillText(name.toUpperCase(), x + 4, bbox.top + 12 * devicePixelRatio);
+      ctx.textAlign = "left";
+      ctx.fillText(name.toUpperCase(), x + 4 * devicePixelRatio, bbox.top + 12 * devicePixelRatio);
     }
     ctx.restore();
   }
