@@ -345,12 +345,16 @@ def gauge(
         COLOURS[colour],
         "font-family: 'DejaVu Sans', Verdana, sans-serif; font-size: 11px",
     )
-    ticks = [t for t in MaxNLocator(4).tick_values(left, right) if left <= t <= right]
+    ticks = [
+        t
+        for t in MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(left, right)
+        if left <= t <= right
+    ]
     parts = [f'<path d="M12 25H288" style="stroke: {grid}; stroke-width: 3"/>']
     for tick in ticks:
         parts.append(
             f'<path d="M{x(tick):.2f} 22V31" style="stroke: {muted}; stroke-width: 1"/>'
-            f'<text x="{min(max(x(tick), 20.0), 280.0):.2f}" y="48" text-anchor="middle" '
+            f'<text x="{min(max(x(tick), 16.0), 284.0):.2f}" y="48" text-anchor="middle" '
             f'style="fill: {muted}; {font}">{_tick_text(float(tick), ticks)}</text>'
         )
     begin, end = x(low), x(high)

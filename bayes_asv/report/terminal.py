@@ -105,7 +105,9 @@ def _name(name: str) -> str:
 def _row(name: str, p: Parameter, *, reliable: bool) -> Row:
     compared = compare_parameter(name, p)
     cells = [_name(name), estimate_text(p, p.unit), interval(p, 1), number(p.nominal)]
-    if compared is None or not reliable:
+    if not reliable:
+        return [*cells, "not to be relied on", ""], ""
+    if compared is None:
         return [*cells, "", ""], ""
     verdict = f"{_MARKS[compared.sense]} {compared.short}"
     return [*cells, verdict, probability(compared.p_below)], TONES[compared.sense]

@@ -159,7 +159,11 @@ def test_not_converged_is_status_4(
     said = invoke("estimate", stops, "-v", baja, "--json", tmp_path / "x.json")
     assert said.status == 4
     assert said.err == ""
-    assert "Not to be relied on: " in said.out
+    parameters = ("Front damping", "Rear damping", "Pitch inertia", "Radius of gyration")
+    rows = [line for line in said.out.splitlines() if line.startswith(parameters)]
+    assert len(rows) == 4
+    assert all(row.endswith("not to be relied on") for row in rows)
+    assert "certain" not in said.out
     document = json.loads((tmp_path / "x.json").read_text(encoding="utf-8"))
     assert document["verdict"] == "not_converged"
     assert invoke("report", "--from", tmp_path / "x.json", "-o", tmp_path / "x.html").status == 4

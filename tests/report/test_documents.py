@@ -74,3 +74,62 @@ def test_a_travel_sensor_is_in_the_report(document: EstimateDocument) -> None:
     assert [p["key"] for p in page["overview"]["panels"]] == [
         "overview-front", "overview-rear", "overview-front-travel",
     ]  # fmt: skip
+
+
+def test_shares_of_time_by_speed_follow_the_velocity(document: EstimateDocument) -> None:
+    (run,) = document.runs
+    travel = run.travel
+    assert travel.low_speed == pytest.approx(0.025 / 0.0254)  # in/s
+    for curves in travel.entries.values():
+        velocity = np.array(curves.velocity, dtype=float)
+        assert sum(share.mean for share in curves.speed_shares) == pytest.approx(1.0)
+        for share in curves.speed_shares:
+            side = velocity <= 0.0 if share.side == "compression" else velocity > 0.0
+            fast = np.abs(velocity) > travel.low_speed
+            here = side & (fast if share.speed == "high" else ~fast)
+            assert share.mean == pytest.approx(float(np.mean(here)), abs=0.02)
+            low, high = share.eti95
+            assert 0.0 <= low <= high <= 1.0
+            assert low - 0.02 <= share.mean <= high + 0.02
+
+
+def test_the_force_of_a_linear_damper_is_rate_times_velocity(document: EstimateDocument) -> None:
+    for name, force in document.forces.items():
+        rate = document.parameters[f"c_{name[0]}"]
+        for v, median, low, high, nominal in zip(
+            force.velocity, force.median, *force.band95, force.nominal or [], strict=True
+        ):
+            assert None not in (v, median, low, high, nominal)
+            assert median == pytest.approx((rate.median or 0.0) * (v or 0.0), rel=1e-3, abs=1e-6)
+            assert nominal == pytest.approx((rate.nominal or 0.0) * (v or 0.0), rel=1e-3, abs=1e-6)
+            edges = sorted(end * (v or 0.0) for end in rate.eti95)
+            assert [low, high] == pytest.approx(edges, rel=1e-3, abs=1e-6)
+
+
+def test_transmissibility_is_one_of_slow_motion_and_small_of_fast(
+    document: EstimateDocument,
+) -> None:
+    (run,) = document.runs
+    for curves in run.chassis.values():
+        curve = curves.transmissibility
+        assert curve is not None
+        measured, simulated = (np.array(x, float) for x in (curve.measured, curve.simulated))
+        np.testing.assert_allclose(measured, simulated, rtol=0.1)
+        assert 0.5 < measured[0] < 2.0
+        assert measured[-1] < 0.7 < measured[0]
+
+
+def test_the_answers_depend_on_the_mass_and_not_on_their_priors(
+    document: EstimateDocument,
+) -> None:
+    sensitivity = document.sensitivity
+    assert set(sensitivity) == {"m", "wdf", "k_f", "k_r", "c_f", "c_r", "i"}
+    for name in ("c_f", "c_r", "i"):
+        assert sensitivity["m"].sensitivity[name] > 0.05
+        assert sensitivity[name].sensitivity[name] < 0.05
+    shown = table(document, "Power-scaling sensitivity")
+    assert shown is not None
+    assert len(shown.rows) == len(sensitivity)
+    page, _ = report_page(document)
+    (part,) = [p for p in page["appendix"] if p["title"] == "Sensitivity to the priors"]
+    assert "depend on the given sprung mass." in part["sections"][0]["lines"][0]
