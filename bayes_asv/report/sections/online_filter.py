@@ -117,7 +117,7 @@ def _details(document: TrackDocument) -> Iterator[Block]:
 
 SECTION: Final = Section(_content)
 
-DETAILS_SECTION: Final = Section(_details, title="Consistency of the online filter")
+DETAILS_SECTION: Final = Section(_details, title="Consistency of the filter")
 
 
 def track_subtitle(document: TrackDocument) -> str:
