@@ -24,7 +24,7 @@ _ROWS: Final = (("used", "good"), ("not needed", "muted"), ("unfit", "below"))
 def _content(document: EstimateDocument) -> Iterator[Block]:
     if not document.logs:
         return
-    yield Text("", log_lines(document))
+    yield Text("Events of long recordings", log_lines(document))
     panels = tuple(_timeline(f"events-{k}", log) for k, log in enumerate(document.logs) if log.time)
     yield Figure(
         "events", "Information over time",

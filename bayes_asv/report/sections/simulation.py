@@ -244,7 +244,8 @@ def _wheels(run: Run, n: int) -> tuple[svg.Panel, ...]:
         xlim=motion_window(run), ylim=svg.shared_limits([*curves.values()]),
     )  # fmt: skip
     svg.legend_above(axes, 2)
-    return (svg.panel(figure, f"wheels-{n}", "acceleration of the wheels against time"),)
+    alt = ", ".join(f"{plain(name.replace('_', ' '))} acceleration against time" for name in curves)
+    return (svg.panel(figure, f"wheels-{n}", alt),)
 
 
 def _spectra(run: Run, n: int) -> tuple[svg.Panel, ...]:

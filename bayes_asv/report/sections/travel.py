@@ -213,9 +213,10 @@ def travel_curve(run: Run, n: int) -> tuple[svg.Panel, ...]:
         axes.plot(time, svg.curve_array(curves.deflection), label=_words(place), **look)
     axes.axhline(0.0, color=svg.COLOURS["muted"], linewidth=0.8)
     unit = readable_unit(run.travel.unit)
+    alt = ", ".join(f"{_words(place)} suspension travel against time" for place in elements)
     axes.set(xlabel="time [s]", ylabel=f"travel [{unit}]\nextension +", xlim=motion_window(run))
     svg.legend_above(axes, 2)
-    return (svg.panel(figure, f"travel-{n}", "suspension travel against time"),)
+    return (svg.panel(figure, f"travel-{n}", alt),)
 
 
 def _velocity_panel(runs: Sequence[Run], place: str) -> svg.Panel | None:
