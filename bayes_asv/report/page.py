@@ -281,7 +281,7 @@ def _track(document: TrackDocument) -> _Content:
         "tone": "stop" if unreliable else tone(document.verdict, made),
         "cards": made,
         "steps": track_steps(document),
-        "limits": [_sentence(warning) for warning in document.warnings],
+        "limits": [_sentence(w) for w in document.warnings if w != document.doubt],
     }
     content = _Content(page, gauges, _no_figure(), track_checks(document))
     content.add(TRACK, document)

@@ -241,7 +241,7 @@ def track_lines(document: TrackDocument) -> list[str]:
     lines += consistency_lines(document)
     if is_inconsistent(document) or document.doubt:
         lines += [f"Next: {step}" for step in track_steps(document)]
-    return lines + [f"Note: {plain(warning)}." for warning in document.warnings]
+    return lines + [f"Note: {plain(w)}." for w in document.warnings if w != document.doubt]
 
 
 def cards(
