@@ -214,7 +214,10 @@ def _piled_up(signal: Array, at_rail: Flags) -> int:
     readings = signal[np.isfinite(signal) & ~at_rail]
     if len(readings) < 2:
         return 0
-    near = max(_NEAR * float(np.ptp(readings)), 2.0 * _smallest_step(readings))
+    span = float(np.ptp(readings))
+    near = max(_NEAR * span, 2.0 * _smallest_step(readings))
+    if 4.0 * near > span:  # a few steps of a converter at rest
+        return 0
     out = 0
     for extreme in (readings.max(), readings.min()):
         distance = np.abs(readings - extreme)
