@@ -20,6 +20,9 @@ A moving reference follows the estimate: after each reading μ, D and J absorb m
 reference stays, so that a window can be filtered again with sigma points where later readings have
 shown the parameters to be (posterior linearization; García-Fernández et al. 2015).
 
+With force laws the state is not linear in itself either; :mod:`bayes_asv.filters.ukf_forces` takes
+the place of the linear prediction step, and all else stays as it is.
+
 One recursion is compiled for each combination of sizes.
 """
 
@@ -68,10 +71,12 @@ from bayes_asv.filters.simd_batch import (
     fill_lanes,
     propagate,
     set_parameters,
+    set_states,
     transition_matrices,
     unscented_moments,
 )
 from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
+from bayes_asv.filters.ukf_forces import force_workspace, propagate_with_forces
 from bayes_asv.filters.ukf_state import (
     Columns,
     FilterSettings,
@@ -210,7 +215,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
     nx, ne, nd, ny, ns = sizes_of_one_type(
         sizes.motion, sizes.elements, sizes.directions, sizes.outputs, sizes.states
     )
-    nR, size, shape = sizes.rows, rows.size, shape_of(sizes)
+    nR, size, shape, forces = sizes.rows, rows.size, shape_of(sizes), sizes.forces
 
     @njit(**OPTIONS)
     def run(
@@ -227,7 +232,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         )  # fmt: skip
         scores, autocovariance, snapshots = state.statistics, state.autocovariance, state.snapshots
         # Taken out of their records once: compiled code counts references at every look.
-        step, moments, spread, kinds, values, restart = steps
+        step, moments, spread, kinds, values, restart, ends = steps
         noise, share, start, input_bias = model.noise, model.share, model.start, model.input_bias
         parameter_noise, drift_noise = model.parameter_noise, model.drift_noise
         element, log, centre, scale = model.element, model.log, model.centre, model.scale
@@ -238,6 +243,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         reads_states = model.reads_states
         n_model = element.shape[0]
         p = mu.shape[0]
+        lanes = 1 + 2 * n_model if forces else 0
+        force_work = force_workspace(sizes, model.laws, lanes)
         W = np.zeros(blocks(n_model, ne) * size)
         fill_lanes(sizes, rows, W, n_model, model)
         inputs = np.zeros((ne, TAYLOR + 1))
@@ -271,6 +278,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         max_rate = 0.0
         h_transition = h_decay = -1.0
         lanes_current = False
+        new_laws = True  # since the last step with forces
 
         for k in range(first, step.shape[0]):
             noise_factors(ny, at, scores, settings, noise_factor)
@@ -301,17 +309,30 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 output_matrix(sizes, rows, W, output_row, by_row, by_state, C, gain)
                 odd_parts(sizes, rows, W, n_model, SIGMA_DISTANCE, odd)
                 lanes_current = True
+                new_laws = True
                 h_transition = -1.0
             if restart[k]:
                 _reset_motion(sizes, x, J, Pi, start, filtered)
+                scores[at.last_step] = 0.0
             elif h > 0.0:
                 new_length = abs(h - h_transition) > 1e-12
-                propagate(
-                    sizes, rows, shape, W, n_model, SIGMA_DISTANCE, x, J, input_bias, h,
-                    moments[k], inputs, max_rate, new_length,
-                )  # fmt: skip
-                if new_length:
-                    transition_matrices(sizes, rows, W, n_model, h, phi, gamma, Q)
+                if forces:
+                    set_states(sizes, rows, W, n_model, SIGMA_DISTANCE, x, J, input_bias)
+                    propagate_with_forces(
+                        sizes, rows, W, lanes, h, scores[at.last_step], moments, k, ends, place,
+                        model.laws, state.force_history, new_laws, new_length, force_work, phi,
+                        gamma, Q,
+                    )  # fmt: skip
+                    new_laws = False
+                    scores[at.last_step] = h
+                else:
+                    propagate(
+                        sizes, rows, shape, W, n_model, SIGMA_DISTANCE, x, J, input_bias, h,
+                        moments[k], inputs, max_rate, new_length,
+                    )  # fmt: skip
+                    if new_length:
+                        transition_matrices(sizes, rows, W, n_model, h, phi, gamma, Q)
+                if new_length or forces:
                     h_transition = h
                     for a in range(nx):
                         for d in range(nd):
@@ -340,9 +361,9 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 for a in range(nx):
                     for b in range(nx):
                         Pi[a, b] += even_covariance[a, b]
-                for a in range(nx - ne):
+                for a in range(nx - forces - ne):
                     to = 2 * a + 1 if a < ne else ne + a
-                    for b in range(nx - ne):
+                    for b in range(nx - forces - ne):
                         other = 2 * b + 1 if b < ne else ne + b
                         Pi[to, other] += h * h * B[a, b]
 
@@ -370,6 +391,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                         output_matrix(sizes, rows, W, output_row, by_row, by_state, C, gain)
                         odd_parts(sizes, rows, W, n_model, SIGMA_DISTANCE, odd)
                         h_transition = -1.0
+                        new_laws = True
                     predict_measurement(
                         sizes,
                         rows,

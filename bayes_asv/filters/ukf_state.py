@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "DRIFT_LAGS", "Columns", "FilterSettings", "Model", "Sizes", "State", "Statistics", "Steps",
+    "DRIFT_LAGS", "GRID", "Columns", "FilterSettings", "LawTable", "Model", "Sizes", "State", "Statistics", "Steps",
     "columns", "sizes", "statistics",
 ]  # fmt: skip
 
@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 DRIFT_LAGS: Final = 8
 """Largest lag (readings) of the innovations' autocovariance that the drift detector uses."""
+GRID: Final = np.linspace(-10.0, 10.0, 401)
+"""Places of a coordinate, prior standard deviations, at which the numbers of a law are kept."""
 
 
 class Sizes(NamedTuple):
@@ -37,13 +39,16 @@ class Sizes(NamedTuple):
     outputs : int
         Measured outputs, ny.
     parameters : int
-        Parameters of the car and gains of the sensors.
+        Parameters of the car, gains of the sensors, and parameters of effects.
     answers : int
         Coordinates that are reported; they come first.
     bars : int
         One for a car with anti-roll bars, else zero.
+    forces : int
+        Filtered forces beyond the linear springs and dampers, one an element where force laws act
+        (:mod:`bayes_asv.filters.ukf_forces`), else zero.
     motion : int
-        States of the motion, nx: deflections with their rates, and body rates.
+        States of the motion, nx: deflections with their rates, body rates, and filtered forces.
     lasting : int
         States that a recording begins with: motion, biases and input biases.
     states : int
@@ -59,6 +64,7 @@ class Sizes(NamedTuple):
     parameters: int
     answers: int
     bars: int
+    forces: int
     motion: int
     lasting: int
     states: int
@@ -75,13 +81,14 @@ def sizes(
     parameters: int,
     answers: int,
     bars: int,
+    forces: int = 0,
 ) -> Sizes:
     """Return all sizes from those of car and sensors, see :class:`Sizes`."""
-    motion = 2 * elements + rates
+    motion = 2 * elements + rates + forces
     lasting = motion + outputs + directions
     return Sizes(
         elements, rates, coordinates, rows, directions, outputs, parameters, answers, bars,
-        motion, lasting, lasting + elements + outputs,
+        forces, motion, lasting, lasting + elements + outputs,
     )  # fmt: skip
 
 
@@ -110,6 +117,8 @@ class Statistics(NamedTuple):
         One while the innovations' correlation shows that parameters drift.
     motion_mean, motion_variance : int
         First of ny: recent mean and variance of the estimated output.
+    last_step : int
+        Length of the last step, s; zero where the motion began anew.
     length : int
         Number of places.
     """
@@ -127,6 +136,7 @@ class Statistics(NamedTuple):
     drift_detected: int
     motion_mean: int
     motion_variance: int
+    last_step: int
     length: int
 
 
@@ -136,7 +146,7 @@ def statistics(outputs: int) -> Statistics:
     s = 3 * ny
     return Statistics(
         0, ny, 2 * ny, s, s + 1, s + 2, s + 3, s + 4, s + 5, s + 6, s + 7, s + 8, s + 8 + ny,
-        s + 8 + 2 * ny,
+        s + 8 + 2 * ny, s + 9 + 2 * ny,
     )  # fmt: skip
 
 
@@ -207,6 +217,10 @@ class State(NamedTuple):
     autocovariance : (ny, 2, 1 + DRIFT_LAGS) array
         Of each output: lagged normalised innovations (row 0, newest first), and their
         exponentially weighted autocovariance by lag (row 1).
+    force_history : (3, ne, lanes) array
+        Force and rate of deflection of each sigma point at the beginning of the last step, and room
+        for a force (:func:`bayes_asv.filters.suspension_forces.advance_forces`); empty without
+        force laws.
     """
 
     mu: Array
@@ -219,6 +233,28 @@ class State(NamedTuple):
     statistics: Array
     snapshots: Array
     autocovariance: Array
+    force_history: Array
+
+
+class LawTable(NamedTuple):
+    """Force laws whose numbers are functions of the coordinates, one number a coordinate.
+
+    Parameters
+    ----------
+    pole : float
+        Of the filter that all readings passed, rad/s.
+    rows : (K, P) array
+        Laws as :func:`bayes_asv.filters.force_laws.excess` takes them, at the centre of the prior.
+    entry : (nE, 3) int array
+        Row and column of a number that changes, and the parameter that it is a function of.
+    number : (nE, G) array
+        That number at :data:`GRID` places of the coordinate.
+    """
+
+    pole: float
+    rows: Array
+    entry: NDArray[np.int64]
+    number: Array
 
 
 class Model(NamedTuple):
@@ -271,6 +307,8 @@ class Model(NamedTuple):
         Coefficients of the states beside it.
     reads_states : bool
         Whether any of these is not zero.
+    laws : LawTable
+        Force laws of the suspension.
     """
 
     base: Array
@@ -297,6 +335,7 @@ class Model(NamedTuple):
     by_row: Array
     by_state: Array
     reads_states: bool
+    laws: LawTable
 
 
 class FilterSettings(NamedTuple):
@@ -357,6 +396,8 @@ class Steps(NamedTuple):
         Those readings or the rails that they reached, SI units.
     restart : (N,) bool array
         Steps over which the inputs are unknown: the motion starts anew at their ends.
+    ends : (N, 2, ne) array
+        Measured inputs at the beginning and at the end of each step, m/s².
     """
 
     step: Array
@@ -365,3 +406,4 @@ class Steps(NamedTuple):
     kind: NDArray[np.int8]
     reading: Array
     restart: NDArray[np.bool_]
+    ends: Array

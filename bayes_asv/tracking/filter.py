@@ -79,6 +79,7 @@ def initial_state(model: FilterModel) -> State:
         statistics=statistics,
         snapshots=_snapshots(mu, D),
         autocovariance=autocovariance,
+        force_history=np.zeros((3, sizes.forces, 1 + 2 * p if sizes.forces else 0)),
     )
 
 
@@ -266,8 +267,8 @@ class OnlineFilter:
         self._settled_passes = self._settled_passes + 1 if moved < _SETTLED else 0
         if _is_valid(state):
             self.state = state
-        scale = self.model.arrays.scale[: self.model.sizes.answers]
-        widest = np.max(self._parameter_sd() * scale)
+        na = len(self.model.coordinates.answers)
+        widest = np.max(self._parameter_sd()[:na] * self.model.arrays.scale[:na])
         self._passes = self._passes + 1 if widest < _KNOWN else 0
         if self._passes and (
             self._settled_passes >= _SETTLED_PASSES or self._passes >= _MAX_PASSES

@@ -294,9 +294,12 @@ class StreamingTimeline:
         ne, ny = len(self._wheels), len(self._outputs)
         moments = np.empty((total, ne, ORDER))
         spread = np.empty((total, 2 * ne))
+        ends = np.empty((total, 2, ne))
         covered = step <= self._max_gap
         for e, wheel in enumerate(self._wheels):
-            moments[:, e], wheel_spread, wheel_covered = wheel.integrate(instants, start)
+            moments[:, e], wheel_spread, wheel_covered, ends[:, :, e] = wheel.integrate(
+                instants, start
+            )
             spread[:, e], spread[:, ne + e] = wheel_spread[:, 0], wheel_spread[:, 1]
             covered &= wheel_covered
         kind = np.full((total, ny), MISSING, np.int8)
@@ -308,11 +311,11 @@ class StreamingTimeline:
         self._step_count += total
         self._end = float(instants[-1])
         restart = ~covered & (step > 0.0)
-        return Steps(step, moments, spread, kind, reading, restart)
+        return Steps(step, moments, spread, kind, reading, restart, ends)
 
     def _no_steps(self) -> Steps:
         ne, ny = len(self._wheels), len(self._outputs)
         return Steps(
             np.empty(0), np.empty((0, ne, ORDER)), np.empty((0, 2 * ne)),
-            np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool),
+            np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool), np.empty((0, 2, ne)),
         )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from bayes_asv.analysis.input_mistakes import Doubt
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
 from bayes_asv.tracking.consistency import ConsistencySummary
 from bayes_asv.tracking.filter import parameter_covariance
 from bayes_asv.tracking.frames import Frames, concatenate
@@ -133,6 +134,7 @@ def track(
     vehicle: Vehicle,
     *,
     car: str = "half",
+    effects: Sequence[Site] = (),
     forget: float | None = None,
     engine: str = "compiled",
     progress: Callable[[float, str], None] | None = None,
@@ -147,6 +149,8 @@ def track(
         The car.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
+    effects : sequence of Site
+        Effects that the car or its sensors have.
     forget, engine
         As for :class:`bayes_asv.tracking.tracker.Tracker`.
     progress : callable, optional
@@ -164,7 +168,9 @@ def track(
     """
     began = time.perf_counter()
     acc = accelerations(recording, vehicle).T
-    tracker = tracker_for(recording, vehicle, car=car, forget=forget, engine=engine)
+    tracker = tracker_for(
+        recording, vehicle, car=car, effects=effects, forget=forget, engine=engine
+    )
     parts = []
     chunk = _CHUNK if engine == "compiled" else _REFERENCE_CHUNK
     for at in range(0, len(recording.time), chunk):
