@@ -51,6 +51,7 @@ from bayes_asv.filters.noise_adaptation import (
     take_snapshot,
     update_autocovariance,
     update_noise_factor,
+    update_white_share,
 )
 from bayes_asv.filters.predicted_measurement import (
     SIGMA_DISTANCE,
@@ -232,7 +233,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         )  # fmt: skip
         scores, autocovariance, snapshots = state.statistics, state.autocovariance, state.snapshots
         # Taken out of their records once: compiled code counts references at every look.
-        step, moments, spread, kinds, values, restart, ends = steps
+        step, moments, spread, kinds, values, restart, ends, tested = steps
         noise, share, start, input_bias = model.noise, model.share, model.start, model.input_bias
         parameter_noise, drift_noise = model.parameter_noise, model.drift_noise
         element, log, centre, scale = model.element, model.log, model.centre, model.scale
@@ -279,16 +280,18 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         h_transition = h_decay = -1.0
         lanes_current = False
         new_laws = True  # since the last step with forces
+        limit = math.sqrt(settings.gate)
 
         for k in range(first, step.shape[0]):
             noise_factors(ny, at, scores, settings, noise_factor)
+            white = scores[at.white_share]
             for u in range(ne):
                 input_factor[u] = 0.0
                 for o in range(ny):
                     input_factor[u] += share[u, o] * noise_factor[o]
-                filtered[u] = noise[ne + ny + u] * input_factor[u]
+                filtered[u] = (1.0 - white) * noise[ne + ny + u] * input_factor[u]
             for o in range(ny):
-                filtered[ne + o] = noise[2 * ne + ny + o] * noise_factor[o]
+                filtered[ne + o] = (1.0 - white) * noise[2 * ne + ny + o] * noise_factor[o]
             h = step[k]
             if h > 0.0 and not fixed:
                 has_noise = False
@@ -354,7 +357,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                     for i in range(p):
                         J[i, nx + ny + nd + c] *= decay[ny + nd + c]
                 for u in range(ne):
-                    intensity[u] = input_factor[u] * (noise[u] * spread[k, u] + spread[k, ne + u])
+                    variance = noise[u] + white * noise[ne + ny + u]
+                    intensity[u] = input_factor[u] * (variance * spread[k, u] + spread[k, ne + u])
                 _advance_covariance(
                     sizes, Pi, T, phi, gamma, by_bias, Q, decay, intensity, filtered
                 )
@@ -422,7 +426,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                                 * B[output_row[a], output_row[b]]
                             )  # fmt: skip
                         interaction[a] = by * by * B[output_row[a], output_row[a]]
-                        given_d[a, a] += noise_factor[a] * noise[ne + a]
+                        variance = noise[ne + a] + white * noise[2 * ne + ny + a]
+                        given_d[a, a] += noise_factor[a] * variance
                         parameter_variance(g[a], F, Fg[a])
                         mean[a] = predicted[a]
                         for i in range(p):
@@ -448,7 +453,13 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                     scores[at.log_likelihood] -= 0.5 * (_LOG_2PI + math.log(S) + ratio)
                     if not fixed:
                         out[k, into.innovation + o] = nu / math.sqrt(S)
-                        if interaction[o] < _MAX_INTERACTION * S:
+                        if tested[k] and interaction[o] < _MAX_INTERACTION * S:
+                            clipped = min(max(nu / math.sqrt(S), -limit), limit)
+                            update_white_share(
+                                at, scores, settings.slow_window * ny, autocovariance[o, 0, 0],
+                                clipped, math.exp(-noise[2 * (ne + ny) + ne + o] * h),
+                                noise_factor[o] * noise[2 * ne + ny + o] / S,
+                            )  # fmt: skip
                             update_noise_factor(at, scores, settings, o, ratio, noise_factor[o])
                             update_autocovariance(autocovariance[o], nu / math.sqrt(S), settings)
                             nis += ratio

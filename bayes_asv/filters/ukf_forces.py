@@ -40,8 +40,10 @@ _GRID_FIRST, _GRID_STEP, _GRID_POINTS = -10.0, 0.05, 401  # of ukf_state.GRID
 
 
 class ForceWorkspace(NamedTuple):
-    """Arrays of :func:`propagate_with_forces`, named as in :mod:`.prediction` and
-    :mod:`.suspension_forces`; each ends in an axis of lanes, one a sigma point.
+    """Arrays of :func:`propagate_with_forces`.
+
+    They are named as in :mod:`.prediction` and :mod:`.suspension_forces`; most end in an axis of
+    lanes, one a sigma point.
     """
 
     A: Array

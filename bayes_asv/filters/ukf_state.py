@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "DRIFT_LAGS", "GRID", "Columns", "FilterSettings", "LawTable", "Model", "Sizes", "State", "Statistics", "Steps",
+    "DRIFT_LAGS", "GRID", "Columns", "FilterSettings", "LawTable", "Model",
+    "Sizes", "State", "Statistics", "Steps",
     "columns", "sizes", "statistics",
 ]  # fmt: skip
 
@@ -119,6 +120,8 @@ class Statistics(NamedTuple):
         First of ny: recent mean and variance of the estimated output.
     last_step : int
         Length of the last step, s; zero where the motion began anew.
+    white_share, white_information : int
+        Share of the noise that is white although the sensor has a filter, and its information.
     length : int
         Number of places.
     """
@@ -137,6 +140,8 @@ class Statistics(NamedTuple):
     motion_mean: int
     motion_variance: int
     last_step: int
+    white_share: int
+    white_information: int
     length: int
 
 
@@ -146,7 +151,7 @@ def statistics(outputs: int) -> Statistics:
     s = 3 * ny
     return Statistics(
         0, ny, 2 * ny, s, s + 1, s + 2, s + 3, s + 4, s + 5, s + 6, s + 7, s + 8, s + 8 + ny,
-        s + 8 + 2 * ny, s + 9 + 2 * ny,
+        s + 8 + 2 * ny, s + 9 + 2 * ny, s + 10 + 2 * ny, s + 11 + 2 * ny,
     )  # fmt: skip
 
 
@@ -398,6 +403,9 @@ class Steps(NamedTuple):
         Steps over which the inputs are unknown: the motion starts anew at their ends.
     ends : (N, 2, ne) array
         Measured inputs at the beginning and at the end of each step, m/s².
+    tested : (N,) bool array
+        Whether the readings at its end test the noise; those of a car that stands still on coarse
+        converters do not.
     """
 
     step: Array
@@ -407,3 +415,4 @@ class Steps(NamedTuple):
     reading: Array
     restart: NDArray[np.bool_]
     ends: Array
+    tested: NDArray[np.bool_]

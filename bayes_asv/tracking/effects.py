@@ -1,11 +1,11 @@
-"""Effects in the online filter: their coordinates, and force laws as tables that compiled code reads.
+"""Effects in the online filter: their coordinates, and force laws as tables for compiled code.
 
-An effect that a user names has the wide prior of its parameters, as in ``estimate``.  Parameters of a
-force law are coordinates of their own.  A wrong given value or gain is one more term in the prior of
-a coordinate that is there anyway; what is said of the effect follows from that coordinate by linear
-regression.  A force, of which there cannot be less than nothing, may become negative in the filter,
-whose beliefs are normal; what is reported is its distribution given that it is positive, which is
-what a half-normal prior leads to.
+An effect that a user names has the wide prior of its parameters, as in ``estimate``.  Parameters of
+a force law are coordinates of their own.  A wrong given value or gain is one more term in the prior
+of a coordinate that is there anyway; what is said of the effect follows from that coordinate by
+linear regression.  A force, of which there cannot be less than nothing, may become negative in the
+filter, whose beliefs are normal; what is reported is its distribution given that it is positive,
+which is what a half-normal prior leads to.
 """
 
 from __future__ import annotations
@@ -20,18 +20,25 @@ from scipy.special import ndtri
 from scipy.stats import truncnorm
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.quantities import NORMAL_975
+from bayes_asv.filters.force_laws import SERIES_STIFFNESS
 from bayes_asv.filters.ukf_state import GRID, LawTable
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Parameter, Scale, Site
 from bayes_asv.posterior.parameters import effect_scale
 
-__all__ = ["EffectParameter", "check_trackable", "effect_parameters", "law_table", "with_car_effects"]
+__all__ = [
+    "EffectParameter",
+    "check_trackable",
+    "effect_parameters",
+    "law_table",
+    "with_car_effects",
+]
 
 Array = NDArray[np.float64]
 
 _FEWEST_COLUMNS = 6  # of a table of laws: element, code and four numbers
-_QUANTILES = np.linspace(0.0, 1.0, 402)[1:-1]  # from which moments are taken
+_PROBABILITIES = (np.arange(1000) + 0.5) / 1000
+_NODES = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))
 _FIX = "estimate with it instead, or leave it out"
 
 
@@ -71,21 +78,24 @@ class EffectParameter:
         return np.asarray(one.value(z, Scale(self.size, self.size)))
 
     def quantiles(self, p: Array, mean: float, sd: float) -> Array:
-        """Quantiles of the value where its coordinate is normal."""
+        """Quantiles of the value where its coordinate is normal; a force is positive."""
         if self.parameter.form == "positive" and not self.linear:
-            # The mirror image of a negative force is as good: the sign is a matter of taste.
-            low = -abs(mean) / sd
-            return self.values(abs(mean) + sd * truncnorm.ppf(p, low, math.inf))
+            return self.values(mean + sd * truncnorm.ppf(p, -mean / sd, math.inf))
         return self.values(mean + sd * ndtri(p))
 
-    def summary(self, mean: float, sd: float) -> dict[str, float]:
-        """Mean, median, standard deviation and 95 % interval of the value."""
-        low, median, high = self.quantiles(np.array([0.025, 0.5, 0.975]), mean, sd)
-        draws = self.quantiles(_QUANTILES, mean, sd)
-        return {
-            "mean": float(draws.mean()), "median": float(median), "sd": float(draws.std()),
-            "low": float(low), "high": float(high),
-        }  # fmt: skip
+    def draws(self, mean: float, sd: float) -> Array:
+        """Values at evenly spaced probabilities, which stand for draws."""
+        return self.quantiles(_PROBABILITIES, mean, sd)
+
+    def moments(self, mean: Array, sd: Array) -> tuple[Array, Array]:
+        """Means and standard deviations of the value along a recording, each (N,).
+
+        By Gauss–Hermite quadrature with three nodes.
+        """
+        values = np.stack([self.values(mean + side * sd) for side in _NODES])
+        weights = np.array([1.0, 4.0, 1.0]) / 6.0
+        average = weights @ values
+        return average, np.sqrt(weights @ (values - average) ** 2)
 
 
 def check_trackable(car: CarModel, sites: Sequence[Site], channels: Sequence[str]) -> None:
@@ -108,18 +118,24 @@ def check_trackable(car: CarModel, sites: Sequence[Site], channels: Sequence[str
                 where, "has no meaning online: it is a loss up to the end of a recording",
                 "leave it out, and follow the damper with --forget 60",
             )  # fmt: skip
-        if effect.acts == "reading" and effect.on_gain is None or effect.on_pole is not None:
+        if effect.fault:
             raise InputError(
                 where,
                 "cannot be tracked: undoing it needs readings before and after the one at hand",
                 _FIX,
+            )
+        if effect.code == SERIES_STIFFNESS:
+            raise InputError(
+                where, "cannot be tracked: its force has a state of its own in each damper", _FIX
             )
         if effect.code >= 0 and not _is_separable(site, effect_scale(car)):
             raise InputError(
                 where, "cannot be tracked: its law is no table of one parameter each", _FIX
             )
         if effect.acts == "suspension" and not site.elements(car):
-            raise InputError(where, f"is at no suspension of the {car.name} car", "name another place")
+            raise InputError(
+                where, f"is at no suspension of the {car.name} car", "name another place"
+            )
         if effect.acts == "reading" and not site.channels(channels):
             raise InputError(where, "is of a channel that is not measured", "name another channel")
         if effect.acts == "car" and not _affected(car, site):
@@ -240,10 +256,3 @@ def _of_fraction(car: CarModel, site: Site) -> bool:
     if site.effect.acts != "car":
         return False
     return any(car.parameters[k].kind == "fraction" for k in _affected(car, site))
-
-
-def interval(effect: EffectParameter, mean: Array, sd: Array) -> tuple[Array, Array, Array]:
-    """Median and ends of the 95 % intervals of a value along a recording, each (N,)."""
-    ends = (effect.values(mean + side * NORMAL_975 * sd) for side in (-1.0, 0.0, 1.0))
-    low, median, high = ends
-    return low, median, high

@@ -75,13 +75,12 @@ class Frames:
         return len(self.time)
 
 
-def empty_frames(
-    answers: int = 3, elements: int = 2, outputs: int = 2, effects: int = 0
-) -> Frames:
+def empty_frames(answers: int = 3, elements: int = 2, outputs: int = 2, effects: int = 0) -> Frames:
     """Frames without a row; by default of the half car with its four accelerometers."""
     columns = {
         "median": answers, "log_sd": answers, "deflection": elements, "deflection_sd": elements,
-        "effect": effects, "effect_sd": effects, "measured": outputs, "predicted": outputs, "predicted_sd": outputs,
+        "effect": effects, "effect_sd": effects, "measured": outputs, "predicted": outputs,
+        "predicted_sd": outputs,
     }  # fmt: skip
     empty = {
         f.name: np.empty((0, columns[f.name]) if f.name in columns else 0) for f in fields(Frames)

@@ -1,10 +1,11 @@
 """Parameters of the car that the online filter estimates, their coordinates and their priors.
 
 Each parameter that is not exact is one coordinate: those that are asked for first, then those of
-force laws, then every given value with a standard deviation, then the scales of sensors.  All are logarithms but fractions.
-Parameters whose priors share an unknown, such as the springs of both sides of an axle, are
-correlated a priori.  The accelerations depend on ratios to the mass alone; the mass is a coordinate
-all the same, so that its uncertainty is part of every answer.
+force laws, then every given value with a standard deviation, then the scales of sensors.  All are
+logarithms but fractions and those of force laws, which are standard normal.  Parameters whose
+priors share an unknown, such as the springs of both sides of an axle, are correlated a priori.  The
+accelerations depend on ratios to the mass alone; the mass is a coordinate all the same, so that its
+uncertainty is part of every answer.
 """
 
 from __future__ import annotations
@@ -83,6 +84,11 @@ class Coordinates:
     def answers(self) -> tuple[str, ...]:
         """Names of the parameters that are asked for, which come first."""
         return tuple(name for name in self.car.estimated if name in self.names)
+
+    @property
+    def sites(self) -> tuple[Site, ...]:
+        """The effects."""
+        return tuple(dict.fromkeys(effect.site for effect in self.effects))
 
     @property
     def law_effects(self) -> tuple[EffectParameter, ...]:
@@ -231,5 +237,5 @@ def coordinates(
 
 
 def _deviation(terms: Sequence[tuple[str, float, float]]) -> float:
-    """Standard deviation of a sum of independent terms."""
+    """Return the standard deviation of a sum of independent terms."""
     return math.sqrt(sum((weight * sd) ** 2 for _, weight, sd in terms))

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Timing
@@ -24,6 +25,12 @@ from bayes_asv.filters.ukf_state import Steps
 from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import min_sampling_rate
+from bayes_asv.preprocessing.quantization import (
+    STILL_STEPS,
+    STILL_WINDOW,
+    slow_steps,
+    still_variance,
+)
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -110,6 +117,46 @@ def max_gap(rate: float) -> float:
     return max(_GAP_ROWS / rate, _GAP_SECONDS) * (1.0 + 1e-6)
 
 
+class _Stillness:
+    """Tells rows at which channels hardly move on coarse converters.
+
+    The errors of a converter whose reading stands still are no white noise: they stay as they are
+    (:mod:`bayes_asv.preprocessing.quantization`).
+
+    Parameters
+    ----------
+    sensors : SensorModel
+        With the noise of every channel.
+    rate : float
+        Rows per second, Hz.
+    """
+
+    def __init__(self, sensors: SensorModel, rate: float) -> None:
+        figures = zip(sensors.resolution, sensors.noise, sensors.poles, strict=True)
+        self.variance = np.array([still_variance(*map(float, f), 1.0 / rate) for f in figures])
+        self._window = max(round(STILL_WINDOW * rate), 3)
+        coarse = self.variance > 0.0
+        self._still = np.where(coarse, STILL_STEPS * sensors.resolution, 0.0)
+        self._slow = np.where(coarse, slow_steps(self._window) * sensors.resolution, 0.0)
+        self._before = np.full((len(coarse), self._window - 1), np.nan)
+
+    def update(self, value: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether each channel stands still, and moves slowly, at rows (C, n)."""
+        if not self.variance.any():
+            none = np.zeros(value.shape, bool)
+            return none, none
+        value = np.concatenate([self._before, value], axis=1)
+        self._before = value[:, value.shape[1] - self._window + 1 :].copy()
+        known = np.isfinite(value)
+        shift = (self._window - 1) // 2  # the window ends with the row
+        high, low = (
+            extreme(np.where(known, value, side), self._window, axis=1, origin=shift)
+            for extreme, side in ((maximum_filter1d, -np.inf), (minimum_filter1d, np.inf))
+        )
+        span = (high - low)[:, self._window - 1 :]
+        return span < self._still[:, None], span < self._slow[:, None]
+
+
 class StreamingTimeline:
     """Schedules rows as they arrive.
 
@@ -151,6 +198,7 @@ class StreamingTimeline:
         self._wheels = [
             StreamingSpline(sensors.interpolation_noise(c, rate), gap) for c in self._inputs
         ]
+        self._stillness = _Stillness(sensors, rate)
         self._origin: float | None = None
         self._last_stamp = -math.inf
         self._end: float | None = None  # of the last step
@@ -163,6 +211,9 @@ class StreamingTimeline:
         self._kind = np.empty((0, ny), np.int8)
         self._step = np.empty((0, ny), np.int64)
         self._scheduled = np.empty((0, ny), bool)
+        # whether each input stands still, and whether the row tests the noise
+        self._still = np.empty((0, len(self._inputs)), bool)
+        self._tested = np.empty(0, bool)
 
     def push(self, times: Array, acc: Array) -> TimelineChunk:
         """Add rows; return the steps and rows that became ready.
@@ -191,6 +242,13 @@ class StreamingTimeline:
         for wheel in self._wheels:
             wheel.finish()
         return self._ready(everything=True)
+
+    def complete(self) -> None:
+        """Fill what a checkpoint of an earlier version lacks of pending rows."""
+        lacking = len(self._stamp) - len(self._tested)
+        if lacking:
+            self._still = np.zeros((lacking, len(self._inputs)), bool)
+            self._tested = np.ones(lacking, bool)
 
     def _check(self, times: Array, acc: Array) -> None:
         count = len(self._sensors.channels)
@@ -236,7 +294,11 @@ class StreamingTimeline:
             wheel.push(true[c], value[c], low[c], high[c])
         kind = np.where(high, AT_LEAST, np.where(low, AT_MOST, VALUE)).astype(np.int8)
         kind[~np.isfinite(value)] = MISSING
+        still, slow = self._stillness.update(value)
         outputs, ny = self._outputs, len(self._outputs)
+        # What does not move tells only a zero that is off by up to a step, the more believed the
+        # longer it waits.
+        kind[:, still.all(axis=0)] = MISSING
         n = len(times)
         self._stamp = np.concatenate([self._stamp, times])
         self._time = np.concatenate([self._time, true[outputs].T])
@@ -244,6 +306,8 @@ class StreamingTimeline:
         self._kind = np.concatenate([self._kind, kind[outputs].T])
         self._step = np.concatenate([self._step, np.full((n, ny), -1)])
         self._scheduled = np.concatenate([self._scheduled, np.zeros((n, ny), bool)])
+        self._still = np.concatenate([self._still, still[self._inputs].T])
+        self._tested = np.concatenate([self._tested, ~slow[self._inputs].all(axis=0)])
 
     def _ready(self, everything: bool = False) -> TimelineChunk:
         """Schedule the readings before the horizon, and return the rows that are complete."""
@@ -267,7 +331,9 @@ class StreamingTimeline:
         complete = int(np.argmin(np.append(done, False)))
         measured = np.where(self._kind[:complete] == VALUE, self._reading[:complete], np.nan)
         rows = Rows(self._stamp[:complete], self._step[:complete], measured)
-        for name in ("_stamp", "_time", "_reading", "_kind", "_step", "_scheduled"):
+        for name in (
+            "_stamp", "_time", "_reading", "_kind", "_step", "_scheduled", "_still", "_tested",
+        ):  # fmt: skip
             setattr(self, name, getattr(self, name)[complete:])
         if self._end is not None:
             for wheel in self._wheels:
@@ -302,6 +368,11 @@ class StreamingTimeline:
             )
             spread[:, e], spread[:, ne + e] = wheel_spread[:, 0], wheel_spread[:, 1]
             covered &= wheel_covered
+        # the row at whose reading a step, or the last part of it, ends
+        row_of_step = row[new][np.searchsorted(end, np.arange(total))]
+        tested = self._tested[row_of_step]
+        doubt = self._stillness.variance[self._inputs] * self._still[row_of_step]
+        spread[:, ne:] += doubt * spread[:, :ne]
         kind = np.full((total, ny), MISSING, np.int8)
         reading = np.zeros((total, ny))
         at = end[instant]
@@ -311,11 +382,12 @@ class StreamingTimeline:
         self._step_count += total
         self._end = float(instants[-1])
         restart = ~covered & (step > 0.0)
-        return Steps(step, moments, spread, kind, reading, restart, ends)
+        return Steps(step, moments, spread, kind, reading, restart, ends, tested)
 
     def _no_steps(self) -> Steps:
         ne, ny = len(self._wheels), len(self._outputs)
         return Steps(
             np.empty(0), np.empty((0, ne, ORDER)), np.empty((0, 2 * ne)),
             np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool), np.empty((0, 2, ne)),
+            np.empty(0, bool),
         )  # fmt: skip

@@ -15,7 +15,6 @@ from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.tracking.consistency import ConsistencySummary
-from bayes_asv.tracking.filter import parameter_covariance
 from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.parameters import Coordinates
 from bayes_asv.tracking.tracker import Tracker, tracker_for
@@ -117,6 +116,16 @@ class TrackResult:
             values = {name: vectors[:, k] for k, name in enumerate(car.names)}
         return values if car.derived is None else {**values, **car.derived(values)}
 
+    @property
+    def effects(self) -> dict[Site, dict[str, Array]]:
+        """Values, in place of draws, of the reported parameters of each effect, SI units."""
+        found: dict[Site, dict[str, Array]] = {site: {} for site in self.coordinates.sites}
+        moments = self.coordinates.effect_moments(self.mean, self.covariance)
+        for effect, mean, sd in zip(self.coordinates.effects, *moments, strict=True):
+            if not effect.parameter.shape:
+                found[effect.site][effect.parameter.name] = effect.draws(float(mean), float(sd))
+        return found
+
     def log_moments(self, name: str) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of a parameter or a derived quantity.
 
@@ -217,8 +226,7 @@ def conclude(
     mean, covariance = np.zeros(len(space)), np.eye(len(space))
     resets: tuple[float, ...] = ()
     if tracker.started:
-        state = tracker.filter.state
-        mean, covariance = state.mu.copy(), parameter_covariance(state)
+        mean, covariance = tracker.belief
         resets = tuple(tracker.filter.resets)
     reasons = tracker.unanswered(name)
     doubt = tracker.input_doubt(name, refused=bool(reasons))

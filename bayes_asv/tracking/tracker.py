@@ -54,6 +54,8 @@ _ESTIMATED_PRIOR_READINGS = 4.0  # readings that such an estimate is worth
 # Steps are kept this long (s) for rows whose readings were scheduled at different times.
 _RECENT_SECONDS = 1.2
 _MIN_RECENT = 64  # steps
+# After a fault, in which the filter has either learnt what changed or finds it at fault again.
+_SUSPECT_SECONDS = 2.0 * DEFAULT_SETTINGS.fault_duration
 
 
 class Tracker:
@@ -153,6 +155,7 @@ class Tracker:
         self.data_checks = DataChecks(rate, len(names))
         self._lively = LivelyRows(self._sensors.channels, metadata)
         self._standstill: StandstillBias | None = None
+        self._last_fault = -math.inf  # stamp of the last row at which the readings did not fit
         if self._noise_declared and not twists(model):
             self._start_filter(self._sensors)
 
@@ -433,9 +436,7 @@ class Tracker:
     def _start_filter(self, sensors: SensorModel) -> None:
         self._sensors = sensors
         self._timeline = StreamingTimeline(self.vehicle, sensors, self.rate, self.timing)
-        model = filter_model(
-            self.coordinates, sensors, self.forget, self._standstill, self.rate
-        )
+        model = filter_model(self.coordinates, sensors, self.forget, self._standstill, self.rate)
         settings = DEFAULT_SETTINGS
         if not self._noise_declared:
             settings = settings._replace(prior_readings=_ESTIMATED_PRIOR_READINGS)
@@ -506,15 +507,17 @@ class Tracker:
         innovations = np.nan_to_num(by_output(into.innovation))
         noise_factor = at_last[:, into.noise_factor : into.noise_factor + ny]
         window = self.consistency.update(nis, count, innovations, noise_factor)
+        wider = np.sqrt(self._suspect(stamp, np.maximum.reduce(noise_factor.T)).astype(np.float64))
+        sd = np.hypot(at_last[:, into.sd : into.sd + sizes.answers], wider[:, None])
         deflection = at_last[:, into.deflection : into.deflection + ne].copy()
         deflection_sd = at_last[:, into.deflection_sd : into.deflection_sd + ne].copy()
         deflection[missing] = deflection_sd[missing] = np.nan
         return Frames(
             time=stamp,
             median=np.exp(self.coordinates.log_parameters(at_last[:, into.mean : into.mean + na])),
-            log_sd=self.coordinates.scale[:na] * at_last[:, into.sd : into.sd + na],
+            log_sd=self.coordinates.scale[:na] * sd[:, :na],
             effect=at_last[:, into.mean + na : into.mean + sizes.answers],
-            effect_sd=at_last[:, into.sd + na : into.sd + sizes.answers],
+            effect_sd=sd[:, na:],
             deflection=deflection,
             deflection_sd=deflection_sd,
             measured=measured,
@@ -528,6 +531,26 @@ class Tracker:
             consistent=window.consistent,
             inflation=np.sqrt(np.maximum(np.maximum.reduce(noise_factor.T), 1.0)),
         )
+
+    def _suspect(self, stamp: Array, noise_factor: Array) -> NDArray[np.bool_]:
+        """Whether a sensor is faulty or the car has changed, at rows (R,).
+
+        Until the filter knows which, what it says has the uncertainty of the prior besides its own.
+        """
+        fault = np.where(noise_factor > DEFAULT_SETTINGS.fault_threshold, stamp, self._last_fault)
+        latest = np.maximum.accumulate(fault)
+        self._last_fault = float(latest[-1])
+        return np.asarray(stamp - latest < _SUSPECT_SECONDS)
+
+    @property
+    def belief(self) -> tuple[Array, Array]:
+        """Mean (p,) and covariance (p, p) of the coordinates after the last row."""
+        state = self.filter.state
+        covariance = parameter_covariance(state)
+        if self.data_checks.last - self._last_fault < _SUSPECT_SECONDS:
+            reported = range(self.filter.model.sizes.answers)
+            covariance[reported, reported] += 1.0
+        return state.mu.copy(), covariance
 
 
 def _scale_sds(vehicle: Vehicle, names: Sequence[str], counts: Sequence[bool]) -> list[float]:
