@@ -79,6 +79,8 @@ from bayes_asv.filters.simd_batch import (
 from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
 from bayes_asv.filters.ukf_forces import force_workspace, propagate_with_forces
 from bayes_asv.filters.ukf_state import (
+    ALL,
+    NOTHING,
     Columns,
     FilterSettings,
     Model,
@@ -233,7 +235,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         )  # fmt: skip
         scores, autocovariance, snapshots = state.statistics, state.autocovariance, state.snapshots
         # Taken out of their records once: compiled code counts references at every look.
-        step, moments, spread, kinds, values, restart, ends, tested = steps
+        step, moments, spread, kinds, values, restart, ends, use = steps
         noise, share, start, input_bias = model.noise, model.share, model.start, model.input_bias
         parameter_noise, drift_noise = model.parameter_noise, model.drift_noise
         element, log, centre, scale = model.element, model.log, model.centre, model.scale
@@ -379,12 +381,12 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
             for o in range(ny):
                 if not fixed:
                     out[k, into.innovation + o] = 0.0
-                kind = kinds[k, o]
+                kind = kinds[k, o] if use[k] != NOTHING else MISSING
                 readings = readings or kind != MISSING
                 joint = joint and kind in (MISSING, VALUE)
             processed = False
             for o in range(ny):
-                kind = kinds[k, o]
+                kind = kinds[k, o] if use[k] != NOTHING else MISSING
                 if o == 0 or (processed and not joint and kind != MISSING):
                     if o > 0 and not fixed:  # a bound is not linear: use the updated belief
                         recentre(ns, mu, D, x, J, m, F)
@@ -453,7 +455,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                     scores[at.log_likelihood] -= 0.5 * (_LOG_2PI + math.log(S) + ratio)
                     if not fixed:
                         out[k, into.innovation + o] = nu / math.sqrt(S)
-                        if tested[k] and interaction[o] < _MAX_INTERACTION * S:
+                        if use[k] == ALL and interaction[o] < _MAX_INTERACTION * S:
                             clipped = min(max(nu / math.sqrt(S), -limit), limit)
                             update_white_share(
                                 at, scores, settings.slow_window * ny, autocovariance[o, 0, 0],
@@ -522,6 +524,9 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 continue
             if readings:
                 recentre(ns, mu, D, x, J, m, F)
+            # A run may end at any reading, heard or not: what the next one begins with is computed
+            # anew in either case, so that the size of chunks has no effect.
+            if readings or use[k] == NOTHING:
                 lanes_current = False
             if count > 0:
                 detect_drift(ny, at, scores, autocovariance, settings.drift_threshold)

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 DRIFT_LAGS: Final = 8
 """Largest lag (readings) of the innovations' autocovariance that the drift detector uses."""
+NOTHING, STATES, ALL = 0, 1, 2  # what readings are good for
 GRID: Final = np.linspace(-10.0, 10.0, 401)
 """Places of a coordinate, prior standard deviations, at which the numbers of a law are kept."""
 
@@ -403,9 +404,9 @@ class Steps(NamedTuple):
         Steps over which the inputs are unknown: the motion starts anew at their ends.
     ends : (N, 2, ne) array
         Measured inputs at the beginning and at the end of each step, m/s².
-    tested : (N,) bool array
-        Whether the readings at its end test the noise; those of a car that stands still on coarse
-        converters do not.
+    use : (N,) int8 array
+        What the readings at its end are good for: ``NOTHING``, ``STATES`` (they do not test the
+        noise) or ``ALL``; those of a car that stands still on coarse converters are good for less.
     """
 
     step: Array
@@ -415,4 +416,4 @@ class Steps(NamedTuple):
     reading: Array
     restart: NDArray[np.bool_]
     ends: Array
-    tested: NDArray[np.bool_]
+    use: NDArray[np.int8]

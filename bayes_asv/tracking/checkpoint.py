@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, read_bytes, write_atomically
-from bayes_asv.filters.ukf_state import State, Steps
+from bayes_asv.filters.ukf_state import ALL, State, Steps
 from bayes_asv.tracking.filter import WHITE_SHARE_PRIOR
 from bayes_asv.tracking.streaming_timeline import StreamingTimeline
 
@@ -57,7 +57,7 @@ _FIELDS: Final[dict[str, dict[str, str]]] = {
         "_step": "_step",
         "_done": "_scheduled",
         "_still": "_still",
-        "_tested": "_tested",
+        "_use": "_use",
         "_stillness": "_stillness",
     },
     "_Stillness": {"_before": "_before"},
@@ -113,7 +113,7 @@ _FIELDS: Final[dict[str, dict[str, str]]] = {
     },
 }
 # What files of earlier versions lack.
-_ADDED: Final = ("_last_fault", "_still", "_tested", "_stillness")
+_ADDED: Final = ("_last_fault", "_still", "_use", "_stillness")
 _RECORDS: Final[dict[str, Callable[..., Any]]] = {"State": State, "Steps": Steps}
 
 
@@ -209,7 +209,7 @@ def _completed(record: str, parts: list[Any]) -> list[Any]:
     """Add what a record of an earlier version lacks, which knew no force laws."""
     if record == "Steps" and len(parts) == 6:
         steps, elements = parts[1].shape[:2]
-        parts += [np.zeros((steps, 2, elements)), np.ones(steps, bool)]
+        parts += [np.zeros((steps, 2, elements)), np.full(steps, ALL, np.int8)]
     elif record == "State" and len(parts) == 10:
         parts[7] = np.concatenate([parts[7], [0.0, *WHITE_SHARE_PRIOR]])
         parts.append(np.zeros((3, 0, 0)))

@@ -20,7 +20,7 @@ from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.noise_adaptation import SNAPSHOT_INTERVAL
 from bayes_asv.filters.prediction import upper_tail
 from bayes_asv.filters.ukf import DONE, SIGMA_DISTANCE
-from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
+from bayes_asv.filters.ukf_state import ALL, NOTHING, FilterSettings, State, Steps
 from bayes_asv.models.car_model import state_space
 from bayes_asv.tracking.filter_model import FilterModel
 from bayes_asv.tracking.reference_noise_adaptation import NoiseAdaptation
@@ -263,8 +263,9 @@ class _ReferenceFilter:
         self.learn = self.is_excited(h)
         self.redraw()
         row[into.innovation : into.innovation + self.sizes.outputs] = 0.0
-        self.tested, self.h = bool(steps.tested[k]), h
-        nis, count = self.condition(steps.kind[k], steps.reading[k], noise_factor, row)
+        self.tested, self.h = bool(steps.use[k] == ALL), h
+        kind = steps.kind[k] if steps.use[k] != NOTHING else np.full_like(steps.kind[k], MISSING)
+        nis, count = self.condition(kind, steps.reading[k], noise_factor, row)
         if count:
             self.adaptation.detect_drift()
         self.write_results(noise_factor, nis, count, row)

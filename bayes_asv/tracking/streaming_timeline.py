@@ -21,7 +21,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
-from bayes_asv.filters.ukf_state import Steps
+from bayes_asv.filters.ukf_state import ALL, NOTHING, STATES, Steps
 from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import min_sampling_rate
@@ -211,9 +211,9 @@ class StreamingTimeline:
         self._kind = np.empty((0, ny), np.int8)
         self._step = np.empty((0, ny), np.int64)
         self._scheduled = np.empty((0, ny), bool)
-        # whether each input stands still, and whether the row tests the noise
+        # whether each input stands still, and what the readings are good for
         self._still = np.empty((0, len(self._inputs)), bool)
-        self._tested = np.empty(0, bool)
+        self._use = np.empty(0, np.int8)
 
     def push(self, times: Array, acc: Array) -> TimelineChunk:
         """Add rows; return the steps and rows that became ready.
@@ -245,10 +245,10 @@ class StreamingTimeline:
 
     def complete(self) -> None:
         """Fill what a checkpoint of an earlier version lacks of pending rows."""
-        lacking = len(self._stamp) - len(self._tested)
+        lacking = len(self._stamp) - len(self._use)
         if lacking:
             self._still = np.zeros((lacking, len(self._inputs)), bool)
-            self._tested = np.ones(lacking, bool)
+            self._use = np.full(lacking, ALL, np.int8)
 
     def _check(self, times: Array, acc: Array) -> None:
         count = len(self._sensors.channels)
@@ -296,9 +296,6 @@ class StreamingTimeline:
         kind[~np.isfinite(value)] = MISSING
         still, slow = self._stillness.update(value)
         outputs, ny = self._outputs, len(self._outputs)
-        # What does not move tells only a zero that is off by up to a step, the more believed the
-        # longer it waits.
-        kind[:, still.all(axis=0)] = MISSING
         n = len(times)
         self._stamp = np.concatenate([self._stamp, times])
         self._time = np.concatenate([self._time, true[outputs].T])
@@ -307,7 +304,11 @@ class StreamingTimeline:
         self._step = np.concatenate([self._step, np.full((n, ny), -1)])
         self._scheduled = np.concatenate([self._scheduled, np.zeros((n, ny), bool)])
         self._still = np.concatenate([self._still, still[self._inputs].T])
-        self._tested = np.concatenate([self._tested, ~slow[self._inputs].all(axis=0)])
+        use = np.where(slow[self._inputs].all(axis=0), STATES, ALL)
+        # What does not move tells only a zero that is off by up to a step, the more believed the
+        # longer it waits.
+        use[still.all(axis=0)] = NOTHING
+        self._use = np.concatenate([self._use, use.astype(np.int8)])
 
     def _ready(self, everything: bool = False) -> TimelineChunk:
         """Schedule the readings before the horizon, and return the rows that are complete."""
@@ -332,7 +333,7 @@ class StreamingTimeline:
         measured = np.where(self._kind[:complete] == VALUE, self._reading[:complete], np.nan)
         rows = Rows(self._stamp[:complete], self._step[:complete], measured)
         for name in (
-            "_stamp", "_time", "_reading", "_kind", "_step", "_scheduled", "_still", "_tested",
+            "_stamp", "_time", "_reading", "_kind", "_step", "_scheduled", "_still", "_use",
         ):  # fmt: skip
             setattr(self, name, getattr(self, name)[complete:])
         if self._end is not None:
@@ -370,7 +371,7 @@ class StreamingTimeline:
             covered &= wheel_covered
         # the row at whose reading a step, or the last part of it, ends
         row_of_step = row[new][np.searchsorted(end, np.arange(total))]
-        tested = self._tested[row_of_step]
+        use = self._use[row_of_step]
         doubt = self._stillness.variance[self._inputs] * self._still[row_of_step]
         spread[:, ne:] += doubt * spread[:, :ne]
         kind = np.full((total, ny), MISSING, np.int8)
@@ -382,12 +383,12 @@ class StreamingTimeline:
         self._step_count += total
         self._end = float(instants[-1])
         restart = ~covered & (step > 0.0)
-        return Steps(step, moments, spread, kind, reading, restart, ends, tested)
+        return Steps(step, moments, spread, kind, reading, restart, ends, use)
 
     def _no_steps(self) -> Steps:
         ne, ny = len(self._wheels), len(self._outputs)
         return Steps(
             np.empty(0), np.empty((0, ne, ORDER)), np.empty((0, 2 * ne)),
             np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool), np.empty((0, 2, ne)),
-            np.empty(0, bool),
+            np.empty(0, np.int8),
         )  # fmt: skip

@@ -28,7 +28,7 @@ from bayes_asv.filters.simd_batch import (
     unscented_moments,
 )
 from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
-from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
+from bayes_asv.filters.ukf_state import ALL, FilterSettings, State, Steps
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.tracking.filter import initial_state
@@ -67,8 +67,9 @@ def _steps(laid: Prepared) -> Steps:
     h, moments, spread, kind, reading, _, _ = laid
     n = len(h)
     return Steps(
-        h, moments, spread, kind, reading, np.zeros(n, bool), np.zeros((n, 2, 2)), np.ones(n, bool)
-    )
+        h, moments, spread, kind, reading, np.zeros(n, bool), np.zeros((n, 2, 2)),
+        np.full(n, ALL, np.int8),
+    )  # fmt: skip
 
 
 @given(seed=st.integers(0, 10_000), bounds=st.booleans(), fixed=st.booleans())
