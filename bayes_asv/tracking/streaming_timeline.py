@@ -127,13 +127,17 @@ class _Stillness:
     ----------
     sensors : SensorModel
         With the noise of every channel.
+    declared : (C,) bool array
+        Whether the noise was given.  Otherwise it is learnt from the readings, at standstill as
+        well, whatever its cause.
     rate : float
         Rows per second, Hz.
     """
 
-    def __init__(self, sensors: SensorModel, rate: float) -> None:
+    def __init__(self, sensors: SensorModel, declared: NDArray[np.bool_], rate: float) -> None:
         figures = zip(sensors.resolution, sensors.noise, sensors.poles, strict=True)
-        self.variance = np.array([still_variance(*map(float, f), 1.0 / rate) for f in figures])
+        variance = [still_variance(*map(float, f), 1.0 / rate) for f in figures]
+        self.variance = np.where(declared, variance, 0.0)
         self._window = max(round(STILL_WINDOW * rate), 3)
         coarse = self.variance > 0.0
         self._still = np.where(coarse, STILL_STEPS * sensors.resolution, 0.0)
@@ -198,7 +202,8 @@ class StreamingTimeline:
         self._wheels = [
             StreamingSpline(sensors.interpolation_noise(c, rate), gap) for c in self._inputs
         ]
-        self._stillness = _Stillness(sensors, rate)
+        given = np.array([s.noise is not None for s in declared])
+        self._stillness = _Stillness(sensors, given, rate)
         self._origin: float | None = None
         self._last_stamp = -math.inf
         self._end: float | None = None  # of the last step

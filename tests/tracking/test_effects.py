@@ -14,6 +14,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.filters import kalman
 from bayes_asv.filters import ukf as unscented
+from bayes_asv.filters.ukf_state import ALL
 from bayes_asv.models.car_model import bias_directions, state_space
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import site
@@ -64,6 +65,7 @@ def test_with_known_parameters_it_is_the_filter_of_estimate(names: tuple[str, ..
     steps = StreamingTimeline(given, sensors, 400.0).push(
         recording.time, accelerations(recording, given).T
     ).steps  # fmt: skip
+    steps.use[:] = ALL  # the standstill at its beginning as well
     model = filter_model(coordinates(car, CHANNELS, sites=sites), sensors)
     nx = model.sizes.motion - model.sizes.forces
     model.arrays.start[range(nx, nx + 2), range(nx, nx + 2)] = 0.0
