@@ -215,8 +215,8 @@ def effects(options: argparse.Namespace) -> Row:
     """Track drives with effects: 100 of the first, a tenth of the others."""
     parts: Row = {}
     for name in EFFECTS:
-        runs = 100 if name == EFFECTS[0] else 20
-        rows = [with_effect(name, options.seed + k, compare=k < 4) for k in range(runs)]
+        runs = 100 if name == EFFECTS[0] else 12
+        rows = [with_effect(name, options.seed + k, compare=k < 2) for k in range(runs)]
         inside = sum(r["inside"] for r in rows)
         close = [r for r in rows if "shift" in r]
         parts[name] = {
@@ -259,7 +259,7 @@ def verdicts(options: argparse.Namespace) -> Row:
         "coulomb_friction@front", "progressive_spring@front",
     ):  # fmt: skip
         cases[f"not as declared: {fault}"] = [
-            mistaken(TERRAINS[k % 4], fault, s) for k, s in enumerate(seeds * 2)
+            mistaken(TERRAINS[k % 4], fault, s) for k, s in enumerate(seeds)
         ]
     parts = {
         name: {
