@@ -200,14 +200,14 @@ def coordinates(
         log = one.kind != "fraction"
         rows.append((one.name, number, log, math.log(one.nominal) if log else one.nominal, sd))
     for number, (name, sd) in enumerate(zip(channels, scale_sd, strict=True), len(car.parameters)):
-        terms = [(f"gain {name}", 1.0, sd)]
-        terms += [
+        own = [(f"gain {name}", 1.0, sd)]
+        own += [
             (effect.name, 1.0, effect.parameter.wide)
             for effect in effects
             if name in effect.site.channels(channels)
         ]
-        if (total := _deviation(terms)) > 0.0:
-            chosen.append(tuple(terms))
+        if (total := _deviation(own)) > 0.0:
+            chosen.append(tuple(own))
             rows.append((f"gain {name}", number, True, 0.0, total))
     names, element, log_, centre, scale = zip(*rows, strict=True)
     unknowns = sorted({name for terms in chosen for name, _, _ in terms})

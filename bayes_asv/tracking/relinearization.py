@@ -51,7 +51,7 @@ class Window:
 
 def slice_steps(steps: Steps, first: int, last: int) -> Steps:
     """Return the steps ``first`` to ``last − 1``."""
-    return Steps(*(values[first:last] for values in steps))
+    return Steps(*(values[first:last] for values in steps))  # type: ignore[arg-type]
 
 
 def concatenate_steps(parts: list[Steps]) -> Steps:

@@ -136,7 +136,10 @@ class _Stillness:
 
     def __init__(self, sensors: SensorModel, declared: NDArray[np.bool_], rate: float) -> None:
         figures = zip(sensors.resolution, sensors.noise, sensors.poles, strict=True)
-        variance = [still_variance(*map(float, f), 1.0 / rate) for f in figures]
+        variance = [
+            still_variance(float(step), float(noise), float(pole), 1.0 / rate)
+            for step, noise, pole in figures
+        ]
         self.variance = np.where(declared, variance, 0.0)
         self._window = max(round(STILL_WINDOW * rate), 3)
         coarse = self.variance > 0.0
