@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +47,9 @@ def page(results: Row) -> str:
         if f"@{name}@" not in text:
             raise ValueError(f"the template has no place for {name}")
         text = text.replace(f"@{name}@", value)
-    if "@" in text:
-        raise ValueError(f"no value for {text[text.index('@') :].split()[0]}")
+    left = re.search("@[A-Z]+@", text)
+    if left:
+        raise ValueError(f"no value for {left.group()}")
     return text
 
 
@@ -66,6 +68,9 @@ def _figures(results: Row) -> dict[str, str]:
         "CHANGE": _change(results["change"]),
         "ALARMS": _alarms(watches),
         "AFTER": _after(watches["after crossing"]["seconds"]),
+        "EFFECTS": _effects(results["effects"]),
+        "VERDICTS": _verdicts(results["verdicts"]),
+        "FAILED": _failed(results["failed"]),
         "COMMITS": _commits(results),
     }
 
@@ -115,6 +120,45 @@ def _white(result: Row) -> str:
         f"the NEES is {result['nees']:.2f} and the mean NIS {result['nis_mean']:.3f}, inside its "
         f"band in {100.0 * result['nis_inside']:.0f} % of the runs"
     )
+
+
+def _effects(result: Row) -> str:
+    rows = []
+    for name, part in result["parts"].items():
+        rows.append(
+            [
+                f"`{name}`",
+                str(part["runs"]),
+                f"{100.0 * part['coverage']:.0f} % ({_span(part['coverage_interval'], 0)})",
+                f"{100.0 * part['rates']:.0f} %",
+                f"{100.0 * part['consistent']:.0f} %",
+                f"{100.0 * part['without']:.0f} %",
+                f"{part['shift']:.2f} in {part['compared']}",
+                _span(part["ratios"], 2, 1.0),
+            ]
+        )
+    head = ["effect", "runs", "intervals with the true value", "those of c_f, c_r, i", "consistent",
+            "consistent without it", "largest difference", "ratio of sd"]  # fmt: skip
+    return _table(head, rows)
+
+
+def _verdicts(result: Row) -> str:
+    rows = [
+        [name, str(part["runs"]), f"{100.0 * part['consistent']:.0f} %", f"{part['nis']:.3f}"]
+        for name, part in result["parts"].items()
+    ]
+    return _table(["drives", "runs", "consistent", "median NIS"], rows)
+
+
+def _failed(result: Row) -> str:
+    parts = [
+        f"{100.0 * float(loss):.0f} %: followed after {part['median']:.1f} s in the median and "
+        f"{part['largest']:.1f} s at most ({part['runs']} drives); "
+        f"{100.0 * part['trusted']:.1f} % of the time called consistent while more than three "
+        "standard deviations off"
+        for loss, part in result["parts"].items()
+    ]
+    return "On a rough road, for a loss of " + "; of ".join(parts) + "."
 
 
 def _comparison(result: Row) -> str:

@@ -19,6 +19,7 @@ __all__ = [
     "car_option",
     "channels_option",
     "check_outputs",
+    "effects_option",
     "json_option",
     "make_folder",
     "output",
@@ -54,6 +55,11 @@ channels_option = click.option(
 rate_option = click.option(
     "--rate", type=float, metavar="HZ", help="Sampling rate of a recording without time stamps."
 )
+
+effects_option = click.option(
+    "--with", "effects", multiple=True, metavar="EFFECT",
+    help="An effect that the car has, such as bound_rebound@rear; may be given several times.",
+)  # fmt: skip
 
 CARS = ("half", "quarter-front", "quarter-rear", "roll")
 """Names of :data:`bayes_asv.models.cars.CARS`, which takes time to import."""

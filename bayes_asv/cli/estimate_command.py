@@ -28,13 +28,7 @@ __all__ = ["command"]
     metavar="HZ",
     help="Use only the motion below this frequency.",
 )
-@click.option(
-    "--with",
-    "effects",
-    multiple=True,
-    metavar="EFFECT",
-    help="An effect that the car has, such as bound_rebound@rear; may be given several times.",
-)
+@common.effects_option
 @click.option(
     "--model",
     type=click.Choice(["linear", "auto"]),

@@ -26,6 +26,7 @@ engine_option = click.option(
 @click.argument("recording", required=False, metavar="[REC]")
 @common.vehicle_option
 @common.car_option
+@common.effects_option
 @forget_option
 @engine_option
 @click.option("--trace", metavar="FILE.csv", help="Write the state after each row.")
@@ -38,6 +39,7 @@ def command(
     recording: str | None,
     vehicle: str,
     car: str | None,
+    effects: tuple[str, ...],
     forget: float | None,
     engine: Literal["compiled", "filterpy"],
     trace: str | None,
@@ -61,10 +63,12 @@ def command(
         else asv.read_recording(recording, rate=rate, channels=given.channel_map)
     )
     if run is not None and not (settings.shown or settings.gif):
-        result = asv.track(run, given, car=car, forget=forget, engine=engine, seed=seed)
+        result = asv.track(
+            run, given, car=car, effects=effects, forget=forget, engine=engine, seed=seed
+        )
     else:
         followed = track_live(
-            settings, run, given, car=car, rate=rate, forget=forget, engine=engine,
+            settings, run, given, car=car, effects=effects, rate=rate, forget=forget, engine=engine,
             trace=trace is not None, seed=seed, say=common.say,
         )  # fmt: skip
         if followed is None:

@@ -19,6 +19,7 @@ _STATUS = {**common.EXIT_STATUS, "alarm": 5}
 @click.argument("recording", required=False, metavar="[REC]")
 @common.vehicle_option
 @common.car_option
+@common.effects_option
 @click.option(
     "--below", type=click.FloatRange(1.0, 99.0), default=80.0, show_default=True,
     metavar="PERCENT", help="Share of its nominal rate below which a damper counts as worn.",
@@ -51,6 +52,7 @@ def command(
     recording: str | None,
     vehicle: str,
     car: str | None,
+    effects: tuple[str, ...],
     below: float,
     sure: float,
     hold: float,
@@ -85,6 +87,7 @@ def command(
         else asv.read_recording(recording, rate=rate, channels=given.channel_map),
         given,
         car=car,
+        effects=effects,
         port=None if port is None or keep is None else SerialPort(port, keep, baud),
         below=below,
         probability=sure,

@@ -18,7 +18,7 @@ from bayes_asv.filters.ukf_state import DRIFT_LAGS, FilterSettings, Statistics
 
 __all__ = [
     "SNAPSHOT_INTERVAL", "detect_drift", "is_excited", "noise_factors", "take_snapshot",
-    "update_autocovariance", "update_noise_factor",
+    "update_autocovariance", "update_noise_factor", "update_white_share",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -57,6 +57,40 @@ def update_noise_factor(
     statistics[total] = statistics[total] * decay + min(raw, settings.gate)
     statistics[weight] = statistics[weight] * decay + 1.0
     statistics[fast] += (raw - statistics[fast]) / settings.fast_window
+
+
+@njit(**INLINE)
+def update_white_share(
+    at: Statistics,
+    statistics: Array,
+    window: float,
+    before: float,
+    nu: float,
+    correlation: float,
+    part: float,
+) -> None:
+    """Update the share of the noise that is white although the sensor has a filter.
+
+    Noise may come before a sensor's filter or behind it.  If it is white and the model takes it for
+    filtered noise with a correlation ρ from reading to reading, whitening gives v_k − ρ v_{k−1},
+    and the product of two successive innovations has the mean −ρ/(1 + ρ²), times the ``part`` of
+    this noise in their variance.  The share is estimated by least squares from these products,
+    whose variance is one, over a window of readings.
+
+    Parameters
+    ----------
+    window : float
+        Time constant, readings.
+    before, nu : float
+        Normalised innovations of the reading before and of this one, clipped.
+    correlation, part : float
+        See above.
+    """
+    slope = part * correlation / (1.0 + correlation * correlation)
+    share, information = at.white_share, at.white_information
+    statistics[information] += slope * slope - statistics[information] / window
+    step = slope * nu * before / statistics[information]
+    statistics[share] = min(max(statistics[share] - step, 0.0), 1.0)
 
 
 @njit(**INLINE)

@@ -109,10 +109,14 @@ def output_matrix(
     for o in range(sizes.outputs):
         gain[o] = W[np.uint64(rows.gain + o * LANES)]
         first = np.uint64(rows.A) + np.uint64(output_row[o]) * np.uint64(nc * LANES)
-        for a in range(sizes.motion):
+        for a in range(sizes.motion - sizes.forces):
             C[o, a] = gain[o] * by_state[o, a]
         for a in range(nc):
             C[o, a] += gain[o] * (by_row[o] * W[first + np.uint64(a * LANES)])
+        for f in range(sizes.forces):
+            by_rate = W[first + np.uint64((2 * f + 1) * LANES)]
+            damping = W[np.uint64(rows.damping + f * LANES)]
+            C[o, sizes.motion - sizes.forces + f] = -gain[o] * by_row[o] * by_rate / damping
 
 
 Array = NDArray[np.float64]

@@ -130,6 +130,7 @@ def step_moments(
     moments: Array,
     spread: Array,
     covered: NDArray[np.bool_],
+    ends: Array,
 ) -> None:
     """Integrate a wheel's spline over each step.
 
@@ -154,6 +155,8 @@ def step_moments(
         interval in which the middle of the step lies.
     covered : (E,) bool array
         Set to False where a part of the step has no curve.
+    ends : (E, 2) array
+        Filled with the acceleration at the beginning and at the end of each step, m/s².
     """
     first = 0
     left = before
@@ -162,7 +165,7 @@ def step_moments(
         right = instants[e]
         for j in range(ORDER):
             moments[e, j] = 0.0
-        spread[e, 0] = spread[e, 1] = 0.0
+        spread[e, 0] = spread[e, 1] = ends[e, 0] = ends[e, 1] = 0.0
         while first + 2 < knots.shape[0] and knots[first + 1] <= left:
             first += 1
         if left < knots[0] - 1e-9 or right > knots[knots.shape[0] - 1] + 1e-9:
@@ -182,12 +185,15 @@ def step_moments(
                 spread[e, 0] = knots[k + 1] - knots[k]
                 spread[e, 1] = sd[k] ** 2 * spread[e, 0]
             span = end - start
+            t = start - knots[k]
+            c3 = curve[k, 3]
+            c2 = curve[k, 2] + 3.0 * c3 * t
+            c1 = curve[k, 1] + (2.0 * curve[k, 2] + 3.0 * c3 * t) * t
+            c0 = curve[k, 0] + (curve[k, 1] + (curve[k, 2] + c3 * t) * t) * t
+            if start == left:
+                ends[e, 0] = c0
+            ends[e, 1] = c0 + (c1 + (c2 + c3 * span) * span) * span
             if span > 0.0:
-                t = start - knots[k]
-                c3 = curve[k, 3]
-                c2 = curve[k, 2] + 3.0 * c3 * t
-                c1 = curve[k, 1] + (2.0 * curve[k, 2] + 3.0 * c3 * t) * t
-                c0 = curve[k, 0] + (curve[k, 1] + (curve[k, 2] + c3 * t) * t) * t
                 power = span
                 for j in range(ORDER):
                     # ∫₀ˢ (s−τ)ʲ/j! τ^q dτ = q! s^(j+q+1)/(j+q+1)!

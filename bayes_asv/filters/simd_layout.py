@@ -145,6 +145,8 @@ class Shape(NamedTuple):
         Of as many zeros.
     bars : tuple
         Empty for a car without anti-roll bars.
+    forces : tuple
+        Empty without force laws.
     """
 
     elements: tuple[int, ...]
@@ -153,11 +155,12 @@ class Shape(NamedTuple):
     rows: tuple[int, ...]
     outputs: tuple[int, ...]
     bars: tuple[int, ...]
+    forces: tuple[int, ...]
 
 
 def shape_of(of: Sizes) -> Shape:
     """Return the shape that belongs to sizes."""
-    counts = (of.elements, of.rates, of.coordinates, of.rows, of.outputs, of.bars)
+    counts = (of.elements, of.rates, of.coordinates, of.rows, of.outputs, of.bars, of.forces)
     return Shape(*((0,) * count for count in counts))
 
 
@@ -201,7 +204,7 @@ def _function(
     counts = [len(part) for part in shape.types]
     of = sizes(
         elements=counts[0], rates=counts[1], coordinates=counts[2], rows=counts[3],
-        outputs=counts[4], bars=counts[5], directions=0, parameters=0, answers=0,
+        outputs=counts[4], bars=counts[5], forces=counts[6], directions=0, parameters=0, answers=0,
     )  # fmt: skip
     text = lines(of, lane_rows(of))
     scope: dict[str, Any] = {"ZERO": ZERO, "WIDTH": WIDTH, "np": np}
@@ -288,7 +291,11 @@ def _accelerations_lines(of: Sizes, rows: Rows) -> list[str]:
     states = range(2 * of.elements)
     out = ["for q in range(ZERO, WIDTH):", "    m = at + q"]
     out += [f"    x{c} = {_row(rows.before, c)}" for c in states]
+    forces, first = range(of.forces), of.motion - of.forces
+    out += [f"    f{f} = -{_row(rows.before, first + f)} / {_row(rows.damping, f)}" for f in forces]
     for r in range(of.rows):
         terms = [f"{_row(rows.A, 2 * of.elements * r + c)} * x{c}" for c in states]
+        # by a force: by the rate of deflection over minus the damping rate
+        terms += [f"{_row(rows.A, 2 * of.elements * r + 2 * f + 1)} * f{f}" for f in forces]
         out += [f"    {_row(rows.slope, r)} = {' + '.join(terms)}"]
     return out

@@ -20,6 +20,9 @@ A moving reference follows the estimate: after each reading μ, D and J absorb m
 reference stays, so that a window can be filtered again with sigma points where later readings have
 shown the parameters to be (posterior linearization; García-Fernández et al. 2015).
 
+With force laws the state is not linear in itself either; :mod:`bayes_asv.filters.ukf_forces` takes
+the place of the linear prediction step, and all else stays as it is.
+
 One recursion is compiled for each combination of sizes.
 """
 
@@ -48,6 +51,7 @@ from bayes_asv.filters.noise_adaptation import (
     take_snapshot,
     update_autocovariance,
     update_noise_factor,
+    update_white_share,
 )
 from bayes_asv.filters.predicted_measurement import (
     SIGMA_DISTANCE,
@@ -68,11 +72,15 @@ from bayes_asv.filters.simd_batch import (
     fill_lanes,
     propagate,
     set_parameters,
+    set_states,
     transition_matrices,
     unscented_moments,
 )
 from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
+from bayes_asv.filters.ukf_forces import force_workspace, propagate_with_forces
 from bayes_asv.filters.ukf_state import (
+    ALL,
+    NOTHING,
     Columns,
     FilterSettings,
     Model,
@@ -210,7 +218,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
     nx, ne, nd, ny, ns = sizes_of_one_type(
         sizes.motion, sizes.elements, sizes.directions, sizes.outputs, sizes.states
     )
-    nR, size, shape = sizes.rows, rows.size, shape_of(sizes)
+    nR, size, shape, forces = sizes.rows, rows.size, shape_of(sizes), sizes.forces
 
     @njit(**OPTIONS)
     def run(
@@ -227,7 +235,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         )  # fmt: skip
         scores, autocovariance, snapshots = state.statistics, state.autocovariance, state.snapshots
         # Taken out of their records once: compiled code counts references at every look.
-        step, moments, spread, kinds, values, restart = steps
+        step, moments, spread, kinds, values, restart, ends, use = steps
         noise, share, start, input_bias = model.noise, model.share, model.start, model.input_bias
         parameter_noise, drift_noise = model.parameter_noise, model.drift_noise
         element, log, centre, scale = model.element, model.log, model.centre, model.scale
@@ -238,6 +246,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         reads_states = model.reads_states
         n_model = element.shape[0]
         p = mu.shape[0]
+        lanes = 1 + 2 * n_model if forces else 0
+        force_work = force_workspace(sizes, model.laws, lanes)
         W = np.zeros(blocks(n_model, ne) * size)
         fill_lanes(sizes, rows, W, n_model, model)
         inputs = np.zeros((ne, TAYLOR + 1))
@@ -271,16 +281,19 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         max_rate = 0.0
         h_transition = h_decay = -1.0
         lanes_current = False
+        new_laws = True  # since the last step with forces
+        limit = math.sqrt(settings.gate)
 
         for k in range(first, step.shape[0]):
             noise_factors(ny, at, scores, settings, noise_factor)
+            white = scores[at.white_share]
             for u in range(ne):
                 input_factor[u] = 0.0
                 for o in range(ny):
                     input_factor[u] += share[u, o] * noise_factor[o]
-                filtered[u] = noise[ne + ny + u] * input_factor[u]
+                filtered[u] = (1.0 - white) * noise[ne + ny + u] * input_factor[u]
             for o in range(ny):
-                filtered[ne + o] = noise[2 * ne + ny + o] * noise_factor[o]
+                filtered[ne + o] = (1.0 - white) * noise[2 * ne + ny + o] * noise_factor[o]
             h = step[k]
             if h > 0.0 and not fixed:
                 has_noise = False
@@ -301,17 +314,30 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 output_matrix(sizes, rows, W, output_row, by_row, by_state, C, gain)
                 odd_parts(sizes, rows, W, n_model, SIGMA_DISTANCE, odd)
                 lanes_current = True
+                new_laws = True
                 h_transition = -1.0
             if restart[k]:
                 _reset_motion(sizes, x, J, Pi, start, filtered)
+                scores[at.last_step] = 0.0
             elif h > 0.0:
                 new_length = abs(h - h_transition) > 1e-12
-                propagate(
-                    sizes, rows, shape, W, n_model, SIGMA_DISTANCE, x, J, input_bias, h,
-                    moments[k], inputs, max_rate, new_length,
-                )  # fmt: skip
-                if new_length:
-                    transition_matrices(sizes, rows, W, n_model, h, phi, gamma, Q)
+                if forces:
+                    set_states(sizes, rows, W, n_model, SIGMA_DISTANCE, x, J, input_bias)
+                    propagate_with_forces(
+                        sizes, rows, W, lanes, h, scores[at.last_step], moments, k, ends, place,
+                        model.laws, state.force_history, new_laws, new_length, force_work, phi,
+                        gamma, Q,
+                    )  # fmt: skip
+                    new_laws = False
+                    scores[at.last_step] = h
+                else:
+                    propagate(
+                        sizes, rows, shape, W, n_model, SIGMA_DISTANCE, x, J, input_bias, h,
+                        moments[k], inputs, max_rate, new_length,
+                    )  # fmt: skip
+                    if new_length:
+                        transition_matrices(sizes, rows, W, n_model, h, phi, gamma, Q)
+                if new_length or forces:
                     h_transition = h
                     for a in range(nx):
                         for d in range(nd):
@@ -333,16 +359,17 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                     for i in range(p):
                         J[i, nx + ny + nd + c] *= decay[ny + nd + c]
                 for u in range(ne):
-                    intensity[u] = input_factor[u] * (noise[u] * spread[k, u] + spread[k, ne + u])
+                    variance = noise[u] + white * noise[ne + ny + u]
+                    intensity[u] = input_factor[u] * (variance * spread[k, u] + spread[k, ne + u])
                 _advance_covariance(
                     sizes, Pi, T, phi, gamma, by_bias, Q, decay, intensity, filtered
                 )
                 for a in range(nx):
                     for b in range(nx):
                         Pi[a, b] += even_covariance[a, b]
-                for a in range(nx - ne):
+                for a in range(nx - forces - ne):
                     to = 2 * a + 1 if a < ne else ne + a
-                    for b in range(nx - ne):
+                    for b in range(nx - forces - ne):
                         other = 2 * b + 1 if b < ne else ne + b
                         Pi[to, other] += h * h * B[a, b]
 
@@ -354,12 +381,12 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
             for o in range(ny):
                 if not fixed:
                     out[k, into.innovation + o] = 0.0
-                kind = kinds[k, o]
+                kind = kinds[k, o] if use[k] != NOTHING else MISSING
                 readings = readings or kind != MISSING
                 joint = joint and kind in (MISSING, VALUE)
             processed = False
             for o in range(ny):
-                kind = kinds[k, o]
+                kind = kinds[k, o] if use[k] != NOTHING else MISSING
                 if o == 0 or (processed and not joint and kind != MISSING):
                     if o > 0 and not fixed:  # a bound is not linear: use the updated belief
                         recentre(ns, mu, D, x, J, m, F)
@@ -370,6 +397,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                         output_matrix(sizes, rows, W, output_row, by_row, by_state, C, gain)
                         odd_parts(sizes, rows, W, n_model, SIGMA_DISTANCE, odd)
                         h_transition = -1.0
+                        new_laws = True
                     predict_measurement(
                         sizes,
                         rows,
@@ -400,7 +428,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                                 * B[output_row[a], output_row[b]]
                             )  # fmt: skip
                         interaction[a] = by * by * B[output_row[a], output_row[a]]
-                        given_d[a, a] += noise_factor[a] * noise[ne + a]
+                        variance = noise[ne + a] + white * noise[2 * ne + ny + a]
+                        given_d[a, a] += noise_factor[a] * variance
                         parameter_variance(g[a], F, Fg[a])
                         mean[a] = predicted[a]
                         for i in range(p):
@@ -426,7 +455,13 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                     scores[at.log_likelihood] -= 0.5 * (_LOG_2PI + math.log(S) + ratio)
                     if not fixed:
                         out[k, into.innovation + o] = nu / math.sqrt(S)
-                        if interaction[o] < _MAX_INTERACTION * S:
+                        if use[k] == ALL and interaction[o] < _MAX_INTERACTION * S:
+                            clipped = min(max(nu / math.sqrt(S), -limit), limit)
+                            update_white_share(
+                                at, scores, settings.slow_window * ny, autocovariance[o, 0, 0],
+                                clipped, math.exp(-noise[2 * (ne + ny) + ne + o] * h),
+                                noise_factor[o] * noise[2 * ne + ny + o] / S,
+                            )  # fmt: skip
                             update_noise_factor(at, scores, settings, o, ratio, noise_factor[o])
                             update_autocovariance(autocovariance[o], nu / math.sqrt(S), settings)
                             nis += ratio
@@ -489,6 +524,9 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 continue
             if readings:
                 recentre(ns, mu, D, x, J, m, F)
+            # A run may end at any reading, heard or not: what the next one begins with is computed
+            # anew in either case, so that the size of chunks has no effect.
+            if readings or use[k] == NOTHING:
                 lanes_current = False
             if count > 0:
                 detect_drift(ny, at, scores, autocovariance, settings.drift_threshold)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "DRIFT_LAGS", "Columns", "FilterSettings", "Model", "Sizes", "State", "Statistics", "Steps",
+    "DRIFT_LAGS", "GRID", "Columns", "FilterSettings", "LawTable", "Model",
+    "Sizes", "State", "Statistics", "Steps",
     "columns", "sizes", "statistics",
 ]  # fmt: skip
 
@@ -16,6 +17,9 @@ Array = NDArray[np.float64]
 
 DRIFT_LAGS: Final = 8
 """Largest lag (readings) of the innovations' autocovariance that the drift detector uses."""
+NOTHING, STATES, ALL = 0, 1, 2  # what readings are good for
+GRID: Final = np.linspace(-10.0, 10.0, 401)
+"""Places of a coordinate, prior standard deviations, at which the numbers of a law are kept."""
 
 
 class Sizes(NamedTuple):
@@ -37,13 +41,16 @@ class Sizes(NamedTuple):
     outputs : int
         Measured outputs, ny.
     parameters : int
-        Parameters of the car and gains of the sensors.
+        Parameters of the car, gains of the sensors, and parameters of effects.
     answers : int
         Coordinates that are reported; they come first.
     bars : int
         One for a car with anti-roll bars, else zero.
+    forces : int
+        Filtered forces beyond the linear springs and dampers, one an element where force laws act
+        (:mod:`bayes_asv.filters.ukf_forces`), else zero.
     motion : int
-        States of the motion, nx: deflections with their rates, and body rates.
+        States of the motion, nx: deflections with their rates, body rates, and filtered forces.
     lasting : int
         States that a recording begins with: motion, biases and input biases.
     states : int
@@ -59,6 +66,7 @@ class Sizes(NamedTuple):
     parameters: int
     answers: int
     bars: int
+    forces: int
     motion: int
     lasting: int
     states: int
@@ -75,13 +83,14 @@ def sizes(
     parameters: int,
     answers: int,
     bars: int,
+    forces: int = 0,
 ) -> Sizes:
     """Return all sizes from those of car and sensors, see :class:`Sizes`."""
-    motion = 2 * elements + rates
+    motion = 2 * elements + rates + forces
     lasting = motion + outputs + directions
     return Sizes(
         elements, rates, coordinates, rows, directions, outputs, parameters, answers, bars,
-        motion, lasting, lasting + elements + outputs,
+        forces, motion, lasting, lasting + elements + outputs,
     )  # fmt: skip
 
 
@@ -110,6 +119,10 @@ class Statistics(NamedTuple):
         One while the innovations' correlation shows that parameters drift.
     motion_mean, motion_variance : int
         First of ny: recent mean and variance of the estimated output.
+    last_step : int
+        Length of the last step, s; zero where the motion began anew.
+    white_share, white_information : int
+        Share of the noise that is white although the sensor has a filter, and its information.
     length : int
         Number of places.
     """
@@ -127,6 +140,9 @@ class Statistics(NamedTuple):
     drift_detected: int
     motion_mean: int
     motion_variance: int
+    last_step: int
+    white_share: int
+    white_information: int
     length: int
 
 
@@ -136,7 +152,7 @@ def statistics(outputs: int) -> Statistics:
     s = 3 * ny
     return Statistics(
         0, ny, 2 * ny, s, s + 1, s + 2, s + 3, s + 4, s + 5, s + 6, s + 7, s + 8, s + 8 + ny,
-        s + 8 + 2 * ny,
+        s + 8 + 2 * ny, s + 9 + 2 * ny, s + 10 + 2 * ny, s + 11 + 2 * ny,
     )  # fmt: skip
 
 
@@ -207,6 +223,10 @@ class State(NamedTuple):
     autocovariance : (ny, 2, 1 + DRIFT_LAGS) array
         Of each output: lagged normalised innovations (row 0, newest first), and their
         exponentially weighted autocovariance by lag (row 1).
+    force_history : (3, ne, lanes) array
+        Force and rate of deflection of each sigma point at the beginning of the last step, and room
+        for a force (:func:`bayes_asv.filters.suspension_forces.advance_forces`); empty without
+        force laws.
     """
 
     mu: Array
@@ -219,6 +239,28 @@ class State(NamedTuple):
     statistics: Array
     snapshots: Array
     autocovariance: Array
+    force_history: Array
+
+
+class LawTable(NamedTuple):
+    """Force laws whose numbers are functions of the coordinates, one number a coordinate.
+
+    Parameters
+    ----------
+    pole : float
+        Of the filter that all readings passed, rad/s.
+    rows : (K, P) array
+        Laws as :func:`bayes_asv.filters.force_laws.excess` takes them, at the centre of the prior.
+    entry : (nE, 3) int array
+        Row and column of a number that changes, and the parameter that it is a function of.
+    number : (nE, G) array
+        That number at :data:`GRID` places of the coordinate.
+    """
+
+    pole: float
+    rows: Array
+    entry: NDArray[np.int64]
+    number: Array
 
 
 class Model(NamedTuple):
@@ -271,6 +313,8 @@ class Model(NamedTuple):
         Coefficients of the states beside it.
     reads_states : bool
         Whether any of these is not zero.
+    laws : LawTable
+        Force laws of the suspension.
     """
 
     base: Array
@@ -297,6 +341,7 @@ class Model(NamedTuple):
     by_row: Array
     by_state: Array
     reads_states: bool
+    laws: LawTable
 
 
 class FilterSettings(NamedTuple):
@@ -357,6 +402,11 @@ class Steps(NamedTuple):
         Those readings or the rails that they reached, SI units.
     restart : (N,) bool array
         Steps over which the inputs are unknown: the motion starts anew at their ends.
+    ends : (N, 2, ne) array
+        Measured inputs at the beginning and at the end of each step, m/s².
+    use : (N,) int8 array
+        What the readings at its end are good for: ``NOTHING``, ``STATES`` (they do not test the
+        noise) or ``ALL``; those of a car that stands still on coarse converters are good for less.
     """
 
     step: Array
@@ -365,3 +415,5 @@ class Steps(NamedTuple):
     kind: NDArray[np.int8]
     reading: Array
     restart: NDArray[np.bool_]
+    ends: Array
+    use: NDArray[np.int8]

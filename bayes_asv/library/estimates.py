@@ -254,6 +254,20 @@ def car_of(recordings: object) -> str:
     return next(iter(cars_with(getattr(first, "channels", ()))), "half")
 
 
+def read_sites(effects: str | Sequence[str]) -> tuple[Site, ...]:
+    """Effects by their names, such as ``bound_rebound@front``.
+
+    Raises
+    ------
+    InputError
+        When there is no such effect or place.
+    """
+    from bayes_asv.posterior.effect_fit import read_site
+
+    names = (effects,) if isinstance(effects, str) else effects
+    return tuple(dict.fromkeys(read_site(name) for name in names))
+
+
 def _sites(
     names: tuple[str, ...],
     runs: tuple[Recording, ...],
@@ -263,9 +277,7 @@ def _sites(
     report: Any,
 ) -> tuple[tuple[Site, ...], Any]:
     """Effects by their names, those that a diagnosis names among them, and what is left to do."""
-    from bayes_asv.posterior.effect_fit import read_site
-
-    sites = tuple(dict.fromkeys(read_site(name) for name in names if name != _AUTO))
+    sites = read_sites([name for name in names if name != _AUTO])
     if _AUTO not in names:
         return sites, report
     from bayes_asv.diagnosis.workflow import missing_effects

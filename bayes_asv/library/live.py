@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
-from bayes_asv.library.estimates import car_of
+from bayes_asv.library.estimates import car_of, read_sites
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.progress import Progress, Report, progress_bar
 from bayes_asv.library.result import json_text
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.live.sources import Source, StreamInfo
     from bayes_asv.live.worker import StreamFilter
+    from bayes_asv.models.effects import Site
     from bayes_asv.report.schema import WatchDocument
     from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
     from bayes_asv.tracking.frames import Frames
@@ -97,6 +98,7 @@ def track_live(
     vehicle: Vehicle,
     *,
     car: str | None = None,
+    effects: str | Sequence[str] = (),
     rate: float | None = None,
     forget: float | None = None,
     engine: str = "compiled",
@@ -120,7 +122,7 @@ def track_live(
         car.
     rate : float, optional
         Sampling rate, Hz, of a port that sends no time stamps.
-    forget, engine, seed
+    effects, forget, engine, seed
         As for :func:`bayes_asv.track`.
     trace : bool
         Keep the state after every row for :meth:`Track.write_trace`.
@@ -134,7 +136,6 @@ def track_live(
     Track or None
         None if no row came.
     """
-    from bayes_asv.models.cars import car_model
     from bayes_asv.report.documents.track import Trace
     from bayes_asv.tracking.frames import DecimatedFrames
     from bayes_asv.tracking.track import conclude
@@ -145,22 +146,26 @@ def track_live(
         check_inputs("track", recording, vehicle, car=name)
     started = time.perf_counter()
     trackers: list[Tracker] = []
-    rows = Trace(vehicle, car_model(name, vehicle).estimated) if trace else None
+    rows: list[Trace] = []
+    sites = read_sites(effects)
     # a recording is kept whole; a drive from a port may last for hours
     kept = DecimatedFrames() if recording is None else DecimatedFrames(len(recording.time))
 
     def make(stream: StreamInfo) -> Tracker:
         trackers.append(
             tracker_for(
-                stream.start, vehicle, car=name, rate=stream.rate, forget=forget, engine=engine
+                stream.start, vehicle, car=name, effects=sites, rate=stream.rate, forget=forget,
+                engine=engine,
             )
-        )
+        )  # fmt: skip
+        if trace:
+            rows.append(Trace(vehicle, trackers[0].coordinates))
         return trackers[0]
 
     def keep(frames: Frames) -> None:
         kept.append(frames)
-        if rows is not None:
-            rows.append(frames)
+        for own in rows:
+            own.append(frames)
 
     # a bar would cover the view, and the length of a port's stream is unknown
     bar = False if settings.shown or settings.port is not None else progress
@@ -178,7 +183,7 @@ def track_live(
         recording.warnings if recording is not None else (),
         time.perf_counter() - started,
     )
-    return track_of(result, seed, rows)
+    return track_of(result, seed, rows[0] if rows else None)
 
 
 def follow(
@@ -279,6 +284,7 @@ def watch(
     vehicle: Vehicle,
     *,
     car: str | None = None,
+    effects: str | Sequence[str] = (),
     port: SerialPort | None = None,
     below: float = 80.0,
     probability: float = 99.0,
@@ -297,7 +303,7 @@ def watch(
         None where a port is watched.
     vehicle : Vehicle
         The car.
-    car : str, optional
+    car, effects
         As for :func:`track_live`.
     port : SerialPort, optional
         In place of a recording.
@@ -329,14 +335,22 @@ def watch(
         source = _port_source(port, vehicle, rate, say or (lambda text: None))
         name = port.name if port is not None else ""
     monitor = AlarmMonitor(car_model(model, vehicle), below / 100.0, probability / 100.0, hold)
-    tracker, alarm = _until_alarm(source, monitor, vehicle, model, forget, engine)
+    tracker, alarm = _until_alarm(
+        source, monitor, vehicle, model, read_sites(effects), forget, engine
+    )
     if tracker is None:
         return None
     return Watch(watch_document(tracker, monitor, alarm, name, seed))
 
 
 def _until_alarm(
-    source: Source, monitor: AlarmMonitor, vehicle: Vehicle, car: str, forget: float, engine: str
+    source: Source,
+    monitor: AlarmMonitor,
+    vehicle: Vehicle,
+    car: str,
+    effects: Sequence[Site],
+    forget: float,
+    engine: str,
 ) -> tuple[Tracker | None, Alarm | None]:
     """Follow a source until an alarm, its end, or Ctrl-C."""
     from bayes_asv.tracking.tracker import tracker_for
@@ -349,8 +363,9 @@ def _until_alarm(
         if stream is None:
             return None, None
         tracker = tracker_for(
-            stream.start, vehicle, car=car, rate=stream.rate, forget=forget, engine=engine
-        )
+            stream.start, vehicle, car=car, effects=effects, rate=stream.rate, forget=forget,
+            engine=engine,
+        )  # fmt: skip
         for rows in source.rows(stop):
             alarm = monitor.update(tracker.feed(rows.time, rows.acceleration))
             if alarm is not None:

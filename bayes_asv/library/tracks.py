@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
-from bayes_asv.library.estimates import car_of, check_seed
+from bayes_asv.library.estimates import car_of, check_seed, read_sites
 from bayes_asv.library.extras import import_extra
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.parameter import from_log_normal
@@ -53,6 +53,11 @@ class Track(Result):
         super().__init__(document, parameters, engine.vehicle)
         self._engine = engine
         self._rows = rows
+
+    @property
+    def effects(self) -> list[Any]:
+        """Effects in the model, with their parameters after the last row."""
+        return list(self.document.effects)
 
     @property
     def consistency(self) -> str:
@@ -105,7 +110,7 @@ class Track(Result):
 
         rows = self._rows
         if rows is None:
-            rows = Trace(self.vehicle, self._engine.coordinates.answers)
+            rows = Trace(self.vehicle, self._engine.coordinates)
             rows.append(self._engine.frames)
         try:
             write_atomically(path, rows.pieces())
@@ -126,6 +131,7 @@ def track(
     vehicle: Vehicle,
     *,
     car: str | None = None,
+    effects: str | Sequence[str] = (),
     forget: float | None = None,
     engine: Literal["compiled", "filterpy"] = "compiled",
     seed: int = 0,
@@ -141,6 +147,9 @@ def track(
         The car.
     car : {'half', 'quarter-front', 'quarter-rear', 'roll'}, optional
         Model of the car; by default that whose wheels the recording has.
+    effects : str or sequence of str, optional
+        Effects that the car or its sensors have, such as ``"bound_rebound@rear"``
+        (``docs/effects.md``).
     forget : float, optional
         Let the parameters change by 10 % (one standard deviation) in this time, s; constant
         without it.
@@ -167,9 +176,10 @@ def track(
         raise InputError("track", f"{len(runs)} recordings were given", "track one after the other")
     from bayes_asv.tracking import track as engine_track
 
+    sites = read_sites(effects)
     with progress_bar(progress) as report:
         result = engine_track.track(
-            runs[0], given, car=name, forget=forget, engine=engine, progress=report
+            runs[0], given, car=name, effects=sites, forget=forget, engine=engine, progress=report
         )
     return track_of(result, seed)
 

@@ -32,12 +32,13 @@ from bayes_asv.preprocessing.measured_inputs import denoise_wheel, unit_input_mo
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["SensorPatterns", "Values", "law_table", "patterns"]
+__all__ = ["NO_FILTER", "SensorPatterns", "Values", "law_table", "patterns"]
 
 Array = NDArray[np.float64]
 Values = Mapping[Site, Mapping[str, float]]
 
-_NO_FILTER = 0.4  # of the sampling rate: the pole that stands for a filter nobody declared
+NO_FILTER = 0.4
+"""Share of the sampling rate that is the pole of a filter which nobody declared."""
 _TERMS = 4  # of a Taylor series: a lag of a sample moves 60 Hz by 0.9 rad, and is good to 0.5 %
 _FEWEST_COLUMNS = 6  # of a table of laws: element, code and four numbers
 _DEGREE = 7  # of the spline whose fourth derivative is asked for
@@ -247,7 +248,7 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         moved.append(np.stack([laid(x) for x in found]))
         later.append(partial(_shift, smooth, time, signal, laid, -1.0 if c in line.inputs else 1.0))
         ramp.append(laid(relative_offset(channel.quantity) * (time - begin)))
-    pole = float(np.max(line.poles)) or 2.0 * math.pi * _NO_FILTER / line.reading_step
+    pole = float(np.max(line.poles)) or 2.0 * math.pi * NO_FILTER / line.reading_step
     wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
     return SensorPatterns(
         pole, wheel_at, tuple(moved), tuple(later), line.reading_step, tuple(sharper), tuple(above),

@@ -42,7 +42,8 @@ from bayes_asv.preprocessing.quantization import noise_level
 from bayes_asv.preprocessing.timeline import ClockError, PreparedRecording
 
 __all__ = [
-    "CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "identified_directions", "space",
+    "CarPrior", "Coordinate", "EffectValues", "ParameterSpace", "effect_scale",
+    "identified_directions", "space",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -192,7 +193,7 @@ def _sensitivity(car: CarModel, outputs: Sequence[Output], logs: tuple[str, ...]
     return np.concatenate(rows)
 
 
-def _sizes(car: CarModel) -> Scale:
+def effect_scale(car: CarModel) -> Scale:
     """Sizes of a car that the priors of effects are given in: those of its mean element."""
     nominal, count = car.nominal, len(car.elements)
     # The mass that an element feels in the first coordinate: all of it in heave.
@@ -694,7 +695,7 @@ def space(
         likelihood=likelihood,
         held=tuple(held),
         sites=sites,
-        sizes=_sizes(car),
+        sizes=effect_scale(car),
         near=near,
         sensors=sensors,
     )

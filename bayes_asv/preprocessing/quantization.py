@@ -24,23 +24,29 @@ from bayes_asv.filters.kalman import MISSING
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
+    "STILL_STEPS",
+    "STILL_WINDOW",
     "is_slow",
     "is_stationary",
     "noise_level",
     "offset",
     "quiet_level",
+    "slow_steps",
     "spurious_drift",
+    "still_variance",
     "still_wheels_doubted",
     "without_waiting",
 ]
 
 Array = NDArray[np.float64]
 
-_WINDOW = 0.1  # s
+STILL_WINDOW = 0.1
+"""Length of the window in which a channel stands still, s."""
+STILL_STEPS = 2.5
+"""Steps of its converter that a channel which stands still covers in this window."""
 _HARMONICS = 20  # of a saw tooth, beyond which there is no error that stays
 _TEETH = 0.5  # steps from reading to reading below which errors of a converter remember
 _LEAD = 0.5  # s around a drive that are listened to
-_SPAN = 2.5  # steps that a wheel which stands still covers in a window
 _FORGOTTEN = 0.15  # s after which a suspension has forgotten what its wheel did
 _SLIGHT = 0.05  # of the noise's power, below which nothing is doubted
 
@@ -89,7 +95,7 @@ def without_waiting(line: PreparedRecording) -> PreparedRecording:
 
 def is_stationary(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
     """Whether a channel stands still on a coarse converter at each instant (E,)."""
-    return _covers_less(line, c, lambda readings: _SPAN)
+    return _covers_less(line, c, lambda readings: STILL_STEPS)
 
 
 def is_slow(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
@@ -97,7 +103,12 @@ def is_slow(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
 
     What moves by a part of a step from reading to reading errs in saw teeth of several readings.
     """
-    return _covers_less(line, c, lambda readings: max(_SPAN, _TEETH * readings))
+    return _covers_less(line, c, slow_steps)
+
+
+def slow_steps(readings: int) -> float:
+    """Return the steps in a window of readings below which a converter's errors remember."""
+    return max(STILL_STEPS, _TEETH * readings)
 
 
 def _covers_less(
@@ -108,7 +119,7 @@ def _covers_less(
         return np.zeros(len(line.instants), bool)
     there = np.isfinite(line.values[c])
     time, signal = line.times[c, there], line.values[c, there]
-    n = max(round(_WINDOW / float(np.median(np.diff(time)))), 3)
+    n = max(round(STILL_WINDOW / float(np.median(np.diff(time)))), 3)
     span = maximum_filter1d(signal, n) - minimum_filter1d(signal, n)
     less = (span < steps(n) * line.steps[c]).astype(float)
     return np.asarray(np.interp(line.instants, time, less) > 0.5)
@@ -128,11 +139,31 @@ def spurious_drift(line: PreparedRecording, c: int) -> float:
 def _beyond(line: PreparedRecording, c: int) -> float:
     """Variance of as strong white noise beyond what is believed of a still channel, m²/s⁴."""
     time = line.times[c, np.isfinite(line.values[c])]
-    step, noise = float(line.steps[c]), float(line.noise[c] or 0.0)
-    if step <= 0.0 or len(time) < 3:
+    if len(time) < 3:
         return 0.0
     every = float(np.median(np.diff(time)))
-    memory = np.exp(-line.poles[c] * every * np.arange(1, 50)) if line.poles[c] else np.zeros(1)
+    return still_variance(
+        float(line.steps[c]), float(line.noise[c] or 0.0), float(line.poles[c]), every
+    )
+
+
+def still_variance(step: float, noise: float, pole: float, every: float) -> float:
+    """Variance of as strong white noise beyond what is believed of a channel that stands still.
+
+    Zero where the converter is fine enough for its errors to be white noise at standstill as well.
+
+    Parameters
+    ----------
+    step, noise : float
+        Step of the converter, and noise of one sample, in the unit of the reading.
+    pole : float
+        Of the sensor's filter, rad/s; zero without one.
+    every : float
+        Time between two readings, s.
+    """
+    if step <= 0.0:
+        return 0.0
+    memory = np.exp(-pole * every * np.arange(1, 50)) if pole else np.zeros(1)
     stays = _FORGOTTEN / every * 0.5 * offset(step, noise) ** 2
     torn = 0.25 * step**2 * (1.0 + 4.0 / math.pi * float(np.arcsin(memory).sum()))
     known = step**2 / 12.0 + noise**2 * (1.0 + 2.0 * float(memory.sum()))

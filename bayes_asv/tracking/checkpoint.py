@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, read_bytes, write_atomically
-from bayes_asv.filters.ukf_state import State, Steps
+from bayes_asv.filters.ukf_state import ALL, State, Steps
+from bayes_asv.tracking.filter import WHITE_SHARE_PRIOR
+from bayes_asv.tracking.streaming_timeline import StreamingTimeline
 
 __all__ = ["FORMAT", "read_checkpoint", "restore", "write_checkpoint"]
 
@@ -39,6 +41,7 @@ _FIELDS: Final[dict[str, dict[str, str]]] = {
         "fitness": "data_checks",
         "_tail": "_recent",
         "_tail_end": "_step_count",
+        "_last_fault": "_last_fault",
     },
     "StreamingTimeline": {
         "_equalisers": "_matchers",
@@ -53,7 +56,11 @@ _FIELDS: Final[dict[str, dict[str, str]]] = {
         "_kind": "_kind",
         "_step": "_step",
         "_done": "_scheduled",
+        "_still": "_still",
+        "_use": "_use",
+        "_stillness": "_stillness",
     },
+    "_Stillness": {"_before": "_before"},
     "_BandwidthMatcher": {"time": "time", "signal": "signal", "slow": "filtered"},
     "StreamingSpline": {
         "_waiting": "_held",
@@ -105,6 +112,8 @@ _FIELDS: Final[dict[str, dict[str, str]]] = {
         "squares": "squares",
     },
 }
+# What files of earlier versions lack.
+_ADDED: Final = ("_last_fault", "_still", "_use", "_stillness")
 _RECORDS: Final[dict[str, Callable[..., Any]]] = {"State": State, "Steps": Steps}
 
 
@@ -152,6 +161,8 @@ def restore(target: Any, plain: Any, arrays: Arrays) -> None:
         When the data do not fit the object.
     """
     for stored, attribute in _FIELDS[type(target).__name__].items():
+        if stored in _ADDED and stored not in plain:
+            continue
         current, saved = getattr(target, attribute), plain[stored]
         if type(current).__name__ in _FIELDS:
             restore(current, saved, arrays)
@@ -163,6 +174,8 @@ def restore(target: Any, plain: Any, arrays: Arrays) -> None:
                     restore(part, saved_part, arrays)
         else:
             setattr(target, attribute, _unpack(saved, current, arrays))
+    if isinstance(target, StreamingTimeline):
+        target.complete()
 
 
 def _unpack(plain: Any, current: Any, arrays: Arrays) -> Any:
@@ -177,7 +190,8 @@ def _unpack(plain: Any, current: Any, arrays: Arrays) -> Any:
             raise ValueError(f"{plain['array']} has another shape")
         return array.copy()
     if isinstance(plain, dict) and "record" in plain:
-        record = _RECORDS[plain["record"]](*(_unpack(x, None, arrays) for x in plain["parts"]))
+        parts = [_unpack(x, None, arrays) for x in plain["parts"]]
+        record = _RECORDS[plain["record"]](*_completed(plain["record"], parts))
         if isinstance(current, tuple):
             for new, old in zip(record, current, strict=True):
                 if new.shape != old.shape or new.dtype != old.dtype:
@@ -189,6 +203,17 @@ def _unpack(plain: Any, current: Any, arrays: Arrays) -> Any:
         values = [_unpack(x, None, arrays) for x in plain]
         return [tuple(value) if isinstance(value, list) else value for value in values]
     return plain
+
+
+def _completed(record: str, parts: list[Any]) -> list[Any]:
+    """Add what a record of an earlier version lacks, which knew no force laws."""
+    if record == "Steps" and len(parts) == 6:
+        steps, elements = parts[1].shape[:2]
+        parts += [np.zeros((steps, 2, elements)), np.full(steps, ALL, np.int8)]
+    elif record == "State" and len(parts) == 10:
+        parts[7] = np.concatenate([parts[7], [0.0, *WHITE_SHARE_PRIOR]])
+        parts.append(np.zeros((3, 0, 0)))
+    return parts
 
 
 def write_checkpoint(path: PathLike, settings: dict[str, Any], tracker: object) -> None:

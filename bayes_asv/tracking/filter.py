@@ -22,7 +22,7 @@ from bayes_asv.tracking.filter_model import FilterModel
 from bayes_asv.tracking.relinearization import Window, concatenate_steps, relinearize, slice_steps
 
 __all__ = [
-    "DEFAULT_SETTINGS", "ENGINES", "Engine", "OnlineFilter", "initial_state",
+    "DEFAULT_SETTINGS", "ENGINES", "WHITE_SHARE_PRIOR", "Engine", "OnlineFilter", "initial_state",
     "parameter_covariance",
 ]  # fmt: skip
 
@@ -43,6 +43,9 @@ DEFAULT_SETTINGS = FilterSettings(
     review_interval=0.25,
 )
 
+WHITE_SHARE_PRIOR = (0.5, 12.0)
+"""Mean and information of the share of white noise: uniform a priori, as in ``estimate``."""
+
 # Relinearization ends when every parameter's relative standard deviation is below _KNOWN and
 # the last _SETTLED_PASSES moved none by more than _SETTLED standard deviations.  A parameter that
 # still moves after _MAX_PASSES is not constant, which relinearization cannot correct.
@@ -53,6 +56,12 @@ _MAX_PASSES = 5
 _MAX_WINDOW = 8.0  # s
 _MIN_GAIN = 0.02  # nats: a window with less information about the parameters is dropped
 _MAX_FAULT_DURATION = 8.0  # s
+# A fault that has outlasted two resets, the second with half of this, is taken for a car that has
+# changed: sensors that are knocked or rattle are right again within a second, or never.
+_LASTING_FAULT = 1.0  # s
+# A zero that drifts by a usual 5 mm/s² a second (the tolerance of `sensor_drift`) has moved by its
+# prior standard deviation, 0.7 m/s²: readings after such a gap are another recording's.
+_LONG_GAP = 140.0  # s
 
 
 def initial_state(model: FilterModel) -> State:
@@ -61,6 +70,8 @@ def initial_state(model: FilterModel) -> State:
     p, ny, lasting = len(arrays.element), sizes.outputs, sizes.lasting
     statistics = np.zeros(model.at.length)
     statistics[model.at.fast_factor : model.at.fast_factor + ny] = 1.0
+    first = model.at.white_share
+    statistics[first : first + 2] = WHITE_SHARE_PRIOR
     autocovariance = np.zeros((ny, 2, 1 + DRIFT_LAGS))
     autocovariance[:, 1, 0] = 1.0
     mu, D = np.zeros(p), arrays.factor.copy()
@@ -79,6 +90,7 @@ def initial_state(model: FilterModel) -> State:
         statistics=statistics,
         snapshots=_snapshots(mu, D),
         autocovariance=autocovariance,
+        force_history=np.zeros((3, sizes.forces, 1 + 2 * p if sizes.forces else 0)),
     )
 
 
@@ -190,11 +202,18 @@ class OnlineFilter:
         """Process steps; return the results after each, see ``ukf_state.Columns``."""
         out = np.zeros((len(steps.step), self.model.into.width))
         at = 0
+        long_gaps = np.flatnonzero(steps.restart & (steps.step > _LONG_GAP)).tolist()
+        ends = iter([*long_gaps, len(steps.step)])
+        end = next(ends)
         while at < len(steps.step):
+            if at == end:
+                self.start_recording()
+                end = next(ends)
             first = at
             event, at = ENGINES[self.engine](
-                at, False, self.state, self._current_model(), self._current_settings(), steps, out
-            )
+                at, False, self.state, self._current_model(), self._current_settings(),
+                slice_steps(steps, 0, end), out,
+            )  # fmt: skip
             done = slice_steps(steps, first, at)
             self.time += float(done.step.sum())
             if not _is_valid(self.state):
@@ -266,8 +285,8 @@ class OnlineFilter:
         self._settled_passes = self._settled_passes + 1 if moved < _SETTLED else 0
         if _is_valid(state):
             self.state = state
-        scale = self.model.arrays.scale[: self.model.sizes.answers]
-        widest = np.max(self._parameter_sd() * scale)
+        na = len(self.model.coordinates.answers)
+        widest = np.max(self._parameter_sd()[:na] * self.model.arrays.scale[:na])
         self._passes = self._passes + 1 if widest < _KNOWN else 0
         if self._passes and (
             self._settled_passes >= _SETTLED_PASSES or self._passes >= _MAX_PASSES
@@ -291,11 +310,23 @@ class OnlineFilter:
                 self._start_window()
 
     def _reset(self) -> None:
-        """Reset motion and biases, and return the parameters to the older snapshot."""
+        """Reset motion and biases, and return the parameters to the older snapshot.
+
+        After a fault that lasts, the parameters that are asked for become as uncertain as their
+        priors, and are learnt again.
+        """
         snapshot = self.state.snapshots[0]
         self.state = _reset_motion(
             self.state, snapshot[:, 0], np.ascontiguousarray(snapshot[:, 1:]), self.model
         )
+        if self._fault_duration >= _LASTING_FAULT:
+            prior = np.zeros(len(self.state.mu))
+            prior[: len(self.model.coordinates.answers)] = 1.0
+            state = self.state
+            add_parameter_noise(self.model.sizes.states, state.D, state.J, state.Pi, prior)
+            state.snapshots[:] = _snapshots(state.mu, state.D)
+            self.relinearizing = True
+            self._settled_passes = self._passes = 0
         self.state.statistics[self.model.at.fault_time] = 0.0
         since = self.time - self.resets[-1] if self.resets else math.inf
         self._fault_duration = (

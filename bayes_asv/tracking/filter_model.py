@@ -25,6 +25,8 @@ from bayes_asv.models.car_model import (
     initial_covariance,
     state_space,
 )
+from bayes_asv.posterior.effects import NO_FILTER
+from bayes_asv.tracking.effects import law_table
 from bayes_asv.tracking.geometry import Polynomial, trace
 from bayes_asv.tracking.parameters import Coordinates
 from bayes_asv.tracking.sensor_noise import SensorModel
@@ -35,6 +37,7 @@ Array = NDArray[np.float64]
 
 _DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected
 _MOST_FACTORS = 4  # of a term of the geometry
+_AT_REST = 1.0  # N: deviation of a filtered force when a recording begins
 # At standstill: a deflection along a twist changes nothing that a bias of the outputs could not.
 _TWIST, _TWIST_RATE = 1e-3, 1e-2  # m and m/s
 
@@ -68,6 +71,8 @@ class FilterModel:
         Sizes of the filter.
     start_mean : (ns,) array
         Prior mean of the states.
+    initial : int array
+        States that are unknown when a recording begins; filtered forces follow from them.
     arrays : Model
         Figures for compiled code.
     """
@@ -78,6 +83,7 @@ class FilterModel:
     output_channels: tuple[int, ...]
     sizes: Sizes
     start_mean: Array
+    initial: NDArray[np.int64]
     arrays: Model
 
     @property
@@ -101,6 +107,7 @@ def filter_model(
     sensors: SensorModel,
     forget: float | None = None,
     standstill: StandstillBias | None = None,
+    rate: float = 400.0,
 ) -> FilterModel:
     """Assemble the model of car and sensors.
 
@@ -116,6 +123,8 @@ def filter_model(
         Biases of the inputs, for a car whose wheels can twist against each other.  The body cannot
         follow such a twist, no spring resists it, and a bias of the wheel sensors along it grows
         with time: while the parameters are unknown as well, an unknown bias would hide them.
+    rate : float
+        Rows per second, Hz; limits the band of forces where no sensor's filter is declared.
 
     Raises
     ------
@@ -128,19 +137,25 @@ def filter_model(
     directions = bias_directions(system)
     names, P = car.names, len(car.names)
     ne, n, ny, nd = len(car.elements), len(car.coordinates), len(outputs), directions.shape[1]
+    effects = coordinates.law_effects
     size = sizes(
         elements=ne, rates=found.rates, coordinates=n, rows=ne + len(found.points), directions=nd,
-        outputs=ny, parameters=len(coordinates.base), answers=len(coordinates.answers),
-        bars=int(np.any(found.bars != 0.0)),
+        outputs=ny, parameters=len(coordinates.base),
+        answers=len(coordinates.answers) + len(effects), bars=int(np.any(found.bars != 0.0)),
+        forces=ne if effects else 0,
     )  # fmt: skip
     place, copies = _places(car, sensors, found.entries, len(coordinates.base))
-    # prior of (x, d, b) in the order (x, b, d)
-    nx = size.motion
+    # prior of (x, d, b) in the order (x, filtered forces, b, d)
+    nx = size.motion - size.forces
     order = [*range(nx), *range(nx + nd, nx + nd + ny), *range(nx, nx + nd)]
-    start = initial_covariance(system._replace(N=directions), outputs)[np.ix_(order, order)]
+    initial = np.array([*range(nx), *range(size.motion, size.lasting)])
+    start = _AT_REST**2 * np.eye(size.lasting)
+    start[np.ix_(initial, initial)] = initial_covariance(
+        system._replace(N=directions), outputs
+    )[np.ix_(order, order)]  # fmt: skip
     mean = np.zeros(size.states)
     if standstill is not None:
-        first = nx + ny
+        first = size.motion + ny
         mean[first : first + nd] = standstill.mean
         start[first : first + nd] = start[:, first : first + nd] = 0.0
         start[first : first + nd, first : first + nd] = np.diag(standstill.sd**2)
@@ -171,8 +186,14 @@ def filter_model(
         by_row=found.by_row,
         by_state=found.by_state,
         reads_states=bool(found.by_state.any()),
+        laws=law_table(
+            car, effects, len(coordinates.base) - len(effects),
+            float(np.max(sensors.poles)) or 2.0 * np.pi * NO_FILTER * rate,
+        ),
+    )  # fmt: skip
+    return FilterModel(
+        coordinates, outputs, sensors.inputs, sensors.outputs, size, mean, initial, arrays
     )
-    return FilterModel(coordinates, outputs, sensors.inputs, sensors.outputs, size, mean, arrays)
 
 
 def twists(car: CarModel) -> bool:

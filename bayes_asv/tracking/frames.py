@@ -32,6 +32,9 @@ class Frames:
     log_sd : (N, na) array
         Standard deviation of the logarithm of each; the 95 % interval is
         median · exp(±1.96 log_sd).
+    effect, effect_sd : (N, nq) arrays
+        Means and standard deviations of the coordinates of force laws
+        (``Coordinates.law_effects``).
     deflection, deflection_sd : (N, ne) arrays
         Suspension deflections, m, extension positive, and their standard deviations.
     measured : (N, ny) array
@@ -53,6 +56,8 @@ class Frames:
     time: Array
     median: Array
     log_sd: Array
+    effect: Array
+    effect_sd: Array
     deflection: Array
     deflection_sd: Array
     measured: Array
@@ -70,11 +75,12 @@ class Frames:
         return len(self.time)
 
 
-def empty_frames(answers: int = 3, elements: int = 2, outputs: int = 2) -> Frames:
+def empty_frames(answers: int = 3, elements: int = 2, outputs: int = 2, effects: int = 0) -> Frames:
     """Frames without a row; by default of the half car with its four accelerometers."""
     columns = {
         "median": answers, "log_sd": answers, "deflection": elements, "deflection_sd": elements,
-        "measured": outputs, "predicted": outputs, "predicted_sd": outputs,
+        "effect": effects, "effect_sd": effects, "measured": outputs, "predicted": outputs,
+        "predicted_sd": outputs,
     }  # fmt: skip
     empty = {
         f.name: np.empty((0, columns[f.name]) if f.name in columns else 0) for f in fields(Frames)

@@ -1,10 +1,11 @@
 """Parameters of the car that the online filter estimates, their coordinates and their priors.
 
-Each parameter that is not exact is one coordinate: those that are asked for first, then every given
-value with a standard deviation, then the scales of sensors.  All are logarithms but fractions.
-Parameters whose priors share an unknown, such as the springs of both sides of an axle, are
-correlated a priori.  The accelerations depend on ratios to the mass alone; the mass is a coordinate
-all the same, so that its uncertainty is part of every answer.
+Each parameter that is not exact is one coordinate: those that are asked for first, then those of
+force laws, then every given value with a standard deviation, then the scales of sensors.  All are
+logarithms but fractions and those of force laws, which are standard normal.  Parameters whose
+priors share an unknown, such as the springs of both sides of an axle, are correlated a priori.  The
+accelerations depend on ratios to the mass alone; the mass is a coordinate all the same, so that its
+uncertainty is part of every answer.
 """
 
 from __future__ import annotations
@@ -17,6 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.models.car_model import CarModel, CarParameter
+from bayes_asv.models.effects import Site
+from bayes_asv.tracking.effects import (
+    EffectParameter,
+    check_trackable,
+    effect_parameters,
+    with_car_effects,
+)
 
 __all__ = ["WALK_SHARE", "Coordinates", "coordinates"]
 
@@ -36,10 +44,11 @@ class Coordinates:
     car : CarModel
         The car.
     names : tuple of str
-        Names of the parameters that are asked for, then of given values and ``gain <channel>``.
-    base : (P + C,) array
-        Parameter vector where no coordinate changes it: the car's parameters, then the gains of
-        the sensors.
+        Names of the parameters that are asked for, of those of force laws, then of given values and
+        ``gain <channel>``.
+    base : (P + C + E,) array
+        Parameter vector where no coordinate changes it: the car's parameters, the gains of the
+        sensors, and the coordinates of force laws.
     element : (p,) int array
         Element of that vector which each coordinate determines.
     log : (p,) bool array
@@ -50,6 +59,10 @@ class Coordinates:
         Upper triangular; its product Uᵀ U is the prior correlation.
     tied : dict of str to (str, float)
         Parameters that are a constant multiple of another one, which has their unknown.
+    effects : tuple of EffectParameter
+        Parameters of effects, those of force laws first.
+    by_effect : (E', p) array
+        Prior covariance of each of these with the coordinates.
     """
 
     car: CarModel
@@ -61,6 +74,8 @@ class Coordinates:
     scale: Array
     factor: Array
     tied: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    effects: tuple[EffectParameter, ...] = ()
+    by_effect: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -69,6 +84,32 @@ class Coordinates:
     def answers(self) -> tuple[str, ...]:
         """Names of the parameters that are asked for, which come first."""
         return tuple(name for name in self.car.estimated if name in self.names)
+
+    @property
+    def sites(self) -> tuple[Site, ...]:
+        """The effects."""
+        return tuple(dict.fromkeys(effect.site for effect in self.effects))
+
+    @property
+    def law_effects(self) -> tuple[EffectParameter, ...]:
+        """Parameters of force laws, whose coordinates follow those of the answers."""
+        return tuple(e for e in self.effects if e.site.effect.code >= 0)
+
+    def effect_moments(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Means and standard deviations of the effects' coordinates.
+
+        Parameters
+        ----------
+        mean, covariance : (p,) and (p, p) arrays
+            Belief about the coordinates of the filter.
+        """
+        if not self.effects:
+            return np.zeros(0), np.zeros(0)
+        prior = self.factor.T @ self.factor
+        by = np.linalg.solve(prior, self.by_effect.T).T
+        left = 1.0 - np.sum(by * self.by_effect, axis=1)
+        variance = np.sum((by @ covariance) * by, axis=1) + np.maximum(left, 0.0)
+        return by @ mean, np.sqrt(variance)
 
     def log_parameters(self, z: Array) -> Array:
         """Logarithms (…, na) of the answers (SI units) at coordinates (…, na or more)."""
@@ -102,7 +143,10 @@ class Coordinates:
 
 
 def coordinates(
-    car: CarModel, channels: Sequence[str], scale_sd: Sequence[float] | None = None
+    car: CarModel,
+    channels: Sequence[str],
+    scale_sd: Sequence[float] | None = None,
+    sites: Sequence[Site] = (),
 ) -> Coordinates:
     """Set up the coordinates for a car.
 
@@ -114,48 +158,84 @@ def coordinates(
         Names of the channels.
     scale_sd : (C,) sequence of float, optional
         Relative standard deviation of each sensor's scale, zero where it is exact, as by default.
+    sites : sequence of Site
+        Effects that the car or its sensors have.
 
     Returns
     -------
     Coordinates
         With the priors of :mod:`bayes_asv.posterior.parameters`.
+
+    Raises
+    ------
+    InputError
+        For an effect that cannot be tracked.
     """
+    check_trackable(car, sites, channels)
+    effects = effect_parameters(car, sites)
+    car = with_car_effects(car, sites)
     scale_sd = [0.0] * len(channels) if scale_sd is None else scale_sd
     order = sorted(range(len(car.parameters)), key=lambda k: car.parameters[k].kind != "estimated")
-    chosen: list[CarParameter] = []
+    chosen: list[tuple[tuple[str, float, float], ...]] = []  # terms of each coordinate
     rows: list[tuple[str, int, bool, float, float]] = []
     tied: dict[str, tuple[str, float]] = {}
+    alike: dict[object, CarParameter] = {}
+    laws = [e for e in effects if e.site.effect.code >= 0]
+    first = len(car.parameters) + len(channels)
     for number in order:
         one = car.parameters[number]
-        sd = math.sqrt(sum((weight * own) ** 2 for _, weight, own in one.terms))
+        if one.kind != "estimated" and laws:
+            for k, effect in enumerate(laws):
+                chosen.append(((effect.name, 1.0, 1.0),))
+                rows.append((effect.name, first + k, False, 0.0, 1.0))
+            laws = []
+        sd = _deviation(one.terms)
         if sd == 0.0:
             continue
-        alike = next((o for o in chosen if o.terms == one.terms and o.kind == one.kind), None)
-        if alike is not None:
-            tied[one.name] = alike.name, one.nominal / alike.nominal
+        other = alike.setdefault((one.terms, one.kind), one)
+        if other is not one:
+            tied[one.name] = other.name, one.nominal / other.nominal
             continue
-        chosen.append(one)
+        chosen.append(one.terms)
         log = one.kind != "fraction"
         rows.append((one.name, number, log, math.log(one.nominal) if log else one.nominal, sd))
     for number, (name, sd) in enumerate(zip(channels, scale_sd, strict=True), len(car.parameters)):
-        if sd > 0.0:
-            rows.append((f"gain {name}", number, True, 0.0, sd))
+        own = [(f"gain {name}", 1.0, sd)]
+        own += [
+            (effect.name, 1.0, effect.parameter.wide)
+            for effect in effects
+            if name in effect.site.channels(channels)
+        ]
+        if (total := _deviation(own)) > 0.0:
+            chosen.append(tuple(own))
+            rows.append((f"gain {name}", number, True, 0.0, total))
     names, element, log_, centre, scale = zip(*rows, strict=True)
-    unknowns = sorted({name for one in chosen for name, _, _ in one.terms})
+    unknowns = sorted({name for terms in chosen for name, _, _ in terms})
     root = np.zeros((len(rows), len(unknowns)))
-    for k, one in enumerate(chosen):
-        for name, weight, sd in one.terms:
+    for k, terms in enumerate(chosen):
+        for name, weight, sd in terms:
             root[k, unknowns.index(name)] += weight * sd / scale[k]
     correlation = root @ root.T
     np.fill_diagonal(correlation, 1.0)
     return Coordinates(
         car=car,
         names=names,
-        base=np.array([p.nominal for p in car.parameters] + [1.0] * len(channels)),
+        base=np.array(
+            [p.nominal for p in car.parameters]
+            + [1.0] * len(channels)
+            + [0.0] * sum(e.site.effect.code >= 0 for e in effects)
+        ),
         element=np.array(element, np.int64),
         log=np.array(log_, np.bool_),
         centre=np.array(centre, np.float64),
         scale=np.array(scale, np.float64),
         factor=np.ascontiguousarray(np.linalg.cholesky(correlation).T),
         tied=tied,
+        effects=effects,
+        by_effect=root[:, [unknowns.index(effect.name) for effect in effects]].T,
     )
+
+
+def _deviation(terms: Sequence[tuple[str, float, float]]) -> float:
+    """Return the standard deviation of a sum of independent terms."""
+    return math.sqrt(sum((weight * sd) ** 2 for _, weight, sd in terms))

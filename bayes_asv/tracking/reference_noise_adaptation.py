@@ -59,6 +59,16 @@ class NoiseAdaptation:
         weight[y] += 1.0 - weight[y] / settings.slow_window
         fast[y] += (raw - fast[y]) / settings.fast_window
 
+    def update_white_share(self, y: int, nu: float, correlation: float, part: float) -> None:
+        """Update the share of white noise by two successive innovations of an output."""
+        limit, window = math.sqrt(self.settings.gate), self.settings.slow_window * self.outputs
+        slope = part * correlation / (1.0 + correlation**2)
+        share, information = self.at.white_share, self.at.white_information
+        self.statistics[information] += slope**2 - self.statistics[information] / window
+        product = min(max(nu, -limit), limit) * self.autocovariance[y, 0, 0]
+        step = slope * product / self.statistics[information]
+        self.statistics[share] = min(max(self.statistics[share] - step, 0.0), 1.0)
+
     def update_autocovariance(self, y: int, nu: float) -> None:
         """Update an output's autocovariance by a normalised innovation."""
         limit = math.sqrt(self.settings.gate)

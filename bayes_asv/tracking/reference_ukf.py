@@ -20,7 +20,7 @@ from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.noise_adaptation import SNAPSHOT_INTERVAL
 from bayes_asv.filters.prediction import upper_tail
 from bayes_asv.filters.ukf import DONE, SIGMA_DISTANCE
-from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
+from bayes_asv.filters.ukf_state import ALL, NOTHING, FilterSettings, State, Steps
 from bayes_asv.models.car_model import state_space
 from bayes_asv.tracking.filter_model import FilterModel
 from bayes_asv.tracking.reference_noise_adaptation import NoiseAdaptation
@@ -96,12 +96,13 @@ class _ReferenceFilter:
 
     def __init__(self, state: State, model: FilterModel, settings: FilterSettings) -> None:
         self.model, self.settings, self.sizes = model, settings, model.sizes
-        self.noise = model.arrays.noise
+        self.noise = model.arrays.noise  # of the present step, see `split_noise`
         self.statistics, self.snapshots = state.statistics, state.snapshots
         self.adaptation = NoiseAdaptation(
             model.at, self.sizes.outputs, state.statistics, state.autocovariance, settings
         )
-        self.learn = True
+        self.learn = self.tested = True
+        self.h = 0.0  # length of the present step, s
         self.cache: dict[tuple[bytes, float], _System] = {}
         p = self.p = len(state.mu)
         n = p + self.sizes.states
@@ -184,6 +185,14 @@ class _ReferenceFilter:
         read = system.gain * (system.C @ s[self.motion])
         return np.asarray(read + s[self.bias] + s[self.output_noise])
 
+    def split_noise(self) -> None:
+        """Split the noise of sensors with a filter in what is white and what passed the filter."""
+        count = self.sizes.elements + self.sizes.outputs
+        share = self.statistics[self.model.at.white_share]
+        self.noise = self.model.arrays.noise.copy()
+        self.noise[:count] += share * self.noise[count : 2 * count]
+        self.noise[count : 2 * count] *= 1.0 - share
+
     def input_factors(self, noise_factor: Array) -> Array:
         """Noise factors of the inputs."""
         return np.asarray(self.model.arrays.share @ noise_factor)
@@ -231,6 +240,7 @@ class _ReferenceFilter:
         """Predict over a step, condition on its readings, and fill a row of results."""
         ukf, p = self.ukf, self.p
         self.cache.clear()
+        self.split_noise()
         noise_factor = self.adaptation.factors()
         h = float(steps.step[k])
         at, into, arrays = self.model.at, self.model.into, self.model.arrays
@@ -253,7 +263,9 @@ class _ReferenceFilter:
         self.learn = self.is_excited(h)
         self.redraw()
         row[into.innovation : into.innovation + self.sizes.outputs] = 0.0
-        nis, count = self.condition(steps.kind[k], steps.reading[k], noise_factor, row)
+        self.tested, self.h = bool(steps.use[k] == ALL), h
+        kind = steps.kind[k] if steps.use[k] != NOTHING else np.full_like(steps.kind[k], MISSING)
+        nis, count = self.condition(kind, steps.reading[k], noise_factor, row)
         if count:
             self.adaptation.detect_drift()
         self.write_results(noise_factor, nis, count, row)
@@ -302,7 +314,15 @@ class _ReferenceFilter:
                         math.log(2.0 * math.pi * variance) + nis
                     )
                     row[into.innovation + y] = nu / math.sqrt(variance)
-                    if interaction[y] < _MAX_INTERACTION * variance:
+                    if self.tested and interaction[y] < _MAX_INTERACTION * variance:
+                        ne, count_ = self.sizes.elements, len(self.noise) // 3
+                        filtered = self.model.arrays.noise[count_ + ne + y]
+                        self.adaptation.update_white_share(
+                            y,
+                            nu / math.sqrt(variance),
+                            math.exp(-self.noise[2 * count_ + ne + y] * self.h),
+                            noise_factor[y] * filtered / variance,
+                        )
                         self.adaptation.update_factor(y, nis, noise_factor[y])
                         self.adaptation.update_autocovariance(y, nu / math.sqrt(variance))
                         total_nis, count = total_nis + nis, count + 1

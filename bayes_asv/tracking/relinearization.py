@@ -51,11 +51,7 @@ class Window:
 
 def slice_steps(steps: Steps, first: int, last: int) -> Steps:
     """Return the steps ``first`` to ``last − 1``."""
-    step, moments, spread, kind, reading, restart = steps
-    part = slice(first, last)
-    return Steps(
-        step[part], moments[part], spread[part], kind[part], reading[part], restart[part]
-    )  # fmt: skip
+    return Steps(*(values[first:last] for values in steps))  # type: ignore[arg-type]
 
 
 def concatenate_steps(parts: list[Steps]) -> Steps:
@@ -80,17 +76,21 @@ class _JointPrior:
     slope: Array
     Pi: Array
     statistics: Array
+    force_history: Array
 
     @classmethod
     def of(cls, start: State, statistics: Array, model: FilterModel) -> _JointPrior:
-        p, initial, ny = len(start.mu), model.sizes.lasting, model.sizes.outputs
-        factor = np.linalg.cholesky(start.Pi[:initial, :initial])
-        by_u = np.linalg.solve(factor, start.Pi[:initial]).T  # regression of the state on u
+        p, ny = len(start.mu), model.sizes.outputs
+        chosen = model.initial
+        initial = len(chosen)
+        factor = np.linalg.cholesky(start.Pi[np.ix_(chosen, chosen)])
+        by_u = np.linalg.solve(factor, start.Pi[chosen]).T  # regression of the state on u
         D = np.eye(p + initial)
         D[:p, :p] = start.D
         statistics = statistics.copy()
         fast = model.at.fast_factor
         statistics[fast : fast + ny] = 1.0  # the slow factor holds for the window
+        statistics[model.at.last_step] = start.statistics[model.at.last_step]
         return cls(
             model=model,
             mean=np.concatenate([start.mu, np.zeros(initial)]),
@@ -99,6 +99,7 @@ class _JointPrior:
             slope=np.vstack([np.linalg.solve(start.D, start.J), by_u.T]),
             Pi=start.Pi - by_u @ by_u.T,
             statistics=statistics,
+            force_history=start.force_history,
         )
 
     def state_at(self, reference: Array, D: Array) -> State:
@@ -117,6 +118,7 @@ class _JointPrior:
             statistics=statistics,
             snapshots=np.zeros((2, 0, 0)),
             autocovariance=np.zeros((self.model.sizes.outputs, 2, 1)),
+            force_history=self.force_history.copy(),
         )
 
     def deviance(self, q: Array) -> float:
@@ -170,7 +172,7 @@ def relinearize(
     """
     p = len(current.mu)
     prior = _JointPrior.of(window.start, current.statistics, model)
-    initial = model.sizes.lasting
+    initial = len(model.initial)
     D = np.eye(p + initial)
     D[:p, :p] = current.D
     reference = np.concatenate([current.mu, np.zeros(initial)])
@@ -199,6 +201,7 @@ def relinearize(
     J = state.F @ state.J
     statistics = current.statistics.copy()
     statistics[model.at.information_gain] = 0.0
+    statistics[model.at.last_step] = state.statistics[model.at.last_step]
     result = State(
         mu=mean[:p].copy(),
         D=np.ascontiguousarray(D[:p, :p]),
@@ -210,5 +213,6 @@ def relinearize(
         statistics=statistics,
         snapshots=current.snapshots.copy(),
         autocovariance=current.autocovariance.copy(),
+        force_history=state.force_history,
     )
     return result, float(np.max(np.abs(moved)))

@@ -122,7 +122,7 @@ class StreamingSpline:
         gap = np.append(self._starts[1:], True)[at]
         return np.asarray(inside & (~gap | (np.abs(instants - self._time[at]) < _SAME_INSTANT)))
 
-    def integrate(self, instants: Array, before: float) -> tuple[Array, Array, Flags]:
+    def integrate(self, instants: Array, before: float) -> tuple[Array, Array, Flags, Array]:
         """Moments of the acceleration over steps that end at instants.
 
         Parameters
@@ -140,15 +140,18 @@ class StreamingSpline:
             As ``step_moments`` fills it.
         covered : (E,) bool array
             Whether the spline covers the whole step.
+        ends : (E, 2) array
+            Acceleration at its beginning and at its end, m/s².
         """
         n = len(instants)
         moments, spread, covered = np.zeros((n, ORDER)), np.zeros((n, 2)), np.ones(n, bool)
+        ends = np.zeros((n, 2))
         gaps = np.append(self._starts[1:], True)
         step_moments(
             instants, before, self._time, self._coefficients, self._sd, gaps, moments, spread,
-            covered,
+            covered, ends,
         )  # fmt: skip
-        return moments, spread, covered
+        return moments, spread, covered, ends
 
     def discard(self, before: float) -> None:
         """Discard samples that no step starting at ``before`` (s) or later needs."""

@@ -15,15 +15,22 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, AT_MOST, MISSING, ORDER, VALUE
-from bayes_asv.filters.ukf_state import Steps
+from bayes_asv.filters.ukf_state import ALL, NOTHING, STATES, Steps
 from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import min_sampling_rate
+from bayes_asv.preprocessing.quantization import (
+    STILL_STEPS,
+    STILL_WINDOW,
+    slow_steps,
+    still_variance,
+)
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -110,6 +117,53 @@ def max_gap(rate: float) -> float:
     return max(_GAP_ROWS / rate, _GAP_SECONDS) * (1.0 + 1e-6)
 
 
+class _Stillness:
+    """Tells rows at which channels hardly move on coarse converters.
+
+    The errors of a converter whose reading stands still are no white noise: they stay as they are
+    (:mod:`bayes_asv.preprocessing.quantization`).
+
+    Parameters
+    ----------
+    sensors : SensorModel
+        With the noise of every channel.
+    declared : (C,) bool array
+        Whether the noise was given.  Otherwise it is learnt from the readings, at standstill as
+        well, whatever its cause.
+    rate : float
+        Rows per second, Hz.
+    """
+
+    def __init__(self, sensors: SensorModel, declared: NDArray[np.bool_], rate: float) -> None:
+        figures = zip(sensors.resolution, sensors.noise, sensors.poles, strict=True)
+        variance = [
+            still_variance(float(step), float(noise), float(pole), 1.0 / rate)
+            for step, noise, pole in figures
+        ]
+        self.variance = np.where(declared, variance, 0.0)
+        self._window = max(round(STILL_WINDOW * rate), 3)
+        coarse = self.variance > 0.0
+        self._still = np.where(coarse, STILL_STEPS * sensors.resolution, 0.0)
+        self._slow = np.where(coarse, slow_steps(self._window) * sensors.resolution, 0.0)
+        self._before = np.full((len(coarse), self._window - 1), np.nan)
+
+    def update(self, value: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether each channel stands still, and moves slowly, at rows (C, n)."""
+        if not self.variance.any():
+            none = np.zeros(value.shape, bool)
+            return none, none
+        value = np.concatenate([self._before, value], axis=1)
+        self._before = value[:, value.shape[1] - self._window + 1 :].copy()
+        known = np.isfinite(value)
+        shift = (self._window - 1) // 2  # the window ends with the row
+        high, low = (
+            extreme(np.where(known, value, side), self._window, axis=1, origin=shift)
+            for extreme, side in ((maximum_filter1d, -np.inf), (minimum_filter1d, np.inf))
+        )
+        span = (high - low)[:, self._window - 1 :]
+        return span < self._still[:, None], span < self._slow[:, None]
+
+
 class StreamingTimeline:
     """Schedules rows as they arrive.
 
@@ -151,6 +205,8 @@ class StreamingTimeline:
         self._wheels = [
             StreamingSpline(sensors.interpolation_noise(c, rate), gap) for c in self._inputs
         ]
+        given = np.array([s.noise is not None for s in declared])
+        self._stillness = _Stillness(sensors, given, rate)
         self._origin: float | None = None
         self._last_stamp = -math.inf
         self._end: float | None = None  # of the last step
@@ -163,6 +219,9 @@ class StreamingTimeline:
         self._kind = np.empty((0, ny), np.int8)
         self._step = np.empty((0, ny), np.int64)
         self._scheduled = np.empty((0, ny), bool)
+        # whether each input stands still, and what the readings are good for
+        self._still = np.empty((0, len(self._inputs)), bool)
+        self._use = np.empty(0, np.int8)
 
     def push(self, times: Array, acc: Array) -> TimelineChunk:
         """Add rows; return the steps and rows that became ready.
@@ -191,6 +250,13 @@ class StreamingTimeline:
         for wheel in self._wheels:
             wheel.finish()
         return self._ready(everything=True)
+
+    def complete(self) -> None:
+        """Fill what a checkpoint of an earlier version lacks of pending rows."""
+        lacking = len(self._stamp) - len(self._use)
+        if lacking:
+            self._still = np.zeros((lacking, len(self._inputs)), bool)
+            self._use = np.full(lacking, ALL, np.int8)
 
     def _check(self, times: Array, acc: Array) -> None:
         count = len(self._sensors.channels)
@@ -236,6 +302,7 @@ class StreamingTimeline:
             wheel.push(true[c], value[c], low[c], high[c])
         kind = np.where(high, AT_LEAST, np.where(low, AT_MOST, VALUE)).astype(np.int8)
         kind[~np.isfinite(value)] = MISSING
+        still, slow = self._stillness.update(value)
         outputs, ny = self._outputs, len(self._outputs)
         n = len(times)
         self._stamp = np.concatenate([self._stamp, times])
@@ -244,6 +311,12 @@ class StreamingTimeline:
         self._kind = np.concatenate([self._kind, kind[outputs].T])
         self._step = np.concatenate([self._step, np.full((n, ny), -1)])
         self._scheduled = np.concatenate([self._scheduled, np.zeros((n, ny), bool)])
+        self._still = np.concatenate([self._still, still[self._inputs].T])
+        use = np.where(slow[self._inputs].all(axis=0), STATES, ALL)
+        # What does not move tells only a zero that is off by up to a step, the more believed the
+        # longer it waits.
+        use[still.all(axis=0)] = NOTHING
+        self._use = np.concatenate([self._use, use.astype(np.int8)])
 
     def _ready(self, everything: bool = False) -> TimelineChunk:
         """Schedule the readings before the horizon, and return the rows that are complete."""
@@ -267,7 +340,9 @@ class StreamingTimeline:
         complete = int(np.argmin(np.append(done, False)))
         measured = np.where(self._kind[:complete] == VALUE, self._reading[:complete], np.nan)
         rows = Rows(self._stamp[:complete], self._step[:complete], measured)
-        for name in ("_stamp", "_time", "_reading", "_kind", "_step", "_scheduled"):
+        for name in (
+            "_stamp", "_time", "_reading", "_kind", "_step", "_scheduled", "_still", "_use",
+        ):  # fmt: skip
             setattr(self, name, getattr(self, name)[complete:])
         if self._end is not None:
             for wheel in self._wheels:
@@ -294,11 +369,19 @@ class StreamingTimeline:
         ne, ny = len(self._wheels), len(self._outputs)
         moments = np.empty((total, ne, ORDER))
         spread = np.empty((total, 2 * ne))
+        ends = np.empty((total, 2, ne))
         covered = step <= self._max_gap
         for e, wheel in enumerate(self._wheels):
-            moments[:, e], wheel_spread, wheel_covered = wheel.integrate(instants, start)
+            moments[:, e], wheel_spread, wheel_covered, ends[:, :, e] = wheel.integrate(
+                instants, start
+            )
             spread[:, e], spread[:, ne + e] = wheel_spread[:, 0], wheel_spread[:, 1]
             covered &= wheel_covered
+        # the row at whose reading a step, or the last part of it, ends
+        row_of_step = row[new][np.searchsorted(end, np.arange(total))]
+        use = self._use[row_of_step]
+        doubt = self._stillness.variance[self._inputs] * self._still[row_of_step]
+        spread[:, ne:] += doubt * spread[:, :ne]
         kind = np.full((total, ny), MISSING, np.int8)
         reading = np.zeros((total, ny))
         at = end[instant]
@@ -308,11 +391,12 @@ class StreamingTimeline:
         self._step_count += total
         self._end = float(instants[-1])
         restart = ~covered & (step > 0.0)
-        return Steps(step, moments, spread, kind, reading, restart)
+        return Steps(step, moments, spread, kind, reading, restart, ends, use)
 
     def _no_steps(self) -> Steps:
         ne, ny = len(self._wheels), len(self._outputs)
         return Steps(
             np.empty(0), np.empty((0, ne, ORDER)), np.empty((0, 2 * ne)),
-            np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool),
+            np.empty((0, ny), np.int8), np.empty((0, ny)), np.empty(0, bool), np.empty((0, 2, ne)),
+            np.empty(0, np.int8),
         )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,8 @@ from bayes_asv.analysis.input_mistakes import Doubt
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.effects import Site
 from bayes_asv.tracking.consistency import ConsistencySummary
-from bayes_asv.tracking.filter import parameter_covariance
 from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.parameters import Coordinates
 from bayes_asv.tracking.tracker import Tracker, tracker_for
@@ -116,6 +116,16 @@ class TrackResult:
             values = {name: vectors[:, k] for k, name in enumerate(car.names)}
         return values if car.derived is None else {**values, **car.derived(values)}
 
+    @property
+    def effects(self) -> dict[Site, dict[str, Array]]:
+        """Values, in place of draws, of the reported parameters of each effect, SI units."""
+        found: dict[Site, dict[str, Array]] = {site: {} for site in self.coordinates.sites}
+        moments = self.coordinates.effect_moments(self.mean, self.covariance)
+        for effect, mean, sd in zip(self.coordinates.effects, *moments, strict=True):
+            if not effect.parameter.shape:
+                found[effect.site][effect.parameter.name] = effect.draws(float(mean), float(sd))
+        return found
+
     def log_moments(self, name: str) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of a parameter or a derived quantity.
 
@@ -133,6 +143,7 @@ def track(
     vehicle: Vehicle,
     *,
     car: str = "half",
+    effects: Sequence[Site] = (),
     forget: float | None = None,
     engine: str = "compiled",
     progress: Callable[[float, str], None] | None = None,
@@ -147,6 +158,8 @@ def track(
         The car.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
+    effects : sequence of Site
+        Effects that the car or its sensors have.
     forget, engine
         As for :class:`bayes_asv.tracking.tracker.Tracker`.
     progress : callable, optional
@@ -164,7 +177,9 @@ def track(
     """
     began = time.perf_counter()
     acc = accelerations(recording, vehicle).T
-    tracker = tracker_for(recording, vehicle, car=car, forget=forget, engine=engine)
+    tracker = tracker_for(
+        recording, vehicle, car=car, effects=effects, forget=forget, engine=engine
+    )
     parts = []
     chunk = _CHUNK if engine == "compiled" else _REFERENCE_CHUNK
     for at in range(0, len(recording.time), chunk):
@@ -211,8 +226,7 @@ def conclude(
     mean, covariance = np.zeros(len(space)), np.eye(len(space))
     resets: tuple[float, ...] = ()
     if tracker.started:
-        state = tracker.filter.state
-        mean, covariance = state.mu.copy(), parameter_covariance(state)
+        mean, covariance = tracker.belief
         resets = tuple(tracker.filter.resets)
     reasons = tracker.unanswered(name)
     doubt = tracker.input_doubt(name, refused=bool(reasons))

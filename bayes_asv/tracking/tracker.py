@@ -18,6 +18,7 @@ from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.recording import COUNTS, Recording, Timing, nominal_rate, timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
+from bayes_asv.models.effects import Site, site
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import used_channels
 from bayes_asv.tracking.checkpoint import read_checkpoint, restore, write_checkpoint
@@ -53,6 +54,8 @@ _ESTIMATED_PRIOR_READINGS = 4.0  # readings that such an estimate is worth
 # Steps are kept this long (s) for rows whose readings were scheduled at different times.
 _RECENT_SECONDS = 1.2
 _MIN_RECENT = 64  # steps
+# After a fault, in which the filter has either learnt what changed or finds it at fault again.
+_SUSPECT_SECONDS = 2.0 * DEFAULT_SETTINGS.fault_duration
 
 
 class Tracker:
@@ -68,6 +71,8 @@ class Tracker:
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
     channels : sequence of str
         Names of the channels in a row; those that the car does not explain are left out.
+    effects : sequence of Site
+        Effects that the car or its sensors have.
     forget : float, optional
         Time constant of the parameters' random walk, s: in this time those that are asked for
         change by 10 %, one standard deviation; constant parameters without it.
@@ -91,8 +96,8 @@ class Tracker:
     Raises
     ------
     InputError
-        For an impossible rate or time constant, an unknown engine, or channels that do not fit the
-        car.
+        For an impossible rate or time constant, an unknown engine, channels that do not fit the
+        car, or an effect that cannot be tracked.
     """
 
     def __init__(
@@ -102,6 +107,7 @@ class Tracker:
         *,
         car: str = "half",
         channels: Sequence[str] = CHANNELS,
+        effects: Sequence[Site] = (),
         forget: float | None = None,
         engine: str = "compiled",
         timing: Timing | None = None,
@@ -131,7 +137,14 @@ class Tracker:
         self.counts = tuple(raw[c] for c in self._columns)
         self.timing = self._own_timing(timing)
         names = [self.channels[c] for c in self._columns]
-        self.coordinates = coordinates(model, names, _scale_sds(vehicle, names, self.counts))
+        self.effects = tuple(effects)
+        self.coordinates = coordinates(
+            model, names, _scale_sds(vehicle, names, self.counts), self.effects
+        )
+        if engine != "compiled" and self.coordinates.law_effects:
+            raise InputError(
+                "engine", f"'{engine}' has no force laws", "leave it out, or leave out the effects"
+            )
         self._sensors = sensor_model(vehicle, model, names, self.counts)
         self._noise_declared = bool(np.all(np.isfinite(self._sensors.noise)))
         self._pending: list[tuple[Array, Array]] = []  # rows from which noise is estimated
@@ -142,6 +155,7 @@ class Tracker:
         self.data_checks = DataChecks(rate, len(names))
         self._lively = LivelyRows(self._sensors.channels, metadata)
         self._standstill: StandstillBias | None = None
+        self._last_fault = -math.inf  # stamp of the last row at which the readings did not fit
         if self._noise_declared and not twists(model):
             self._start_filter(self._sensors)
 
@@ -333,7 +347,8 @@ class Tracker:
         try:
             # Settings that files of earlier versions lack are those of the half car.
             settings = {
-                "model": "half", "channels": list(CHANNELS), "standstill": None, **settings
+                "model": "half", "channels": list(CHANNELS), "standstill": None, "effects": [],
+                **settings,
             }  # fmt: skip
             clocks = settings["timing"]
             tracker = cls(
@@ -345,6 +360,7 @@ class Tracker:
                 engine=settings["engine"],
                 timing=None if clocks is None else Timing(*(tuple(c) for c in clocks)),
                 counts=settings["counts"],
+                effects=[site(name) for name in settings["effects"]],
             )
             noise = np.array(settings["noise"])
             if settings["standstill"] is not None:
@@ -372,6 +388,7 @@ class Tracker:
             if self.timing is None
             else [list(self.timing.delay), list(self.timing.clock)],
             "counts": list(self.counts),
+            "effects": [str(effect) for effect in self.effects],
             "model": space.car.name,
             "channels": [channel.name for channel in self._sensors.channels],
             "standstill": None
@@ -411,12 +428,15 @@ class Tracker:
 
     def _no_frames(self) -> Frames:
         car = self.coordinates.car
-        return empty_frames(len(self.answers), len(car.elements), len(self._sensors.outputs))
+        return empty_frames(
+            len(self.answers), len(car.elements), len(self._sensors.outputs),
+            len(self.coordinates.law_effects),
+        )  # fmt: skip
 
     def _start_filter(self, sensors: SensorModel) -> None:
         self._sensors = sensors
         self._timeline = StreamingTimeline(self.vehicle, sensors, self.rate, self.timing)
-        model = filter_model(self.coordinates, sensors, self.forget, self._standstill)
+        model = filter_model(self.coordinates, sensors, self.forget, self._standstill, self.rate)
         settings = DEFAULT_SETTINGS
         if not self._noise_declared:
             settings = settings._replace(prior_readings=_ESTIMATED_PRIOR_READINGS)
@@ -454,10 +474,10 @@ class Tracker:
             Results after steps.
         """
         into, sizes = self.filter.model.into, self.filter.model.sizes
-        na, ne, ny = sizes.answers, sizes.elements, sizes.outputs
+        na, ne, ny = len(self.answers), sizes.elements, sizes.outputs
         if not len(results):
             results = np.zeros((1, into.width))
-            results[0, into.sd : into.sd + na] = 1.0
+            results[0, into.sd : into.sd + sizes.answers] = 1.0
             results[0, into.noise_factor : into.noise_factor + ny] = 1.0
         # reductions over columns of the transpose: any(axis=1) is slow for short rows
         missing = np.logical_or.reduce((step < 0).T)
@@ -487,13 +507,17 @@ class Tracker:
         innovations = np.nan_to_num(by_output(into.innovation))
         noise_factor = at_last[:, into.noise_factor : into.noise_factor + ny]
         window = self.consistency.update(nis, count, innovations, noise_factor)
+        wider = np.sqrt(self._suspect(stamp, np.maximum.reduce(noise_factor.T)).astype(np.float64))
+        sd = np.hypot(at_last[:, into.sd : into.sd + sizes.answers], wider[:, None])
         deflection = at_last[:, into.deflection : into.deflection + ne].copy()
         deflection_sd = at_last[:, into.deflection_sd : into.deflection_sd + ne].copy()
         deflection[missing] = deflection_sd[missing] = np.nan
         return Frames(
             time=stamp,
             median=np.exp(self.coordinates.log_parameters(at_last[:, into.mean : into.mean + na])),
-            log_sd=self.coordinates.scale[:na] * at_last[:, into.sd : into.sd + na],
+            log_sd=self.coordinates.scale[:na] * sd[:, :na],
+            effect=at_last[:, into.mean + na : into.mean + sizes.answers],
+            effect_sd=sd[:, na:],
             deflection=deflection,
             deflection_sd=deflection_sd,
             measured=measured,
@@ -507,6 +531,26 @@ class Tracker:
             consistent=window.consistent,
             inflation=np.sqrt(np.maximum(np.maximum.reduce(noise_factor.T), 1.0)),
         )
+
+    def _suspect(self, stamp: Array, noise_factor: Array) -> NDArray[np.bool_]:
+        """Whether a sensor is faulty or the car has changed, at rows (R,).
+
+        Until the filter knows which, what it says has the uncertainty of the prior besides its own.
+        """
+        fault = np.where(noise_factor > DEFAULT_SETTINGS.fault_threshold, stamp, self._last_fault)
+        latest = np.maximum.accumulate(fault)
+        self._last_fault = float(latest[-1])
+        return np.asarray(stamp - latest < _SUSPECT_SECONDS)
+
+    @property
+    def belief(self) -> tuple[Array, Array]:
+        """Mean (p,) and covariance (p, p) of the coordinates after the last row."""
+        state = self.filter.state
+        covariance = parameter_covariance(state)
+        if self.data_checks.last - self._last_fault < _SUSPECT_SECONDS:
+            reported = range(self.filter.model.sizes.answers)
+            covariance[reported, reported] += 1.0
+        return state.mu.copy(), covariance
 
 
 def _scale_sds(vehicle: Vehicle, names: Sequence[str], counts: Sequence[bool]) -> list[float]:
@@ -523,6 +567,7 @@ def tracker_for(
     vehicle: Vehicle,
     *,
     car: str = "half",
+    effects: Sequence[Site] = (),
     rate: float | None = None,
     forget: float | None = None,
     engine: str = "compiled",
@@ -537,6 +582,8 @@ def tracker_for(
         The car.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
+    effects : sequence of Site
+        Effects that the car or its sensors have.
     rate : float, optional
         Rows per second, Hz; that of the recording's stamps without it.
     forget, engine
@@ -553,6 +600,7 @@ def tracker_for(
         nominal_rate(recording) if rate is None else rate,
         car=car,
         channels=recording.channels,
+        effects=effects,
         forget=forget,
         engine=engine,
         timing=timing(recording),

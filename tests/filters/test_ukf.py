@@ -28,7 +28,7 @@ from bayes_asv.filters.simd_batch import (
     unscented_moments,
 )
 from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
-from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
+from bayes_asv.filters.ukf_state import ALL, FilterSettings, State, Steps
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.tracking.filter import initial_state
@@ -65,7 +65,11 @@ def _model(noise: Array, start: Array) -> FilterModel:
 
 def _steps(laid: Prepared) -> Steps:
     h, moments, spread, kind, reading, _, _ = laid
-    return Steps(h, moments, spread, kind, reading, np.zeros(len(h), bool))
+    n = len(h)
+    return Steps(
+        h, moments, spread, kind, reading, np.zeros(n, bool), np.zeros((n, 2, 2)),
+        np.full(n, ALL, np.int8),
+    )  # fmt: skip
 
 
 @given(seed=st.integers(0, 10_000), bounds=st.booleans(), fixed=st.booleans())
@@ -83,6 +87,9 @@ def test_with_known_parameters_it_is_the_linear_filter(
     model = _model(noise, laid[6])
     state = initial_state(model)
     state.D[:] = 0.0
+    # noise is as white as it is declared, beyond doubt
+    state.statistics[model.at.white_share] = 0.0
+    state.statistics[model.at.white_information] = 1e300
     out = np.zeros((40, model.into.width))
     unscented.run(model.sizes, 0, fixed, state, model.arrays, NEVER, _steps(laid), out)
     assert state.statistics[model.at.log_likelihood] == pytest.approx(expected, rel=1e-11, abs=1e-9)

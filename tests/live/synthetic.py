@@ -51,6 +51,8 @@ def frames(car: Vehicle, times: Array, acc: Array) -> Frames:
         time=t,
         median=median,
         log_sd=log_sd,
+        effect=np.zeros((len(t), 0)),
+        effect_sd=np.zeros((len(t), 0)),
         deflection=deflection,
         deflection_sd=0.002 + 0.05 * np.exp(-t / 0.2)[:, None] * np.ones(2),
         measured=measured,

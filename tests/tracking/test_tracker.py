@@ -120,7 +120,10 @@ def test_restored_tracker_gives_the_same_results(tmp_path: Path) -> None:
 
 
 def test_checkpoint_of_an_earlier_version_can_be_restored() -> None:
-    """A file that version 0.1 wrote after 180 rows, while it relinearized."""
+    """A file that version 0.1 wrote after 180 rows, while it relinearized.
+
+    Until there it listened to a car that stood still, which this version does not.
+    """
     _, _, recording = case("bump", 6, DECLARED)
     acc = accelerations(recording, vehicle(DECLARED)).T
     _, whole = tracked(recording)
@@ -128,9 +131,10 @@ def test_checkpoint_of_an_earlier_version_can_be_restored() -> None:
     assert tracker.filter.relinearizing
     frames = concatenate([tracker.feed(recording.time[180:], acc[180:]), tracker.finish()])
     rows = slice(-len(frames), None)
-    np.testing.assert_allclose(frames.median, whole.median[rows], rtol=1e-9)
-    np.testing.assert_allclose(frames.log_sd, whole.log_sd[rows], rtol=1e-9)
-    np.testing.assert_array_equal(frames.consistent, whole.consistent[rows])
+    difference = np.log(frames.median[-1] / whole.median[rows][-1])
+    assert np.all(np.abs(difference) < 0.1 * whole.log_sd[-1])
+    np.testing.assert_allclose(frames.log_sd[-1], whole.log_sd[-1], rtol=0.05)
+    assert frames.consistent[-1] == whole.consistent[-1]
 
 
 def test_damaged_or_foreign_checkpoints_are_refused(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ __all__ = [
     "SummaryFields",
     "Units",
     "damper_rates",
+    "effect_unit",
     "effect_value",
     "effects",
     "parameter",
@@ -185,7 +186,7 @@ def effect_value(
 ) -> EffectValue:
     """Mean and 95 % interval of one parameter of an effect from draws (N,), SI units."""
     units = Units(vehicle.units)
-    factor, unit = _effect_unit(parameter.unit, units)
+    factor, unit = effect_unit(parameter.unit, units)
     if parameter.unit == "share":  # of the declared bandwidth
         factor, unit = float(vehicle.sensor(site.where).bandwidth or 1.0), "Hz"
     if parameter.unit == "m/s^3":  # of another quantity as large a share of its offset
@@ -196,7 +197,7 @@ def effect_value(
     return EffectValue(mean=float(draws.mean()) * factor, eti95=[low, high], unit=unit)
 
 
-def _effect_unit(unit: str, units: Units) -> tuple[float, str]:
+def effect_unit(unit: str, units: Units) -> tuple[float, str]:
     """Factor from SI, and the unit in which a parameter of an effect is shown."""
     if unit in _EFFECT_DIMENSIONS:
         dimension = _EFFECT_DIMENSIONS[unit]

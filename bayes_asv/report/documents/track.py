@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -15,14 +15,22 @@ from bayes_asv import __version__
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarParameter
-from bayes_asv.report.documents.quantities import SummaryFields, Units, provenance
+from bayes_asv.report.documents.quantities import (
+    SummaryFields,
+    Units,
+    effect_unit,
+    effects,
+    provenance,
+)
 from bayes_asv.report.schema import TrackDocument, WatchDocument
 from bayes_asv.report.schema import track as schema
 from bayes_asv.report.schema.parts import Element, Known, Parameter, Quantity, Summary, VehicleInfo
 from bayes_asv.report.sections.online_filter import consistency_lines
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.consistency import LAGS, WINDOW
+from bayes_asv.tracking.effects import EffectParameter
 from bayes_asv.tracking.frames import Frames
+from bayes_asv.tracking.parameters import Coordinates
 from bayes_asv.tracking.track import TrackResult
 from bayes_asv.tracking.tracker import Tracker
 
@@ -64,6 +72,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
         warnings=list(result.warnings),
         doubt="" if result.doubt is None else result.doubt.sentence,
         parameters={n: _parameter(n, result) for n in answers} if ok else {},
+        effects=effects(result.effects, vehicle) if ok else [],
         consistency=_consistency(result),
         known={p.name: _known(p, result) for p in given},
         track=_curves(result) if ok else None,
@@ -187,7 +196,19 @@ def _curves(result: TrackResult) -> schema.TrackCurves:
                 for side in (-1.0, 1.0)
             ],
         )
+    laws = {}
+    for k, effect in _shown_effects(result.coordinates):
+        mean, sd = frames.effect[keep, k], frames.effect_sd[keep, k]
+        factor, unit = effect_unit(effect.parameter.unit, units)
+        low, median, high = (
+            units.curve(factor * effect.values(mean + side * NORMAL_975 * sd))
+            for side in (-1.0, 0.0, 1.0)
+        )
+        laws[_effect_label(effect)] = schema.ParameterCurve(
+            unit=unit, median=median, band95=[low, high]
+        )
     return schema.TrackCurves(
+        effects=laws,
         time=units.curve(frames.time[keep] - result.begin),
         parameters=parameters,
         nis=schema.NisCurve(
@@ -219,6 +240,16 @@ def watch_document(
     """
     name = Path(source).name
     reasons = [] if alarm else tracker.unanswered(name)
+    summary = tracker.consistency.summary()
+    if not alarm and not reasons and (summary.verdict == "inconsistent" or not summary.readings):
+        reasons = [
+            f"whether a damper is worn cannot be told from {name}: the errors of the filter do not "
+            "match its stated uncertainty; run 'bayes-asv track' to see when and 'bayes-asv "
+            "diagnose' to find why"
+            if summary.readings
+            else f"whether a damper is worn cannot be told from {name}: no reading tested the "
+            "filter; drive over bumps"
+        ]
     doubt = tracker.input_doubt(name, refused=bool(reasons))
     if doubt is not None and doubt.mistakes:
         # What looks like a worn damper may be the mistake.
@@ -254,26 +285,38 @@ def watch_document(
     )  # fmt: skip
 
 
+def _shown_effects(coordinates: Coordinates) -> list[tuple[int, EffectParameter]]:
+    """Parameters of force laws that are reported, with their places in the frames."""
+    return [(k, e) for k, e in enumerate(coordinates.law_effects) if not e.parameter.shape]
+
+
+def _effect_label(effect: EffectParameter) -> str:
+    return f"{effect.site} {effect.parameter.name}"
+
+
 class Trace:
     """State of the filter after each row, as CSV in the vehicle's units.
 
-    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of all answers, then ``nis mean`` (one
-    before the first reading that counts), ``inflation`` and ``consistent`` (1 or 0).  The rows are
-    kept in an unnamed temporary file and not in memory.
+    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of all answers and of the parameters of
+    force laws (``bound_rebound@front ratio mean``), then ``nis mean`` (one before the first reading
+    that counts), ``inflation`` and ``consistent`` (1 or 0).  The rows are kept in an unnamed
+    temporary file and not in memory.
 
     Parameters
     ----------
     vehicle : Vehicle
         Determines the units.
-    names : sequence of str
-        The answers; by default those of the half car.
+    coordinates : Coordinates
+        Of the filter.
     """
 
-    def __init__(self, vehicle: Vehicle, names: Sequence[str] = ("c_f", "c_r", "i")) -> None:
-        self._names = tuple(names)
+    def __init__(self, vehicle: Vehicle, coordinates: Coordinates) -> None:
+        self._names = coordinates.answers
+        self._effects = _shown_effects(coordinates)
         self._units = Units(vehicle.units)
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the trace
-        names = [f"{name} {what}" for name in self._names for what in ("mean", "sd")]
+        shown = [*self._names, *(_effect_label(effect) for _, effect in self._effects)]
+        names = [f"{name} {what}" for name in shown for what in ("mean", "sd")]
         columns = ["time [s]", *names, "nis mean", "inflation", "consistent"]
         self._file.write((",".join(columns) + "\n").encode())
 
@@ -283,6 +326,12 @@ class Trace:
         for k, name in enumerate(self._names):
             for value in _moments(np.log(frames.median[:, k]), frames.log_sd[:, k]):
                 values.append(self._units.convert_parameter(value, name))
+        for k, effect in self._effects:
+            factor, _ = effect_unit(effect.parameter.unit, self._units)
+            values += [
+                factor * moment
+                for moment in effect.moments(frames.effect[:, k], frames.effect_sd[:, k])
+            ]
         values += [frames.nis_mean, frames.inflation, frames.consistent.astype(float)]
         rows = np.column_stack(values).tolist()
         self._file.writelines((",".join(f"{v:.9g}" for v in row) + "\n").encode() for row in rows)

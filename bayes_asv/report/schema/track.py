@@ -12,6 +12,7 @@ from bayes_asv.report.schema.parts import (
     Channel,
     Count,
     Curve,
+    Effect,
     Element,
     ElementName,
     Finite,
@@ -94,6 +95,10 @@ class TrackCurves(Model):
 
     time: Curve
     parameters: dict[QuantityName, ParameterCurve]
+    effects: Annotated[dict[Text, ParameterCurve], Field(max_length=50)] = Field(
+        default_factory=dict
+    )
+    """Parameters of force laws, by effect and parameter."""
     nis: NisCurve
     inflation: Curve
     """Factor on the standard deviation of the noise."""
@@ -104,7 +109,7 @@ class TrackCurves(Model):
         if len(self.time) < 2:
             raise ValueError("its curves have fewer than two points")
         curves = [self.nis.mean, *self.nis.band95, self.inflation]
-        for curve in self.parameters.values():
+        for curve in (*self.parameters.values(), *self.effects.values()):
             curves += [curve.median, *curve.band95]
         check_lengths(len(self.time), *curves, self.consistent)
         drawn = [c for curve in self.parameters.values() for c in (curve.median, *curve.band95)]
@@ -146,6 +151,8 @@ class TrackDocument(Model):
     """Why no verdict on a damper may rest on it; empty where nothing speaks against it."""
     parameters: dict[QuantityName, Parameter]
     """After the last row."""
+    effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)
+    """Effects in the model, after the last row."""
     consistency: Consistency
     known: dict[Text, Known] = Field(default_factory=dict)
     track: TrackCurves | None = None

@@ -210,6 +210,23 @@ def _parameter_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
         axes.set(xlabel="time [s]", ylabel=labelled(name, "", curve.unit).replace(" [", "\n["))
         alt = f"{LABELS[name]} against time with its 95 % band, from the online filter"
         panels.append(svg.panel(figure, f"track-{name.replace('_', '-')}", alt))
+    for label, curve in curves.effects.items():
+        median = svg.curve_array(curve.median)
+        low, high = (svg.curve_array(side) for side in curve.band95)
+        paint = svg.axle_colour(label.partition("@")[2])
+        figure = svg.canvas(height=2.4)
+        axes = figure.subplots()
+        _shade_inconsistent(axes, time, curves.consistent)
+        axes.fill_between(time, low, high, color=paint, alpha=0.3, linewidth=0)
+        axes.plot(time, median, color=paint)
+        axes.set_ylim(*_range(median, low, high, None))
+        axes.set_xlim(float(time[0]), float(time[-1]))
+        name = plain(label).replace("_", " ").replace("@", " at ")
+        unit = f"\n[{readable_unit(curve.unit)}]" if curve.unit else ""
+        axes.set(xlabel="time [s]", ylabel=f"{name}{unit}")
+        key = "".join(c if c.isalnum() else "-" for c in label)
+        alt = f"{name} against time with its 95 % band, from the online filter"
+        panels.append(svg.panel(figure, f"track-{key}", alt))
     return tuple(panels)
 
 
@@ -308,7 +325,7 @@ def watch_lines(document: WatchDocument) -> list[str]:
         ]
     if document.verdict == "refused":
         return [
-            "No alarm, and no answer either.",
+            "Cannot tell whether a damper is worn.",
             *(f"Why: {plain(reason)}." for reason in document.reasons),
         ]
     places = [
@@ -316,13 +333,13 @@ def watch_lines(document: WatchDocument) -> list[str]:
         for place, p in document.probability.items()
     ]
     listed = " and ".join([", ".join(places[:-1]), places[-1]] if len(places) > 1 else places)
+    told = document.share_of_time * document.seconds_watched
     lines = [
-        f"No alarm in {number(document.seconds_watched, 1.0)} s: the probability that a damper is "
-        f"{worn} is {listed}."
+        f"No alarm in {number(told, 1.0)} s: the probability that a damper is {worn} is {listed}."
     ]
-    if document.share_of_time < 0.95:
+    if document.share_of_time < 1.0 and document.seconds_watched - told >= 1.0:
         lines.append(
-            f"For {percent(1.0 - document.share_of_time)} of the time the filter was inconsistent "
-            "and could not have raised an alarm; see 'bayes-asv track'."
+            f"For a further {number(document.seconds_watched - told, 1.0)} s the filter was "
+            "inconsistent and could not tell; see 'bayes-asv track'."
         )
     return lines + notes

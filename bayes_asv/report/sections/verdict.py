@@ -9,6 +9,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument, TrackDocument
 from bayes_asv.report.schema.parts import Parameter
+from bayes_asv.report.sections.effects import effect_lines
 from bayes_asv.report.sections.long_logs import log_lines
 from bayes_asv.report.sections.online_filter import (
     INCONSISTENT_STEPS,
@@ -238,6 +239,7 @@ def track_lines(document: TrackDocument) -> list[str]:
     # Probabilities of an inconsistent filter would be wrong.
     sentence = last_state if is_inconsistent(document) else parameter_sentence
     lines = [track_headline(document), *(sentence(n, p) for n, p in parameters.items())]
+    lines += effect_lines(document.effects)
     lines += consistency_lines(document)
     if is_inconsistent(document) or document.doubt:
         lines += [f"Next: {step}" for step in track_steps(document)]

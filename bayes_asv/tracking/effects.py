@@ -1,0 +1,258 @@
+"""Effects in the online filter: their coordinates, and force laws as tables for compiled code.
+
+An effect that a user names has the wide prior of its parameters, as in ``estimate``.  Parameters of
+a force law are coordinates of their own.  A wrong given value or gain is one more term in the prior
+of a coordinate that is there anyway; what is said of the effect follows from that coordinate by
+linear regression.  A force, of which there cannot be less than nothing, may become negative in the
+filter, whose beliefs are normal; what is reported is its distribution given that it is positive,
+which is what a half-normal prior leads to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+from scipy.stats import truncnorm
+
+from bayes_asv.domain.errors import InputError
+from bayes_asv.filters.force_laws import SERIES_STIFFNESS
+from bayes_asv.filters.ukf_state import GRID, LawTable
+from bayes_asv.models.car_model import CarModel
+from bayes_asv.models.effects import Parameter, Scale, Site
+from bayes_asv.posterior.parameters import effect_scale
+
+__all__ = [
+    "EffectParameter",
+    "check_trackable",
+    "effect_parameters",
+    "law_table",
+    "with_car_effects",
+]
+
+Array = NDArray[np.float64]
+
+_FEWEST_COLUMNS = 6  # of a table of laws: element, code and four numbers
+_PROBABILITIES = (np.arange(1000) + 0.5) / 1000
+_NODES = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))
+_FIX = "estimate with it instead, or leave it out"
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an effect that is tracked.
+
+    Parameters
+    ----------
+    site : Site
+        The effect and its place.
+    parameter : Parameter
+        Which of its parameters.
+    size : float
+        What the prior's numbers are multiplied by for this car.
+    linear : bool
+        It is the factor on a fraction of the car, one plus ``wide`` times its coordinate.
+    """
+
+    site: Site
+    parameter: Parameter
+    size: float
+    linear: bool = False
+
+    @property
+    def name(self) -> str:
+        """Unique name."""
+        return self.site.coordinate_name(self.parameter)
+
+    def values(self, z: Array) -> Array:
+        """Values at standard normal coordinates; of a force with the coordinate's sign."""
+        one = self.parameter
+        if self.linear:
+            return np.asarray(self.size * (one.centre + one.wide * z))
+        if one.form == "positive":
+            return np.asarray(self.size * one.wide * z)
+        return np.asarray(one.value(z, Scale(self.size, self.size)))
+
+    def quantiles(self, p: Array, mean: float, sd: float) -> Array:
+        """Quantiles of the value where its coordinate is normal; a force is positive."""
+        if self.parameter.form == "positive" and not self.linear:
+            return self.values(mean + sd * truncnorm.ppf(p, -mean / sd, math.inf))
+        return self.values(mean + sd * ndtri(p))
+
+    def draws(self, mean: float, sd: float) -> Array:
+        """Values at evenly spaced probabilities, which stand for draws."""
+        return self.quantiles(_PROBABILITIES, mean, sd)
+
+    def moments(self, mean: Array, sd: Array) -> tuple[Array, Array]:
+        """Means and standard deviations of the value along a recording, each (N,).
+
+        By Gauss–Hermite quadrature with three nodes.
+        """
+        values = np.stack([self.values(mean + side * sd) for side in _NODES])
+        weights = np.array([1.0, 4.0, 1.0]) / 6.0
+        average = weights @ values
+        return average, np.sqrt(weights @ (values - average) ** 2)
+
+
+def check_trackable(car: CarModel, sites: Sequence[Site], channels: Sequence[str]) -> None:
+    """Refuse effects that cannot be tracked online.
+
+    Raises
+    ------
+    InputError
+        In one sentence.
+    """
+    for site in sites:
+        effect, where = site.effect, f"--with {site}"
+        if effect.in_one_run:
+            raise InputError(
+                where, "cannot be tracked: when it acts is known only after the drive",
+                "let diagnose look for it",
+            )  # fmt: skip
+        if effect.name == "damper_fade":
+            raise InputError(
+                where, "has no meaning online: it is a loss up to the end of a recording",
+                "leave it out, and follow the damper with --forget 60",
+            )  # fmt: skip
+        if effect.fault:
+            raise InputError(
+                where,
+                "cannot be tracked: undoing it needs readings before and after the one at hand",
+                _FIX,
+            )
+        if effect.code == SERIES_STIFFNESS:
+            raise InputError(
+                where, "cannot be tracked: its force has a state of its own in each damper", _FIX
+            )
+        if effect.code >= 0 and not _is_separable(site, effect_scale(car)):
+            raise InputError(
+                where, "cannot be tracked: its law is no table of one parameter each", _FIX
+            )
+        if effect.acts == "suspension" and not site.elements(car):
+            raise InputError(
+                where, f"is at no suspension of the {car.name} car", "name another place"
+            )
+        if effect.acts == "reading" and not site.channels(channels):
+            raise InputError(where, "is of a channel that is not measured", "name another channel")
+        if effect.acts == "car" and not _affected(car, site):
+            raise InputError(where, f"changes nothing of the {car.name} car", "leave it out")
+    for k, site in enumerate(sites):
+        if any(site.meets(other) for other in sites[:k]):
+            raise InputError(f"--with {site}", "is named twice", "leave one of them out")
+
+
+def effect_parameters(car: CarModel, sites: Sequence[Site]) -> tuple[EffectParameter, ...]:
+    """List the parameters of effects, those of force laws first."""
+    scale = effect_scale(car)
+    order = sorted(sites, key=lambda site: site.effect.acts != "suspension")
+    return tuple(
+        EffectParameter(site, one, one.size(scale), _of_fraction(car, site))
+        for site in order
+        for one in site.effect.parameters
+    )
+
+
+def with_car_effects(car: CarModel, sites: Sequence[Site]) -> CarModel:
+    """Return a car whose given values have a term for each effect that makes them wrong."""
+    parameters = list(car.parameters)
+    for site in sites:
+        if site.effect.acts != "car":
+            continue
+        one = site.effect.parameters[0]
+        for k in _affected(car, site):
+            wide = one.wide
+            if parameters[k].kind == "fraction":
+                wide *= parameters[k].nominal
+            term = (site.coordinate_name(one), 1.0, wide)
+            parameters[k] = replace(parameters[k], terms=(*parameters[k].terms, term))
+    return replace(car, parameters=tuple(parameters))
+
+
+def law_table(
+    car: CarModel, effects: Sequence[EffectParameter], first: int, pole: float
+) -> LawTable:
+    """Tabulate the force laws of effects over their coordinates.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car.
+    effects : sequence of EffectParameter
+        From :func:`effect_parameters`.
+    first : int
+        Number of the first of them among the parameters of the filter's model.
+    pole : float
+        Of the filter that all readings passed, rad/s.
+    """
+    rows: list[list[float]] = []
+    entry: list[tuple[int, int, int]] = []
+    numbers: list[Array] = []
+    sites = dict.fromkeys(e.site for e in effects if e.site.effect.code >= 0)
+    for site in sites:
+        own = [(k, e) for k, e in enumerate(effects) if e.site == site]
+        centre = {e.parameter.name: float(e.values(np.zeros(1))[0]) for _, e in own}
+        packed = _packed(site, centre)
+        varying = []
+        for k, e in own:
+            along = np.array(
+                [_packed(site, {**centre, e.parameter.name: float(v)}) for v in e.values(GRID)]
+            )
+            moves = np.flatnonzero(np.any(along != packed, axis=0))
+            varying += [(2 + int(c), first + k, along[:, c]) for c in moves]
+        for element in site.elements(car):
+            entry += [(len(rows), column, parameter) for column, parameter, _ in varying]
+            numbers += [values for _, _, values in varying]
+            rows.append([float(element), float(site.effect.code), *packed])
+    width = max((_FEWEST_COLUMNS, *map(len, rows)))
+    return LawTable(
+        pole=pole,
+        rows=np.array([row + [0.0] * (width - len(row)) for row in rows]).reshape(-1, width),
+        entry=np.array(entry, np.int64).reshape(-1, 3),
+        number=np.array(numbers).reshape(-1, len(GRID)),
+    )
+
+
+def _packed(site: Site, values: dict[str, float]) -> Array:
+    assert site.effect.packed is not None
+    return np.array(site.effect.packed(values))
+
+
+def _is_separable(site: Site, scale: Scale) -> bool:
+    """Whether each number of a law is a function of one of its parameters.
+
+    Then moving two parameters moves the numbers as far as moving one after the other.
+    """
+    points = (-0.7, 0.0, 0.9)
+    parameters = site.effect.parameters
+    values = {p.name: [float(p.value(z, scale)) for z in points] for p in parameters}
+
+    def packed(at: dict[str, int]) -> Array:
+        return _packed(site, {n: v[at.get(n, 1)] for n, v in values.items()})
+
+    for a in parameters:
+        for b in parameters:
+            if a is b:
+                continue
+            moved = np.flatnonzero(packed({a.name: 0}) != packed({}))
+            if np.any(packed({a.name: 0, b.name: 2})[moved] != packed({a.name: 0})[moved]):
+                return False
+    return True
+
+
+def _affected(car: CarModel, site: Site) -> list[int]:
+    """Numbers of the parameters of a car that an effect changes."""
+    assert site.effect.on_car is not None
+    one = site.effect.parameters[0]
+    values = car.nominal
+    site.effect.on_car(values, {one.name: np.array([1.1])}, site.where, car)
+    return [k for k, p in enumerate(car.parameters) if values[p.name][0] != p.nominal]
+
+
+def _of_fraction(car: CarModel, site: Site) -> bool:
+    if site.effect.acts != "car":
+        return False
+    return any(car.parameters[k].kind == "fraction" for k in _affected(car, site))
