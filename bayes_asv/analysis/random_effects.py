@@ -34,6 +34,7 @@ __all__ = [
     "estimates_of_runs",
     "likelihood_of_run",
     "population",
+    "pseudo_inverse",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -166,18 +167,18 @@ def _highest(
     # In units of the coordinates, in which a prior deviation is one.
     unit = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
     for H, h in sites:
-        inverse, found = _pseudo(unit.T @ H @ unit)
+        inverse, found = pseudo_inverse(unit.T @ H @ unit)
         own = unit.T @ h
         cross = H @ unit @ inverse
         precision += H - cross @ unit.T @ H
         linear += h - cross @ own
         value += 0.5 * float(own @ inverse @ own)
         rank += found
-    inverse, found = _pseudo(precision)
+    inverse, found = pseudo_inverse(precision)
     return value + 0.5 * float(linear @ inverse @ linear), rank + found
 
 
-def _pseudo(matrix: Array) -> tuple[Array, int]:
+def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
     """Inverse of a positive semidefinite matrix where it says anything, and its rank."""
     if not matrix.size:
         return matrix, 0
@@ -211,7 +212,7 @@ def estimates_of_runs(site: RunLikelihood, way: Array, centre: Array) -> tuple[A
     B = way[:, seen]
     size = np.linalg.norm(B, axis=0)
     unit = B / size
-    inverse, rank = _pseudo(unit.T @ site.precision @ unit)
+    inverse, rank = pseudo_inverse(unit.T @ site.precision @ unit)
     if rank == len(seen):
         shift[seen] = inverse @ (unit.T @ site.around(centre).linear) / size
         sd[seen] = np.sqrt(np.diag(inverse)) / size

@@ -8,7 +8,7 @@ from bayes_asv.cli import common
 
 __all__ = ["command"]
 
-_STATUS = {"changed": 0, "consistent": 0, "refused": 3}
+_STATUS = {"changed": 0, "consistent": 0, "unclear": 0, "refused": 3, "doubtful": 6}
 
 
 @click.command("compare")
@@ -18,6 +18,22 @@ _STATUS = {"changed": 0, "consistent": 0, "refused": 3}
     help="A recording made after the change; may be given several times.",
 )  # fmt: skip
 @common.vehicle_option
+@click.option(
+    "--vehicle-after", metavar="V.toml",
+    help="The vehicle file of AFTER, where a mass, a spring or a sensor was changed on purpose.",
+)  # fmt: skip
+@common.car_option
+@click.option(
+    "--with-effect", "effects", multiple=True, metavar="EFFECT",
+    help="An effect that the car has, such as bound_rebound@rear; may be given several times.",
+)  # fmt: skip
+@click.option(
+    "--below", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ",
+    help="Use only the motion below this frequency.",
+)  # fmt: skip
+@click.option(
+    "-o", "output", metavar="OUT", help="Write a report as well: an .html or a .pdf file."
+)
 @common.json_option
 @common.channels_option
 @common.rate_option
@@ -26,24 +42,47 @@ def command(
     before: tuple[str, ...],
     after: tuple[str, ...],
     vehicle: str,
+    vehicle_after: str | None,
+    car: str | None,
+    effects: tuple[str, ...],
+    below: float | None,
+    output: str | None,
     json_file: str | None,
     channel_map: str | None,
     rate: float | None,
     seed: int,
 ) -> int:
-    """Test whether damping rates or pitch inertia changed between two sets of recordings.
+    """Find out which damping rates or inertias changed between two sets of recordings.
 
-    Errors of mass, springs and weight distribution are common to both and do not count.
+    Errors that both have in common, of mass, springs, weight distribution and sensors, do not
+    count (docs/compare.md).
     """
-    common.check_outputs((*before, *after, vehicle, channel_map), json_file)
-    import bayes_asv as asv
-    from bayes_asv.library.inputs import check_inputs
+    if effects and below is not None:
+        raise click.UsageError("effects need the whole band; leave out --below, or --with-effect")
+    if output is not None:
+        from bayes_asv.report.render import check_suffix
 
-    car = asv.read_vehicle(vehicle, channels=channel_map)
+        check_suffix(output)
+    read = (*before, *after, vehicle, vehicle_after, channel_map)
+    common.check_outputs(read, output, json_file)
+    import bayes_asv as asv
+
+    cars = [
+        None if path is None else asv.read_vehicle(path, channels=channel_map)
+        for path in (vehicle, vehicle_after)
+    ]
+    mapped = [None if one is None else one.channel_map for one in (cars[0], cars[1] or cars[0])]
     first, second = (
-        asv.read_recordings(paths, rate=rate, channels=car.channel_map) for paths in (before, after)
+        asv.read_recordings(paths, rate=rate, channels=channels)
+        for paths, channels in zip((before, after), mapped, strict=True)
     )
-    check_inputs("compare", (*first, *second), car)
-    result = asv.compare(*(asv.estimate(runs, car, seed=seed) for runs in (first, second)))
-    common.output(result.to_dict(), result.lines(), json_file)
+    result = asv.compare(
+        first, second, cars[0], vehicle_after=cars[1], effects=effects, below=below, car=car,
+        seed=seed,
+    )  # fmt: skip
+    if output is not None:
+        result.report(output)
+    common.answer(result, json_file)
+    if output is not None:
+        click.echo(output, err=json_file == "-")
     return _STATUS[result.verdict]

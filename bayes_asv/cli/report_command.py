@@ -17,7 +17,7 @@ _MAX_SAVED = 3  # an estimate, a diagnosis and a track
 @click.option("-o", "output", required=True, metavar="OUT", help="An .html or a .pdf file.")
 @click.option(
     "--from", "saved", multiple=True, metavar="FILE",
-    help="JSON that estimate, diagnose or track wrote before; once for each.",
+    help="JSON that estimate, diagnose or track wrote before; once for each; or that of compare.",
 )  # fmt: skip
 @common.car_option
 @click.option(
@@ -45,7 +45,8 @@ def command(
     """Write a report of recordings, HTML or PDF by the suffix of OUT.
 
     What estimate, diagnose and track wrote with --json is taken with --from and not computed
-    again; the rest is computed from the recordings and --vehicle.
+    again; the rest is computed from the recordings and --vehicle.  What compare wrote has a report
+    of its own.
     """
     from bayes_asv.report.render import check_suffix
 

@@ -1,54 +1,42 @@
-"""``asv.compare``: test whether a parameter changed between two sets of runs of one car.
-
-Both posteriors speak of the car's coordinates θ through Gaussian likelihoods exp(hᵀθ − ½ θᵀHθ),
-and the given values (mass, springs, weight share), of which neither knows the error, are the same::
-
-    before: θ      after: θ + B u      θ ~ N(0, I)      u ~ N(0, 2 diag σ²)
-
-u are the changes of log c_f, log c_r and log i, B the way from those to the coordinates, and σ the
-prior standard deviations of the logarithms: a value before and one after, each with its own prior.
-The posterior of u is normal, and an error of the given values, which enters both sides alike,
-drops out of it.
-"""
+"""``asv.compare``: what changed between two sessions of one car."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, Final, overload
+from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bayes_asv import __version__
-from bayes_asv.analysis.random_effects import RunLikelihood, contrast, likelihood_of_run
-from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.files import PathLike, write_atomically
-from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.library.estimates import Estimate
+from bayes_asv.library.estimates import Estimate, car_of, estimate
 from bayes_asv.library.extras import import_extra
-from bayes_asv.library.result import html_table, json_text
-from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.report.words import capitalized, difference, p_value, plain, probability
+from bayes_asv.library.inputs import check_inputs
+from bayes_asv.library.progress import Progress, part_of, progress_bar
+from bayes_asv.library.result import DocumentResult, html_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bayes_asv.estimation import Estimate as EngineEstimate
+    from bayes_asv.analysis.session_changes import Session
+    from bayes_asv.domain.recording import Recording
+    from bayes_asv.domain.vehicle import Vehicle
+    from bayes_asv.models.effects import Site
+    from bayes_asv.report.schema import CompareDocument
 
 __all__ = ["Change", "Comparison", "compare"]
 
-Array = NDArray[np.float64]
-
-_SCHEMA: Final = "bayes_asv/compare/1"
+_SHARES = (0.0, 0.5, 1.0)  # of the time: each session
+_CALL = "write asv.compare(before, after, vehicle), or asv.compare of two estimates"
 
 
 @dataclass(frozen=True)
 class Change:
-    """Posterior of the ratio of a parameter after to that before, log-normal.
+    """Change of a parameter between two sessions.
+
+    The ratio of the parameter after to that before is log-normal if all parameters may have
+    changed; the probabilities allow for no change.
 
     Parameters
     ----------
@@ -58,15 +46,19 @@ class Change:
         Median.
     log_sd : float
         Standard deviation of its logarithm.
+    probability_lower, probability_higher : float
+        Posterior probabilities that the parameter changed and is lower, or higher, after.
     p : float
-        Of the test that the parameter is the same, with the others free to differ; nan where the
-        recordings cannot show it.
+        p-value of the test that the parameter is the same, with the others free to differ; nan
+        where the recordings cannot show it.
     """
 
     name: str
     label: str
     ratio: float
     log_sd: float
+    probability_lower: float
+    probability_higher: float
     p: float
 
     def interval(self, probability: float = 0.95) -> tuple[float, float]:
@@ -79,37 +71,50 @@ class Change:
         return self.ratio / reach, self.ratio * reach
 
     @property
-    def probability_lower(self) -> float:
-        """Posterior probability that the parameter is lower after than before."""
-        return NormalDist().cdf(-math.log(self.ratio) / self.log_sd)
+    def probability_changed(self) -> float:
+        """Posterior probability that the parameter changed."""
+        return min(self.probability_lower + self.probability_higher, 1.0)
 
     def __repr__(self) -> str:
         low, high = self.interval()
-        return f"<{self.name} after/before: {self.ratio:.4g}, 95 %: {low:.4g} to {high:.4g}>"
+        return (
+            f"<{self.name} after/before: {self.ratio:.4g}, 95 %: {low:.4g} to {high:.4g}, "
+            f"changed with probability {self.probability_changed:.3g}>"
+        )
 
 
-class Comparison:
-    """Two sets of runs of one car compared, from :func:`bayes_asv.compare`.
+class Comparison(DocumentResult):
+    """Two sessions of one car compared, from :func:`bayes_asv.compare`.
 
-    ``verdict`` is ``"changed"`` if equal parameters would differ so much with a probability below
-    1 %, ``"consistent"`` otherwise, and ``"refused"`` where nothing can be compared.
-    ``result["c_f"]`` is a :class:`Change`.
+    ``verdict`` is ``"changed"`` if a parameter changed with a probability of 95 % or more,
+    ``"unclear"`` if one may or may not have changed, ``"consistent"`` otherwise, ``"doubtful"`` if
+    the sessions differ in something else, such as the mass, or the model does not explain one of
+    them, and ``"refused"`` where nothing can be compared.  ``result["c_f"]`` is a :class:`Change`.
     """
 
-    def __init__(
-        self,
-        estimates: tuple[Estimate, Estimate],
-        verdict: str,
-        reasons: tuple[str, ...] = (),
-        p: float = math.nan,
-        changes: Mapping[str, Change] | None = None,
-    ):
-        self.verdict = verdict
-        self.reasons = reasons
-        self.warnings = tuple(dict.fromkeys(w for one in estimates for w in one.warnings))
-        self.p = p
-        self.changes = dict(changes or {})
-        self._car = estimates[0].vehicle.name
+    document: CompareDocument
+
+    def __init__(self, document: CompareDocument):
+        super().__init__(document)
+        self.changes = {
+            name: Change(
+                name, c.label, c.ratio, c.log_sd, c.p_lower, c.p_higher,
+                math.nan if c.p_value is None else c.p_value,
+            )
+            for name, c in document.changes.items()
+        }  # fmt: skip
+
+    @property
+    def p(self) -> float:
+        """p-value of the test that all parameters are the same; nan where nothing is known."""
+        value = self.document.p_value
+        return math.nan if value is None else value
+
+    @property
+    def probability_unchanged(self) -> float:
+        """Posterior probability that no parameter changed; nan where nothing is known."""
+        value = self.document.p_unchanged
+        return math.nan if value is None else value
 
     def __getitem__(self, name: str) -> Change:
         if name not in self.changes:
@@ -124,101 +129,89 @@ class Comparison:
         return iter(self.changes)
 
     def summary(self) -> pd.DataFrame:
-        """Return the ratios after/before as a table.
+        """Return the changes as a table.
 
         Returns
         -------
         pandas.DataFrame
-            One row a parameter: ``ratio`` (median), ``eti95_lb``, ``eti95_ub``, ``p_lower``, the
-            probability that it is lower after, and ``p_value`` of the test that it is the same.
+            One row a parameter: ``ratio`` (median), ``eti95_lb``, ``eti95_ub``, ``p_changed``,
+            ``p_lower``, ``p_higher``, and ``p_value`` of the test that it is the same.
         """
         pandas = import_extra("pandas", "summary()")
         rows = [
-            (c.ratio, *c.interval(), c.probability_lower, c.p) for c in self.changes.values()
-        ]  # fmt: skip
-        columns = ("ratio", "eti95_lb", "eti95_ub", "p_lower", "p_value")
+            (
+                c.ratio,
+                *c.interval(),
+                c.probability_changed,
+                c.probability_lower,
+                c.probability_higher,
+                c.p,
+            )
+            for c in self.changes.values()
+        ]
+        columns = (
+            "ratio", "eti95_lb", "eti95_ub", "p_changed", "p_lower", "p_higher", "p_value",
+        )  # fmt: skip
         index = pandas.Index(list(self.changes), name="parameter")
         return pandas.DataFrame(rows, index=index, columns=columns)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data, schema ``bayes_asv/compare/1``."""
-        return {
-            "schema": _SCHEMA,
-            "verdict": self.verdict,
-            "reasons": list(self.reasons),
-            "warnings": list(self.warnings),
-            "p_value": _or_none(self.p),
-            "changes": {
-                name: {
-                    "label": c.label,
-                    "ratio": c.ratio,
-                    "eti95": list(c.interval()),
-                    "p_lower": c.probability_lower,
-                    "p_value": _or_none(c.p),
-                }
-                for name, c in self.changes.items()
-            },
-            "version": __version__,
-        }
-
-    @overload
-    def to_json(self, path: None = None) -> str: ...
-    @overload
-    def to_json(self, path: PathLike) -> None: ...
-    def to_json(self, path: PathLike | None = None) -> str | None:
-        """Write :meth:`to_dict` as JSON to a file, or return its text."""
-        text = json_text(self.to_dict())
-        if path is None:
-            return text
-        write_atomically(path, text.encode("utf-8", "replace"))
-        return None
+        return self.document.to_dict()
 
     def lines(self) -> list[str]:
         """State the comparison in sentences."""
-        if self.verdict == "refused":
-            return ["No answer.", *(f"Why: {plain(reason)}." for reason in self.reasons)]
-        changed = [n for n, c in self.changes.items() if c.p < DISAGREE_BELOW]
-        if self.verdict == "consistent":
-            head = f"No change is found ({p_value(self.p)})."
-        elif changed:
-            head = f"Changed: {', '.join(QUANTITIES[n][1] for n in changed)} ({p_value(self.p)})."
-        else:
-            head = f"Something changed ({p_value(self.p)}), but not clearly one parameter."
-        notes = [f"Note: {plain(warning)}." for warning in self.warnings]
-        return [head, *(_sentence(c) for c in self.changes.values()), *notes]
+        from bayes_asv.report.sections.compare import compare_lines
 
-    def __str__(self) -> str:
-        return "\n".join(self.lines())
+        return compare_lines(self.document)
 
     def _repr_html_(self) -> str:
-        rows = [
-            (
-                c.label, f"{c.ratio:.4f}", " to ".join(f"{x:.4f}" for x in c.interval()),
-                probability(c.probability_lower), p_value(c.p),
-            )
-            for c in self.changes.values()
-        ]  # fmt: skip
-        title, *notes = self.lines()
-        head = ("parameter", "ratio after/before", "95 %", "P(lower after)", "test of no change")
-        return html_table(title, head, rows, notes[len(rows) :])
+        from bayes_asv.report.sections.compare import change_rows
+
+        head, rows = change_rows(self.document)
+        first, *others = self.lines()
+        notes = [line for line in others if line.startswith(("Why: ", "Note: ", "Next: "))]
+        return html_table(first, head, rows, notes)
 
     def __repr__(self) -> str:
+        from bayes_asv.report.words import plain
+
         about = ", ".join(f"{n} × {c.ratio:.3g}" for n, c in self.changes.items())
         about = about or "; ".join(self.reasons)[:160]
-        return f"<Comparison {self.verdict!r} of {plain(self._car)[:60]}: {about}>"
+        car = plain(self.document.vehicle.name)[:60]
+        return f"<Comparison {self.verdict!r} of {car}: {about}>"
 
 
-def compare(before: Estimate, after: Estimate) -> Comparison:
-    """Ask whether damping rates or pitch inertia changed between two sets of runs.
+def compare(
+    before: Estimate | Recording | Iterable[Recording],
+    after: Estimate | Recording | Iterable[Recording],
+    vehicle: Vehicle | None = None,
+    *,
+    vehicle_after: Vehicle | None = None,
+    effects: str | Sequence[str] = (),
+    below: float | None = None,
+    car: str | None = None,
+    seed: int = 0,
+    progress: Progress = None,
+) -> Comparison:
+    """Find out which parameters changed between two sessions of one car, and by how much.
 
-    The error of the given values (mass, springs, weight share) is common to both estimates and
-    does not enter the ratios, which are therefore known better than the parameters.
+    Errors of the given values (mass, springs, weight fraction) and of the scales of sensors are
+    those of both sessions and do not enter the changes, which are therefore known better than the
+    parameters.  ``docs/compare.md`` describes the probabilities.
 
     Parameters
     ----------
-    before, after : Estimate
-        Of the same car, from the same vehicle file.  Where runs of one estimate differ from each
-        other, their spread is part of it; several runs on each side show that spread.
+    before, after : Recording, iterable of Recording, or Estimate
+        The runs of each session, or its estimate.  Where runs of one session differ from each
+        other, their spread is part of it; several runs of each show that spread.
+    vehicle : Vehicle, optional
+        The car; to be left out where estimates are given, which have theirs.
+    vehicle_after : Vehicle, optional
+        The car after, where a mass, a spring or a sensor was changed on purpose; what it gives
+        alike is the same in both sessions.
+    effects, below, car, seed, progress
+        As for :func:`bayes_asv.estimate`, for both sessions.
 
     Returns
     -------
@@ -227,98 +220,111 @@ def compare(before: Estimate, after: Estimate) -> Comparison:
     Raises
     ------
     TypeError
-        If an argument is not an estimate.
+        If an argument is of another type.
     InputError
-        If the estimates are of different vehicles, or one has effects.
+        If the estimates are of different models, or have effects that change given values.
     """
-    for name, given in (("before", before), ("after", after)):
-        if not isinstance(given, Estimate):
-            raise TypeError(
-                f"compare: {name} is a {type(given).__name__}; "
-                "write asv.compare(asv.estimate(…), asv.estimate(…))"
-            )
-        if given.engine.effects:
+    if isinstance(before, Estimate) and isinstance(after, Estimate):
+        given = (vehicle, vehicle_after, below, car, effects or None)
+        if any(one is not None for one in given):
             raise InputError(
-                "compare", f"the estimate {name} has effects", "estimate without effects"
-            )
-    if before.vehicle != after.vehicle:
+                "compare", "an estimate has its vehicle, its effects and its band already",
+                "give two estimates and nothing else",
+            )  # fmt: skip
+        return _compared(before, after, before.engine.seed)
+    if isinstance(before, Estimate) or isinstance(after, Estimate):
+        raise TypeError(f"compare: one session is an estimate and the other is not; {_CALL}")
+    if vehicle is None:
+        raise TypeError(f"compare: the vehicle is missing; {_CALL}")
+    names = (effects,) if isinstance(effects, str) else tuple(effects)
+    if "auto" in names:
         raise InputError(
-            "compare", "the estimates are of different vehicle files", "use one file for both"
-        )
-    reasons = tuple(
+            "compare", "both sessions need the same effects, and 'auto' may find others in each",
+            "name the effects that bayes-asv diagnose finds",
+        )  # fmt: skip
+    from bayes_asv.posterior.effect_fit import read_site
+
+    _check_effects(read_site(name) for name in names)
+    sessions = [_listed(before), _listed(after)]
+    cars = vehicle, vehicle if vehicle_after is None else vehicle_after
+    which = car or car_of(sessions[0])
+    # Before the work: a recording in both sessions is a slip.
+    check_inputs("compare", [*sessions[0], *sessions[1]], vehicle, car=which)
+    with progress_bar(progress) as bar:
+        first, second = (
+            estimate(
+                runs, one, effects=names, below=below, car=which, seed=seed,
+                progress=part_of(bar, *span) or False,
+            )
+            for runs, one, span in zip(sessions, cars, pairwise(_SHARES), strict=True)
+        )  # fmt: skip
+    return _compared(first, second, seed)
+
+
+def _listed(session: Recording | Iterable[Recording]) -> list[Recording]:
+    """List the recordings of a session; what is none is left to the checks of the inputs."""
+    if isinstance(session, Iterable) and not isinstance(session, str):
+        return list(cast("Iterable[Recording]", session))
+    return [cast("Recording", session)]
+
+
+def _compared(before: Estimate, after: Estimate, seed: int) -> Comparison:
+    """Compare two estimates."""
+    from bayes_asv.analysis.session_changes import session_changes
+    from bayes_asv.report.documents.compare import compare_document
+
+    vehicles = before.vehicle, after.vehicle
+    _check_alike(before, after)
+    reasons = [
         f"the estimate {name} is {given.verdict.replace('_', ' ')}"
         + (f": {'; '.join(given.reasons)}" if given.reasons else "")
         for name, given in (("before", before), ("after", after))
-        if given.verdict != "ok"
+        if given.engine.space is None or given.verdict in ("refused", "not_converged")
+    ]
+    changes = None
+    if not reasons:
+        changes = session_changes(_session(before), _session(after))
+    doubts = [
+        f"{name}: {doubt.sentence}"
+        for name, doubt in (("before", before.engine.doubt), ("after", after.engine.doubt))
+        # an error of a given value, which both share, is no obstacle
+        if doubt is not None and (doubt.mistakes or not doubt.model_holds)
+    ]
+    return Comparison(
+        compare_document(before.document, after.document, vehicles, changes, reasons, doubts, seed)
     )
-    both = before, after
-    if reasons:
-        return Comparison(both, "refused", reasons)
-    first, second = before.engine, after.engine
-    space, other = first.space, second.space
-    assert space is not None
-    assert other is not None
-    if space.car.name != other.car.name:
+
+
+def _check_alike(before: Estimate, after: Estimate) -> None:
+    """Refuse estimates whose parameters do not mean the same."""
+    if before.engine.car.name != after.engine.car.name:
         raise InputError("compare", "the estimates are of different models", "use one for both")
-    n = space.car_dimension
-    way = np.stack([space.from_logs({name: 1.0})[:n] for name in space.car.estimated], axis=1)
-    sites = [_site(first), _site(second)]
-    whole = contrast(sites, way)
-    if whole.freedom == 0:
-        why = ("the recordings say nothing that could be compared",)
-        return Comparison(both, "refused", why)
-    mean, sd = _change(sites, way, space)
-    changes = {
-        name: Change(
-            name, QUANTITIES[name][1], math.exp(mean[k]), float(sd[k]),
-            contrast(sites, way, [k]).p,
+    both = [{str(site) for site in one.engine.effects} for one in (before, after)]
+    if "refused" not in (before.verdict, after.verdict) and both[0] != both[1]:
+        raise InputError(
+            "compare", "the estimates have different effects", "estimate both with the same"
         )
-        for k, name in enumerate(space.car.estimated)
-        if sd[k] > 0.0
-    }  # fmt: skip
-    verdict = "changed" if whole.p < DISAGREE_BELOW else "consistent"
-    return Comparison(both, verdict, (), whole.p, changes)
+    _check_effects(before.engine.effects)
 
 
-def _site(result: EngineEstimate) -> RunLikelihood:
-    """Gaussian likelihood over the car's coordinates, from the moments of the draws."""
-    space = result.space
-    assert space is not None
-    z = space.car_coordinates(result.draws)
-    flat = z.reshape(-1, z.shape[-1])
-    return likelihood_of_run(flat.mean(axis=0), np.cov(flat, rowvar=False))
+def _check_effects(sites: Iterable[Site]) -> None:
+    """Refuse effects on given values: draws of these are then no errors of what is given."""
+    for site in sites:
+        if site.effect.acts == "car":
+            raise InputError(
+                str(site), "changes a given value, whose errors a comparison takes out",
+                "leave it out, and give the value a larger sd in the vehicle file",
+            )  # fmt: skip
 
 
-def _change(sites: list[RunLikelihood], way: Array, space: ParameterSpace) -> tuple[Array, Array]:
-    """Mean and standard deviation (3,) of the changes u of the logarithms."""
-    n, count = way.shape
-    sigma = np.array([space.log_prior_of(name)[1] for name in space.car.estimated])
-    free = np.flatnonzero(sigma > 0.0)
-    B = way[:, free]
-    (H1, h1), (H2, h2) = sites
-    precision = np.zeros((n + len(free), n + len(free)))
-    precision[:n, :n] = np.eye(n) + H1 + H2
-    precision[:n, n:] = H2 @ B
-    precision[n:, :n] = B.T @ H2
-    precision[n:, n:] = B.T @ H2 @ B + np.diag(0.5 / sigma[free] ** 2)
-    covariance = np.linalg.inv(precision)
-    mean, sd = np.zeros(count), np.zeros(count)
-    mean[free] = (covariance @ np.concatenate([h1 + h2, B.T @ h2]))[n:]
-    sd[free] = np.sqrt(np.diag(covariance)[n:])
-    return mean, sd
+def _session(given: Estimate) -> Session:
+    """Summarise an estimate: the moments of the draws of what both sessions may share."""
+    from bayes_asv.analysis.session_changes import session
 
-
-def _sentence(change: Change) -> str:
-    low, high = (100.0 * (x - 1.0) for x in change.interval())
-    share = change.ratio - 1.0
-    p = change.probability_lower
-    side = "lower" if p > 0.5 else "higher"
-    return (
-        f"{capitalized(change.label)}: {difference(share)} {side} after "
-        f"(95 %: {low:+.1f} to {high:+.1f} %; probability that it is {side} "
-        f"{probability(max(p, 1.0 - p))})."
-    ).replace("-", "−")
-
-
-def _or_none(value: float) -> float | None:
-    return None if math.isnan(value) else value
+    engine = given.engine
+    assert engine.space is not None
+    z = engine.space.car_coordinates(engine.draws)
+    gains = {
+        name: draws.ravel() for name, draws in engine.nuisance.items() if name.startswith("gain ")
+    }
+    return session(engine.space, engine.vehicle, z.reshape(-1, z.shape[-1]), gains)

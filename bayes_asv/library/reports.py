@@ -22,6 +22,7 @@ _KIND_OF = {
     "bayes_asv/estimate/1": "estimate",
     "bayes_asv/diagnose/1": "diagnosis",
     "bayes_asv/track/1": "track",
+    "bayes_asv/compare/1": "comparison",
 }
 
 _SHARES = (0.0, 0.24, 0.76, 0.8)  # of the time: estimate, diagnosis, track, writing
@@ -50,7 +51,8 @@ def report(
     vehicle : Vehicle or None
         The car; None where nothing is to be computed.
     saved : sequence of path-like
-        JSON that estimate, diagnose or track wrote, at most one of each.
+        JSON that estimate, diagnose or track wrote, at most one of each, or that compare wrote,
+        alone.
     diagnosis : bool
         Whether recordings are diagnosed.
     interactive : bool
@@ -64,7 +66,7 @@ def report(
 
     Returns
     -------
-    EstimateDocument, DiagnoseDocument or TrackDocument
+    EstimateDocument, DiagnoseDocument, TrackDocument or CompareDocument
         What the report was made of.
 
     Raises
@@ -105,6 +107,8 @@ def _read(paths: Sequence[PathLike]) -> dict[str, Any]:
                 str(path), f"a report holds one {kind}", "give --from once for each kind"
             )
         documents[kind] = document
+    if "comparison" in documents and len(documents) > 1:
+        raise InputError("report", "a comparison has a report of its own", "give it alone")
     return documents
 
 
@@ -133,6 +137,10 @@ def _check_recordings(saved: Sequence[PathLike], recordings: Sequence[Recording]
         return
     for path in saved:
         document = read_saved(path)
+        if document.schema_name == "bayes_asv/compare/1":
+            raise InputError(
+                str(path), "a comparison has its recordings already", "give no others beside it"
+            )
         known = {file.sha256 for file in document.provenance.recordings}
         same = {
             "bayes_asv/estimate/1": known == given,
@@ -182,7 +190,8 @@ def _complete(
 
 def short_lines(document: ReportDocument) -> list[str]:
     """State the headline of a document, or the reasons of a refusal."""
-    from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument
+    from bayes_asv.report.schema import CompareDocument, DiagnoseDocument, EstimateDocument
+    from bayes_asv.report.sections.compare import compare_headline, compare_lines
     from bayes_asv.report.sections.diagnosis import diagnosis_headline, diagnosis_lines
     from bayes_asv.report.sections.verdict import (
         headline,
@@ -194,6 +203,8 @@ def short_lines(document: ReportDocument) -> list[str]:
     refused = document.verdict == "refused"
     if isinstance(document, DiagnoseDocument):
         return diagnosis_lines(document) if refused else [diagnosis_headline(document)]
+    if isinstance(document, CompareDocument):
+        return compare_lines(document) if refused else [compare_headline(document)]
     if not isinstance(document, EstimateDocument):
         return track_lines(document) if refused else [track_headline(document)]
     if refused:

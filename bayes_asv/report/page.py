@@ -9,19 +9,27 @@ from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
 from bayes_asv.report.schema import (
+    CompareDocument,
     DiagnoseDocument,
     EstimateDocument,
     FleetDocument,
     PageDocument,
     TrackDocument,
 )
-from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, FLEET, TRACK
+from bayes_asv.report.sections import COMPARE, DIAGNOSIS, ESTIMATE, FLEET, TRACK
 from bayes_asv.report.sections.blocks import About, Block, Figure, Section, Text
 from bayes_asv.report.sections.checks import (
     Answer,
+    compare_checks,
     diagnosis_checks,
     estimate_checks,
     track_checks,
+)
+from bayes_asv.report.sections.compare import (
+    compare_cards,
+    compare_headline,
+    compare_steps,
+    compare_subtitle,
 )
 from bayes_asv.report.sections.diagnosis import (
     diagnosis_headline,
@@ -113,7 +121,7 @@ def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
 
     Parameters
     ----------
-    document : EstimateDocument, DiagnoseDocument, TrackDocument or FleetDocument
+    document : EstimateDocument, DiagnoseDocument, TrackDocument, CompareDocument or FleetDocument
         An estimate may hold a diagnosis of the same recordings under ``diagnosis`` and a track
         under ``online``.  The report leaves out what the document has no data for.
 
@@ -134,6 +142,8 @@ def report_page(document: PageDocument) -> tuple[Page, dict[str, Panel]]:
             content = _diagnosis(document)
         elif isinstance(document, FleetDocument):
             content = _fleet(document)
+        elif isinstance(document, CompareDocument):
+            content = _comparison(document)
         else:
             content = _track(document)
     content.appendix.append(("Provenance", list(provenance(document))))
@@ -311,6 +321,30 @@ def _fleet(document: FleetDocument) -> _Content:
     content = _Content(page, gauges, _no_figure())
     content.add(FLEET, document)
     content.take_overview()  # the season
+    return content
+
+
+def _comparison(document: CompareDocument) -> _Content:
+    """Pages of two sessions; their cards are the changes."""
+    made, gauges = compare_cards(document)
+    tones = [card["tone"] for card in made]
+    stop = document.verdict in ("refused", "doubtful")
+    page = {
+        "subtitle": compare_subtitle(document),
+        "badge": "Comparison: refused" if document.verdict == "refused" else "What changed?",
+        "headline": compare_headline(document),
+        "tone": "stop"
+        if stop
+        else next((t for t in ("below", "above", "muted") if t in tones), "good"),
+        "cards": made,
+        "steps": compare_steps(document),
+        "limits": [_sentence(warning) for warning in document.warnings],
+    }
+    sessions = (("before", document.before), ("after", document.after))
+    checks = compare_checks(document, {name: limits(one, "model") for name, one in sessions})
+    content = _Content(page, gauges, _no_figure(), checks)
+    content.add(COMPARE, document)
+    content.take_overview()  # force over velocity
     return content
 
 

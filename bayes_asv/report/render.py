@@ -47,7 +47,7 @@ def write_report(
 
     Parameters
     ----------
-    document : EstimateDocument, DiagnoseDocument, TrackDocument or FleetDocument
+    document : EstimateDocument, DiagnoseDocument, TrackDocument, CompareDocument or FleetDocument
         An estimate may hold a diagnosis under ``diagnosis`` and a track under ``online``.
     path : str or os.PathLike
         Ends in ``.html`` or ``.pdf``. The same document gives the same bytes.

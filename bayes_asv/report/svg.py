@@ -326,13 +326,20 @@ def draw_autocorrelations(
 
 
 def gauge(
-    key: str, mean: float, low: float, high: float, nominal: float | None, colour: str
+    key: str,
+    mean: float,
+    low: float,
+    high: float,
+    nominal: float | None,
+    colour: str,
+    reference: str = "",
 ) -> Panel:
     """Draw the mean and 95 % interval of a parameter on a scale that fits them, 300 × 52 units.
 
     The scale includes the nominal value unless the interval would then take less than a tenth of
-    it; an arrow then points to where nominal is.  `colour` is one of :data:`COLOURS`.
-    """
+    it; an arrow then points to where nominal is.  `colour` is one of :data:`COLOURS`.  `reference`
+    is another name for the nominal value.
+    """  # fmt: skip
     from matplotlib.ticker import MaxNLocator
 
     left, right, outside = _gauge_scale(mean, low, high, nominal)
@@ -366,7 +373,7 @@ def gauge(
     )
     alt = "mean with its 95 % interval"
     if nominal is not None:
-        at, words = x(nominal), f"nominal {_short(nominal)}"
+        at, words = x(nominal), reference or f"nominal {_short(nominal)}"
         anchor = "middle"
         if outside:
             anchor = "start" if outside < 0 else "end"

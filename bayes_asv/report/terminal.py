@@ -1,5 +1,6 @@
-"""The answer of ``estimate``, ``track`` and ``diagnose`` in a terminal: verdict, table, sentences.
+"""The answer of ``estimate``, ``track``, ``diagnose`` and ``compare`` in a terminal.
 
+It is a verdict, a table and sentences.
 A number that is in the table is in no sentence.
 """
 
@@ -9,8 +10,14 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument, TrackDocument
+from bayes_asv.report.schema import (
+    CompareDocument,
+    DiagnoseDocument,
+    EstimateDocument,
+    TrackDocument,
+)
 from bayes_asv.report.schema.parts import Parameter, Quantity
+from bayes_asv.report.sections.compare import change_sentence, terminal_rows
 from bayes_asv.report.sections.online_filter import is_inconsistent, last_state
 from bayes_asv.report.sections.parameters import answers, short_label
 from bayes_asv.report.sections.simulation_error import asked, shift_sentence
@@ -39,7 +46,7 @@ _STYLES: Final = {"below": "bold red", "above": "bold magenta", "good": "bold gr
 _PREFIXES: Final = {"Next": "bold", "Note": "bold yellow", "Why": "bold red"}
 _INDENT: Final = "  "
 
-Answer = EstimateDocument | TrackDocument | DiagnoseDocument
+Answer = EstimateDocument | TrackDocument | DiagnoseDocument | CompareDocument
 
 
 def answer_text(document: Answer, lines: Sequence[str], width: int) -> list[RenderableType]:
@@ -47,7 +54,7 @@ def answer_text(document: Answer, lines: Sequence[str], width: int) -> list[Rend
 
     Parameters
     ----------
-    document : EstimateDocument, TrackDocument or DiagnoseDocument
+    document : EstimateDocument, TrackDocument, DiagnoseDocument or CompareDocument
         The answer.
     lines : sequence of str
         The same in sentences, the verdict first.
@@ -79,6 +86,10 @@ def _table(document: Answer) -> tuple[list[str], list[Row], set[str]]:
         return _before_and_after(document) if named else ([], [], set())
     if document.verdict == "refused":
         return [], [], set()
+    if isinstance(document, CompareDocument):
+        head = ["", "change", "95 % interval", "", "P(changed)"]
+        said = {change_sentence(name, change) for name, change in document.changes.items()}
+        return head, terminal_rows(document), said
     parameters = {name: document.parameters[name] for name in answers(document.parameters)}
     if isinstance(document, TrackDocument) and is_inconsistent(document):
         # Its intervals would be wrong.

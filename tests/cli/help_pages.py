@@ -31,6 +31,7 @@ seed gives the same answer. Progress is shown on a terminal only.
 | 3 | refused: the recordings are too short, saturated or not excited; the reasons are in the JSON |
 | 4 | not converged: the numbers are written, but are not to be relied on |
 | 5 | `watch` raised its alarm |
+| 6 | `compare`: the sessions differ in something else, or the model does not hold |
 """
 
 

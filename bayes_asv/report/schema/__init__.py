@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, decode, read_bytes
+from bayes_asv.report.schema.compare import CompareDocument
 from bayes_asv.report.schema.diagnose import DiagnoseDocument
 from bayes_asv.report.schema.estimate import EstimateDocument
 from bayes_asv.report.schema.fleet import FleetDocument
@@ -22,6 +23,7 @@ from bayes_asv.report.schema.track import TrackDocument, WatchDocument
 
 __all__ = [
     "DOCUMENTS",
+    "CompareDocument",
     "DiagnoseDocument",
     "EstimateDocument",
     "FleetDocument",
@@ -33,7 +35,7 @@ __all__ = [
     "read_saved",
 ]
 
-ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument
+ReportDocument = EstimateDocument | DiagnoseDocument | TrackDocument | CompareDocument
 """Documents that are saved and read again for a report."""
 
 PageDocument = ReportDocument | FleetDocument
@@ -45,6 +47,7 @@ DOCUMENTS: Final[dict[str, type[Model]]] = {
     "bayes_asv/track/1": TrackDocument,
     "bayes_asv/watch/1": WatchDocument,
     "bayes_asv/fleet/1": FleetDocument,
+    "bayes_asv/compare/1": CompareDocument,
 }
 """Class of every schema by its name."""
 
@@ -52,17 +55,18 @@ _REPORTED: Final[dict[str, type[ReportDocument]]] = {
     "bayes_asv/estimate/1": EstimateDocument,
     "bayes_asv/diagnose/1": DiagnoseDocument,
     "bayes_asv/track/1": TrackDocument,
+    "bayes_asv/compare/1": CompareDocument,
 }
 _FIX: Final = (
-    "give a file that 'bayes-asv estimate --json', 'bayes-asv diagnose --json' or "
-    "'bayes-asv track --json' wrote"
+    "give a file that 'bayes-asv estimate --json', 'bayes-asv diagnose --json', "
+    "'bayes-asv track --json' or 'bayes-asv compare --json' wrote"
 )
 _MAX_BYTES: Final = 200_000_000
 _ROLL: Final = "bayes_asv/estimate_roll/1"
 
 
 def read_saved(path: PathLike) -> ReportDocument:
-    """Read a document that ``estimate``, ``diagnose`` or ``track`` wrote with ``--json``.
+    """Read a document that ``estimate``, ``diagnose``, ``track`` or ``compare`` wrote as JSON.
 
     Parameters
     ----------
@@ -71,7 +75,7 @@ def read_saved(path: PathLike) -> ReportDocument:
 
     Returns
     -------
-    EstimateDocument, DiagnoseDocument or TrackDocument
+    EstimateDocument, DiagnoseDocument, TrackDocument or CompareDocument
         Keys of later versions are kept.  An estimate of the roll car of an earlier version, which
         had a schema of its own, ``bayes_asv/estimate_roll/1``, is converted.
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 from typing import Final
 
 from bayes_asv.report.schema import (
+    CompareDocument,
     DiagnoseDocument,
     EstimateDocument,
     FleetDocument,
     TrackDocument,
 )
 from bayes_asv.report.sections import (
+    compare,
     diagnosis,
     effects,
     fleet,
@@ -36,7 +38,7 @@ from bayes_asv.report.sections import (
 )
 from bayes_asv.report.sections.blocks import Section
 
-__all__ = ["DIAGNOSIS", "ESTIMATE", "FLEET", "TRACK"]
+__all__ = ["COMPARE", "DIAGNOSIS", "ESTIMATE", "FLEET", "TRACK"]
 
 ESTIMATE: Final[tuple[Section[EstimateDocument], ...]] = (
     parameters.SECTION,
@@ -68,3 +70,5 @@ TRACK: Final[tuple[Section[TrackDocument], ...]] = (
 )
 
 FLEET: Final[tuple[Section[FleetDocument], ...]] = (fleet.SECTION, fleet.RECORDINGS_SECTION)
+
+COMPARE: Final[tuple[Section[CompareDocument], ...]] = (compare.SECTION, compare.DETAILS_SECTION)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from bayes_asv.report.schema import DiagnoseDocument, EstimateDocument, TrackDocument
+from bayes_asv.report.schema import (
+    CompareDocument,
+    DiagnoseDocument,
+    EstimateDocument,
+    TrackDocument,
+)
 from bayes_asv.report.sections.diagnosis import diagnosis_headline
 from bayes_asv.report.sections.effects import car_words
 from bayes_asv.report.sections.online_filter import consistency_lines
@@ -13,7 +18,7 @@ from bayes_asv.report.sections.parameters import moved_values
 from bayes_asv.report.sections.run_consistency import consistency_lines as run_consistency_lines
 from bayes_asv.report.words import LABELS, number, p_value, plain
 
-__all__ = ["Answer", "diagnosis_checks", "estimate_checks", "track_checks"]
+__all__ = ["Answer", "compare_checks", "diagnosis_checks", "estimate_checks", "track_checks"]
 
 _AS_THE_VERDICT = "See the verdict above."
 
@@ -128,6 +133,33 @@ def diagnosis_checks(document: DiagnoseDocument) -> list[Answer]:
             )
         )  # fmt: skip
     return answers
+
+
+def compare_checks(document: CompareDocument, model: Mapping[str, Sequence[str]]) -> list[Answer]:
+    """Answer whether the model holds in both sessions, and whether they differ in something else.
+
+    Parameters
+    ----------
+    document : CompareDocument
+        Of two sessions.
+    model : mapping of str to sequence of str
+        By ``before`` and ``after``, what the sections of an estimate say against the model.
+    """
+    if document.verdict == "refused":
+        return []
+    answers = [
+        _model_check(one, model[name])._replace(question=f"Does the model hold {name}?")
+        for name, one in (("before", document.before), ("after", document.after))
+    ]
+    question, p = "Do the sessions differ in something else?", document.p_value_shared
+    if p is None:
+        nothing = "What both share is given as exact, or not shown by the recordings."
+        return [*answers, Answer(question, "muted", "Not tested", [nothing])]
+    differ = p < document.differ_below
+    lines = [f"The test of what both sessions share has {p_value(p)}."]
+    return [
+        *answers, Answer(question, "below" if differ else "good", "Yes" if differ else "No", lines)
+    ]  # fmt: skip
 
 
 def track_checks(document: TrackDocument) -> list[Answer]:

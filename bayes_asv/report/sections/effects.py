@@ -43,6 +43,7 @@ __all__ = [
     "effect_name",
     "effect_sentence",
     "rate_lines",
+    "value_text",
 ]
 
 
@@ -167,7 +168,7 @@ def damper_lines(dampers: Sequence[DampingRates]) -> list[str]:
 def _shape_text(shape: DamperShape) -> str:
     """``digressive: its slope in fast motion is 0.27 (…) times that in slow motion``."""
     where = "" if shape.side == "both" else f" in {shape.side}"
-    size = f"{_value_text(shape.ratio)} times"
+    size = f"{value_text(shape.ratio)} times"
     if shape.name == "unequal_sides":
         text = f"its force in extension is {size} that in compression"
     else:
@@ -177,11 +178,11 @@ def _shape_text(shape: DamperShape) -> str:
 
 def _rates_text(damper: DampingRates) -> str:
     return (
-        f"{_value_text(damper.equal_power)} of equal power at the speeds driven, "
-        f"{_value_text(damper.at_rest)} at rest; force over speed at "
+        f"{value_text(damper.equal_power)} of equal power at the speeds driven, "
+        f"{value_text(damper.at_rest)} at rest; force over speed at "
         f"{two_digits(damper.speed)} {readable_unit(damper.speed_unit)} is "
-        f"{_value_text(damper.compression)} in compression and "
-        f"{_value_text(damper.extension)} in extension"
+        f"{value_text(damper.compression)} in compression and "
+        f"{value_text(damper.extension)} in extension"
     )
 
 
@@ -223,10 +224,10 @@ def clock_lines(clocks: Sequence[ClockErrors]) -> list[str]:
         subject = f"Clock '{plain(clock.name)}'"
         run = f" in {plain(clock.source)}" if clock.source else ""
         if clock.offset is not None:
-            text = _value_text(_scaled(clock.offset, 1e3, "ms"))
+            text = value_text(_scaled(clock.offset, 1e3, "ms"))
             lines.append(f"{subject}: sampled {text} later than the other channels{run}.")
         if clock.drift is not None:
-            text = _value_text(_scaled(clock.drift, 1e6, "ppm"))
+            text = value_text(_scaled(clock.drift, 1e6, "ppm"))
             lines.append(f"{subject}: fast by {text}{run}.")
     return lines
 
@@ -253,7 +254,7 @@ def effect_sentence(effect: NamedEffect) -> str:
 
 def _statement(effect: Effect) -> str:
     """``Front damper: rebound damping is 1.48 (95 %: 1.47 to 1.49) times compression damping``."""
-    values = {name: _value_text(value) for name, value in effect.parameters.items()}
+    values = {name: value_text(value) for name, value in effect.parameters.items()}
     sentence = _SENTENCES.get(effect.name)
     if sentence is None or not all(f"{{{name}}}" in sentence.statement for name in values):
         sizes = ", ".join(f"{plain(name)} {text}" for name, text in values.items())
@@ -267,7 +268,8 @@ def _statement(effect: Effect) -> str:
     return f"{part if place != 'both' else part + 's'}: {statement}"
 
 
-def _value_text(value: EffectValue) -> str:
+def value_text(value: EffectValue) -> str:
+    """Write a value with its unit and 95 % interval."""
     low, high = value.eti95
     unit, sd = readable_unit(value.unit), _sd(value)
     if low == high:

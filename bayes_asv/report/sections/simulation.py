@@ -114,7 +114,7 @@ def overview(document: EstimateDocument) -> Figure:
     chosen = "" if len(runs) == 1 else f"Of {len(runs)} recordings, that with the largest error. "
     return Figure(
         "overview", f"Measured and simulated motion, {plain(run.source)}",
-        f"{chosen}The band should hold 95 % of the readings.", _overview(run),
+        f"{chosen}The band should hold 95 % of the readings.", motion_panels(run),
     )  # fmt: skip
 
 
@@ -130,7 +130,20 @@ def _misfit(run: Run) -> float:
     return max(ratios)
 
 
-def _overview(run: Run) -> tuple[svg.Panel, ...]:
+def motion_panels(
+    run: Run, key: str = "overview", scaled: Sequence[Run] = ()
+) -> tuple[svg.Panel, ...]:
+    """Draw each output as measured and simulated.
+
+    Parameters
+    ----------
+    run : Run
+        The recording.
+    key : str
+        With which the keys of the pictures begin.
+    scaled : sequence of Run
+        Recordings whose pictures have one scale.
+    """
     panels = []
     for output in _outputs(run):
         figure = svg.canvas(height=1.9)
@@ -140,9 +153,12 @@ def _overview(run: Run) -> tuple[svg.Panel, ...]:
             xlabel="time [s]", ylabel=f"{output.label}\n[{output.unit}], {output.sign}",
             xlim=motion_window(run),
         )  # fmt: skip
+        alike = [one.curves for other in scaled for one in _outputs(other) if one.key == output.key]
+        if alike:
+            axes.set_ylim(*svg.shared_limits([curves.measured for curves in alike]))
         svg.legend_above(axes)
         alt = f"{output.label} against time, measured and simulated with a 95 % band"
-        panels.append(svg.panel(figure, f"overview-{output.key}", alt))
+        panels.append(svg.panel(figure, f"{key}-{output.key}", alt))
     return tuple(panels)
 
 
