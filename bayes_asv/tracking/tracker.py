@@ -302,8 +302,11 @@ class Tracker:
         Returns
         -------
         Doubt or None
-            None where nothing speaks against the parameters.
+            None where nothing speaks against the parameters, or effects were named: the check
+            compares the recording with the linear car.
         """
+        if self.effects:
+            return None
         kept = [at_own_rate(one) for one in self._lively.recordings(source)]
         if not kept:
             return None

@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.library.live import watch
 from bayes_asv.models.cars import car_model
+from bayes_asv.shipped import shipped
+from bayes_asv.simulation.roads import road
+from bayes_asv.simulation.simulate import simulate
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.frames import Frames
-from tests.posterior.cases import DECLARED, vehicle
+from bayes_asv.tracking.tracker import Tracker
+from tests.posterior.cases import DECLARED, as_recording, case, vehicle
+from tests.rig import (
+    DEFAULT_SPEEDS,
+    TERRAINS,
+    CustomLaw,
+    SensorSpec,
+    baja,
+    draw,
+    drive,
+    with_terms,
+)
 from tests.tracking.drives import faded, long_drive, tracked, true_parameters, with_values, z_scores
 
 Array = NDArray[np.float64]
@@ -170,3 +187,71 @@ def test_inconsistent_filter_raises_no_alarm() -> None:
     monitor = AlarmMonitor(car_model("half", vehicle(DECLARED)), 1.5, 0.99, 1.0)
     assert _alarm(never, monitor) is None
     assert monitor.rows_consistent == 0
+
+
+@pytest.mark.parametrize("loss", [0.5, 0.9])
+def test_a_damper_that_fails_at_once_is_followed(loss: float) -> None:
+    """At five seconds, on a rough road; meanwhile nothing that is wrong is trusted."""
+    car = draw(baja(), np.random.default_rng([32, 91]), DECLARED)
+    c = car.c_f
+    law = CustomLaw(lambda d, v, t: -c * v * (1.0 if t < 5.0 else 1.0 - loss))
+    driven = with_terms(car, "front", law, damper=False)
+    run = drive(
+        driven, TERRAINS["rough"](32), DEFAULT_SPEEDS["rough"], 400.0, 10.0, SensorSpec(), 4
+    )
+    _, frames = tracked(as_recording(run, "failed.csv"))
+    error = np.log(frames.median[:, 0] / np.where(frames.time < 5.0, c, (1.0 - loss) * c))
+    assert np.all(np.abs(error[frames.time > 8.5]) < 0.03)
+    assert np.all(frames.log_sd[frames.time > 8.5, 0] < 0.03)
+    lost = (frames.time > 5.1) & (np.abs(error) > 0.1)
+    assert not frames.consistent[lost].any()
+    assert np.all(np.abs(error) < 3.0 * frames.log_sd[:, 0] + 0.01, where=frames.time > 5.1)
+
+
+def test_gap_of_hours_begins_another_recording() -> None:
+    _, recording = long_drive(4.0, 21)
+    time = np.concatenate([recording.time, recording.time + 7200.0])
+    twice = replace(recording, time=time, values=np.tile(recording.values, 2))
+    shifted = twice.values.copy()
+    shifted[1, len(recording.time) :] += 30.0  # the zero of a sensor has moved meanwhile
+    tracker, frames = tracked(with_values(twice, shifted))
+    assert tracker.consistency.summary().verdict == "consistent"
+    known = frames.log_sd[len(recording.time) - 1]
+    assert np.all(frames.log_sd[-1] <= known)
+    change = np.log(frames.median[-1] / frames.median[len(recording.time) - 1])
+    assert np.all(np.abs(change) < 0.5 * known)
+
+
+@pytest.mark.parametrize("kind", ["filtered", "white"])
+def test_noise_before_or_behind_the_filter_is_consistent(
+    kind: Literal["filtered", "white"],
+) -> None:
+    sensors = SensorSpec(noise_kind=kind, adc=None)
+    for seed in (100, 101):
+        car, _, recording = case("stops", seed, DECLARED, sensors=sensors)
+        tracker, frames = tracked(recording, vehicle(DECLARED, sensors))
+        summary = tracker.consistency.summary()
+        assert summary.verdict == "consistent"
+        assert 0.93 < summary.nis_mean < 1.07
+        assert np.all(np.abs(z_scores(frames, car)) < 3.0)
+
+
+def test_what_simulate_writes_is_consistent() -> None:
+    """Converters so coarse that a car at rest reads the same number all the time."""
+    given = read_vehicle(shipped("vehicles", "baja2008.toml"))
+    for seed in (0, 1):
+        bump = road("bump", np.random.default_rng([seed, 0]))
+        recording = simulate(given, bump, rate=800.0, seconds=2.5, seed=seed).recording
+        tracker, _ = tracked(recording, given)
+        assert tracker.consistency.summary().verdict == "consistent"
+
+
+def test_watch_says_where_it_cannot_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Tracker, "input_doubt", lambda *_, **__: None)  # the filter alone
+    _, recording = long_drive(6.0, 11)
+    values = recording.values.copy()
+    values[0, 8:] = recording.values[0, :-8]  # the front wheel 20 ms late
+    result = watch(with_values(recording, values), vehicle(DECLARED))
+    assert result is not None
+    assert result.verdict == "refused"
+    assert "No alarm" not in " ".join(result.lines())
