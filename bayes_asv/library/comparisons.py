@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.library.estimates import Estimate, car_of, estimate
@@ -263,9 +263,9 @@ def compare(
 
 def _listed(session: Recording | Iterable[Recording]) -> list[Recording]:
     """List the recordings of a session; what is none is left to the checks of the inputs."""
-    if isinstance(session, Iterable) and not isinstance(session, str):
-        return list(cast("Iterable[Recording]", session))
-    return [cast("Recording", session)]
+    if isinstance(session, Iterable):
+        return [session] if isinstance(session, str) else list(session)  # type: ignore[unreachable]
+    return [session]
 
 
 def _compared(before: Estimate, after: Estimate, seed: int) -> Comparison:

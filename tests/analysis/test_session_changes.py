@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
 from bayes_asv.analysis.random_effects import RunLikelihood
-from bayes_asv.analysis.run_consistency import fit_single_run
+from bayes_asv.analysis.run_consistency import SingleRunFit, fit_single_run
 from bayes_asv.analysis.session_changes import (
     CHANGE_SD,
     UNCHANGED,
@@ -197,9 +197,11 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
     rng = np.random.default_rng(7)
     car = draw(baja(), rng, DECLARED)
     spec = draw_biases(SensorSpec(), rng)
-    fits = []
-    for one, road in ((car, "bump"), (replace(car, c_f=0.9 * car.c_f), "stops")):
-        run = drive(one, TERRAINS[road](3), DEFAULT_SPEEDS[road], 400.0, 2.0, spec, len(fits))
+    fits: list[SingleRunFit] = []
+    for own, road in ((car, "bump"), (replace(car, c_f=0.9 * car.c_f), "stops")):
+        run = drive(
+            car_of_one, TERRAINS[road](3), DEFAULT_SPEEDS[road], 400.0, 2.0, spec, len(fits)
+        )
         fits.append(fit_single_run(prepared(as_recording(run, road), known), known, 0))
     found = _changes_of(fits, known)
     where = fits[0].fit.space
@@ -238,11 +240,11 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
     assert found.mean[0] == pytest.approx(math.log(0.9), abs=4.0 * found.sd[0])
 
 
-def _changes_of(fits: list[object], known: Vehicle) -> SessionChanges:
+def _changes_of(fits: list[SingleRunFit], known: Vehicle) -> SessionChanges:
     sessions = []
     for one in fits:
-        where = one.fit.space  # type: ignore[attr-defined]
-        sessions.append(session(where, known, one.z[:, : where.car_dimension], {}))  # type: ignore[attr-defined]
+        where = one.fit.space
+        sessions.append(session(where, known, one.z[:, : where.car_dimension], {}))
     return session_changes(*sessions)
 
 
@@ -265,6 +267,6 @@ def test_changes_of_rig_cars_are_found_and_others_are_not() -> None:
 def test_the_calibration_error_sees_overconfidence(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = rng.random(5000)
-    fair = rng.random(5000) < p
+    fair = (rng.random(5000) < p).astype(float)
     assert bench.calibration_error(p, fair) < 0.03
     assert bench.calibration_error(np.where(p > 0.5, 0.5 + 0.5 * p, 0.5 * p), fair) > 0.08

@@ -221,12 +221,11 @@ def _parameter_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
         axes.plot(time, median, color=paint)
         axes.set_ylim(*_range(median, low, high, None))
         axes.set_xlim(float(time[0]), float(time[-1]))
-        site, _, parameter = plain(label).rpartition(" ")
-        name = f"{parameter} of {site}"
+        place, _, quantity = plain(label).rpartition(" ")
         unit = f" [{readable_unit(curve.unit)}]" if curve.unit else ""
-        axes.set(xlabel="time [s]", ylabel=f"{parameter}{unit}\n{site}")
+        axes.set(xlabel="time [s]", ylabel=f"{quantity}{unit}\n{place}")
         key = "".join(c if c.isalnum() else "-" for c in label)
-        alt = f"{name} against time with its 95 % band, from the online filter"
+        alt = f"{quantity} of {place} against time with its 95 % band, from the online filter"
         panels.append(svg.panel(figure, f"track-{key}", alt))
     return tuple(panels)
 
