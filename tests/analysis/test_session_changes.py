@@ -199,9 +199,7 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
     spec = draw_biases(SensorSpec(), rng)
     fits: list[SingleRunFit] = []
     for own, road in ((car, "bump"), (replace(car, c_f=0.9 * car.c_f), "stops")):
-        run = drive(
-            car_of_one, TERRAINS[road](3), DEFAULT_SPEEDS[road], 400.0, 2.0, spec, len(fits)
-        )
+        run = drive(own, TERRAINS[road](3), DEFAULT_SPEEDS[road], 400.0, 2.0, spec, len(fits))
         fits.append(fit_single_run(prepared(as_recording(run, road), known), known, 0))
     found = _changes_of(fits, known)
     where = fits[0].fit.space
