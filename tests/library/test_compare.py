@@ -134,6 +134,8 @@ def test_the_page_shows_the_change_and_is_made_again_from_the_document(
     ):  # fmt: skip
         assert part in text
     assert text.count("<svg") == 3 + 2 + 4  # cards, dampers, two outputs of two sessions
+    assert "Does the model hold after?" in text
+    assert "Do the sessions differ in something else?" in text
     found.report(tmp_path / "changes.pdf")
     assert (tmp_path / "changes.pdf").read_bytes().startswith(b"%PDF")
 
