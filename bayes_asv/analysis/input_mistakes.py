@@ -154,8 +154,8 @@ def check_input(
         return Doubt((), _contradiction(moved, fit.values, vehicle), holds)
     return Doubt(
         (),
-        "the linear car does not explain the recording down to the noise of the sensors; no "
-        "verdict on a damper is given until 'bayes-asv diagnose' has found what is missing",
+        "the linear car does not explain the recording down to the noise of the sensors; run "
+        "'bayes-asv diagnose' to find what is missing before any verdict on a damper",
         model_holds=False,
         about="model",
     )

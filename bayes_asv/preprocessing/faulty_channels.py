@@ -83,8 +83,9 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     low, high = rails(values, vehicle, channels)
     for c, channel in enumerate(channels):
         limit = clipping_limit(int(np.count_nonzero(np.isfinite(values[c]))))
-        piled = _piled_up(values[c], low[c] | high[c])
-        held = _held(values, c, vehicle.sensor(channel.name).noise)
+        at_rail = low[c] | high[c]
+        piled = _piled_up(values[c], at_rail)
+        held = _held(values, c, vehicle.sensor(channel.name).noise) & ~at_rail
         if piled > limit:
             reasons.append(
                 f"the {channel.words} sensor of {source} stays at its extreme for {piled} samples "

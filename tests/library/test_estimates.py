@@ -212,7 +212,11 @@ wrong: Any = asv  # calls that a type checker would not let pass
         (lambda run, car: wrong.diagnose(run, car, holdout="b.csv"), TypeError, "read_recording"),
         (lambda run, car: wrong.plan(run), TypeError, r"asv.plan\(vehicle\)"),
         (lambda run, car: wrong.simulate("car.toml"), TypeError, "read_vehicle"),
-        (lambda run, car: wrong.compare(run, run), TypeError, "asv.estimate"),
+        (
+            lambda run, car: wrong.compare(run, run),
+            TypeError,
+            r"asv.compare\(before, after, vehicle\)",
+        ),
     ],
 )
 def test_misuse_is_an_exception_with_the_fix(

@@ -35,7 +35,9 @@ Array = NDArray[np.float64]
 MAX_RUNS: Final = 6
 """Runs that get figures of their own: more would make a page too large to open."""
 
-_COLOURED: Final = 0.01  # whiteness p-value below which the intervals are called too narrow
+_COLOURED: Final = (
+    0.01  # whiteness p-value below which something moves that the model does not describe
+)
 
 _CAPTION: Final = (
     "Accelerations are positive upward, travel in extension. The residual, in the lower strip, "
@@ -43,7 +45,7 @@ _CAPTION: Final = (
     "pattern. Flat tops, spikes and steps of a wheel acceleration are faults of its sensor. A peak "
     "in the spectrum of the residual (thick, below that of the reading) is a motion that the model "
     "does not describe. Of the bars of the autocorrelation, one in twenty may be outside the band; "
-    "a p-value below 1 % means that the intervals are too narrow."
+    "a p-value below 1 % means that something moves that the model does not describe."
 )
 
 
@@ -178,8 +180,7 @@ def _draw_motion(axes: Axes, time: Array, output: _Output) -> None:
 def _limits(document: EstimateDocument) -> list[str]:
     return [
         f"The {output.label.removesuffix(' chassis')} residuals of {plain(run.source)} are not "
-        f"white ({p_value(p)}): something moves that the model does not describe, and the "
-        "intervals are too narrow."
+        f"white ({p_value(p)}): something moves that the model does not describe."
         for run in document.runs
         for output in _outputs(run)
         if (p := output.curves.whiteness_p) is not None and p < _COLOURED
