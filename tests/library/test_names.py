@@ -53,7 +53,7 @@ def test_every_argument_has_a_type_and_is_described(name: str) -> None:
         assert parameter.annotation is not inspect.Parameter.empty, parameter
         assert parameter.name in function.__doc__, parameter
     positional = [p for p in signature.parameters.values() if p.kind is not p.KEYWORD_ONLY]
-    assert len(positional) <= 2
+    assert len(positional) <= (3 if name == "compare" else 2)  # two sessions and a vehicle
 
 
 def test_type_checkers_read_its_annotations() -> None:
