@@ -148,11 +148,11 @@ def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]
                 continue
             both = np.isfinite(values[a]) & np.isfinite(values[b])
             moves = np.append(np.diff(values[a]) != 0.0, False) & both
-            steps = [_smallest_step(values[k, both]) for k in (a, b)]
+            one, other = (_smallest_step(values[k, both]) for k in (a, b))
             # Of one converter a copy has the very readings: two sensors that move alike are often
             # within one coarse step of each other.
-            alike = np.isclose(*steps, rtol=1e-3)
-            near = 1e-6 * steps[0] if alike else _ROUNDED * sum(steps)
+            alike = abs(one - other) < 1e-3 * one
+            near = 1e-6 * one if alike else _ROUNDED * (one + other)
             apart = np.abs(values[a, moves] - values[b, moves])
             if moves.any() and np.mean(apart <= near) > _SAME:
                 out.append((a, b))
