@@ -17,7 +17,7 @@ from bayes_asv.filters import ukf as unscented
 from bayes_asv.filters.ukf_state import ALL
 from bayes_asv.models.car_model import bias_directions, state_space
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import site
+from bayes_asv.models.effects import Site, site
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.tracking.effects import effect_parameters
 from bayes_asv.tracking.filter import DEFAULT_SETTINGS, initial_state
@@ -78,7 +78,7 @@ def test_with_known_parameters_it_is_the_filter_of_estimate(names: tuple[str, ..
     out = np.zeros((len(steps.step), model.into.width))
     unscented.run(model.sizes, 0, False, state, model.arrays, NEVER, steps, out)
 
-    values: dict[object, dict[str, float]] = {s: {} for s in sites}
+    values: dict[Site, dict[str, float]] = {s: {} for s in sites}
     for effect, z in zip(model.coordinates.law_effects, state.mu[3:], strict=False):
         values[effect.site][effect.parameter.name] = float(effect.values(np.array(z)))
     system = state_space(car, car.nominal, model.outputs)

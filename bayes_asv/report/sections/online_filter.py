@@ -221,10 +221,10 @@ def _parameter_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
         axes.plot(time, median, color=paint)
         axes.set_ylim(*_range(median, low, high, None))
         axes.set_xlim(float(time[0]), float(time[-1]))
-        site, _, parameter = plain(label).rpartition(" ")
-        name = f"{parameter} of {site}"
+        site, _, part = plain(label).rpartition(" ")
+        name = f"{part} of {site}"
         unit = f" [{readable_unit(curve.unit)}]" if curve.unit else ""
-        axes.set(xlabel="time [s]", ylabel=f"{parameter}{unit}\n{site}")
+        axes.set(xlabel="time [s]", ylabel=f"{part}{unit}\n{site}")
         key = "".join(c if c.isalnum() else "-" for c in label)
         alt = f"{name} against time with its 95 % band, from the online filter"
         panels.append(svg.panel(figure, f"track-{key}", alt))
