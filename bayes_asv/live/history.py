@@ -77,6 +77,7 @@ class History:
         self._estimates = _Table(2 * na + 2, np.float32)
         self._extremes = _Table(2 * ne, np.float32)
         self._parameters = _Table(1 + 2 * na)
+        self._last_nis = np.full((3, 1), np.nan)
 
     def append(self, frames: Frames) -> None:
         """Add the frames of the next rows."""
@@ -127,11 +128,14 @@ class History:
             length = metadata.deflection[1]
             band = _band(frames.deflection[:, e], frames.deflection_sd[:, e], length)
             curves |= dict(zip((f"{element} deflection{x}" for x in edges), band, strict=True))
-        # A mean without a finite band is a mean of no readings.
+        # A mean without a finite band is a mean of no readings, as of a car that stands still: the
+        # last one holds.
         valid = np.isfinite(frames.nis_low) & np.isfinite(frames.nis_high)
-        nis = (frames.nis_mean, frames.nis_low, frames.nis_high)
-        for edge, values in zip(edges, nis, strict=True):
-            curves[f"nis{edge}"] = np.where(valid, values, np.nan)
+        nis = np.stack([frames.nis_mean, frames.nis_low, frames.nis_high])
+        latest = np.maximum.accumulate(np.where(valid, np.arange(len(valid)), -1))
+        nis = np.where(latest >= 0, nis[:, latest], self._last_nis)
+        self._last_nis = nis[:, -1:].copy()
+        curves |= {f"nis{edge}": values for edge, values in zip(edges, nis, strict=True)}
         return np.column_stack([curves[name] for name in metadata.traces])
 
     def _running_extremes(self, deflection: Array) -> Array:

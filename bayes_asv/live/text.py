@@ -110,12 +110,6 @@ def consistency_text(
     inflation : float
         Factor by which the filter widened the noise's standard deviation.
     """
-    if math.isfinite(mean) and math.isinf(high):
-        return ConsistencyText(
-            "consistent" if consistent else "recovering",
-            "No reading of the last half second tests the filter: the car stands still.",
-            "muted",
-        )
     if not all(map(math.isfinite, (mean, low, high))) or mean < 0.0:
         return ConsistencyText("settling", "Too few readings yet to test the filter.", "muted")
     widened = (
