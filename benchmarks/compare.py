@@ -211,6 +211,19 @@ def summary(rows: Sequence[Row]) -> Row:
             "brier": float(np.mean((some[0] - some[1]) ** 2)),
             "between_5_and_95_percent": int(np.sum((some[0] > 0.05) & (some[0] < 0.95))),
         }
+    noisy = np.array([row["pair"] % 2 == 1 for row in used])
+    for key, of in (("logger", ~noisy), ("ten times its noise", noisy)):
+        which = drawn & of
+        if np.any(which):
+            out[f"changed, {key}"] = {
+                "expected_calibration_error": calibration_error(
+                    changed[which].ravel(), true[which].ravel() != 0.0
+                ),
+                "median_sd_percent": [float(100.0 * x) for x in np.median(sd[of], axis=0)],
+                "called changed, 3 to 5 %": share(
+                    changed[of][_between(true[of], 0.029, 0.051)] > 0.95
+                ),
+            }
     same = true == 0.0
     out["false alarms of one test at 5 %"] = share(p[same] < 0.05)
     nothing = same.all(axis=1)
@@ -223,13 +236,18 @@ def summary(rows: Sequence[Row]) -> Row:
     out["interval holds the change"] = share(
         (np.abs(mean - true) < 1.959964 * sd)[np.isfinite(sd)].ravel()
     )
-    size = np.abs(np.expm1(true))
     out["called changed by size"] = {
-        f"{100 * low:g} to {100 * high:g} %": share(changed[(size >= low) & (size < high)] > 0.95)
+        f"{100 * low:g} to {100 * high:g} %": share(changed[_between(true, low, high)] > 0.95)
         for low, high in ((1e-9, 0.01), (0.01, 0.029), (0.029, 0.049), (0.049, 0.09), (0.09, 9.0))
     }
     out["median_sd_percent"] = [float(100.0 * x) for x in np.median(sd, axis=0)]
     return out
+
+
+def _between(change: Array, low: float, high: float) -> NDArray[np.bool_]:
+    """Whether changes of logarithms are of a size within limits, as shares."""
+    size = np.abs(np.expm1(change))
+    return np.asarray((size >= low) & (size < high))
 
 
 def about(seed: int) -> Row:

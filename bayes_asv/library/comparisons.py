@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -246,7 +246,9 @@ def compare(
 
     _check_effects(read_site(name) for name in names)
     sessions = [_listed(before), _listed(after)]
-    cars = vehicle, vehicle if vehicle_after is None else vehicle_after
+    # both in the units of the first
+    later = vehicle if vehicle_after is None else replace(vehicle_after, units=vehicle.units)
+    cars = vehicle, later
     which = car or car_of(sessions[0])
     # Before the work: a recording in both sessions is a slip.
     check_inputs("compare", [*sessions[0], *sessions[1]], vehicle, car=which)
@@ -299,6 +301,10 @@ def _check_alike(before: Estimate, after: Estimate) -> None:
     """Refuse estimates whose parameters do not mean the same."""
     if before.engine.car.name != after.engine.car.name:
         raise InputError("compare", "the estimates are of different models", "use one for both")
+    if before.vehicle.units != after.vehicle.units:
+        raise InputError(
+            "compare", "the vehicles of the estimates have different units", "use one system"
+        )
     both = [{str(site) for site in one.engine.effects} for one in (before, after)]
     if "refused" not in (before.verdict, after.verdict) and both[0] != both[1]:
         raise InputError(

@@ -196,7 +196,7 @@ def test_every_example_of_the_page_runs_and_prints_what_is_shown(
         assert _masked(printed) == _masked(shown if after == "text" else ""), code
         ran += 1
     assert ran == 3
-    assert {"changes.html", "changes.pdf"} <= {p.name for p in tmp_path.iterdir()}
+    assert {"changes.json", "changes.pdf"} <= {p.name for p in tmp_path.iterdir()}
 
 
 def _masked(text: str) -> str:

@@ -25,6 +25,7 @@ from bayes_asv.report.page import limits, report_page
 from bayes_asv.report.render import write_report
 from bayes_asv.report.schema import (
     DOCUMENTS,
+    CompareDocument,
     DiagnoseDocument,
     EstimateDocument,
     ReportDocument,
@@ -33,6 +34,7 @@ from bayes_asv.report.schema import (
 )
 from bayes_asv.report.schema.__main__ import json_schemas
 from bayes_asv.report.schema.parts import ByName, Parameter
+from bayes_asv.report.sections.compare import compare_headline, compare_lines
 from bayes_asv.report.sections.diagnosis import (
     diagnosis_headline,
     diagnosis_lines,
@@ -45,7 +47,9 @@ ROOT = Path(__file__).parents[2]
 EARLIER = sorted(DATA.glob("commit_*/*.json"))
 KEPT = [file for file in EARLIER if file.stem != "estimate_roll"]
 ROLL = "bayes_asv/estimate_roll/1"  # is read and no longer written
-REPORTED = ("bayes_asv/estimate/1", "bayes_asv/diagnose/1", "bayes_asv/track/1")
+REPORTED = (
+    "bayes_asv/estimate/1", "bayes_asv/diagnose/1", "bayes_asv/track/1", "bayes_asv/compare/1",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("file", KEPT, ids=lambda file: file.stem)
@@ -172,6 +176,8 @@ def test_a_mutated_document_is_refused_in_one_line_or_has_sentences(document: Da
         lines = [*diagnosis_lines(saved), diagnosis_headline(saved), *diagnosis_steps(saved)]
     elif isinstance(saved, TrackDocument):
         lines = [*track_lines(saved), *track_steps(saved)]
+    elif isinstance(saved, CompareDocument):
+        lines = [*compare_lines(saved), compare_headline(saved)]
     else:
         return
     assert all(line.isprintable() for line in lines)
