@@ -126,11 +126,7 @@ def _compared(result: TrackResult, site: Site, recording: Recording) -> Row:
     """Differences from mode and curvature of the posterior, in its standard deviations."""
     lines, _, _ = prepare_runs((recording,), result.vehicle)
     _, fitted = with_effects(make_dataset(result.vehicle, lines), (site,))
-<<<<<<< HEAD
     covariance = fitted.mode.covariance
-=======
-    covariance: Array = np.asarray(np.linalg.inv(fitted.mode.slopes.precision()), np.float64)
->>>>>>> online
     first = site.effect.parameters[0]
     k = fitted.space.names.index(site.coordinate_name(first))
     mean, sd = result.coordinates.effect_moments(result.mean, result.covariance)

@@ -221,16 +221,9 @@ def _parameter_curves(document: TrackDocument) -> tuple[svg.Panel, ...]:
         axes.plot(time, median, color=paint)
         axes.set_ylim(*_range(median, low, high, None))
         axes.set_xlim(float(time[0]), float(time[-1]))
-<<<<<<< HEAD
         place, _, quantity = plain(label).rpartition(" ")
         unit = f" [{readable_unit(curve.unit)}]" if curve.unit else ""
         axes.set(xlabel="time [s]", ylabel=f"{quantity}{unit}\n{place}")
-=======
-        site, _, part = plain(label).rpartition(" ")
-        name = f"{part} of {site}"
-        unit = f" [{readable_unit(curve.unit)}]" if curve.unit else ""
-        axes.set(xlabel="time [s]", ylabel=f"{part}{unit}\n{site}")
->>>>>>> online
         key = "".join(c if c.isalnum() else "-" for c in label)
         alt = f"{quantity} of {place} against time with its 95 % band, from the online filter"
         panels.append(svg.panel(figure, f"track-{key}", alt))
