@@ -86,7 +86,18 @@ def test_moments_are_integrals(seed: int) -> None:
     known = np.ones(5, bool)
     deviation = rng.uniform(size=12)
     gaps = np.zeros(12, bool)
-    step_moments(instants, float(time[0]), time, curve, deviation, gaps, moments, spread, known)
+    step_moments(
+        instants,
+        float(time[0]),
+        time,
+        curve,
+        deviation,
+        gaps,
+        moments,
+        spread,
+        known,
+        np.zeros((len(known), 2)),
+    )
     assert known.all()
 
     def signal(t: float) -> float:
@@ -116,6 +127,6 @@ def test_no_curve_where_there_is_a_gap() -> None:
     moments, spread, known = np.zeros((3, ORDER)), np.zeros((3, 2)), np.ones(3, bool)
     step_moments(
         np.array([0.15, 1.05, 1.15]), 0.05, time, curve, np.zeros(6), gaps, moments, spread,
-        known,
+        known, np.zeros((3, 2)),
     )  # fmt: skip
     assert known.tolist() == [True, False, True]
