@@ -221,7 +221,7 @@ def _piled_up(signal: Array, at_rail: Flags) -> int:
         return 0
     span = float(np.ptp(readings))
     near = max(_NEAR * span, 2.0 * _smallest_step(readings))
-    if 4.0 * near > span:  # a few steps of a converter at rest
+    if 4.0 * near >= span:  # a few steps of a converter at rest, or none
         return 0
     out = 0
     for extreme in (readings.max(), readings.min()):
