@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from bayes_asv import __version__
+from benchmarks.provenance import current_commit
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,
@@ -104,9 +105,7 @@ def main() -> int:
             "largest_error_percent": 100.0 * float(np.max(errors)),
             "rms_z": float(np.sqrt(np.mean(z**2))),
         }
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     about = {
         "commit": commit,
         "version": __version__,

@@ -20,7 +20,6 @@ import argparse
 import json
 import os
 import platform
-import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -39,6 +38,7 @@ from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, fit_s
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.map_fit import prepare_runs
+from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, EXACT, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -242,9 +242,7 @@ def main() -> int:
     parser.add_argument("--cars", type=int, default=100, help="for exact and declared values each")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     about = {
         "commit": commit,
         "version": __version__,

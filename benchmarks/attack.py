@@ -48,6 +48,7 @@ from bayes_asv.report.render import html_report
 from bayes_asv.report.schema import read_saved
 from bayes_asv.tracking.track import track
 from bayes_asv.tracking.tracker import Tracker, tracker_for
+from benchmarks.provenance import current_commit
 from tests.acquire.synthetic import SyntheticBlock, counts, stream
 from tests.io.formats import made
 
@@ -589,9 +590,7 @@ def main() -> int:
     parser.add_argument("--faults", type=Path, help="folder for the inputs that are faults")
     arguments = parser.parse_args()
     begin = time.monotonic()
-    commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     seconds = 60.0 * arguments.minutes
     result = {
         "commit": commit or "unknown", "seed": arguments.seed, "numpy": np.__version__,

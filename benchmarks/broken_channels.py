@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -41,6 +40,7 @@ from bayes_asv.library.tracks import track
 from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from benchmarks.mistaken_inputs import cars
 from benchmarks.mistaken_inputs.cars import Design, Sensors, Truth
+from benchmarks.provenance import current_commit
 from tests.rig import (
     CHANNELS,
     RigCar,
@@ -408,9 +408,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.quick:
         input_mistakes.likely_mistakes = lambda *_, **__: []
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     done = json.loads(arguments.out.read_text("utf-8")) if arguments.out.exists() else {}
     if done.get("commit") != commit or done.get("seed") != arguments.seed:
         done = {"commit": commit, "seed": arguments.seed}

@@ -23,7 +23,6 @@ import argparse
 import json
 import math
 import platform
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,6 +45,7 @@ from bayes_asv.analysis.trends import (
 )
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.models.cars import car_model
+from benchmarks.provenance import current_commit
 
 __all__ = ["Season", "calibration_error", "main", "simulate_season"]
 
@@ -242,12 +242,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     precisions, way = templates()
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    )
+    commit = current_commit()
     document = {
         "about": {
-            "commit": commit.stdout.strip(), "version": asv.__version__,
+            "commit": commit, "version": asv.__version__,
             "python": platform.python_version(), "numpy": np.__version__, "seed": given.seed,
         },
         **{

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from dataclasses import replace
@@ -26,6 +25,7 @@ from bayes_asv.domain.clocks import Clock
 from bayes_asv.domain.recording import CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.estimation import Estimate, estimate
+from benchmarks.provenance import current_commit
 from tests.rig import (
     DECLARED_SDS,
     DEFAULT_SPEEDS,
@@ -159,9 +159,7 @@ def main() -> int:
     parser.add_argument("--set", choices=SETS, action="append")
     arguments = parser.parse_args()
     done = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     for which in arguments.set or SETS:
         part = done.get(which, {})
         runs = part.get("each", []) if part.get("commit") == commit else []

@@ -44,6 +44,7 @@ from bayes_asv.live.session import Session
 from bayes_asv.live.sources import PortSource
 from bayes_asv.live.worker import Worker
 from bayes_asv.tracking.tracker import tracker_for
+from benchmarks.provenance import current_commit
 
 __all__ = ["main"]
 
@@ -361,9 +362,7 @@ def main() -> int:
             rows.append(port(file, folder, options.seconds, more))
             print(rows[-1], file=sys.stderr, flush=True)
         rows.append(threads(file, folder, options.seconds))
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     chromium = subprocess.run(
         [shutil.which("chromium") or "chromium-browser", "--version"],
         capture_output=True, text=True, check=False,

@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import subprocess
 import sys
 import tempfile
 import time
@@ -38,6 +37,7 @@ from bayes_asv.acquire.transfer import RunRequest
 from bayes_asv.domain.recording import Recording, declared_rate, sample_times
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.shipped import shipped
+from benchmarks.provenance import current_commit
 from tests.firmware.emulated import FIRMWARE, Emulated, VirtualPort, build
 from tests.firmware.logger import Logger, switched_on, why_not
 from tests.firmware.scenarios import Setup, build_firmware
@@ -246,9 +246,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         transfers = [row for job in transfer_jobs for row in job.result()]
         rates = [row for job in rate_jobs for row in job.result()]
     summary = summary_of(rates, transfers)
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     about = {
         "commit": commit,
         "version": __version__,

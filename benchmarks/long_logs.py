@@ -26,6 +26,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import write_csv
+from benchmarks.provenance import current_commit
 from tests.rig import RigCar, SensorSpec, baja, draw, draw_biases, vehicle_toml
 from tests.rig.long_log import LongLog, hour, long_log
 
@@ -166,9 +167,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     done: dict[str, Any] = {"commit": commit, "cores": os.cpu_count(), "logs": []}
     for minutes, bumps, rate in CASES:
         with tempfile.TemporaryDirectory() as folder:

@@ -25,7 +25,6 @@ import itertools
 import json
 import os
 import platform
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -56,6 +55,7 @@ from benchmarks.online_runs import (
     speeds,
     watched,
 )
+from benchmarks.provenance import current_commit
 from tests.rig import SensorSpec
 
 __all__ = ["RESULTS", "main"]
@@ -313,9 +313,7 @@ def main() -> int:
     options = parser.parse_args()
     results: Row = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
     if not options.page:
-        commit = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-        ).stdout.strip()
+        commit = current_commit()
         for name in options.part or PARTS:
             about = {
                 "commit": commit,

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from dataclasses import replace
@@ -27,6 +26,7 @@ from bayes_asv.domain.channels import channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
+from benchmarks.provenance import current_commit
 from tests.rig import (
     DECLARED_SDS,
     DEFAULT_SPEEDS,
@@ -161,9 +161,7 @@ def main() -> int:
     parser.add_argument("--set", choices=sorted(SETS), action="append")
     arguments = parser.parse_args()
     done = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     for which in arguments.set or sorted(SETS):
         part = done.get(which, {})
         runs = part.get("each", []) if part.get("commit") == commit else []

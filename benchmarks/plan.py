@@ -22,7 +22,6 @@ import argparse
 import json
 import os
 import platform
-import subprocess
 import sys
 import tempfile
 import time
@@ -51,6 +50,7 @@ from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.sampler import importance_sample
 from benchmarks.plan_cars import CARS, chance_car
 from benchmarks.plan_picture import draw_picture
+from benchmarks.provenance import current_commit
 from tests.rig import (
     DECLARED_SDS,
     SPREADS,
@@ -339,9 +339,7 @@ def main() -> int:
     parser.add_argument("--recordings", type=int, default=4, help="a road and rate for the formula")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     began = time.perf_counter()
     rows, tried, refused = width_rows(given.each, given.cars, given.seed)
     errors = error_rows(given.runs, given.seed)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -27,6 +26,7 @@ from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
+from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 
 __all__ = ["main"]
@@ -117,9 +117,7 @@ def main() -> int:
         "deviations_apart_percent": 100.0 * math.expm1(max(ratios)),
         "seconds_median": float(np.median([row["seconds"] for row in rows])),
     }
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     about = {"commit": commit, "version": __version__, "seed": given.seed, "runs": given.runs}
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps({"about": about, "summary": summary, "rows": rows}, indent=1))

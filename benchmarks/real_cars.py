@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,11 +21,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimation import estimate
+from benchmarks.provenance import current_commit, keep, share
 from tests.battery.world import Axle, World, minus_damper, with_terms_at
 from tests.posterior.cases import as_recording, vehicle
 from tests.rig import (
@@ -181,11 +180,6 @@ def one(seed: int, size: float) -> dict[str, Any]:
     return out
 
 
-def _share(hits: list[bool]) -> dict[str, Any]:
-    ends = binomtest(sum(hits), len(hits)).proportion_ci(method="wilson")
-    return {"share": sum(hits) / len(hits), "interval": [float(ends.low), float(ends.high)]}
-
-
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Coverage and width by size, and the share that is wrong by 3 % without a word."""
     out: dict[str, Any] = {}
@@ -199,19 +193,19 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
                 values = [row[name] for row in answered]
                 inside[name] = [low <= truth <= high for truth, low, _, high in values]
                 part[name] = {
-                    **_share(inside[name]),
+                    **share(inside[name]),
                     "relative_width": float(
                         np.median([(high - low) / t for t, low, _, high in values])
                     ),
                     "relative_error": float(np.median([abs(m / t - 1.0) for t, _, m, _ in values])),
                 }
-            part["doubted"] = _share([row["doubted"] for row in answered])
+            part["doubted"] = share([row["doubted"] for row in answered])
             silent = [
                 not row["doubted"]
                 and any(abs(row[n][2] / row[n][0] - 1.0) > 0.03 and not inside[n][k] for n in NAMES)
                 for k, row in enumerate(answered)
             ]
-            part["silent_and_wrong"] = _share(silent)
+            part["silent_and_wrong"] = share(silent)
         out[str(size)] = part
     return out
 
@@ -224,9 +218,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
-    commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
     rows: list[dict[str, Any]] = []
     if options.out.exists():
         rows = json.loads(options.out.read_text(encoding="utf-8"))["rows"]
@@ -236,10 +227,7 @@ def main() -> None:
             if (seed, size) in known:
                 continue
             rows.append(one(seed, size))
-            result = {"commit": commit, "summary": summary(rows), "rows": rows}
-            partial = options.out.with_suffix(".partial")
-            partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-            partial.replace(options.out)
+            keep(options.out, {"commit": current_commit(), "summary": summary(rows), "rows": rows})
             print(rows[-1], flush=True)
     print(json.dumps(summary(rows), indent=1))
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 from scipy.signal import savgol_filter
-from scipy.stats import binomtest
 
 from bayes_asv.diagnosis.workflow import diagnose
+from benchmarks.provenance import current_commit, keep, share
 from tests.posterior.cases import as_recording, vehicle
 from tests.rig import (
     DECLARED_SDS,
@@ -174,11 +173,6 @@ def _shape_right(row: dict[str, Any]) -> bool:
     return "digressive" in told and bool(sides) and lags
 
 
-def _share(hits: list[bool]) -> dict[str, Any]:
-    ends = binomtest(sum(hits), len(hits)).proportion_ci(method="wilson")
-    return {"share": sum(hits) / len(hits), "interval": [float(ends.low), float(ends.high)]}
-
-
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Coverage of 95 % intervals, shares of right names, and the held-out gap that was closed."""
     answered = [row for row in rows if "c_f" in row and row["verdict"] != "refused"]
@@ -189,10 +183,10 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         values = [row[name] for row in answered]
         widths = [(high - low) / truth for truth, low, _, high in values]
         out[name] = {
-            **_share([low <= truth <= high for truth, low, _, high in values]),
+            **share([low <= truth <= high for truth, low, _, high in values]),
             "relative_width": float(np.median(widths)),
         }
-    out["shape_right"] = _share([row["shape_right"] for row in answered])
+    out["shape_right"] = share([row["shape_right"] for row in answered])
     closed = [
         1.0 - (after**2 - floor**2) / (before**2 - floor**2)
         for before, after, floor in (row["gap"] for row in answered)
@@ -209,19 +203,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     curves = [measured(options.dyno / name) for name in FILES]
-    commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
     rows: list[dict[str, Any]] = []
     if options.out.exists():
         rows = json.loads(options.out.read_text(encoding="utf-8"))["rows"]
     for seed in range(len(rows), options.runs):
         rows.append(one(seed, curves))
-        result = {"commit": commit, "summary": summary(rows), "rows": rows}
-        text = json.dumps(result, indent=1) + "\n"
-        partial = options.out.with_suffix(".partial")
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(options.out)
+        keep(options.out, {"commit": current_commit(), "summary": summary(rows), "rows": rows})
         print(rows[-1], flush=True)
     print(json.dumps(summary(rows), indent=1))
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from dataclasses import replace
@@ -28,6 +27,7 @@ from scipy.stats import binomtest
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.estimation import Estimate, estimate
+from benchmarks.provenance import current_commit
 from tests.rig import (
     DECLARED_SDS,
     DEFAULT_SPEEDS,
@@ -186,9 +186,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=4000)
     arguments = parser.parse_args()
     done = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     runs = done.get("each", []) if done.get("first_seed") == arguments.seed else []
     for seed in range(arguments.seed + len(runs), arguments.seed + arguments.runs):
         runs.append(one(seed))

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 
 from bayes_asv import __version__
 from bayes_asv.reference.greybox import grey_box
+from benchmarks.provenance import current_commit
 from tests.posterior.cases import EXACT, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -164,9 +164,7 @@ def main() -> int:
             for k in range(given.runs):
                 rows.append(one(name, rate, given.seed + k))
             print(name, rate, rows[-1]["trend"]["error"], file=sys.stderr, flush=True)
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
+    commit = current_commit()
     about = {"commit": commit, "version": __version__, "seed": given.seed, "runs": given.runs}
     table = summed(rows)
     RESULTS.parent.mkdir(exist_ok=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.recording import Recording, accelerations, sample_times
+from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
@@ -27,7 +27,7 @@ from bayes_asv.preprocessing.timeline import (
     LONGEST_GAP,
     PreparedRecording,
     rails,
-    used_channels,
+    used_readings,
 )  # fmt: skip
 
 __all__ = [
@@ -79,9 +79,7 @@ def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list
     InputError
         When a channel that the car needs is missing.
     """
-    used = list(used_channels(recording, vehicle, car))
-    channels = [vehicle.channel(recording.channels[c]) for c in used]
-    values = accelerations(recording, vehicle)[used]
+    channels, values, times = used_readings(recording, vehicle, car)
     low, high = rails(values, vehicle, channels)
     good = np.count_nonzero(np.isfinite(values) & ~(low | high), axis=1)
     source = Path(recording.source).name
@@ -93,7 +91,6 @@ def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list
     ]
     if reasons:
         return reasons
-    times = sample_times(recording, vehicle)[used]
     there = np.isfinite(values)
     inputs = [c for c, channel in enumerate(channels) if channel.is_input]
     first = max(times[c, there[c]][0] for c in inputs)

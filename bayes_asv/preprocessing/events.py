@@ -39,7 +39,6 @@ from bayes_asv.domain.recording import (
     Recording,
     accelerations,
     nominal_rate,
-    sample_times,
     timing,
 )
 from bayes_asv.domain.units import STANDARD_GRAVITY
@@ -51,7 +50,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, min_sampling_rate
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.preprocessing.quantization import quiet_level
-from bayes_asv.preprocessing.timeline import LONGEST_GAP, rails, used_channels
+from bayes_asv.preprocessing.timeline import LONGEST_GAP, rails, used_channels, used_readings
 
 __all__ = [
     "AT_RAIL", "IN_THE_AIR", "LOST", "MOST_ROWS", "NOT_NEEDED", "NO_TIME", "PUSHED", "Event",
@@ -364,18 +363,15 @@ def _variances(precision: Array, answers: Array) -> Array:
 
 def _binned(recording: Recording, vehicle: Vehicle, car: CarModel, rate: float) -> _Binned:
     """Average the readings of every channel over bins of one grid in true time."""
-    used = list(used_channels(recording, vehicle, car))
-    channels = [vehicle.channel(recording.channels[c]) for c in used]
-    values = accelerations(recording, vehicle)[used]
-    times = sample_times(recording, vehicle)[used]
+    channels, values, times = used_readings(recording, vehicle, car)
     low, high = rails(values, vehicle, channels)
     start, own = float(times[:, 0].max()), nominal_rate(recording)
     rows = max(math.floor(own / rate), 1)
     step = rows / own
     n = max(int((float(times[:, -1].min()) - start) / step), 1)
-    means = np.empty((n, len(used)))
+    means = np.empty((n, len(channels)))
     gap, rail = np.zeros(n, bool), np.zeros(n, bool)
-    sd = np.empty(len(used))
+    sd = np.empty(len(channels))
     longest = LONGEST_GAP / nominal_modes(car)[-1].natural
     for c, channel in enumerate(channels):
         sensor = vehicle.sensor(channel.name)

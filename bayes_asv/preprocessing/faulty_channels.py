@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from bayes_asv.domain.channels import Channel
-from bayes_asv.domain.recording import Recording, accelerations
-from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.preprocessing.quantization import quiet_level
-from bayes_asv.preprocessing.timeline import rails, used_channels
+from bayes_asv.preprocessing.timeline import rails, used_readings
 
 __all__ = ["clipping_limit", "noisy_channels", "stuck_channels"]
 
@@ -40,6 +40,8 @@ _BEFORE, _AMID = 8, 4.0  # readings before it, and their deviation in the same
 _MOVES = 20.0  # deviation of another channel meanwhile, in steps or noise of the one that holds
 _NEAR = 0.02  # of all it covers, next to an extreme: where a channel that is not clipped often is
 _PILED = 5.0  # readings at an extreme over those near it; a rounded crest has twice as many at most
+
+_FEW = 8.0  # steps that a channel at rest covers
 
 _NOISY = 2.0  # times the stated noise
 
@@ -69,9 +71,7 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     InputError
         When a channel that the car needs is missing.
     """
-    used = list(used_channels(recording, vehicle, car))
-    channels = [vehicle.channel(recording.channels[c]) for c in used]
-    values = accelerations(recording, vehicle)[used]
+    channels, values, _ = used_readings(recording, vehicle, car)
     source = Path(recording.source).name
     reasons = [
         f"the columns {channels[a].words} and {channels[b].words} of {source} hold the same "
@@ -85,7 +85,7 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
         limit = clipping_limit(int(np.count_nonzero(np.isfinite(values[c]))))
         at_rail = low[c] | high[c]
         piled = _piled_up(values[c], at_rail)
-        held = _held(values, c, vehicle.sensor(channel.name).noise) & ~at_rail
+        held = _held(values, c, vehicle.sensor(channel.name)) & ~at_rail
         if piled > limit:
             reasons.append(
                 f"the {channel.words} sensor of {source} stays at its extreme for {piled} samples "
@@ -118,14 +118,13 @@ def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     list of str
         One sentence a channel.
     """
-    names = [recording.channels[c] for c in used_channels(recording, vehicle, car)]
-    values = dict(zip(recording.channels, accelerations(recording, vehicle), strict=True))
     ratios = {}
-    for name in names:
-        sensor = vehicle.sensor(name)
+    channels, readings, _ = used_readings(recording, vehicle, car)
+    for channel, values in zip(channels, readings, strict=True):
+        name, sensor = channel.name, vehicle.sensor(channel.name)
         if sensor.noise:
             stated = float(np.hypot(sensor.noise, (sensor.resolution or 0.0) / np.sqrt(12.0)))
-            ratios[name] = quiet_level(values[name], 0.0) / stated
+            ratios[name] = quiet_level(values, 0.0) / stated
     out = []
     for name, ratio in ratios.items():
         front, rear = name.replace("rear", "front", 1), name.replace("front", "rear", 1)
@@ -153,8 +152,9 @@ def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]
             # within one coarse step of each other.
             alike = abs(one - other) < 1e-3 * one
             near = 1e-6 * one if alike else _ROUNDED * (one + other)
-            apart = np.abs(values[a, moves] - values[b, moves])
-            if moves.any() and np.mean(apart <= near) > _SAME:
+            if np.count_nonzero(moves) < _WINDOW or not _resolved(values[a, moves], one + other):
+                continue  # at rest any two sensors agree
+            if np.mean(np.abs(values[a, moves] - values[b, moves]) <= near) > _SAME:
                 out.append((a, b))
     return out
 
@@ -165,11 +165,12 @@ def _runs(signal: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return begins, np.diff(np.append(begins, len(signal)))
 
 
-def _held(values: Array, c: int, noise: float | None) -> Flags:
+def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     """Find readings (N,) in runs that a working channel does not have while the others move.
 
     A run amid motion that ends in a jump was neither a crest nor rest.  In another one, such as one
-    to the end of the recording, noise of a good part of a step would have shown.
+    to the end of the recording, noise of a good part of a step would have shown.  Of a channel that
+    never moves the step is not known: the checks of the drive speak about it.
     """
     out = np.zeros(values.shape[1], bool)
     present = np.isfinite(values[c])
@@ -177,7 +178,10 @@ def _held(values: Array, c: int, noise: float | None) -> Flags:
     if len(signal) < _WINDOW:
         return out
     step = _smallest_step(signal)
-    floor = max(quiet_level(signal, 0.0), step)
+    if step == 0.0:
+        return out
+    step = max(step, sensor.resolution or 0.0)
+    floor, noise = max(quiet_level(signal, 0.0), step), sensor.noise
     others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
     flickers = noise is not None and step <= _RESOLVED * noise
     if noise is None:
@@ -214,15 +218,22 @@ def _smallest_step(signal: Array) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
+def _resolved(readings: Array, step: float) -> bool:
+    """Whether readings move by more than the few steps of a converter at rest."""
+    return float(np.ptp(readings)) > _FEW * step
+
+
 def _piled_up(signal: Array, at_rail: Flags) -> int:
-    """Count readings that pile up at an extreme which is not the end of the stated range."""
+    """Count readings amid motion that pile up at an extreme which is not a stated rail."""
     readings = signal[np.isfinite(signal) & ~at_rail]
-    if len(readings) < 2:
+    step = _smallest_step(readings)
+    if len(readings) < _WINDOW or not _resolved(readings, step):
         return 0
-    span = float(np.ptp(readings))
-    near = max(_NEAR * span, 2.0 * _smallest_step(readings))
-    if 4.0 * near >= span:  # a few steps of a converter at rest, or none
+    # The level at which a channel rests is an extreme until it has moved both ways.
+    readings = readings[_local_deviation(readings[None])[0] > _AT_REST * step]
+    if len(readings) < _WINDOW:
         return 0
+    near = max(_NEAR * float(np.ptp(readings)), 2.0 * step)
     out = 0
     for extreme in (readings.max(), readings.min()):
         distance = np.abs(readings - extreme)

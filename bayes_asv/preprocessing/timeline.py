@@ -38,7 +38,7 @@ from bayes_asv.preprocessing.wheel_spline import (
 __all__ = [
     "FEWEST_READINGS", "LONGEST_GAP", "ClockError", "MeasurementSchedule", "PreparedRecording",
     "Retimed", "changed", "common_bandwidth", "common_readings", "interpolation_weights",
-    "prepare", "rails", "schedule", "used_channels",
+    "prepare", "rails", "schedule", "used_channels", "used_readings",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -400,6 +400,21 @@ def used_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> tupl
     return used
 
 
+def used_readings(
+    recording: Recording, vehicle: Vehicle, car: CarModel
+) -> tuple[tuple[Channel, ...], Array, Array]:
+    """Return the channels that a car knows, their readings (C, N) in SI units and times (C, N), s.
+
+    Raises
+    ------
+    InputError
+        As :func:`used_channels`; when a channel is in counts and the vehicle lacks its calibration.
+    """
+    used = list(used_channels(recording, vehicle, car))
+    channels = tuple(vehicle.channel(recording.channels[c]) for c in used)
+    return channels, accelerations(recording, vehicle)[used], sample_times(recording, vehicle)[used]
+
+
 def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRecording:
     """Put a recording in the form that a filter takes.
 
@@ -422,11 +437,9 @@ def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRe
         When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or those
         that the car needs are missing.
     """
-    used = used_channels(recording, vehicle, car)
-    channels = tuple(vehicle.channel(recording.channels[c]) for c in used)
-    in_counts = [recording.units[c] == "counts" for c in used]
-    values = accelerations(recording, vehicle)[list(used)]
-    times = sample_times(recording, vehicle)[list(used)]
+    channels, values, times = used_readings(recording, vehicle, car)
+    units = dict(zip(recording.channels, recording.units, strict=True))
+    in_counts = [units[channel.name] == "counts" for channel in channels]
     low, high = rails(values, vehicle, channels)
     for c, channel in enumerate(channels):
         if np.count_nonzero(np.isfinite(values[c]) & ~(low[c] | high[c])) < FEWEST_READINGS:

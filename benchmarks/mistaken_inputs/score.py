@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -27,6 +26,7 @@ from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.resampling import at_own_rate
+from benchmarks.provenance import current_commit
 
 _CERTAIN = 0.95  # probability of a deviation from nominal that a reader takes for a verdict
 
@@ -136,9 +136,7 @@ def main() -> None:
         print(f"{kind}: {len(mine)}, caught {caught}, named {sum(r['named'] for r in mine)}, "
               f"confidently wrong {sum(r['confident'] for r in mine)}")  # fmt: skip
     if options.out:
-        commit = subprocess.run(
-            ["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False
-        ).stdout.strip()
+        commit = current_commit()
         summary = {"commit": commit, "cases": len(rows), "rows": rows}
         options.out.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
 

@@ -11,7 +11,6 @@ import argparse
 import json
 import os
 import platform
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.preprocessing.timeline import PreparedRecording
+from benchmarks.provenance import current_commit
 from benchmarks.roomster import drives as of
 from benchmarks.roomster.picture import draw_picture
 from benchmarks.roomster.prediction import Learnt, learn, learn_reference, predict
@@ -143,9 +143,7 @@ def main() -> int:
             return 0
         drives, vehicle = of.read_all(given.folder)
         result = measure(drives, vehicle, given.seed)
-        commit = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-        ).stdout.strip()
+        commit = current_commit()
         about = {
             "commit": commit,
             "version": __version__,

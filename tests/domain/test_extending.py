@@ -57,7 +57,7 @@ from bayes_asv.posterior.residual_ar import WHITE
 names = [f"{axle}_{side}_wheel" for axle in ("front", "rear") for side in ("left", "right")]
 run = asv.simulate(
     car, "stops", car="roll", channels=[*names, "body_roll_rate"],
-    change={"i_roll": 1.2}, rate=200.0, seconds=1.5, seed=3,
+    change={"i_roll": 1.2}, rate=200.0, seconds=1.0, seed=3,
 )
 lines, _, _ = prepare_runs([run], car, car="roll")
 where = space(car, lines)

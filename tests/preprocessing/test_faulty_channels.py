@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
-from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.faulty_channels import noisy_channels, stuck_channels
@@ -18,6 +20,7 @@ from tests.posterior.cases import DECLARED, case, vehicle
 from tests.rig import SensorSpec
 
 Array = NDArray[np.float64]
+ROOT = Path(__file__).parents[2]
 
 FINE = SensorSpec(noise=(0.05, 0.05, 0.05, 0.05), adc=None)
 
@@ -100,3 +103,13 @@ def test_a_stuck_channel_refuses_a_recording_before_a_fit() -> None:
     lines, reasons, _ = prepare_runs([replace(recording, values=values)], car)
     assert lines == ()
     assert "hold the same readings" in reasons[0]
+
+
+@pytest.mark.parametrize("name", ["bump-400hz", "rough-400hz", "stops-800hz"])
+@pytest.mark.parametrize("rows", [80, 120, 200])
+def test_rest_on_a_coarse_converter_is_no_fault(name: str, rows: int) -> None:
+    """The first rows of a drive: some wheels still stand, and two sensors hold one value each."""
+    recording = read_recording(ROOT / "data" / "recordings" / f"{name}.csv")
+    cut = replace(recording, time=recording.time[:rows], values=recording.values[:, :rows])
+    car = read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
+    assert not stuck_channels(cut, car, car_model("half", car))

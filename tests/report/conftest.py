@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,13 +20,13 @@ from bayes_asv.report.schema import (
 from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, TRACK
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
 from bayes_asv.report.svg import style
+from tests.browser import browsing
 
 Data = dict[str, Any]
 Made = TypeVar("Made")
 D = TypeVar("D")
 
 DATA = Path(__file__).parent / "data"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 KINDS = ("us", "si", "two_runs", "budget", "refused", "not_converged", "hostile")
 HOSTILE = "<script>alert(1)</script> {{7*7}} #[7*7] $x$ & \"q\" 's' \x00\x1b[31m\u202eevil"
 
@@ -140,23 +138,4 @@ def papers() -> dict[str, bytes]:
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A browser without a window."""
-    driver_path = shutil.which("chromedriver")
-    if CHROMIUM is None or driver_path is None:
-        if os.environ.get("CI") == "true":
-            pytest.fail("chromium and chromedriver have to be there in CI")
-        pytest.skip("chromium or chromedriver is not installed")
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for flag in (
-        "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
-        f"--user-data-dir={tmp_path_factory.mktemp('browser')}",
-    ):  # fmt: skip
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(driver_path))
-    yield driver
-    driver.quit()
+    yield from browsing(tmp_path_factory.mktemp("browser"))
