@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import copy
+import io
 import json
 import math
 import os
@@ -28,19 +29,22 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
+import click
 import numpy as np
 
 from bayes_asv.acquire.acquisition import outcome_document, replay_file
+from bayes_asv.cli import cli
 from bayes_asv.domain.channel_map import read_channel_map
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import accelerations, require_half_car
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.io import read_log, read_recording
+from bayes_asv.library.logs import inspect_log
 from bayes_asv.live.text_stream import TextStreamReader
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.reference.modes_document import spectrum_document
@@ -49,12 +53,18 @@ from bayes_asv.report.schema import read_saved
 from bayes_asv.tracking.track import track
 from bayes_asv.tracking.tracker import Tracker, tracker_for
 from benchmarks.provenance import current_commit
+from benchmarks.strikes import (
+    CAR,
+    RECORDINGS,
+    run_command,
+    strike_commands,
+    strike_seasons,
+    strike_transfers,
+)
 from tests.acquire.synthetic import SyntheticBlock, counts, stream
 from tests.io.formats import made
 
 ROOT = Path(__file__).parents[1]
-RECORDINGS = ROOT / "data" / "recordings"
-CAR = ROOT / "data" / "vehicles" / "baja2008.toml"
 RESULTS = ROOT / "benchmarks" / "results" / "attack.json"
 PAGE = ROOT / "docs" / "attack.md"
 
@@ -171,6 +181,32 @@ class Target(NamedTuple):
     seconds: float | None = None
 
 
+_STOPS = str(RECORDINGS / "stops-400hz.csv")
+_CALLS = (
+    {
+        "command": "simulate",
+        "words": [],
+        "options": {
+            "-v": str(CAR), "-o": "drive.csv", "--road": "stops", "--rate": 400.0,
+            "--seconds": 2.5, "--speed": "8 mph", "--set": "c_r=0.8", "--seed": 3,
+            "--channels": "front_wheel,rear_wheel,front_travel",
+        },
+    },
+    {"command": "modes", "words": [_STOPS], "options": {"-v": str(CAR), "--rate": 400.0}},
+    {
+        "command": "track",
+        "words": [_STOPS],
+        "options": {"-v": str(CAR), "--with": "bound_rebound@rear", "--forget": 10.0, "--seed": 3},
+    },
+    {
+        "command": "watch",
+        "words": [_STOPS],
+        "options": {"-v": str(CAR), "--below": 80.0, "--sure": 99.0, "--hold": 1.0},
+    },
+    {"command": "inspect", "words": [_STOPS], "options": {"--rate": 400.0}},
+)  # fmt: skip
+
+
 def targets(folder: Path) -> dict[str, Target]:
     """All readers with their seeds; what has to be computed for them is made in a folder."""
     car = read_vehicle(CAR)
@@ -204,6 +240,25 @@ def targets(folder: Path) -> dict[str, Target]:
             spectrum_document(recording, car)
         track(recording, car)
 
+    def inspected(path: Path) -> None:
+        found = inspect_log(path)
+        found.lines()
+        found.channel_map.recording(found.log)
+
+    def called(path: Path) -> None:
+        asked = json.loads(path.read_text("utf-8"))
+        words = asked.get("words")
+        words = [str(asked.get("command")), *map(str, words if isinstance(words, list) else ())]
+        options = asked.get("options")
+        for name, value in options.items() if isinstance(options, dict) else ():
+            words += [str(name), str(value)]
+        said = io.StringIO()
+        with contextlib.chdir(folder), contextlib.redirect_stdout(said):
+            try:
+                cli.main(words, standalone_mode=False, prog_name="bayes-asv")
+            except click.ClickException as error:  # the program shows its text on one line
+                raise InputError("options", " ".join(error.format_message().split())) from None
+
     def replayed(path: Path) -> None:
         outcome_document(replay_file(path), "run.csv", "run.raw")
 
@@ -226,6 +281,8 @@ def targets(folder: Path) -> dict[str, Target]:
         "recording (CSV)": Target((short, sampled), read_recording, 6.0),
         "recording (logger text)": Target((dump,), read_recording, 4.0),
         "logs of other loggers": Target(foreign, read_log, 2.0),
+        "logs of other loggers, inspected": Target(foreign, inspected, 1.0),
+        "options of commands": Target(_CALLS, called, 0.5, 60.0),
         "vehicle file": Target(cars, read_vehicle, 6.0),
         "channel map": Target((proposed,), read_channel_map, 4.0),
         "saved documents": Target(saved, read_saved, 3.0),
@@ -370,113 +427,6 @@ def _note(
         (faults / f"{abs(hash(what)):x}.input").write_bytes(data)
 
 
-COMMANDS: dict[str, tuple[str, ...]] = {
-    "modes": (str(RECORDINGS / "stops-400hz.csv"), "-v", str(CAR), "--json", "out.json"),
-    "simulate": ("-v", str(CAR), "-o", "out.csv"),
-    "track": (str(RECORDINGS / "stops-400hz.csv"), "-v", str(CAR), "--trace", "out.csv"),
-    "estimate": (str(RECORDINGS / "stops-400hz.csv"), "-v", str(CAR), "--json", "out.json"),
-    "inspect": (str(RECORDINGS / "stops-400hz.csv"), "-o", "out.toml"),
-    "report": ("--from", str(ROOT / "tests" / "report" / "data" / "us.json"), "-o", "out.html"),
-}  # fmt: skip
-"""Whole commands with one output each."""
-
-
-def run_command(
-    words: tuple[str, ...], folder: Path, **options: Any
-) -> subprocess.Popen[bytes]:  # fmt: skip
-    """Start the program in a folder."""
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        [sys.executable, "-m", "bayes_asv", *words], cwd=folder,
-        env=environment | options.pop("more", {}),
-        stdout=options.pop("stdout", subprocess.PIPE), stderr=subprocess.PIPE, **options,
-    )  # fmt: skip
-
-
-def attack_commands(
-    strikes: int, seconds: float, seed: int, commands: Sequence[str] = tuple(COMMANDS)
-) -> dict[str, Any]:
-    """Kill and interrupt whole commands at random instants.
-
-    Parameters
-    ----------
-    strikes : int
-        Number of commands that are started and struck.
-    seconds : float
-        When to stop in any case.
-    seed : int
-        Of the instants.
-    commands : sequence of str
-        Those of :data:`COMMANDS` that are struck.
-
-    Returns
-    -------
-    dict
-        Number of each kind of strike, faults, and the longest time from a signal to the end.
-    """
-    chance = random.Random(seed)
-    found: dict[str, int] = {}
-    counted = {"SIGKILL": 0, "SIGINT": 0, "SIGTERM": 0, "finished before": 0}
-    longest, begin = 0.0, time.monotonic()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        times, answers = {}, {}
-        for command in commands:
-            words = COMMANDS[command]
-            started = time.monotonic()
-            process = run_command((command, *words), folder)
-            process.communicate()
-            times[command] = time.monotonic() - started
-            output = folder / words[-1]
-            answers[command] = _comparable(output.read_bytes())
-            output.unlink()
-        for _ in range(strikes):
-            command = chance.choice(commands)
-            words = COMMANDS[command]
-            kind = chance.choice(("SIGKILL", "SIGKILL", "SIGINT", "SIGTERM"))
-            output = folder / words[-1]
-            old = chance.choice((None, b"old"))
-            if old is not None:
-                output.write_bytes(old)
-            # the end, where the output is written, is struck as often as all the rest
-            share = chance.choice((chance.uniform(0.2, 1.0), chance.uniform(0.85, 1.05)))
-            process = run_command((command, *words), folder)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(share * times[command])
-            struck = process.poll() is None
-            counted[kind if struck else "finished before"] += 1
-            stop = time.monotonic()
-            process.send_signal(getattr(signal, kind))
-            _, err = process.communicate()
-            if struck and kind != "SIGKILL":
-                longest = max(longest, time.monotonic() - stop)
-                lines = err.decode().splitlines()
-                if len(lines) > 1 or b"Traceback" in err:
-                    _count(found, f"{command}: more than one line after {kind}")
-            state = output.read_bytes() if output.exists() else None
-            if state != old and (state is None or _comparable(state) != answers[command]):
-                _count(found, f"{command}: output neither old nor new after {kind}")
-            beside = sorted(p.name for p in folder.iterdir() if p != output)
-            if beside:
-                _count(found, f"{command}: left {beside[0][-5:]} behind after {kind}")
-            for path in folder.iterdir():
-                path.unlink()
-            if time.monotonic() - begin > seconds:
-                break
-    return {
-        "strikes": counted, "longest_seconds_to_end": round(longest, 2), "faults": found,
-    }  # fmt: skip
-
-
-def _comparable(data: bytes) -> bytes:
-    """Return an output without the figures that no two runs have alike."""
-    return b"\n".join(line for line in data.split(b"\n") if b'"seconds"' not in line)
-
-
-def _count(found: dict[str, int], what: str) -> None:
-    found[what] = found.get(what, 0) + 1
-
-
 class Scarcity(NamedTuple):
     """A shortage, the command that has it, and what it has to end with."""
 
@@ -552,6 +502,9 @@ def attack_cold_cache() -> dict[str, Any]:
     return {"status": said[0][2], "faults": faults}
 
 
+_STRUCK = ("commands", "seasons", "transfers")
+
+
 def page(result: dict[str, Any]) -> str:
     """Return the page of the documentation."""
     readers, commands = result["readers"], result["commands"]
@@ -570,12 +523,17 @@ def page(result: dict[str, Any]) -> str:
         f"- {name}: {what} ({fault['count']} inputs)"
         for name, one in readers.items()
         for what, fault in one["faults"].items()
-    ] + [f"- {what} ({count} times)" for what, count in commands["faults"].items()]
+    ] + [
+        f"- {what} ({count} times)"
+        for struck in _STRUCK
+        for what, count in result[struck]["faults"].items()
+    ]
     text = (ROOT / "benchmarks" / "attack_page.md.in").read_text(encoding="utf-8")
     return text.format(
         total=f"{total:,}", seed=result["seed"], commit=result["commit"][:7],
         minutes=f"{result['seconds'] / 60.0:.0f}", readers="\n".join(rows), strikes=strikes,
-        longest=f"{commands['longest_seconds_to_end']:.2f}", resources="\n".join(short),
+        longest=f"{commands['longest_seconds_to_end']:.2f}", seasons=result["seasons"],
+        transfers=result["transfers"], resources="\n".join(short),
         faults="\n".join(faults) or "None.", seconds=f"{SECONDS_AN_INPUT:g}",
     )  # fmt: skip
 
@@ -596,14 +554,16 @@ def main() -> int:
         "commit": commit or "unknown", "seed": arguments.seed, "numpy": np.__version__,
         "readers": attack_readers(arguments.inputs, seconds, arguments.seed, arguments.faults),
         "resources": {**attack_resources(), "two processes, cold cache": attack_cold_cache()},
-        "commands": attack_commands(arguments.strikes, seconds, arguments.seed),
+        "commands": strike_commands(arguments.strikes, seconds, arguments.seed),
+        "seasons": strike_seasons(arguments.strikes // 2, seconds, arguments.seed),
+        "transfers": strike_transfers(arguments.strikes // 2, seconds, arguments.seed),
     }  # fmt: skip
     result["seconds"] = round(time.monotonic() - begin, 1)
     RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     PAGE.write_text(page(result), encoding="utf-8")
     faults = sum(len(one["faults"]) for one in result["readers"].values())
     faults += sum(len(one["faults"]) for one in result["resources"].values())
-    faults += len(result["commands"]["faults"])
+    faults += sum(len(result[struck]["faults"]) for struck in _STRUCK)
     print(f"{faults} kinds of faults; see {RESULTS.relative_to(ROOT)}")
     return 1 if faults else 0
 

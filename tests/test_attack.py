@@ -12,7 +12,7 @@ import pytest
 
 from bayes_asv.filters import prediction
 from bayes_asv.posterior.threads import threads
-from benchmarks import attack
+from benchmarks import attack, strikes
 
 SUMMARY = ("standard output closed", "no file may be written", "C locale")
 
@@ -46,8 +46,15 @@ def test_the_attack_notices_what_crashes_hangs_or_fills_the_memory(
 
 
 def test_struck_commands_leave_old_or_new_outputs_and_nothing_else() -> None:
-    found = attack.attack_commands(6, 15.0, seed=3, commands=("modes", "simulate"))
+    found = strikes.strike_commands(6, 15.0, seed=3, commands=("modes", "simulate"))
     assert found["faults"] == {}
+
+
+def test_a_killed_season_and_a_killed_transfer_lose_nothing() -> None:
+    season = strikes.strike_seasons(2, 20.0, seed=4)
+    transfer = strikes.strike_transfers(2, 20.0, seed=4)
+    assert min(season["kills"], transfer["kills"]) > 0
+    assert season["faults"] == transfer["faults"] == {}
 
 
 def test_shortages_end_in_one_line() -> None:

@@ -358,7 +358,7 @@ def _by_readings(candidates: Sequence[_Candidate]) -> list[Proposal]:
     pairs = max(
         permutations(bodies),
         key=lambda order: sum(
-            float(np.corrcoef(slow[w], slow[b])[0, 1]) for w, b in zip(wheels, order, strict=True)
+            _correlation(slow[w], slow[b]) for w, b in zip(wheels, order, strict=True)
         ),
     )
     lagging = (
@@ -413,6 +413,13 @@ def _lag(
     at = int(np.argmax(product[lags]))
     scale = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(lags[at]) / rate, float(product[lags[at]]) / scale if scale > 0.0 else 0.0
+
+
+def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    """Return the correlation of two channels, zero where one of them does not move."""
+    a, b = first - first.mean(), second - second.mean()
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / scale if scale > 0.0 else 0.0
 
 
 def _rounded(value: float) -> float:
