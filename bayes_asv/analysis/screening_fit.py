@@ -17,6 +17,7 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.newton import residual_functions
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.activity import wheel_power
@@ -97,14 +98,9 @@ def screening_fit(
         z[:n] = car_part
         return z
 
-    def residual(car_part: Array) -> Array:
-        z = at(car_part)
-        parts = [target.innovations(z, run).ravel() for run in range(len(lines))]
-        every = np.concatenate([*parts, car_part])
-        return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
-
+    residual, slopes = residual_functions(target, np.zeros(dimension), range(n))
     fit = least_squares(
-        residual, np.zeros(n), bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
+        residual, np.zeros(n), slopes, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
     )
     z = at(fit.x)
     # With more noise the prior counts for more, so that another mode is the likeliest.
@@ -112,12 +108,16 @@ def screening_fit(
     if noise_factor > _MORE_NOISE and steps > COARSE_STEPS:
         scale = np.append(np.full(fit.fun.size - n, noise_factor), np.ones(n))
 
-        def scaled(car_part: Array) -> Array:
-            return np.asarray(residual(car_part) / scale)
+        def scaled(part: Array) -> Array:
+            return np.asarray(residual(part) / scale)
+
+        def scaled_slopes(part: Array) -> Array:
+            return np.asarray(slopes(part) / scale[:, None])
 
         again = least_squares(
-            scaled, fit.x, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
-        )
+            scaled, fit.x, scaled_slopes, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5,
+            max_nfev=steps,
+        )  # fmt: skip
         noisy = at(again.x)
         noise_factor = _noise_factor(target, noisy)
     value = float(target.log_posterior(noisy[None])[0])

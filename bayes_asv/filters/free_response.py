@@ -25,12 +25,17 @@ from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
     TAYLOR,
-    advance_mean,
     discretize,
     power_series,
-    sizes_of_one_type,
 )
-from bayes_asv.filters.suspension_forces import advance_forces, bend_weights, force_weights
+from bayes_asv.filters.suspension_forces import (
+    advance_forces,
+    bend_weights,
+    force_weights,
+    rate_slopes,
+)
+from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_steps import advance_mean_vectors
 
 __all__ = ["free_response"]
 
@@ -39,7 +44,7 @@ Array = NDArray[np.float64]
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
-    nx, ne, nm, nd, nu, ny = sizes_of_one_type(nx, ne, nm, nd, nu, ny)
+    lanes = LANES  # of which one is used
     nf = nx + ne
     rows = nf + nm
     coupled = rows + nd + nu
@@ -63,24 +68,27 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         output: Array,
         states: Array,
     ) -> None:
-        powers = np.empty((TAYLOR + 1, nx, nx, 1))
-        drive = np.empty((nu, ORDER, nx, 1))
-        power_series(nx, nu, 1, A, B, powers, drive)
-        base = np.zeros((rows, coupled, 1))
-        Q = np.zeros((nu, nx, nx, 1))
-        work = np.empty((nx, nx, 1))
-        impulse = np.empty((nx, nu, 1))
-        W = np.zeros((3, nf, ne, 1))
-        last = np.zeros((3, ne, 1))
-        forces = np.zeros((2, ne, 1))
-        slopes = np.zeros((2, ne, coupled, 1))
-        rate = np.zeros((2, ne, 1))
-        by = np.zeros((2, ne, coupled, 1))
-        series = np.zeros((4, nm, 1))
-        nonlinear = table.shape[1] > 0
-        ahead = np.empty((rows, 1))
-        room = np.empty((rows, 2, 1))
-        mean = np.zeros((coupled, 1))
+        powers = np.empty((TAYLOR + 1, nx, nx, lanes))
+        drive = np.empty((nu, ORDER, nx, lanes))
+        power_series(nx, nu, lanes, A, B, powers, drive)
+        base = np.zeros((rows, coupled, lanes))
+        Q = np.zeros((nu, nx, nx, lanes))
+        work = np.empty((nx, nx, lanes))
+        impulse = np.empty((nx, nu, lanes))
+        W = np.zeros((3, nf, ne, lanes))
+        last = np.zeros((2, ne, lanes))
+        force = np.zeros((2, ne, lanes))
+        stiffness = np.zeros((2, ne, lanes))
+        damping = np.zeros((2, ne, lanes))
+        rate = np.zeros((2, ne, lanes))
+        by = np.zeros((ne, coupled, lanes))
+        bends = np.zeros(2)
+        lag = np.full(1, 1.0 / pole)
+        rate_slopes(nx, ne, nd, nu, nm, lanes, powers, B, E, N, lag, by)
+        series = np.zeros((4, nm, lanes))
+        ahead = np.empty((rows, lanes))
+        room = np.empty((2, rows, lanes))
+        mean = np.zeros((coupled, lanes))
         for a in range(nx):
             mean[a, 0] = begin[a]
         for d in range(nd):
@@ -93,19 +101,19 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
             if h > 0.0:
                 if abs(h - h_known) > 1e-12:
                     h_known = h
-                    discretize(nx, nd, nu, rows, 1, h, powers, B, N, base, Q, work, impulse)
+                    discretize(nx, nd, nu, rows, lanes, h, powers, B, N, base, Q, work, impulse)
                     if ne > 0:
-                        force_weights(
-                            nx, ne, 1, h, powers, E, pole, base, W, room[:, 0], room[:, 1]
-                        )
-                advance_mean(nx, nu, rows, coupled, 1, base, drive, k, moments, mean, ahead)
+                        force_weights(nx, ne, lanes, h, powers, E, pole, base, W, room[0], room[1])
+                advance_mean_vectors(
+                    nx, nu, rows, coupled, coupled, base, drive, moments[k], mean, ahead
+                )
                 if ne > 0:
-                    up, back = bend_weights(h, h_before)
+                    bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
                     advance_forces(
-                        nx, ne, nd, nu, nm, 1, nonlinear, table, rates, powers, B, E, N, pole, mean,
-                        k, h, up, back, inputs, elapsed, added, W, last, forces, slopes,
-                        rate, by, series, ahead,
+                        nx, ne, nu, nm, coupled, 1, table, rates, B, lag, mean, k, h, bends,
+                        inputs, elapsed, added, W, by, last, force, stiffness, damping, rate,
+                        series, ahead,
                     )  # fmt: skip
                 for a in range(rows):
                     mean[a, 0] = ahead[a, 0]
@@ -151,7 +159,7 @@ def free_response(
     laws = NO_LAWS if laws is None else laws
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     one = [
-        np.ascontiguousarray(x[0, ..., None])
+        np.ascontiguousarray(np.repeat(x[0, ..., None], LANES, axis=-1))
         for x in (system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne])
     ]
     output, states = np.empty((len(data.step), ny)), np.empty((len(data.step), nx + ne))

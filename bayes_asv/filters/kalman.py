@@ -5,8 +5,8 @@ initial state, biases and sensor noise integrated out (see :mod:`.prediction` fo
 and for readings at a rail).  With force laws it is an extended Kalman filter (see
 :mod:`.suspension_forces`).  Residual autocorrelation is the business of :mod:`.kalman_ar`.
 
-One recursion is compiled for each combination of sizes, once for a single set of parameters and
-once for `LANES` sets side by side, which takes less than half the time for each.
+One recursion is compiled for each combination of sizes; it takes `LANES` sets of parameters side by
+side (see :mod:`.vector_code`), and a single one in as much time as all of them.
 """
 
 from __future__ import annotations
@@ -30,23 +30,25 @@ from bayes_asv.filters.prediction import (
     ORDER,
     TAYLOR,
     VALUE,
-    advance_mean,
-    condition,
     condition_on_bound,
     condition_on_value,
     decays,
     discretize,
     power_series,
-    predict_covariance,
-    predicted_reading,
-    project,
-    sizes_of_one_type,
-)  # fmt: skip  # fmt: skip
+)
 from bayes_asv.filters.suspension_forces import (
     advance_forces,
     bend_weights,
     force_weights,
-    linearise,
+    rate_slopes,
+)
+from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_steps import (
+    advance_mean_vectors,
+    condition_vectors,
+    linearise_vectors,
+    predict_vectors,
+    project_vectors,
 )
 
 __all__ = [
@@ -55,10 +57,6 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
-
-LANES = 32
-"""Parameter sets side by side: so many walkers propose at once."""
-_FEWEST_LANES = 12  # filled lanes from which on 32 lanes are faster than one set after the other
 
 
 class StateSpace(NamedTuple):
@@ -201,10 +199,9 @@ class FilterPass(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _compiled(
-    nx: int, ne: int, nm: int, nd: int, nu: int, ny: int, lanes: int
+    nx: int, ne: int, nm: int, nd: int, nu: int, ny: int
 ) -> Callable[..., None]:  # sizes are constants of the compiled function
-    if lanes == 1:  # else loops of known length have to be vectorized before they are put together
-        nx, ne, nm, nd, nu, ny = sizes_of_one_type(nx, ne, nm, nd, nu, ny)
+    lanes = LANES
     nf = nx + ne
     rows = nf + nm
     coupled = rows + nd + nu
@@ -228,13 +225,14 @@ def _compiled(
         reading: Array,
         extra: Array,
         start: Array,
+        used: int,
         table: Array,
         pole: float,
         inputs: Array,
         elapsed: Array,
         added: Array,
-        total: Array,
         keep: bool,
+        total: Array,
         nus: Array,
         logs: Array,
         states: Array,
@@ -275,7 +273,8 @@ def _compiled(
         carry = np.zeros((rows, coupled, lanes))
         Q = np.zeros((nu, nx, nx, lanes))
         decay = np.ones((n, lanes))
-        T = np.empty((rows, n, lanes))
+        T = np.empty((2, rows, lanes))
+        added_noise = np.empty((nu + ny, lanes))
         PC = np.empty((n, lanes))
         ahead = np.empty((rows, lanes))
         S = np.empty(lanes)
@@ -287,11 +286,15 @@ def _compiled(
         work = np.empty((nx, nx, lanes))
         impulse = np.empty((nx, nu, lanes))
         W = np.zeros((3, nf, ne, lanes))
-        last = np.zeros((3, ne, lanes))
-        forces = np.zeros((2, ne, lanes))
-        slopes = np.zeros((2, ne, coupled, lanes))
+        last = np.zeros((2, ne, lanes))
+        force = np.zeros((2, ne, lanes))
+        stiffness = np.zeros((2, ne, lanes))
+        damping = np.zeros((2, ne, lanes))
         rate = np.zeros((2, ne, lanes))
-        by = np.zeros((2, ne, coupled, lanes))
+        by = np.zeros((ne, coupled, lanes))
+        bends = np.zeros(2)
+        lag = np.full(1, 1.0 / pole)
+        rate_slopes(nx, ne, nd, nu, nm, lanes, powers, B, E, N, lag, by)
         series = np.zeros((4, nm, lanes))
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         values = 0
@@ -303,8 +306,13 @@ def _compiled(
                     h_known = h
                     discretize(nx, nd, nu, rows, lanes, h, powers, B, N, base, Q, work, impulse)
                     decays(coupled, nu, ny, lanes, h, poles, decay)
+                    for u in range(nu + ny):
+                        place_of = coupled - nu + u if u < nu else coupled + ny + u - nu
+                        for q in range(lanes):
+                            left = decay[place_of, q]
+                            added_noise[u, q] = filtered[u, q] * (1.0 - left * left)
                     if ne > 0:
-                        force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[:, 0], T[:, 1])
+                        force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[0], T[1])
                     for a in range(rows):
                         for b in range(coupled):
                             for q in range(lanes):
@@ -312,19 +320,19 @@ def _compiled(
                 for u in range(nu):
                     for q in range(lanes):
                         intensity[u, q] = white[u, q] * spread[k, u] + spread[k, nu + u]
-                advance_mean(nx, nu, rows, coupled, lanes, base, drive, k, moments, mean, ahead)
+                advance_mean_vectors(nx, nu, rows, coupled, n, base, drive, moments[k], mean, ahead)
                 if ne > 0:
-                    up, back = bend_weights(h, h_before)
+                    bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
                     advance_forces(
-                        nx, ne, nd, nu, nm, lanes, nonlinear, table, rates, powers, B, E, N, pole,
-                        mean, k, h, up, back, inputs, elapsed, added, W, last, forces, slopes,
-                        rate, by, series, ahead,
+                        nx, ne, nu, nm, coupled, used, table, rates, B, lag, mean, k, h, bends,
+                        inputs, elapsed, added, W, by, last, force, stiffness, damping, rate,
+                        series, ahead,
                     )  # fmt: skip
                     if nonlinear:
-                        linearise(
-                            nf, ne, nm, coupled, lanes, base, W, up, back, slopes,
-                            by, series, carry,
+                        linearise_vectors(
+                            nx, ne, nm, coupled, base, W, bends, lag, by, stiffness, damping,
+                            series, carry,
                         )  # fmt: skip
                 for a in range(rows):
                     for q in range(lanes):
@@ -332,17 +340,16 @@ def _compiled(
                 for a in range(rows + nd, n):
                     for q in range(lanes):
                         mean[a, q] *= decay[a, q]
-                predict_covariance(
-                    nx, nu, ny, rows, coupled, lanes, carry, Q, decay, intensity, filtered, P, T
+                predict_vectors(
+                    nx, nu, ny, rows, coupled, carry, Q, decay, intensity, added_noise, P
                 )
             for y in range(ny):
                 what = kind[k, y]
                 if what == MISSING:
                     continue
-                project(y, rows, coupled, ny, lanes, C, P, PC, S)
+                project_vectors(y, rows, coupled, ny, C, P, mean, PC, S, shift)
                 for q in range(lanes):
                     S[q] += white[nu + y, q] + extra[k, y]
-                predicted_reading(y, rows, coupled, ny, lanes, C, mean, shift)
                 if what == VALUE:
                     condition_on_value(lanes, reading[k, y], S, shift, shrink, squared)
                     values += 1
@@ -352,14 +359,15 @@ def _compiled(
                             logs[k, y, q] = math.log(S[q])
                     for q in range(lanes):
                         product[q] *= S[q]
-                        if not 1e-100 < product[q] < 1e100:  # one logarithm for many readings
-                            total[q] -= 0.5 * math.log(product[q])
-                            product[q] = 1.0
                 else:
                     condition_on_bound(
                         lanes, what == AT_LEAST, reading[k, y], S, shift, shrink, total
                     )
-                condition(n, lanes, PC, shift, shrink, mean, P)
+                condition_vectors(n, PC, shift, shrink, mean, P)
+            for q in range(lanes):
+                if not 1e-100 < product[q] < 1e100:  # one logarithm for many readings
+                    total[q] -= 0.5 * math.log(product[q])
+                    product[q] = 1.0
             if keep:
                 for a in range(nf):
                     for q in range(lanes):
@@ -367,7 +375,22 @@ def _compiled(
         for q in range(lanes):
             total[q] -= 0.5 * (math.log(product[q]) + squared[q] + values * LOG_2PI)
 
-    return run  # type: ignore[no-any-return]
+    @njit(**OPTIONS)
+    def run_all(
+        A: Array, B: Array, C: Array, E: Array, rates: Array, N: Array, white: Array,
+        filtered: Array, poles: Array, step: Array, moments: Array, spread: Array,
+        kind: NDArray[np.int8], reading: Array, extra: Array, start: Array, sets: int, table: Array,
+        pole: float, inputs: Array, elapsed: Array, added: Array, keep: bool, total: Array,
+        nus: Array, logs: Array, states: Array,
+    ) -> None:  # fmt: skip
+        for b in range(A.shape[0]):
+            run(
+                A[b], B[b], C[b], E[b], rates[b], N, white[b], filtered[b], poles[b], step,
+                moments, spread, kind, reading, extra, start, min(lanes, sets - b * lanes),
+                table[b], pole, inputs, elapsed, added, keep, total[b], nus[b], logs[b], states[b],
+            )  # fmt: skip
+
+    return run_all  # type: ignore[no-any-return]
 
 
 def series_dampers(laws: Laws, ne: int) -> int:
@@ -381,17 +404,19 @@ def readout(system: StateSpace, nm: int) -> Array:
     return np.concatenate([system.C, system.G, np.zeros((W, ny, nm))], axis=2)
 
 
-def _lanes_last(values: Array, sets: NDArray[np.int64] | int) -> Array:
-    """Pick one parameter set or several of them (W, …); they become the last axis."""
-    if isinstance(sets, int):
-        return np.ascontiguousarray(values[sets])[..., None]
-    return np.ascontiguousarray(values[sets].transpose(*range(1, values.ndim), 0))
+def _lanes_last(values: Array) -> Array:
+    """Divide parameter sets (W, …) into blocks (K, …, LANES); the last set fills them up."""
+    W = len(values)
+    blocks = -(-W // LANES)
+    filled = values[np.minimum(np.arange(blocks * LANES), W - 1)]
+    split = filled.reshape(blocks, LANES, *values.shape[1:])
+    return np.ascontiguousarray(split.transpose(0, *range(2, split.ndim), 1))
 
 
 def _passes(
     system: StateSpace, noise: SensorNoise, data: Measurements, laws: Laws | None, keep: bool
 ) -> FilterPass:
-    """Run all parameter sets, in lanes where enough of them are left."""
+    """Run all parameter sets."""
     nonlinear = laws is not None
     laws = NO_LAWS if laws is None else laws
     W, nx, nu = system.B.shape
@@ -399,38 +424,25 @@ def _passes(
     ne = system.E.shape[2] if nonlinear else 0
     nm = series_dampers(laws, ne)
     C = readout(system, nm) if nonlinear else system.C
-    per_set = (
-        system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], noise.white,
-        noise.filtered, noise.poles,
+    A, B, C, E, rates, white, filtered, poles = (
+        _lanes_last(x)
+        for x in (
+            system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], noise.white,
+            noise.filtered, noise.poles,
+        )
     )  # fmt: skip
     instants = len(data.step) if keep else 0
-    out = FilterPass(np.zeros(W), *(np.zeros((W, instants, size)) for size in (ny, ny, nx + ne)))
     tables = np.broadcast_to(laws.table, (W, *laws.table.shape[1:]))
-    done = 0
-    while done < W:
-        several = W - done >= _FEWEST_LANES
-        lanes = LANES if several else 1
-        picked = np.minimum(np.arange(done, done + lanes), W - 1)  # the last one fills up
-        sets = picked if several else done
-        run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny, lanes)
-        A, B, rows, E, rates, white, filtered, poles = (_lanes_last(x, sets) for x in per_set)
-        # One set alone is written where it belongs.
-        total, *kept = (
-            [np.zeros((*x.shape[1:], lanes)) for x in out]
-            if several
-            else [x[done, ..., None] for x in out]
-        )
-        run(
-            A, B, rows, E, rates, system.N, white, filtered, poles, *data,
-            np.ascontiguousarray(tables[picked]), laws.pole, laws.inputs, laws.elapsed, laws.added,
-            total, keep, *kept,
-        )  # fmt: skip
-        count = min(lanes, W - done)
-        if several:
-            for into, values in zip(out, (total, *kept), strict=True):
-                into[done : done + count] = np.moveaxis(values, -1, 0)[:count]
-        done += count
-    return out
+    filled = np.minimum(np.arange(len(A) * LANES), W - 1)
+    out = [np.zeros((len(A), LANES))]
+    out += [np.zeros((len(A), instants, size, LANES)) for size in (ny, ny, nx + ne)]
+    _compiled(nx, ne, nm, system.N.shape[1], nu, ny)(
+        A, B, C, E, rates, system.N, white, filtered, poles, *data, W,
+        np.ascontiguousarray(tables[filled]).reshape(len(A), LANES, *tables.shape[1:]),
+        laws.pole, laws.inputs, laws.elapsed, laws.added, keep, *out,
+    )  # fmt: skip
+    total, *kept = (np.moveaxis(x, -1, 1).reshape(len(filled), *x.shape[1:-1])[:W] for x in out)
+    return FilterPass(total, *kept)
 
 
 def log_likelihood(

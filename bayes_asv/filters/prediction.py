@@ -39,15 +39,12 @@ __all__ = [
     "ORDER",
     "TAYLOR",
     "VALUE",
-    "advance_mean",
-    "condition",
     "condition_on_bound",
     "condition_on_value",
     "decays",
     "discretize",
     "power_series",
     "predict_covariance",
-    "predicted_reading",
     "project",
     "sizes_of_one_type",
     "upper_tail",
@@ -233,43 +230,6 @@ def decays(
 
 
 @njit(**INLINE)
-def advance_mean(
-    nx: int,
-    nu: int,
-    rows: int,
-    coupled: int,
-    lanes: int,
-    carry: Array,
-    drive: Array,
-    k: int,
-    moments: Array,
-    mean: Array,
-    ahead: Array,
-) -> None:
-    """Fill ``ahead`` (rows, L), the mean of the first rows of the state after step k.
-
-    ``moments`` (N, nu, ORDER) are those of the inputs over all steps.
-    """
-    for a in range(rows):
-        for q in range(lanes):
-            total = 0.0
-            for c in range(nx):
-                total += carry[a, c, q] * mean[c, q]
-            for c in range(nx, rows):
-                total += carry[a, c, q] * mean[c, q]
-            for c in range(rows, coupled):
-                total += carry[a, c, q] * mean[c, q]
-            ahead[a, q] = total
-    for a in range(nx):
-        for u in range(nu):
-            for q in range(lanes):
-                total = ahead[a, q]
-                for j in range(ORDER):
-                    total += drive[u, j, a, q] * moments[k, u, j]
-                ahead[a, q] = total
-
-
-@njit(**INLINE)
 def predict_covariance(
     nx: int,
     nu: int,
@@ -386,18 +346,6 @@ def project(
 
 
 @njit(**INLINE)
-def predicted_reading(
-    y: int, rows: int, coupled: int, ny: int, lanes: int, C: Array, mean: Array, out: Array
-) -> None:
-    """Fill the predicted reading (L,) of output y."""
-    for q in range(lanes):
-        total = mean[coupled + y, q] + mean[coupled + ny + y, q]
-        for a in range(rows):
-            total += C[y, a, q] * mean[a, q]
-        out[q] = total
-
-
-@njit(**INLINE)
 def condition_on_value(
     lanes: int, reading: float, S: Array, shift: Array, shrink: Array, squared: Array
 ) -> None:
@@ -423,17 +371,3 @@ def condition_on_bound(
         total[q] += log_tail
         shift[q] = sign * hazard / root
         shrink[q] = hazard * (hazard - z) / S[q]
-
-
-@njit(**INLINE)
-def condition(
-    n: int, lanes: int, PC: Array, shift: Array, shrink: Array, mean: Array, P: Array
-) -> None:
-    """Update mean (n, L) and covariance (n, n, L): m + P hᵀ shift, P − P hᵀ shrink h P."""
-    for a in range(n):
-        for q in range(lanes):
-            mean[a, q] += PC[a, q] * shift[q]
-    for a in range(n):
-        for b in range(n):
-            for q in range(lanes):
-                P[a, b, q] -= (PC[a, q] * shrink[q]) * PC[b, q]

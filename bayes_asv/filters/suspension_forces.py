@@ -39,8 +39,13 @@ from bayes_asv.filters.force_laws import (
     undamped_excess,
 )
 from bayes_asv.filters.prediction import INLINE, OPTIONS, TAYLOR
+from bayes_asv.filters.vector_steps import (
+    begin_forces_vectors,
+    end_forces_vectors,
+    rate_vectors,
+)
 
-__all__ = ["advance_forces", "bend_weights", "damper_forces", "force_weights", "linearise"]
+__all__ = ["advance_forces", "bend_weights", "damper_forces", "force_weights", "rate_slopes"]
 
 Array = NDArray[np.float64]
 
@@ -110,7 +115,7 @@ def bend_weights(h: float, before: float) -> tuple[float, float]:
 
 
 @njit(**INLINE)
-def _rates(
+def rate_slopes(
     nx: int,
     ne: int,
     nd: int,
@@ -121,107 +126,82 @@ def _rates(
     B: Array,
     E: Array,
     N: Array,
-    pole: float,
-    mean: Array,
-    drivers: Array,
-    k: int,
-    inputs: Array,
-    rate: Array,
+    lag: Array,
     by: Array,
 ) -> None:
-    """Fill the rate of deflection before the sensors' filter (ne, L), m/s, and its slopes.
+    """Fill the slopes (ne, coupled, L) of the rates of deflection before the sensors' filter.
 
-    ``by`` (ne, coupled, L) has them in all states that drive the car.  Other parameters are those
-    of :func:`_forces`.
+    They are those in all states that drive the car; ``lag`` (1,) is 1/λ, s.
     """
-    lag = 1.0 / pole
     rows = nx + ne + nm
     for e in range(ne):
         row = 2 * e + 1
         for q in range(lanes):
-            acceleration = 0.0
             for b in range(nx):
-                acceleration += powers[1, row, b, q] * mean[b, q]
-                by[e, b, q] = lag * powers[1, row, b, q]
-            for f in range(ne):
-                acceleration += E[row, f, q] * mean[nx + f, q]
-                by[e, nx + f, q] = lag * E[row, f, q]
-            for d in range(nd):
-                by[e, rows + d, q] = 0.0
-            for u in range(nu):
-                disturbance = drivers[rows + nd + u, q]
-                by[e, rows + nd + u, q] = -lag * B[row, u, q]
-                for d in range(nd):
-                    disturbance += N[u, d] * drivers[rows + d, q]
-                    by[e, rows + d, q] -= lag * B[row, u, q] * N[u, d]
-                acceleration += B[row, u, q] * (inputs[k, u] - disturbance)
-            rate[e, q] = mean[row, q] + lag * acceleration
+                by[e, b, q] = lag[0] * powers[1, row, b, q]
             by[e, row, q] += 1.0
+            for f in range(ne):
+                by[e, nx + f, q] = lag[0] * E[row, f, q]
+            for u in range(nu):
+                by[e, rows + nd + u, q] = -lag[0] * B[row, u, q]
+            for d in range(nd):
+                total = 0.0
+                for u in range(nu):
+                    total += by[e, rows + nd + u, q] * N[u, d]
+                by[e, rows + d, q] = total
 
 
 @njit(**INLINE)
 def _forces(
     nx: int,
     ne: int,
-    nd: int,
-    nu: int,
     nm: int,
-    lanes: int,
+    used: int,
     table: Array,
     rates: Array,
-    pole: float,
+    lag: Array,
     mean: Array,
-    k: int,
-    elapsed: Array,
+    time: float,
+    share: float,
     rate: Array,
-    by: Array,
-    out: Array,
-    slopes: Array,
+    force: Array,
+    stiffness: Array,
+    damping: Array,
 ) -> None:
-    """Fill excess forces (ne, L) and their slopes (ne, coupled, L) in x, φ, m, d and w.
+    """Fill excess forces (ne, L) and their slopes in deflection and rate, of the first lanes.
 
     Parameters
     ----------
+    used : int
+        Number of lanes.
     table : (L, K, P) array
         Laws of each lane, as :func:`bayes_asv.filters.force_laws.excess` takes them.
     rates : (ne, 2, L) array
         Damping and spring rate of each element.
+    lag : (1,) array
+        1/λ, s.
     mean : (nx + ne + nm, L) array
         States of the car, filtered forces, and forces of dampers in series with a stiffness;
         element e has its deflection at 2 e and its rate at 2 e + 1.
-    k : int
-        Number of the instant.
-    elapsed : (N,) array
-        Time since the recording began, s.
-    rate, by : (ne, L) and (ne, coupled, L) arrays
-        See :func:`_rates`.
+    time, share : float
+        Time since the recording began, s, and as a share of its length.
+    rate : (ne, L) array
+        Rates of deflection before the sensors' filter, m/s.
     """
-    lag = 1.0 / pole
-    time = elapsed[k]
-    share = time / elapsed[-1]
     for e in range(ne):
-        row = 2 * e + 1
-        for q in range(lanes):
-            deflection = mean[2 * e, q] + lag * mean[row, q]
+        for q in range(used):
+            deflection = mean[2 * e, q] + lag[0] * mean[2 * e + 1, q]
             if nm > 0:
-                force, by_deflection, by_rate = undamped_excess(
+                total, stiff, damped = undamped_excess(
                     table, q, e, rates[e, 1, q], deflection, rate[e, q], time
                 )
-                force += rates[e, 0, q] * rate[e, q] - mean[nx + ne + e, q]
-                by_rate += rates[e, 0, q]
+                total += rates[e, 0, q] * rate[e, q] - mean[nx + ne + e, q]
+                damped += rates[e, 0, q]
             else:
-                force, by_deflection, by_rate = excess(
+                total, stiff, damped = excess(
                     table, q, e, rates[e, 0, q], rates[e, 1, q], deflection, rate[e, q], time, share
                 )
-            out[e, q] = force
-            for b in range(nx + ne):
-                slopes[e, b, q] = by_rate * by[e, b, q]
-            for b in range(nx + ne + nm, nx + ne + nm + nd + nu):
-                slopes[e, b, q] = by_rate * by[e, b, q]
-            slopes[e, 2 * e, q] += by_deflection
-            slopes[e, row, q] += lag * by_deflection
-            if nm > 0:
-                slopes[e, nx + ne + e, q] = -1.0
+            force[e, q], stiffness[e, q], damping[e, q] = total, stiff, damped
 
 
 @njit(**INLINE)
@@ -296,10 +276,9 @@ def _series_damper(
 
 @njit(**INLINE)
 def _carry_series_dampers(
-    nx: int,
-    ne: int,
+    nf: int,
     nm: int,
-    lanes: int,
+    used: int,
     table: Array,
     rates: Array,
     mean: Array,
@@ -314,14 +293,14 @@ def _carry_series_dampers(
 ) -> None:
     """Fill the forces of dampers in series with a stiffness in ``ahead``, and ``series``."""
     for e in range(nm):
-        for q in range(lanes):
+        for q in range(used):
             begin, end = rate[0, e, q], rate[1, e, q]
             bend = up * (end - begin) - back * (begin - last[1, e, q])
             force, by_force, by_begin, by_end, at = _series_damper(
-                table, q, e, rates[e, 0, q], mean[nx + ne + e, q], begin, end, bend, up, back,
+                table, q, e, rates[e, 0, q], mean[nf + e, q], begin, end, bend, up, back,
                 h, share, series[3, e, q],
             )  # fmt: skip
-            ahead[nx + ne + e, q] = force
+            ahead[nf + e, q] = force
             series[0, e, q], series[1, e, q], series[2, e, q] = by_force, by_begin, by_end
             series[3, e, q] = at
 
@@ -330,149 +309,64 @@ def _carry_series_dampers(
 def advance_forces(
     nx: int,
     ne: int,
-    nd: int,
     nu: int,
     nm: int,
-    lanes: int,
-    nonlinear: bool,
+    coupled: int,
+    used: int,
     table: Array,
     rates: Array,
-    powers: Array,
     B: Array,
-    E: Array,
-    N: Array,
-    pole: float,
+    lag: Array,
     mean: Array,
     k: int,
     h: float,
-    up: float,
-    back: float,
+    bends: Array,
     inputs: Array,
     elapsed: Array,
     added: Array,
     W: Array,
-    last: Array,
-    forces: Array,
-    slopes: Array,
-    rate: Array,
     by: Array,
+    last: Array,
+    force: Array,
+    stiffness: Array,
+    damping: Array,
+    rate: Array,
     series: Array,
     ahead: Array,
 ) -> None:
     """Add to ``ahead`` (nx + ne + nm, L) what the forces of step k do over it.
 
-    ``forces`` (2, ne, L) and ``slopes`` (2, ne, coupled, L) get the forces at both ends and their
-    slopes, ``rate`` (2, ne, L) and ``by`` (2, ne, coupled, L) the rates of deflection there and
-    theirs; ``nonlinear`` says whether there are any laws beside the forces ``added`` (N, ne), which
-    go straight from instant to instant.  ``up`` and ``back`` are those of :func:`bend_weights`.
-    ``last`` (3, ne, L) holds force and rate at the beginning of the step before, and room for a
-    force; it is made ready for the next step.  ``series`` (4, nm, L) gets what a damper in series
-    with a stiffness makes of its force and of the rates at both ends, and the rate at the damper.
+    ``force``, ``stiffness`` and ``damping`` (2, ne, L) get the forces of the laws at both ends and
+    their slopes in deflection and rate, ``rate`` (2, ne, L) the rates there.  The forces ``added``
+    (N, ne) go straight from instant to instant.  ``bends`` (2,) are those of :func:`bend_weights`.
+    ``last`` (2, ne, L) holds force and rate at the beginning of the step before; it is made ready
+    for the next step.  ``series`` (4, nm, L) gets what a damper in series with a stiffness makes of
+    its force and of the rates at both ends, and the rate at the damper.
     """
+    whole = elapsed[-1]
+    nonlinear = table.shape[1] > 0
     if nonlinear:
-        _rates(
-            nx, ne, nd, nu, nm, lanes, powers, B, E, N, pole, mean, mean, k - 1, inputs, rate[0],
-            by[0],
-        )  # fmt: skip
+        rate_vectors(nx, ne, nu, nm, coupled, by, B, lag, inputs[k - 1], mean, mean, rate[0])
+        before = elapsed[k - 1]
         _forces(
-            nx, ne, nd, nu, nm, lanes, table, rates, pole, mean, k - 1, elapsed, rate[0], by[0],
-            forces[0], slopes[0],
+            nx, ne, nm, used, table, rates, lag, mean, before, before / whole, rate[0], force[0],
+            stiffness[0], damping[0],
         )  # fmt: skip
-        for e in range(ne):
-            for q in range(lanes):
-                last[2, e, q] = forces[0, e, q]
-    for e in range(ne):
-        for q in range(lanes):
-            forces[0, e, q] = forces[0, e, q] + added[k - 1, e] if nonlinear else added[k - 1, e]
-    for a in range(nx + ne):
-        for e in range(ne):
-            for q in range(lanes):
-                ahead[a, q] += W[0, a, e, q] * forces[0, e, q]
+    begin_forces_vectors(nx, ne, nm, W, force[0], added[k - 1], ahead)
     if nonlinear:
-        _rates(
-            nx, ne, nd, nu, nm, lanes, powers, B, E, N, pole, ahead, mean, k, inputs, rate[1], by[1]
-        )
+        rate_vectors(nx, ne, nu, nm, coupled, by, B, lag, inputs[k], ahead, mean, rate[1])
+        now = elapsed[k]
         _carry_series_dampers(
-            nx, ne, nm, lanes, table, rates, mean, h, up, back, elapsed[k] / elapsed[-1], rate,
+            nx + ne, nm, used, table, rates, mean, h, bends[0], bends[1], now / whole, rate,
             last, series, ahead,
         )  # fmt: skip
         _forces(
-            nx, ne, nd, nu, nm, lanes, table, rates, pole, ahead, k, elapsed, rate[1], by[1],
-            forces[1], slopes[1],
+            nx, ne, nm, used, table, rates, lag, ahead, now, now / whole, rate[1], force[1],
+            stiffness[1], damping[1],
         )  # fmt: skip
-        for e in range(ne):
-            for q in range(lanes):
-                force = last[2, e, q]
-                bend = up * (forces[1, e, q] - force) - back * (force - last[0, e, q])
-                for a in range(nx + ne):
-                    ahead[a, q] += W[2, a, e, q] * bend
-                last[0, e, q], last[1, e, q] = force, rate[0, e, q]
-    for e in range(ne):
-        for q in range(lanes):
-            forces[1, e, q] = forces[1, e, q] + added[k, e] if nonlinear else added[k, e]
-    for a in range(nx + ne):
-        for e in range(ne):
-            for q in range(lanes):
-                ahead[a, q] += W[1, a, e, q] * (forces[1, e, q] - forces[0, e, q])
-
-
-@njit(**INLINE)
-def linearise(
-    nf: int,
-    ne: int,
-    nm: int,
-    coupled: int,
-    lanes: int,
-    base: Array,
-    W: Array,
-    up: float,
-    back: float,
-    slopes: Array,
-    by: Array,
-    series: Array,
-    carry: Array,
-) -> None:
-    """Fill the Jacobian ``carry`` (nf + nm, coupled, L) of a step with forces that change along it.
-
-    ``base`` holds that of the linear car and of the filtered forces, its first nf rows;
-    ``slopes`` (2, ne, coupled, L) those of the forces at the step's beginning and at its predicted
-    end, the first of which is overwritten; ``by`` and ``series`` are as :func:`advance_forces`
-    leaves them.
-    """
-    rows = nf + nm
-    for a in range(nf):
-        for b in range(coupled):
-            for q in range(lanes):
-                slope = base[a, b, q]
-                for e in range(ne):
-                    slope += (W[0, a, e, q] - back * W[2, a, e, q]) * slopes[0, e, b, q]
-                carry[a, b, q] = slope
-    for e in range(nm):
-        for b in range(coupled):
-            for q in range(lanes):
-                slope = by[1, e, b, q] if b >= rows else 0.0
-                for a in range(nf):
-                    slope += by[1, e, a, q] * carry[a, b, q]
-                slope = slope * series[2, e, q] + series[1, e, q] * by[0, e, b, q]
-                carry[nf + e, b, q] = slope + (series[0, e, q] if b == nf + e else 0.0)
-    for e in range(ne):
-        for b in range(coupled):
-            for q in range(lanes):
-                slopes[0, e, b, q] = -slopes[0, e, b, q]
-        for b in range(rows, coupled):
-            for q in range(lanes):
-                slopes[0, e, b, q] += slopes[1, e, b, q]
-        for b in range(coupled):
-            for q in range(lanes):
-                for a in range(rows):
-                    slopes[0, e, b, q] += slopes[1, e, a, q] * carry[a, b, q]
-    for a in range(nf):
-        for b in range(coupled):
-            for q in range(lanes):
-                slope = carry[a, b, q]
-                for e in range(ne):
-                    slope += (W[1, a, e, q] + up * W[2, a, e, q]) * slopes[0, e, b, q]
-                carry[a, b, q] = slope
+    end_forces_vectors(
+        nx, ne, nm, W, bends, force, last, rate[0], added[k - 1], added[k], ahead
+    )  # fmt: skip
 
 
 @njit(**OPTIONS)

@@ -219,6 +219,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         sizes.motion, sizes.elements, sizes.directions, sizes.outputs, sizes.states
     )
     nR, size, shape, forces = sizes.rows, rows.size, shape_of(sizes), sizes.forces
+    # Python's integers, which are constants of the vector code
+    plain, elements, moving, coupled = int(nx - forces), int(ne), int(nx), int(nx + ne)
 
     @njit(**OPTIONS)
     def run(
@@ -246,8 +248,8 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
         reads_states = model.reads_states
         n_model = element.shape[0]
         p = mu.shape[0]
-        lanes = 1 + 2 * n_model if forces else 0
-        force_work = force_workspace(sizes, model.laws, lanes)
+        points = 1 + 2 * n_model if forces else 0
+        force_work = force_workspace(sizes, model.laws, points)
         W = np.zeros(blocks(n_model, ne) * size)
         fill_lanes(sizes, rows, W, n_model, model)
         inputs = np.zeros((ne, TAYLOR + 1))
@@ -324,9 +326,9 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 if forces:
                     set_states(sizes, rows, W, n_model, SIGMA_DISTANCE, x, J, input_bias)
                     propagate_with_forces(
-                        sizes, rows, W, lanes, h, scores[at.last_step], moments, k, ends, place,
-                        model.laws, state.force_history, new_laws, new_length, force_work, phi,
-                        gamma, Q,
+                        plain, elements, moving, coupled, sizes, rows, W, points, h,
+                        scores[at.last_step], moments, k, ends, place, model.laws,
+                        state.force_history, new_laws, new_length, force_work, phi, gamma, Q,
                     )  # fmt: skip
                     new_laws = False
                     scores[at.last_step] = h

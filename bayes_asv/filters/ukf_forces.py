@@ -19,7 +19,6 @@ from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
     TAYLOR,
-    advance_mean,
     discretize,
     power_series,
 )
@@ -28,9 +27,10 @@ from bayes_asv.filters.suspension_forces import (
     advance_forces,
     bend_weights,
     force_weights,
-    linearise,
+    rate_slopes,
 )
 from bayes_asv.filters.ukf_state import LawTable, Sizes
+from bayes_asv.filters.vector_steps import advance_mean_vectors, linearise_vectors
 
 __all__ = ["ForceWorkspace", "force_workspace", "propagate_with_forces"]
 
@@ -42,8 +42,8 @@ _GRID_FIRST, _GRID_STEP, _GRID_POINTS = -10.0, 0.05, 401  # of ukf_state.GRID
 class ForceWorkspace(NamedTuple):
     """Arrays of :func:`propagate_with_forces`.
 
-    They are named as in :mod:`.prediction` and :mod:`.suspension_forces`; most end in an axis of
-    lanes, one a sigma point.
+    They are named as in :mod:`.prediction` and :mod:`.suspension_forces`.  Most begin with an axis
+    of blocks and end in one of lanes; each lane of a block is a sigma point.
     """
 
     A: Array
@@ -64,34 +64,39 @@ class ForceWorkspace(NamedTuple):
     after: Array
     mean: Array
     ahead: Array
-    forces: Array
-    slopes: Array
+    force: Array
+    stiffness: Array
+    damping: Array
     rate: Array
     by: Array
     series: Array
+    lag: Array
+    bends: Array
     elapsed: Array
     added: Array
 
 
 @njit(**OPTIONS)
-def force_workspace(sizes: Sizes, laws: LawTable, lanes: int) -> ForceWorkspace:
-    """Make the arrays for a number of lanes."""
+def force_workspace(sizes: Sizes, laws: LawTable, points: int) -> ForceWorkspace:
+    """Make the arrays for a number of sigma points."""
     ne, nf = sizes.elements, sizes.motion
-    nx, coupled = nf - sizes.forces, nf + ne
-    table = np.empty((lanes, laws.rows.shape[0], laws.rows.shape[1]))
-    for q in range(lanes):
-        table[q] = laws.rows
+    nx, coupled, L = nf - sizes.forces, nf + ne, LANES
+    K = (points + LANES - 1) // LANES
+    table = np.empty((K, L, laws.rows.shape[0], laws.rows.shape[1]))
+    for b in range(K):
+        for q in range(L):
+            table[b, q] = laws.rows
     return ForceWorkspace(
-        np.zeros((nx, nx, lanes)), np.zeros((nx, ne, lanes)), np.zeros((nx, ne, lanes)),
-        np.zeros((ne, 0)), np.zeros((ne, 2, lanes)), table,
-        np.zeros((TAYLOR + 1, nx, nx, lanes)), np.zeros((ne, ORDER, nx, lanes)),
-        np.zeros((nf, coupled, lanes)), np.zeros((nf, coupled, lanes)),
-        np.zeros((ne, nx, nx, lanes)), np.zeros((nx, nx, lanes)), np.zeros((nx, ne, lanes)),
-        np.zeros((3, nf, ne, lanes)), np.zeros((nf, lanes)), np.zeros((nf, lanes)),
-        np.zeros((coupled, lanes)), np.zeros((nf, lanes)), np.zeros((2, ne, lanes)),
-        np.zeros((2, ne, coupled, lanes)), np.zeros((2, ne, lanes)),
-        np.zeros((2, ne, coupled, lanes)), np.zeros((4, 0, lanes)), np.array([0.0, 1.0]),
-        np.zeros((2, ne)),
+        np.zeros((K, nx, nx, L)), np.zeros((K, nx, ne, L)), np.zeros((K, nx, ne, L)),
+        np.zeros((ne, 0)), np.ones((K, ne, 2, L)), table,
+        np.zeros((K, TAYLOR + 1, nx, nx, L)), np.zeros((K, ne, ORDER, nx, L)),
+        np.zeros((K, nf, coupled, L)), np.zeros((nf, coupled, L)),
+        np.zeros((K, ne, nx, nx, L)), np.zeros((nx, nx, L)), np.zeros((nx, ne, L)),
+        np.zeros((K, 3, nf, ne, L)), np.zeros((nf, L)), np.zeros((nf, L)),
+        np.zeros((coupled, L)), np.zeros((nf, L)), np.zeros((2, ne, L)),
+        np.zeros((2, ne, L)), np.zeros((2, ne, L)), np.zeros((2, ne, L)),
+        np.zeros((K, ne, coupled, L)), np.zeros((4, 0, L)), np.full(1, 1.0 / laws.pole),
+        np.zeros(2), np.array([0.0, 1.0]), np.zeros((2, ne)),
     )  # fmt: skip
 
 
@@ -117,13 +122,14 @@ def _set_laws(
     place: NDArray[np.int64],
     laws: LawTable,
     work: ForceWorkspace,
-    lanes: int,
+    points: int,
 ) -> None:
-    """Fill system matrices, rates and laws of each lane from its parameters."""
+    """Fill system matrices, rates and laws of each sigma point from its parameters."""
     ne, nr = sizes.elements, sizes.rates
-    A, B, E, rates = work.A, work.B, work.E, work.rates
-    for q in range(lanes):
-        at = lane_offset(q, rows.size)
+    for point in range(points):
+        at = lane_offset(point, rows.size)
+        block, q = point // LANES, point % LANES
+        A, B, E, rates = work.A[block], work.B[block], work.E[block], work.rates[block]
         for e in range(ne):
             A[2 * e, 2 * e + 1, q] = 1.0
             B[2 * e + 1, e, q] = -W[at + np.uint64(rows.inverse_gain + e * LANES)]
@@ -137,15 +143,21 @@ def _set_laws(
                 E[row, f, q] = -A[row, 2 * f + 1, q] / rates[f, 0, q]
         for n in range(laws.entry.shape[0]):
             z = W[at + np.uint64(rows.damping + place[laws.entry[n, 2]] * LANES)]
-            work.table[q, laws.entry[n, 0], laws.entry[n, 1]] = _interpolate(laws.number[n], z)
+            work.table[block, q, laws.entry[n, 0], laws.entry[n, 1]] = _interpolate(
+                laws.number[n], z
+            )
 
 
 @njit(**OPTIONS)
 def propagate_with_forces(
+    nx: int,
+    ne: int,
+    nf: int,
+    coupled: int,
     sizes: Sizes,
     rows: Rows,
     W: Array,
-    lanes: int,
+    points: int,
     h: float,
     before: float,
     moments: Array,
@@ -161,16 +173,19 @@ def propagate_with_forces(
     gamma: Array,
     Q: Array,
 ) -> None:
-    """Propagate all lanes over step k, and linearize it at the reference.
+    """Propagate all sigma points over step k, and linearize it at the reference.
 
     Parameters
     ----------
+    nx, ne, nf, coupled : int
+        States of the car, elements, states of the motion with the filtered forces, and states that
+        drive them.
     sizes, rows : Sizes and Rows
         Of the car.
     W : array
         Lanes with their parameters, after :func:`bayes_asv.filters.simd_batch.set_states`; the new
         states are read by :func:`bayes_asv.filters.simd_batch.unscented_moments`.
-    lanes : int
+    points : int
         Number of sigma points, the reference among them.
     h, before : float
         Lengths of this step and of the one before, s; zero where there was none.
@@ -178,7 +193,7 @@ def propagate_with_forces(
         See :class:`bayes_asv.filters.ukf_state.Steps`.
     place, laws : array and LawTable
         Of :class:`bayes_asv.filters.ukf_state.Model`.
-    history : (3, ne, lanes) array
+    history : (K, 2, ne, LANES) array
         See :class:`bayes_asv.filters.ukf_state.State`; changed in place.
     new_parameters, new_length : bool
         Whether the parameters, or the length of the step, are others than in the last call.
@@ -188,48 +203,57 @@ def propagate_with_forces(
         Filled with the derivatives of the new motion by the old one and by the inputs' noise, and
         with the process noise of an input of unit intensity.
     """
-    ne, nf = sizes.elements, sizes.motion
-    nx, coupled = nf - sizes.forces, nf + ne
     if new_parameters:
-        _set_laws(sizes, rows, W, place, laws, work, lanes)
-        power_series(nx, ne, lanes, work.A, work.B, work.powers, work.drive)
-    if new_parameters or new_length:
-        discretize(
-            nx, 0, ne, nf, lanes, h, work.powers, work.B, work.N, work.base, work.Q, work.work,
-            work.impulse,
-        )  # fmt: skip
-        force_weights(
-            nx, ne, lanes, h, work.powers, work.E, laws.pole, work.base, work.weights, work.term,
-            work.after,
-        )  # fmt: skip
-        for u in range(ne):
-            for a in range(nx):
-                for b in range(nx):
-                    Q[u, a, b] = work.Q[u, a, b, 0]
+        _set_laws(sizes, rows, W, place, laws, work, points)
     mean, ahead = work.mean, work.ahead
-    for q in range(lanes):
-        at = lane_offset(q, rows.size)
-        for a in range(nf):
-            mean[a, q] = W[at + np.uint64(rows.before + a * LANES)]
-        for u in range(ne):
-            mean[nf + u, q] = W[at + np.uint64(rows.forcing + u * LANES)]
-    advance_mean(nx, ne, nf, coupled, lanes, work.base, work.drive, k, moments, mean, ahead)
-    up, back = bend_weights(h, before)
-    advance_forces(
-        nx, ne, 0, ne, 0, lanes, True, work.table, work.rates, work.powers, work.B, work.E, work.N,
-        laws.pole, mean, 1, h, up, back, ends[k], work.elapsed, work.added, work.weights, history,
-        work.forces, work.slopes, work.rate, work.by, work.series, ahead,
-    )  # fmt: skip
-    linearise(
-        nf, ne, 0, coupled, 1, work.base, work.weights, up, back, work.slopes, work.by, work.series,
-        work.carry,
-    )  # fmt: skip
-    for q in range(lanes):
-        at = lane_offset(q, rows.size)
-        for a in range(nf):
-            W[at + np.uint64(rows.after + a * LANES)] = ahead[a, q]
+    work.bends[0], work.bends[1] = bend_weights(h, before)
+    for b in range(history.shape[0]):
+        if new_parameters:
+            power_series(nx, ne, LANES, work.A[b], work.B[b], work.powers[b], work.drive[b])
+            rate_slopes(
+                nx, ne, 0, ne, 0, LANES, work.powers[b], work.B[b], work.E[b], work.N, work.lag,
+                work.by[b],
+            )  # fmt: skip
+        if new_parameters or new_length:
+            discretize(
+                nx, 0, ne, nf, LANES, h, work.powers[b], work.B[b], work.N, work.base[b],
+                work.Q[b], work.work, work.impulse,
+            )  # fmt: skip
+            force_weights(
+                nx, ne, LANES, h, work.powers[b], work.E[b], laws.pole, work.base[b],
+                work.weights[b], work.term, work.after,
+            )  # fmt: skip
+        used = min(LANES, points - b * LANES)
+        for q in range(used):
+            at = lane_offset(b * LANES + q, rows.size)
+            for a in range(nf):
+                mean[a, q] = W[at + np.uint64(rows.before + a * LANES)]
+            for u in range(ne):
+                mean[nf + u, q] = W[at + np.uint64(rows.forcing + u * LANES)]
+        advance_mean_vectors(
+            nx, ne, nf, coupled, coupled, work.base[b], work.drive[b], moments[k], mean, ahead
+        )
+        advance_forces(
+            nx, ne, ne, 0, coupled, used, work.table[b], work.rates[b], work.B[b], work.lag, mean,
+            1, h, work.bends, ends[k], work.elapsed, work.added, work.weights[b], work.by[b],
+            history[b], work.force, work.stiffness, work.damping, work.rate, work.series, ahead,
+        )  # fmt: skip
+        for q in range(used):
+            at = lane_offset(b * LANES + q, rows.size)
+            for a in range(nf):
+                W[at + np.uint64(rows.after + a * LANES)] = ahead[a, q]
+        if b == 0:
+            linearise_vectors(
+                nx, ne, 0, coupled, work.base[0], work.weights[0], work.bends, work.lag,
+                work.by[0], work.stiffness, work.damping, work.series, work.carry,
+            )  # fmt: skip
     for a in range(nf):
         for b in range(nf):
             phi[a, b] = work.carry[a, b, 0]
         for u in range(ne):
             gamma[a, u] = work.carry[a, nf + u, 0]
+    if new_parameters or new_length:
+        for u in range(ne):
+            for a in range(nx):
+                for b in range(nx):
+                    Q[u, a, b] = work.Q[0, u, a, b, 0]

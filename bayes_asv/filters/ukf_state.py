@@ -223,9 +223,9 @@ class State(NamedTuple):
     autocovariance : (ny, 2, 1 + DRIFT_LAGS) array
         Of each output: lagged normalised innovations (row 0, newest first), and their
         exponentially weighted autocovariance by lag (row 1).
-    force_history : (3, ne, lanes) array
-        Force and rate of deflection of each sigma point at the beginning of the last step, and room
-        for a force (:func:`bayes_asv.filters.suspension_forces.advance_forces`); empty without
+    force_history : (K, 2, ne, LANES) array
+        Force and rate of deflection of each sigma point, in K blocks of lanes, at the beginning of
+        the last step (:func:`bayes_asv.filters.suspension_forces.advance_forces`); empty without
         force laws.
     """
 

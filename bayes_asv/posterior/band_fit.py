@@ -96,17 +96,13 @@ def share(target: Posterior, mode: Mode, run: int, slowest: float) -> float | No
     n = target.space.car_dimension
     sd = mode.sd[:n]
 
-    def innovations(z: Array) -> Array:
-        return np.nan_to_num(line.paired(target.innovations(z, run)))
-
-    slope = np.empty((len(time), len(line.outputs), n))
-    for k in range(n):
-        step = np.zeros(len(mode.z))
-        step[k] = _STEP * sd[k]
-        slope[:, :, k] = innovations(mode.z + step) - innovations(mode.z - step)
-    slope /= 2.0 * _STEP  # in units of the posterior's deviations
+    steps = _STEP * np.eye(n, len(mode.z)) * mode.sd
+    points = mode.z + np.concatenate([np.zeros((1, len(mode.z))), steps, -steps])
+    found = [np.nan_to_num(line.paired(one)) for one in target.innovations(points, run)]
+    # in units of the posterior's deviations
+    slope = np.stack([(found[1 + k] - found[1 + n + k]) / (2.0 * _STEP) for k in range(n)], axis=2)
     information = np.einsum("tak,tal->kl", slope, slope)
-    pull = -np.einsum("tak,ta->tk", slope, innovations(mode.z))
+    pull = -np.einsum("tak,ta->tk", slope, found[0])
     part = np.minimum(((time - time[0]) / span * count).astype(int), count - 1)
     scores = np.zeros((count, n))
     np.add.at(scores, part, pull)

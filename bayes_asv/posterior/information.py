@@ -24,6 +24,7 @@ from scipy.special import ndtri
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters import kalman
+from bayes_asv.filters.vector_code import LANES
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.posterior.parameters import identified_directions, space
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -168,11 +169,12 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Un
     noise = parameters.noises(z[None], 0)
     directions = about.identified
     slopes = np.empty((recording.kind.size, directions.shape[1]))
-    # Pair by pair: all innovations of a long recording at once would fill the memory.
-    for k, direction in enumerate(directions.T):
-        logs = np.array([_STEP, -_STEP])[:, None] * direction
+    # Some at a time: all innovations of a long recording at once would fill the memory.
+    for k in range(0, directions.shape[1], LANES // 2):
+        some = directions.T[k : k + LANES // 2]
+        logs = _STEP * np.concatenate([some, -some])
         values = {
-            p.name: np.full(2, p.nominal)
+            p.name: np.full(len(logs), p.nominal)
             if p.name not in about.parameters
             else p.nominal * np.exp(logs @ about.parameters[p.name])
             for p in about.car.parameters
@@ -180,9 +182,10 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Un
         system = state_space(
             about.car, values, recording.output_models, None, recording.bias_directions
         )
-        both = kalman.SensorNoise(*(np.repeat(part, 2, axis=0) for part in noise))
-        above, below = kalman.filter_pass(system, both, recording.measurements).innovations
-        slopes[:, k] = (above - below).ravel() / (2.0 * _STEP)
+        noises = kalman.SensorNoise(*(np.repeat(part, len(logs), axis=0) for part in noise))
+        found = kalman.filter_pass(system, noises, recording.measurements).innovations
+        above, below = np.split(found.reshape(len(logs), -1), 2)
+        slopes[:, k : k + len(some)] = (above - below).T / (2.0 * _STEP)
     whole = slopes @ directions.T
     return np.asarray(whole.T @ whole)
 

@@ -8,6 +8,7 @@ posterior finish, with derivatives by central differences scaled to each deviati
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +17,11 @@ from scipy.optimize import least_squares
 
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["Mode", "find_mode"]
+__all__ = ["Mode", "find_mode", "residual_functions"]
 
 Array = NDArray[np.float64]
 
+_SLOPE_STEP = 1e-6  # of a prior deviation: halfway between rounding and curvature
 _STEP = 0.3  # of a deviation: large against rounding, small against the posterior's curvature
 _ROUNDS = 25
 _NOTHING_LEFT = 1.3  # deviations of what is left, in units of the noise given
@@ -80,7 +82,6 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
     """Best of several least-squares fits, noise held at its prior centre."""
     space = target.space
     n = space.shared_dimension
-    runs = range(len(space.timelines))
     levels = [
         (k, one.run, [c.name for c in outputs].index(one.channel))
         for k, one in enumerate(space.coordinates)
@@ -90,13 +91,7 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         if one.channel in [c.name for c in outputs]
     ]
 
-    def residual(car: Array) -> Array:
-        z = space.origin
-        z[:n] = car
-        parts = [target.innovations(z, run).ravel() for run in runs]
-        every = np.concatenate([*parts, car])
-        return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
-
+    residual, slopes = residual_functions(target, space.origin, range(n))
     best, best_value, best_sd = space.from_logs({}), -np.inf, space.scales(1.0)
     dampers = {element.damping for element in space.car.elements}
     for of_dampers, of_inertias in _STARTS:
@@ -109,7 +104,7 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         if np.any(np.abs(start) > 4.0):
             continue  # the prior is narrower than this start
         fit = least_squares(
-            residual, start[:n], bounds=(-7.0, 7.0), xtol=1e-7, ftol=1e-8, max_nfev=40
+            residual, start[:n], slopes, bounds=(-7.0, 7.0), xtol=1e-7, ftol=1e-8, max_nfev=40
         )
         z = space.origin
         z[:n] = fit.x
@@ -128,6 +123,47 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         if levels and largest < _NOTHING_LEFT:
             break  # no start can end lower than at the noise
     return best, best_sd
+
+
+def residual_functions(
+    target: Posterior, origin: Array, free: Sequence[int]
+) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """Make what least squares asks for: residuals and their Jacobian.
+
+    Parameters
+    ----------
+    target : Posterior
+        The posterior.
+    origin : (D,) array
+        Values of the coordinates that are held.
+    free : sequence of int
+        The others, F of them.
+
+    Returns
+    -------
+    residual, slopes : callable
+        From values (F,) the normalised innovations of all runs with the values behind them (their
+        prior is a standard normal), and the derivatives of these by forward differences.
+    """
+    runs, free = range(len(target.space.timelines)), list(free)
+
+    def residuals(values: Array) -> Array:
+        z = np.repeat(origin[None], len(values), axis=0)
+        z[:, free] = values
+        parts = [target.innovations(z, run).reshape(len(z), -1) for run in runs]
+        every = np.concatenate([*parts, values], axis=1)
+        return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
+
+    def residual(values: Array) -> Array:
+        return np.asarray(residuals(values[None])[0])
+
+    def slopes(values: Array) -> Array:
+        found = residuals(
+            values + _SLOPE_STEP * np.vstack([np.zeros(len(free)), np.eye(len(free))])
+        )
+        return np.asarray((found[1:] - found[0]).T / _SLOPE_STEP)
+
+    return residual, slopes
 
 
 def derivatives(target: Posterior, z: Array, scale: Array) -> tuple[float, Array, Array]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, read_bytes, write_atomically
 from bayes_asv.filters.ukf_state import ALL, State, Steps
+from bayes_asv.filters.vector_code import LANES
 from bayes_asv.tracking.filter import WHITE_SHARE_PRIOR
 from bayes_asv.tracking.streaming_timeline import StreamingTimeline
 
@@ -212,8 +213,13 @@ def _completed(record: str, parts: list[Any]) -> list[Any]:
         parts += [np.zeros((steps, 2, elements)), np.full(steps, ALL, np.int8)]
     elif record == "State" and len(parts) == 10:
         parts[7] = np.concatenate([parts[7], [0.0, *WHITE_SHARE_PRIOR]])
-        parts.append(np.zeros((3, 0, 0)))
+        parts.append(_NO_FORCES)
+    elif record == "State" and parts[10].size == 0:
+        parts[10] = _NO_FORCES
     return parts
+
+
+_NO_FORCES = np.zeros((0, 2, 0, LANES))
 
 
 def write_checkpoint(path: PathLike, settings: dict[str, Any], tracker: object) -> None:

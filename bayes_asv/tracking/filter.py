@@ -18,6 +18,7 @@ from bayes_asv.filters.cholesky_update import add_parameter_noise
 from bayes_asv.filters.ukf import RELINEARIZE, RESET, REVIEW
 from bayes_asv.filters.ukf import run as run_compiled
 from bayes_asv.filters.ukf_state import DRIFT_LAGS, FilterSettings, State, Steps
+from bayes_asv.filters.vector_code import LANES
 from bayes_asv.tracking.filter_model import FilterModel
 from bayes_asv.tracking.relinearization import Window, concatenate_steps, relinearize, slice_steps
 
@@ -75,6 +76,7 @@ def initial_state(model: FilterModel) -> State:
     autocovariance = np.zeros((ny, 2, 1 + DRIFT_LAGS))
     autocovariance[:, 1, 0] = 1.0
     mu, D = np.zeros(p), arrays.factor.copy()
+    blocks = -(-(1 + 2 * p) // LANES) if sizes.forces else 0
     Pi = np.zeros((sizes.states, sizes.states))
     Pi[:lasting, :lasting] = arrays.start
     filtered = slice(sizes.elements + ny, 2 * (sizes.elements + ny))
@@ -90,7 +92,7 @@ def initial_state(model: FilterModel) -> State:
         statistics=statistics,
         snapshots=_snapshots(mu, D),
         autocovariance=autocovariance,
-        force_history=np.zeros((3, sizes.forces, 1 + 2 * p if sizes.forces else 0)),
+        force_history=np.zeros((blocks, 2, sizes.forces, LANES)),
     )
 
 

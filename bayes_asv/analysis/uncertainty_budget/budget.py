@@ -263,14 +263,10 @@ def jacobian(target: Posterior, z: Array, run: int) -> Array:
     (ny E, P) array
         ∂ν/∂log θ in the order of :func:`parameters`.
     """
-    middle = target.innovations(z, run).ravel()
     count = len(parameters(target))
-    out = np.zeros((len(middle), count))
-    for k in range(count):
-        away = np.zeros(count)
-        away[k] = _STEP
-        out[:, k] = (target.innovations(moved(target, z, away), run).ravel() - middle) / _STEP
-    return out
+    points = np.stack([z, *(moved(target, z, away) for away in _STEP * np.eye(count))])
+    found = target.innovations(points, run).reshape(count + 1, -1)
+    return np.asarray((found[1:] - found[0]).T / _STEP)
 
 
 def moved(target: Posterior, z: Array, away: Array) -> Array:

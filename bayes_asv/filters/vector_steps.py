@@ -1,0 +1,302 @@
+"""Prediction and update of a Kalman filter over vectors of parameter sets.
+
+The model is that of :mod:`.prediction`, with the forces of :mod:`.suspension_forces`.  Shapes are
+given without the lanes.  Of the covariance P only the lower triangle is read and written.
+"""
+
+from __future__ import annotations
+
+from bayes_asv.filters.prediction import ORDER
+from bayes_asv.filters.vector_code import Choice, Shared, Table, Vector, emitted, plus, products
+
+__all__ = [
+    "advance_mean_vectors", "begin_forces_vectors", "condition_vectors", "end_forces_vectors",
+    "linearise_vectors", "predict_vectors", "project_vectors", "rate_vectors",
+]  # fmt: skip
+
+
+class _Symmetric:
+    """The lower triangle of a matrix, read once."""
+
+    def __init__(self, table: Table, n: int) -> None:
+        self._table = table
+        self._entries = {(a, b): table[a, b] for a in range(n) for b in range(a + 1)}
+
+    def __getitem__(self, index: tuple[int, int]) -> Vector:
+        return self._entries[max(index), min(index)]
+
+    def __setitem__(self, index: tuple[int, int], value: Vector) -> None:
+        self._table[max(index), min(index)] = value
+
+
+@emitted
+def advance_mean_vectors(
+    nx: int,
+    nu: int,
+    rows: int,
+    coupled: int,
+    n: int,
+    carry: Table,
+    drive: Table,
+    moments: Shared,
+    mean: Table,
+    ahead: Table,
+) -> None:
+    """Fill ``ahead`` (rows,), the mean of the first rows of the state after a step.
+
+    ``moments`` (nu, ORDER) are those of the inputs over it, ``drive`` (nu, ORDER, nx) what they do.
+    """
+    carry, mean, ahead = carry.shaped(rows, coupled), mean.shaped(n), ahead.shaped(rows)
+    drive, moments = drive.shaped(nu, ORDER, nx), moments.shaped(nu, ORDER)
+    before = [mean[c] for c in range(coupled)]
+    by_input = {(u, j): moments[u, j] for u in range(nu) for j in range(ORDER)}
+    for a in range(rows):
+        total = products((carry[a, c], before[c]) for c in range(coupled))
+        if a < nx:
+            total = total + products((drive[u, j, a], by_input[u, j]) for u, j in by_input)
+        ahead[a] = total
+
+
+@emitted
+def predict_vectors(
+    nx: int,
+    nu: int,
+    ny: int,
+    rows: int,
+    coupled: int,
+    carry: Table,
+    Q: Table,
+    decay: Table,
+    intensity: Table,
+    added: Table,
+    P: Table,
+) -> None:
+    """Carry the covariance over one step, as :func:`.prediction.predict_covariance` does.
+
+    ``added`` (nu + ny,) are the variances that the filtered noise gains in the step.
+    """
+    n = coupled + 2 * ny
+    carry, Q, decay = carry.shaped(rows, coupled), Q.shaped(nu, nx, nx), decay.shaped(n)
+    intensity, added = intensity.shaped(nu), added.shaped(nu + ny)
+    old = new = _Symmetric(P.shaped(n, n), n)
+    noises = {coupled - nu + u: u for u in range(nu)}
+    noises |= {coupled + ny + y: nu + y for y in range(ny)}  # what is neither is constant
+    half = {
+        (a, b): products((carry[a, c], old[c, b]) for c in range(coupled))
+        for a in range(rows)
+        for b in range(n)
+    }
+    for a in range(rows):
+        for b in range(a + 1):
+            total = products((half[a, c], carry[b, c]) for c in range(coupled))
+            if a < nx:
+                total = total + products((intensity[u], Q[u, a, b]) for u in range(nu))
+            new[a, b] = total
+        for b in range(rows, n):
+            new[b, a] = half[a, b] * decay[b] if b in noises else half[a, b]
+    for a in range(rows, n):
+        for b in range(rows, a + 1):
+            factors = [decay[k] for k in (a, b) if k in noises]
+            if not factors:
+                continue
+            value = old[a, b]
+            for factor in factors:
+                value = value * factor
+            new[a, b] = value + added[noises[a]] if a == b else value
+
+
+@emitted
+def project_vectors(
+    at: Choice,
+    rows: int,
+    coupled: int,
+    ny: int,
+    C: Table,
+    P: Table,
+    mean: Table,
+    PC: Table,
+    S: Table,
+    predicted: Table,
+) -> None:
+    """Fill P hᵀ (n,), h P hᵀ and the predicted reading of the output ``at``, whose row is h."""
+    n = coupled + 2 * ny
+    C, P, mean, PC = C.shaped(ny, rows), P.shaped(n, n), mean.shaped(n), PC.shaped(n)
+    S, predicted = S.shaped(1), predicted.shaped(1)
+    for y in at.among(ny):
+        own = (coupled + y, coupled + ny + y)
+        row = [C[y, a] for a in range(rows)]
+        by = []
+        for b in range(n):
+            first, second = (P[max(k, b), min(k, b)] for k in own)
+            total = products((row[a], P[max(a, b), min(a, b)]) for a in range(rows))
+            by.append(total + (first + second))
+            PC[b] = by[b]
+        S[0] = products((row[a], by[a]) for a in range(rows)) + (by[own[0]] + by[own[1]])
+        states = products((row[a], mean[a]) for a in range(rows))
+        predicted[0] = states + (mean[own[0]] + mean[own[1]])
+
+
+@emitted
+def condition_vectors(
+    n: int, PC: Table, shift: Table, shrink: Table, mean: Table, P: Table
+) -> None:
+    """Update mean (n,) and covariance (n, n): m + P hᵀ shift, P − P hᵀ shrink h P."""
+    PC, mean, P = PC.shaped(n), mean.shaped(n), P.shaped(n, n)
+    by, gain, less = [PC[a] for a in range(n)], shift.shaped(1)[0], shrink.shaped(1)[0]
+    for a in range(n):
+        mean[a] = mean[a] + by[a] * gain
+        scaled = by[a] * less
+        for b in range(a + 1):
+            P[a, b] = P[a, b] - scaled * by[b]
+
+
+@emitted
+def rate_vectors(
+    nx: int,
+    ne: int,
+    nu: int,
+    nm: int,
+    coupled: int,
+    by: Table,
+    B: Table,
+    lag: Shared,
+    inputs: Shared,
+    mean: Table,
+    drivers: Table,
+    rate: Table,
+) -> None:
+    """Fill the rates of deflection before the sensors' filter (ne,), m/s.
+
+    Parameters
+    ----------
+    by : (ne, coupled) table
+        Their slopes, of :func:`bayes_asv.filters.suspension_forces.rate_slopes`.
+    lag, inputs : (1,) and (nu,)
+        1/λ, s, and the measured inputs, m/s².
+    mean, drivers : (nx + ne, …) and (coupled, …) tables
+        States of the car and filtered forces; biases and noise of the inputs.
+    """
+    rows = nx + ne + nm
+    by, B, lag, inputs = by.shaped(ne, coupled), B.shaped(nx, nu), lag.shaped(1), inputs.shaped(nu)
+    mean, drivers, rate = mean.shaped(rows), drivers.shaped(coupled), rate.shaped(ne)
+    for e in range(ne):
+        driven = products((B[2 * e + 1, u], inputs[u]) for u in range(nu))
+        total = driven * lag[0] + products((by[e, b], mean[b]) for b in range(nx + ne))
+        rate[e] = total + products((by[e, b], drivers[b]) for b in range(rows, coupled))
+
+
+@emitted
+def begin_forces_vectors(
+    nx: int, ne: int, nm: int, W: Table, force: Table, added: Shared, ahead: Table
+) -> None:
+    """Add what the forces at a step's beginning do if they last, to ``ahead`` (nx + ne + nm,)."""
+    W, ahead = W.shaped(3, nx + ne, ne), ahead.shaped(nx + ne + nm)
+    force, added = force.shaped(ne), added.shaped(ne)
+    total = [force[e] + added[e] for e in range(ne)]
+    for a in range(nx + ne):
+        ahead[a] = ahead[a] + products((W[0, a, e], total[e]) for e in range(ne))
+
+
+@emitted
+def end_forces_vectors(
+    nx: int,
+    ne: int,
+    nm: int,
+    W: Table,
+    bends: Shared,
+    force: Table,
+    last: Table,
+    rate: Table,
+    added: Shared,
+    added_end: Shared,
+    ahead: Table,
+) -> None:
+    """Add what the change of the forces over a step does; ``last`` (2, ne) gets its beginning."""
+    W, ahead, bends = W.shaped(3, nx + ne, ne), ahead.shaped(nx + ne + nm), bends.shaped(2)
+    force, last, rate = force.shaped(2, ne), last.shaped(2, ne), rate.shaped(ne)
+    added, added_end = added.shaped(ne), added_end.shaped(ne)
+    up, back = bends[0], bends[1]
+    change = [force[1, e] - force[0, e] for e in range(ne)]
+    bend = [up * change[e] - back * (force[0, e] - last[0, e]) for e in range(ne)]
+    total = [change[e] + (added_end[e] - added[e]) for e in range(ne)]
+    for a in range(nx + ne):
+        bent = products((W[2, a, e], bend[e]) for e in range(ne))
+        ahead[a] = ahead[a] + bent + products((W[1, a, e], total[e]) for e in range(ne))
+    for e in range(ne):
+        last[0, e], last[1, e] = force[0, e], rate[e]
+
+
+@emitted
+def linearise_vectors(
+    nx: int,
+    ne: int,
+    nm: int,
+    coupled: int,
+    base: Table,
+    W: Table,
+    bends: Shared,
+    lag: Shared,
+    by: Table,
+    stiffness: Table,
+    damping: Table,
+    series: Table,
+    carry: Table,
+) -> None:
+    """Fill the Jacobian of a step with forces that change along it.
+
+    Parameters
+    ----------
+    base, carry : (rows, coupled) tables
+        Jacobian of the linear car and of the filtered forces, in its first nx + ne rows, and the
+        one that is wanted.
+    W, bends, lag : (3, nx + ne, ne), (2,) and (1,)
+        Weights of the forces, of their bend, and 1/λ, s.
+    by, stiffness, damping, series : (ne, coupled), (2, ne), (2, ne) and (4, nm) tables
+        As :func:`bayes_asv.filters.suspension_forces.advance_forces` leaves them.
+    """
+    nf, rows = nx + ne, nx + ne + nm
+    base, carry, by = (
+        base.shaped(rows, coupled),
+        carry.shaped(rows, coupled),
+        by.shaped(ne, coupled),
+    )
+    W, bends, lag = W.shaped(3, nf, ne), bends.shaped(2), lag.shaped(1)
+    stiffness, damping = stiffness.shaped(2, ne), damping.shaped(2, ne)
+    series = series.shaped(4, nm)
+    up, back, delay = bends[0], bends[1], lag[0]
+    own = [*range(nf), *range(rows, coupled)]  # what rates depend on
+
+    def slopes(end: int, e: int) -> dict[int, Vector]:
+        """Slopes of an excess force in the states."""
+        out = {b: damping[end, e] * by[e, b] for b in own}
+        out[2 * e] = out[2 * e] + stiffness[end, e]
+        out[2 * e + 1] = out[2 * e + 1] + delay * stiffness[end, e]
+        if nm:
+            out[nf + e] = delay.same(-1.0)
+        return out
+
+    first = [slopes(0, e) for e in range(ne)]
+    lasting = {(a, e): W[0, a, e] - back * W[2, a, e] for a in range(nf) for e in range(ne)}
+    early = {
+        (a, b): plus(base[a, b], ((lasting[a, e], first[e][b]) for e in range(ne) if b in first[e]))
+        for a in range(nf)
+        for b in range(coupled)
+    }
+    for e in range(nm):
+        for b in range(coupled):
+            total = products((by[e, a], early[a, b]) for a in range(nf))
+            total = (total + by[e, b] if b >= rows else total) * series[2, e]
+            if b in own:
+                total = total + series[1, e] * by[e, b]
+            early[nf + e, b] = total + series[0, e] if b == nf + e else total
+            carry[nf + e, b] = early[nf + e, b]
+    growing = {(a, e): W[1, a, e] + up * W[2, a, e] for a in range(nf) for e in range(ne)}
+    for b in range(coupled):
+        change = []
+        for e in range(ne):
+            last = slopes(1, e)
+            total = products((last[a], early[a, b]) for a in range(rows) if a in last)
+            total = total + last[b] if b >= rows else total
+            change.append(total - first[e][b] if b in first[e] else total)
+        for a in range(nf):
+            carry[a, b] = plus(early[a, b], ((growing[a, e], change[e]) for e in range(ne)))

@@ -1,0 +1,87 @@
+"""Posterior of what several runs share, with what belongs to single runs integrated out.
+
+Noise levels, filtered shares, zeros and clock errors of a run are many, one set a run, and
+emcee needs the more steps the more coordinates there are.  Given the shared coordinates x those of
+the runs, η, are nearly normal: noise levels are known to 1/√(2 N), and zeros are linear.  Laplace's
+approximation integrates them (Tierney & Kadane 1986, J. Am. Stat. Assoc. 81, 82–86)::
+
+    log p(x | data) ≈ log p(x, η̂(x) | data) + constant,     η̂(x) = η̂ − H⁻¹ H_x (x − x̂),
+
+with the curvatures H in η and H_x in η and x at the joint mode.  The line η̂(x) in place of the
+conditional mode changes the value by the square of what it misses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.posterior.likelihood import Posterior
+from bayes_asv.posterior.newton import Mode
+
+__all__ = ["SharedPosterior"]
+
+Array = NDArray[np.float64]
+
+
+class SharedPosterior:
+    """Log density of the coordinates that all runs share.
+
+    Parameters
+    ----------
+    target : Posterior
+        Of all coordinates.
+    mode : Mode
+        Its mode.
+
+    Attributes
+    ----------
+    mode : Mode
+        Mode and covariance of the shared coordinates.
+    """
+
+    def __init__(self, target: Posterior, mode: Mode) -> None:
+        of_runs = np.array([c.run is not None for c in target.space.coordinates])
+        self._target, self._all = target, mode
+        self._shared, self._own = np.flatnonzero(~of_runs), np.flatnonzero(of_runs)
+        precision = np.linalg.inv(mode.covariance)
+        within = precision[np.ix_(self._own, self._own)]
+        across = precision[np.ix_(self._own, self._shared)]
+        self._follow = -np.linalg.solve(within, across)
+        self._root = np.linalg.inv(np.linalg.cholesky(within)).T
+        self.mode = Mode(
+            mode.z[self._shared], mode.covariance[np.ix_(self._shared, self._shared)],
+            mode.log_posterior, mode.converged,
+        )  # fmt: skip
+
+    def _along(self, x: Array) -> Array:
+        """Coordinates (W, D) whose shared part is x (W, d), with the runs' at their mode."""
+        z = np.empty((len(x), len(self._all.z)))
+        z[:, self._shared] = x
+        z[:, self._own] = self._all.z[self._own] + (x - self.mode.z) @ self._follow.T
+        return z
+
+    def log_posterior(self, x: Array) -> Array:
+        """Log density (W,), not normalised, at shared coordinates (W, d)."""
+        return self._target.log_posterior(self._along(x))
+
+    def completed(self, x: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Draw the coordinates of the runs for draws of the shared ones.
+
+        Parameters
+        ----------
+        x : (S, d) array
+            Draws of the shared coordinates.
+        rng : numpy.random.Generator
+            Source of random numbers.
+
+        Returns
+        -------
+        z : (S, D) array
+            All coordinates.
+        change : (S,) array
+            What the coordinates of the runs add to the log density.
+        """
+        z, apart = self._along(x), rng.standard_normal((len(x), len(self._own)))
+        z[:, self._own] += apart @ self._root.T
+        return z, -0.5 * np.sum(apart**2, axis=1)
