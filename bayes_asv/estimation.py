@@ -117,7 +117,7 @@ class Estimate:
     nuisance : dict of str to (4, S) array
         Draws of noise deviations (m/s²) and of the filtered share of the noise's variance.
     log_posterior : (4, S) array
-        Not normalised.
+        Not normalised; of several runs as :mod:`bayes_asv.posterior.shared_posterior` has it.
     rhat_max, ess_bulk_min, ess_tail_min : float
         Worst of all coordinates; nan when refused.
     runs : tuple of RunFit

@@ -150,10 +150,13 @@ def one(seed: int, curves: list[Curve]) -> dict[str, Any]:
     out["unexplained"] = bool(found.unexplained and found.unexplained.present)
     assert found.quantities_after is not None
     assert found.errors is not None
-    for name, truth in (("c_f", about["c_f"]), ("c_r", car.c_r), ("i", car.i)):
-        draws = found.quantities_after[name]
-        out[name] = [truth, *np.quantile(draws, [0.025, 0.5, 0.975]).tolist()]
     front = next((d for d in found.dampers if d.element == "front"), None)
+    # a curve has no rate but that of equal power, whatever the laws that describe it
+    after = dict(found.quantities_after)
+    if front is not None:
+        after["c_f"] = front.equal_power
+    for name, truth in (("c_f", about["c_f"]), ("c_r", car.c_r), ("i", car.i)):
+        out[name] = [truth, *np.quantile(after[name], [0.025, 0.5, 0.975]).tolist()]
     shapes = [] if front is None else [[s.name, s.side, s.probability] for s in front.shapes]
     out["shapes"] = shapes
     out["shape_right"] = _shape_right(out)

@@ -105,7 +105,7 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, room[0], room[1])
                 advance_mean_vectors(
-                    nx, nu, rows, coupled, coupled, base, drive, moments[k], mean, ahead
+                    nx, nu, rows, coupled, coupled, 1, base, drive, moments[k], mean, ahead
                 )
                 if ne > 0:
                     bends[0], bends[1] = bend_weights(h, h_before)

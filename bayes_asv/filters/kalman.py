@@ -34,6 +34,7 @@ from bayes_asv.filters.prediction import (
     condition_on_value,
     decays,
     discretize,
+    gained_noise,
     power_series,
 )
 from bayes_asv.filters.suspension_forces import (
@@ -53,7 +54,7 @@ from bayes_asv.filters.vector_steps import (
 
 __all__ = [
     "AT_LEAST", "AT_MOST", "LANES", "MISSING", "NO_LAWS", "ORDER", "VALUE", "FilterPass", "Laws",
-    "Measurements", "SensorNoise", "StateSpace", "filter_pass", "log_likelihood",
+    "Measurements", "SensorNoise", "StateSpace", "filter_pass", "lanes_last", "log_likelihood",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -274,7 +275,7 @@ def _compiled(
         Q = np.zeros((nu, nx, nx, lanes))
         decay = np.ones((n, lanes))
         T = np.empty((2, rows, lanes))
-        added_noise = np.empty((nu + ny, lanes))
+        gained = np.empty((nu + ny, lanes))
         PC = np.empty((n, lanes))
         ahead = np.empty((rows, lanes))
         S = np.empty(lanes)
@@ -306,11 +307,7 @@ def _compiled(
                     h_known = h
                     discretize(nx, nd, nu, rows, lanes, h, powers, B, N, base, Q, work, impulse)
                     decays(coupled, nu, ny, lanes, h, poles, decay)
-                    for u in range(nu + ny):
-                        place_of = coupled - nu + u if u < nu else coupled + ny + u - nu
-                        for q in range(lanes):
-                            left = decay[place_of, q]
-                            added_noise[u, q] = filtered[u, q] * (1.0 - left * left)
+                    gained_noise(coupled, nu, ny, lanes, filtered, decay, gained)
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[0], T[1])
                     for a in range(rows):
@@ -320,7 +317,9 @@ def _compiled(
                 for u in range(nu):
                     for q in range(lanes):
                         intensity[u, q] = white[u, q] * spread[k, u] + spread[k, nu + u]
-                advance_mean_vectors(nx, nu, rows, coupled, n, base, drive, moments[k], mean, ahead)
+                advance_mean_vectors(
+                    nx, nu, rows, coupled, n, 1, base, drive, moments[k], mean, ahead
+                )
                 if ne > 0:
                     bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
@@ -340,14 +339,12 @@ def _compiled(
                 for a in range(rows + nd, n):
                     for q in range(lanes):
                         mean[a, q] *= decay[a, q]
-                predict_vectors(
-                    nx, nu, ny, rows, coupled, carry, Q, decay, intensity, added_noise, P
-                )
+                predict_vectors(nx, nu, ny, rows, coupled, carry, Q, decay, intensity, gained, P)
             for y in range(ny):
                 what = kind[k, y]
                 if what == MISSING:
                     continue
-                project_vectors(y, rows, coupled, ny, C, P, mean, PC, S, shift)
+                project_vectors(y, rows, coupled, ny, 1, C, P, mean, PC, S, shift)
                 for q in range(lanes):
                     S[q] += white[nu + y, q] + extra[k, y]
                 if what == VALUE:
@@ -363,7 +360,7 @@ def _compiled(
                     condition_on_bound(
                         lanes, what == AT_LEAST, reading[k, y], S, shift, shrink, total
                     )
-                condition_vectors(n, PC, shift, shrink, mean, P)
+                condition_vectors(n, 1, PC, shift, shrink, mean, P)
             for q in range(lanes):
                 if not 1e-100 < product[q] < 1e100:  # one logarithm for many readings
                     total[q] -= 0.5 * math.log(product[q])
@@ -404,7 +401,7 @@ def readout(system: StateSpace, nm: int) -> Array:
     return np.concatenate([system.C, system.G, np.zeros((W, ny, nm))], axis=2)
 
 
-def _lanes_last(values: Array) -> Array:
+def lanes_last(values: Array) -> Array:
     """Divide parameter sets (W, …) into blocks (K, …, LANES); the last set fills them up."""
     W = len(values)
     blocks = -(-W // LANES)
@@ -425,7 +422,7 @@ def _passes(
     nm = series_dampers(laws, ne)
     C = readout(system, nm) if nonlinear else system.C
     A, B, C, E, rates, white, filtered, poles = (
-        _lanes_last(x)
+        lanes_last(x)
         for x in (
             system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], noise.white,
             noise.filtered, noise.poles,

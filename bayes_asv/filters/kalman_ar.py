@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace
+from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace, lanes_last
 from bayes_asv.filters.prediction import (
     LOG_2PI,
     OPTIONS,
@@ -31,10 +31,15 @@ from bayes_asv.filters.prediction import (
     VALUE,
     decays,
     discretize,
+    gained_noise,
     power_series,
-    predict_covariance,
-    project,
-    sizes_of_one_type,
+)
+from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_steps import (
+    advance_mean_vectors,
+    condition_vectors,
+    predict_vectors,
+    project_vectors,
 )
 
 __all__ = ["innovations", "log_likelihood"]
@@ -135,12 +140,12 @@ def _whiten(
 
 
 @lru_cache(maxsize=64)
-def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., float]:
-    nx, nd, nu, ny = sizes_of_one_type(nx, nd, nu, ny)
+def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
+    lanes = LANES
     coupled = nx + nd + nu
     n = coupled + 2 * ny
     unknown = nx + nd + ny
-    series = 1 + unknown  # the readings', and those of each unknown
+    columns = 1 + unknown  # the readings', and those of each unknown
 
     @njit(**OPTIONS)
     def run(
@@ -161,140 +166,147 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., float]:
         closes: NDArray[np.bool_],
         ar: Array,
         root: Array,
+        used: int,
         keep: bool,
+        total: Array,
         kept: Array,
-    ) -> float:
-        powers = np.empty((TAYLOR + 1, nx, nx, 1))
-        drive = np.empty((nu, ORDER, nx, 1))
-        power_series(nx, nu, 1, A, B, powers, drive)
+    ) -> None:
+        powers = np.empty((TAYLOR + 1, nx, nx, lanes))
+        drive = np.empty((nu, ORDER, nx, lanes))
+        power_series(nx, nu, lanes, A, B, powers, drive)
         # Column 0 is the mean of the state, the others its derivatives by the unknowns.
-        mean = np.zeros((n, series))
-        P = np.zeros((n, n, 1))
-        for a in range(nx + nd):
-            mean[a, 1 + a] = 1.0
-        for y in range(ny):
-            mean[coupled + y, 1 + nx + nd + y] = 1.0
-            P[coupled + ny + y, coupled + ny + y, 0] = filtered[nu + y, 0]
-        for u in range(nu):
-            P[nx + nd + u, nx + nd + u, 0] = filtered[u, 0]
-        carry = np.zeros((nx, coupled, 1))
-        Q = np.zeros((nu, nx, nx, 1))
-        decay = np.ones((n, 1))
-        T = np.empty((nx, n, 1))
-        PC = np.empty((n, 1))
-        S = np.empty(1)
-        work = np.empty((nx, nx, 1))
-        impulse = np.empty((nx, nu, 1))
-        intensity = np.empty((nu, 1))
-        ahead = np.empty((nx, series))
-        nus = np.zeros((ny, series))
-        w = np.zeros((ny, series))
-        history = np.zeros((max(ar.shape[0], 1), ny, series))
+        mean = np.zeros((n, columns, lanes))
+        P = np.zeros((n, n, lanes))
+        for q in range(lanes):
+            for a in range(nx + nd):
+                mean[a, 1 + a, q] = 1.0
+            for y in range(ny):
+                mean[coupled + y, 1 + nx + nd + y, q] = 1.0
+                P[coupled + ny + y, coupled + ny + y, q] = filtered[nu + y, q]
+            for u in range(nu):
+                P[nx + nd + u, nx + nd + u, q] = filtered[u, q]
+        carry = np.zeros((nx, coupled, lanes))
+        Q = np.zeros((nu, nx, nx, lanes))
+        decay = np.ones((n, lanes))
+        gained = np.empty((nu + ny, lanes))
+        PC = np.empty((n, lanes))
+        S = np.empty(lanes)
+        shrink = np.empty(lanes)
+        shift = np.empty((columns, lanes))
+        work = np.empty((nx, nx, lanes))
+        impulse = np.empty((nx, nu, lanes))
+        intensity = np.empty((nu, lanes))
+        ahead = np.empty((nx, columns, lanes))
+        nus = np.zeros((ny, columns, lanes))
+        w = np.zeros((ny, columns, lanes))
+        # whitening knows no lanes: it does the same to all columns of all lanes
+        nus_flat, w_flat = nus.reshape(ny, columns * lanes), w.reshape(ny, columns * lanes)
+        history = np.zeros((max(ar.shape[0], 1), ny, columns * lanes))
         there = np.zeros(ny, np.bool_)
         own = np.zeros(ny, np.int64)
-        G = np.zeros((unknown, unknown))
-        right = np.zeros(unknown)
-        solution = np.zeros(unknown)
-        store = np.zeros((step.shape[0] if keep else 0, ny, series))
-        total = 0.0
+        G = np.zeros((unknown, unknown, lanes))
+        right = np.zeros((unknown, lanes))
+        solution = np.zeros((unknown, lanes))
+        store = np.zeros((step.shape[0] if keep else 0, ny, columns, used))
+        jacobian = 0.0
         h_known = -1.0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
                 if abs(h - h_known) > 1e-12:
                     h_known = h
-                    discretize(nx, nd, nu, nx, 1, h, powers, B, N, carry, Q, work, impulse)
-                    decays(coupled, nu, ny, 1, h, poles, decay)
-                for a in range(nx):
-                    for q in range(series):
-                        value = 0.0
-                        for c in range(coupled):
-                            value += carry[a, c, 0] * mean[c, q]
-                        ahead[a, q] = value
-                    for u in range(nu):
-                        for j in range(ORDER):
-                            ahead[a, 0] += drive[u, j, a, 0] * moments[k, u, j]
-                for q in range(series):
-                    for a in range(nx):
-                        mean[a, q] = ahead[a, q]
-                    for a in range(nx, n):
-                        mean[a, q] *= decay[a, 0]
-                for u in range(nu):
-                    intensity[u, 0] = white[u, 0] * spread[k, u] + spread[k, nu + u]
-                predict_covariance(
-                    nx, nu, ny, nx, coupled, 1, carry, Q, decay, intensity, filtered, P, T
+                    discretize(nx, nd, nu, nx, lanes, h, powers, B, N, carry, Q, work, impulse)
+                    decays(coupled, nu, ny, lanes, h, poles, decay)
+                    gained_noise(coupled, nu, ny, lanes, filtered, decay, gained)
+                advance_mean_vectors(
+                    nx, nu, nx, coupled, n, columns, carry, drive, moments[k], mean, ahead
                 )
+                for c in range(columns):
+                    for q in range(lanes):
+                        for a in range(nx):
+                            mean[a, c, q] = ahead[a, c, q]
+                        for a in range(nx + nd, n):
+                            mean[a, c, q] *= decay[a, q]
+                for u in range(nu):
+                    for q in range(lanes):
+                        intensity[u, q] = white[u, q] * spread[k, u] + spread[k, nu + u]
+                predict_vectors(nx, nu, ny, nx, coupled, carry, Q, decay, intensity, gained, P)
             for y in range(ny):
                 if kind[k, y] != VALUE:
                     continue
-                project(y, nx, coupled, ny, 1, C, P, PC, S)
-                variance = S[0] + white[nu + y, 0] + extra[k, y]
-                deviation = math.sqrt(variance)
-                for q in range(series):
-                    left = reading[k, y] if q == 0 else 0.0
-                    left -= mean[coupled + y, q] + mean[coupled + ny + y, q]
-                    for a in range(nx):
-                        left -= C[y, a, 0] * mean[a, q]
-                    nus[y, q] = left / deviation
-                for a in range(n):
-                    for q in range(series):
-                        mean[a, q] += PC[a, 0] / deviation * nus[y, q]
+                project_vectors(y, nx, coupled, ny, columns, C, P, mean, PC, S, shift)
+                for q in range(lanes):
+                    variance = S[q] + white[nu + y, q] + extra[k, y]
+                    shrink[q] = 1.0 / variance
+                    S[q] = 1.0 / math.sqrt(variance)
+                    total[q] -= 0.5 * (LOG_2PI + math.log(variance))
+                for c in range(columns):
+                    for q in range(lanes):
+                        left = reading[k, y] - shift[c, q] if c == 0 else -shift[c, q]
+                        nus[y, c, q] = left * S[q]
+                        shift[c, q] = left * shrink[q]
+                condition_vectors(n, columns, PC, shift, shrink, mean, P)
                 there[y] = True
                 own[y] = k
-                total -= 0.5 * (LOG_2PI + math.log(variance))
-                for a in range(n):
-                    for b in range(n):
-                        P[a, b, 0] -= PC[a, 0] / variance * PC[b, 0]
             if not closes[k]:
                 continue
-            total += _whiten(there, nus, ar, root, history, w)
+            jacobian += _whiten(there, nus_flat, ar, root, history, w_flat)
             for y in range(ny):
                 if not there[y]:
                     continue
-                total -= 0.5 * w[y, 0] * w[y, 0]
+                for q in range(lanes):
+                    total[q] -= 0.5 * w[y, 0, q] * w[y, 0, q]
                 for a in range(unknown):
-                    right[a] -= w[y, 1 + a] * w[y, 0]
+                    for q in range(lanes):
+                        right[a, q] -= w[y, 1 + a, q] * w[y, 0, q]
                     for b in range(a + 1):
-                        G[a, b] += w[y, 1 + a] * w[y, 1 + b]
+                        for q in range(lanes):
+                            G[a, b, q] += w[y, 1 + a, q] * w[y, 1 + b, q]
                 if keep:
-                    for q in range(series):
-                        store[own[y], y, q] = w[y, q]
+                    for c in range(columns):
+                        for q in range(used):
+                            store[own[y], y, c, q] = w[y, c, q]
                 there[y] = False
         inverse = np.linalg.inv(start)
-        for a in range(unknown):
-            for b in range(a + 1):
-                G[a, b] += inverse[a, b]
-        total += 0.5 * math.log(np.linalg.det(inverse)) - 0.5 * _solve(G, right, solution)
-        for a in range(unknown):
-            total += 0.5 * solution[a] * right[a]
-        if keep:
-            for k in range(step.shape[0]):
-                for y in range(ny):
-                    if kind[k, y] == VALUE:
-                        value = store[k, y, 0]
-                        for a in range(unknown):
-                            value += store[k, y, 1 + a] * solution[a]
-                        kept[k, y] = value
-        return float(total)
+        jacobian += 0.5 * math.log(np.linalg.det(inverse))
+        for q in range(used):
+            total[q] += jacobian - 0.5 * _solve(G[:, :, q] + inverse, right[:, q], solution[:, q])
+            for a in range(unknown):
+                total[q] += 0.5 * solution[a, q] * right[a, q]
+            if keep:
+                for k in range(step.shape[0]):
+                    for y in range(ny):
+                        if kind[k, y] == VALUE:
+                            value = store[k, y, 0, q]
+                            for a in range(unknown):
+                                value += store[k, y, 1 + a, q] * solution[a, q]
+                            kept[q, k, y] = value
 
     return run  # type: ignore[no-any-return]
 
 
-def _pass(
+def _passes(
     system: StateSpace,
     noise: SensorNoise,
     data: Measurements,
     closes: NDArray[np.bool_],
     ar: Array,
     root: Array,
-    k: int,
-    kept: Array,
-) -> float:
-    """Run parameter set k; innovations are kept where ``kept`` (N, ny) has room."""
-    _, nx, nu = system.B.shape
+    keep: bool,
+) -> tuple[Array, Array]:
+    """Run all parameter sets; return log-likelihoods (W,) and what is kept (W, N, ny)."""
+    W, nx, nu = system.B.shape
     run = _compiled(nx, system.N.shape[1], nu, system.C.shape[1])
-    one = [np.ascontiguousarray(x[k, ..., None]) for x in (system.A, system.B, system.C, *noise)]
-    return float(run(*one[:3], system.N, *one[3:], *data, closes, ar, root, len(kept) > 0, kept))
+    A, B, C, *noises = (lanes_last(x) for x in (system.A, system.B, system.C, *noise))
+    total = np.zeros((len(A), LANES))
+    kept = np.zeros((W, *data.kind.shape)) if keep else np.zeros((W, 0, 0))
+    for b in range(len(A)):
+        first = b * LANES
+        run(
+            A[b], B[b], C[b], system.N, *(x[b] for x in noises), *data, closes, ar, root,
+            min(LANES, W - first), keep, total[b], kept[first : first + LANES],
+        )  # fmt: skip
+    return total.ravel()[:W], kept
 
 
 def log_likelihood(
@@ -318,10 +330,7 @@ def log_likelihood(
         Vector autoregression on the normalised innovations, and the lower triangular inverse root
         of the covariance of what it leaves; p = 0 for none.
     """
-    nothing = np.zeros((0, 0))
-    return np.array(
-        [_pass(system, noise, data, closes, ar, root, k, nothing) for k in range(len(system.A))]
-    )
+    return _passes(system, noise, data, closes, ar, root, keep=False)[0]
 
 
 def innovations(
@@ -332,10 +341,8 @@ def innovations(
     ar: Array,
     root: Array,
 ) -> Array:
-    """Whitened innovations (N, ny) of the first parameter set, zero where there is no value.
+    """Whitened innovations (W, N, ny) of W parameter sets, zero where there is no value.
 
     They are taken at the most probable initial state and biases.
     """
-    kept = np.zeros(data.kind.shape)
-    _pass(system, noise, data, closes, ar, root, 0, kept)
-    return kept
+    return _passes(system, noise, data, closes, ar, root, keep=True)[1]

@@ -43,9 +43,8 @@ __all__ = [
     "condition_on_value",
     "decays",
     "discretize",
+    "gained_noise",
     "power_series",
-    "predict_covariance",
-    "project",
     "sizes_of_one_type",
     "upper_tail",
 ]
@@ -230,119 +229,18 @@ def decays(
 
 
 @njit(**INLINE)
-def predict_covariance(
-    nx: int,
-    nu: int,
-    ny: int,
-    rows: int,
-    coupled: int,
-    lanes: int,
-    carry: Array,
-    Q: Array,
-    decay: Array,
-    intensity: Array,
-    filtered: Array,
-    P: Array,
-    T: Array,
+def gained_noise(
+    coupled: int, nu: int, ny: int, lanes: int, filtered: Array, decay: Array, gained: Array
 ) -> None:
-    """Carry the covariance P (n, n, L) over one step in place.
-
-    Parameters
-    ----------
-    nx, nu, ny, rows, coupled, lanes : int
-        States of the car, inputs, outputs; states that are carried by a full matrix (nx, and the
-        filtered forces of a nonlinear car behind them); states that drive those; lanes.
-    carry : (rows, coupled, L) array
-        From the first states to the carried ones.
-    Q : (nu, nx, nx, L) array
-        Covariance for an input of unit intensity.
-    decay : (n, L) array
-        What is left of each of the other states.
-    intensity : (nu, L) array
-        Of the white noise of each input, m²/s³.
-    filtered : (nu + ny, L) array
-        Stationary variances of the filtered noise.
-    P, T : (n, n, L) and (rows, n, L) arrays
-        Covariance, and room to work in.
-    """
-    n = coupled + 2 * ny
-    for a in range(rows):
-        for b in range(n):
-            for q in range(lanes):
-                total = 0.0
-                for c in range(nx):  # short loops, which the compiler unrolls
-                    total += carry[a, c, q] * P[c, b, q]
-                for c in range(nx, rows):
-                    total += carry[a, c, q] * P[c, b, q]
-                for c in range(rows, coupled):
-                    total += carry[a, c, q] * P[c, b, q]
-                T[a, b, q] = total
-    for a in range(rows):
-        for b in range(a, nx):
-            for q in range(lanes):
-                total = 0.0
-                for c in range(nx):
-                    total += T[a, c, q] * carry[b, c, q]
-                for c in range(nx, rows):
-                    total += T[a, c, q] * carry[b, c, q]
-                for c in range(rows, coupled):
-                    total += T[a, c, q] * carry[b, c, q]
-                for u in range(nu):
-                    total += intensity[u, q] * Q[u, a, b, q]
-                P[a, b, q] = total
-                P[b, a, q] = total
-        for b in range(max(a, nx), rows):
-            for q in range(lanes):
-                total = 0.0
-                for c in range(nx):
-                    total += T[a, c, q] * carry[b, c, q]
-                for c in range(nx, rows):
-                    total += T[a, c, q] * carry[b, c, q]
-                for c in range(rows, coupled):
-                    total += T[a, c, q] * carry[b, c, q]
-                P[a, b, q] = total
-                P[b, a, q] = total
-        for b in range(rows, n):
-            for q in range(lanes):
-                value = T[a, b, q] * decay[b, q]
-                P[a, b, q] = value
-                P[b, a, q] = value
-    for a in range(rows, n):
-        for b in range(rows, n):
-            for q in range(lanes):
-                P[a, b, q] *= decay[a, q] * decay[b, q]
-    for u in range(nu):
-        k = coupled - nu + u
+    """Fill the variances (nu + ny, L) that filtered noise gains in a step, stationary as it is."""
+    for s in range(nu + ny):
+        at = coupled - nu + s if s < nu else coupled + ny + s - nu
         for q in range(lanes):
-            P[k, k, q] += filtered[u, q] * (1.0 - decay[k, q] * decay[k, q])
-    for y in range(ny):
-        k = coupled + ny + y
-        for q in range(lanes):
-            P[k, k, q] += filtered[nu + y, q] * (1.0 - decay[k, q] * decay[k, q])
+            gained[s, q] = filtered[s, q] * (1.0 - decay[at, q] * decay[at, q])
 
 
 MISSING, VALUE, AT_LEAST, AT_MOST = 0, 1, 2, 3  # kinds of reading
 LOG_2PI = math.log(2.0 * math.pi)
-
-
-@njit(**INLINE)
-def project(
-    y: int, rows: int, coupled: int, ny: int, lanes: int, C: Array, P: Array, PC: Array, S: Array
-) -> None:
-    """Fill P hᵀ (n, L) and h P hᵀ (L,) of output y, whose row h is C, one for b and one for v."""
-    n = coupled + 2 * ny
-    b_y, v_y = coupled + y, coupled + ny + y
-    for b in range(n):
-        for q in range(lanes):
-            total = P[b_y, b, q] + P[v_y, b, q]
-            for a in range(rows):
-                total += C[y, a, q] * P[a, b, q]
-            PC[b, q] = total
-    for q in range(lanes):
-        total = PC[b_y, q] + PC[v_y, q]
-        for a in range(rows):
-            total += C[y, a, q] * PC[a, q]
-        S[q] = total
 
 
 @njit(**INLINE)

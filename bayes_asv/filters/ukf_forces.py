@@ -231,7 +231,7 @@ def propagate_with_forces(
             for u in range(ne):
                 mean[nf + u, q] = W[at + np.uint64(rows.forcing + u * LANES)]
         advance_mean_vectors(
-            nx, ne, nf, coupled, coupled, work.base[b], work.drive[b], moments[k], mean, ahead
+            nx, ne, nf, coupled, coupled, 1, work.base[b], work.drive[b], moments[k], mean, ahead
         )
         advance_forces(
             nx, ne, ne, 0, coupled, used, work.table[b], work.rates[b], work.B[b], work.lag, mean,

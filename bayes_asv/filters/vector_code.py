@@ -15,9 +15,11 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Self
 
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 __all__ = ["LANES", "Choice", "Shared", "Table", "Vector", "emitted", "plus", "products"]
 
@@ -34,10 +36,6 @@ class Vector:
 
     def __init__(self, builder: Any, value: Any) -> None:
         self._builder, self.value = builder, value
-
-    def same(self, number: float) -> Vector:
-        """Return a constant in every lane."""
-        return Vector(self._builder, ir.Constant(_DOUBLES, [number] * LANES))
 
     def __add__(self, other: Vector) -> Vector:
         return Vector(self._builder, self._builder.fadd(self.value, other.value, flags=_FUSED))
@@ -121,6 +119,38 @@ class Choice:
                 yield one
 
 
+class _Interpreted:
+    """An array in place of a :class:`Table` where nothing is compiled, as debuggers want it."""
+
+    def __init__(self, values: NDArray[np.float64], lanes: tuple[int, ...]) -> None:
+        self._values, self._lanes = values, lanes
+
+    def shaped(self, *shape: int) -> _Interpreted:
+        return _Interpreted(self._values.reshape(*shape, *self._lanes), self._lanes)
+
+    def __getitem__(self, index: tuple[int, ...] | int) -> NDArray[np.float64]:
+        return np.array(self._values[index])
+
+    def __setitem__(self, index: tuple[int, ...] | int, value: NDArray[np.float64]) -> None:
+        self._values[index] = value
+
+
+class _InterpretedChoice:
+    def __init__(self, value: int) -> None:
+        self._value = value
+
+    def among(self, count: int) -> Iterator[int]:
+        return (one for one in range(count) if one == self._value)
+
+
+def _interpreted(kind: Any, value: Any) -> Any:
+    if kind is int:
+        return value
+    if kind is Choice:
+        return _InterpretedChoice(value)
+    return _Interpreted(value, (LANES,) if kind is Table else ())
+
+
 def emitted(emit: Callable[..., None]) -> Any:
     """Make a step that compiled code can call out of a function that emits it.
 
@@ -131,6 +161,8 @@ def emitted(emit: Callable[..., None]) -> Any:
     """
     about = inspect.signature(emit, eval_str=True)
     kinds = [one.annotation for one in about.parameters.values()]
+    if config.DISABLE_JIT:
+        return lambda *given: emit(*map(_interpreted, kinds, given))
 
     def typed(context: Any, *arguments: Any) -> Any:
         def generate(target: Any, builder: Any, signature: Any, values: Any) -> Any:

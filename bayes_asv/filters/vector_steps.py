@@ -36,25 +36,29 @@ def advance_mean_vectors(
     rows: int,
     coupled: int,
     n: int,
+    columns: int,
     carry: Table,
     drive: Table,
     moments: Shared,
     mean: Table,
     ahead: Table,
 ) -> None:
-    """Fill ``ahead`` (rows,), the mean of the first rows of the state after a step.
+    """Fill ``ahead`` (rows, columns), the first rows of the state's mean after a step.
 
-    ``moments`` (nu, ORDER) are those of the inputs over it, ``drive`` (nu, ORDER, nx) what they do.
+    ``moments`` (nu, ORDER) are those of the inputs over it, ``drive`` (nu, ORDER, nx) what they do
+    to the first column of ``mean`` (n, columns); the others are its derivatives by something.
     """
-    carry, mean, ahead = carry.shaped(rows, coupled), mean.shaped(n), ahead.shaped(rows)
+    carry, mean = carry.shaped(rows, coupled), mean.shaped(n, columns)
+    ahead = ahead.shaped(rows, columns)
     drive, moments = drive.shaped(nu, ORDER, nx), moments.shaped(nu, ORDER)
-    before = [mean[c] for c in range(coupled)]
     by_input = {(u, j): moments[u, j] for u in range(nu) for j in range(ORDER)}
-    for a in range(rows):
-        total = products((carry[a, c], before[c]) for c in range(coupled))
-        if a < nx:
-            total = total + products((drive[u, j, a], by_input[u, j]) for u, j in by_input)
-        ahead[a] = total
+    for column in range(columns):
+        before = [mean[c, column] for c in range(coupled)]
+        for a in range(rows):
+            total = products((carry[a, c], before[c]) for c in range(coupled))
+            if a < nx and column == 0:
+                total = total + products((drive[u, j, a], by_input[u, j]) for u, j in by_input)
+            ahead[a, column] = total
 
 
 @emitted
@@ -71,9 +75,23 @@ def predict_vectors(
     added: Table,
     P: Table,
 ) -> None:
-    """Carry the covariance over one step, as :func:`.prediction.predict_covariance` does.
+    """Carry the covariance P (n, n) over one step.
 
-    ``added`` (nu + ny,) are the variances that the filtered noise gains in the step.
+    Parameters
+    ----------
+    nx, nu, ny, rows, coupled : int
+        States of the car, inputs, outputs; states that are carried by a full matrix (nx, and the
+        filtered forces of a nonlinear car behind them); states that drive those.
+    carry : (rows, coupled) table
+        From the first states to the carried ones.
+    Q : (nu, nx, nx) table
+        Covariance for an input of unit intensity.
+    decay : (n,) table
+        What is left of each of the other states.
+    intensity : (nu,) table
+        Of the white noise of each input, m²/s³.
+    added : (nu + ny,) table
+        Variances that filtered noise gains, of :func:`.prediction.gained_noise`.
     """
     n = coupled + 2 * ny
     carry, Q, decay = carry.shaped(rows, coupled), Q.shaped(nu, nx, nx), decay.shaped(n)
@@ -111,6 +129,7 @@ def project_vectors(
     rows: int,
     coupled: int,
     ny: int,
+    columns: int,
     C: Table,
     P: Table,
     mean: Table,
@@ -118,10 +137,10 @@ def project_vectors(
     S: Table,
     predicted: Table,
 ) -> None:
-    """Fill P hᵀ (n,), h P hᵀ and the predicted reading of the output ``at``, whose row is h."""
+    """Fill P hᵀ (n,), h P hᵀ and h times the mean (n, columns) for the output ``at``, of row h."""
     n = coupled + 2 * ny
-    C, P, mean, PC = C.shaped(ny, rows), P.shaped(n, n), mean.shaped(n), PC.shaped(n)
-    S, predicted = S.shaped(1), predicted.shaped(1)
+    C, P, mean, PC = C.shaped(ny, rows), P.shaped(n, n), mean.shaped(n, columns), PC.shaped(n)
+    S, predicted = S.shaped(1), predicted.shaped(columns)
     for y in at.among(ny):
         own = (coupled + y, coupled + ny + y)
         row = [C[y, a] for a in range(rows)]
@@ -132,19 +151,22 @@ def project_vectors(
             by.append(total + (first + second))
             PC[b] = by[b]
         S[0] = products((row[a], by[a]) for a in range(rows)) + (by[own[0]] + by[own[1]])
-        states = products((row[a], mean[a]) for a in range(rows))
-        predicted[0] = states + (mean[own[0]] + mean[own[1]])
+        for column in range(columns):
+            states = products((row[a], mean[a, column]) for a in range(rows))
+            predicted[column] = states + (mean[own[0], column] + mean[own[1], column])
 
 
 @emitted
 def condition_vectors(
-    n: int, PC: Table, shift: Table, shrink: Table, mean: Table, P: Table
+    n: int, columns: int, PC: Table, shift: Table, shrink: Table, mean: Table, P: Table
 ) -> None:
-    """Update mean (n,) and covariance (n, n): m + P hᵀ shift, P − P hᵀ shrink h P."""
-    PC, mean, P = PC.shaped(n), mean.shaped(n), P.shaped(n, n)
-    by, gain, less = [PC[a] for a in range(n)], shift.shaped(1)[0], shrink.shaped(1)[0]
+    """Update mean (n, columns) and covariance (n, n): m + P hᵀ shift, P − P hᵀ shrink h P."""
+    PC, mean, P = PC.shaped(n), mean.shaped(n, columns), P.shaped(n, n)
+    by, less = [PC[a] for a in range(n)], shrink.shaped(1)[0]
+    gains = [shift.shaped(columns)[column] for column in range(columns)]
     for a in range(n):
-        mean[a] = mean[a] + by[a] * gain
+        for column in range(columns):
+            mean[a, column] = mean[a, column] + by[a] * gains[column]
         scaled = by[a] * less
         for b in range(a + 1):
             P[a, b] = P[a, b] - scaled * by[b]
@@ -267,21 +289,20 @@ def linearise_vectors(
     own = [*range(nf), *range(rows, coupled)]  # what rates depend on
 
     def slopes(end: int, e: int) -> dict[int, Vector]:
-        """Slopes of an excess force in the states."""
+        """Slopes of an excess force in the states, but −1 in the force of a damper in series."""
         out = {b: damping[end, e] * by[e, b] for b in own}
         out[2 * e] = out[2 * e] + stiffness[end, e]
         out[2 * e + 1] = out[2 * e + 1] + delay * stiffness[end, e]
-        if nm:
-            out[nf + e] = delay.same(-1.0)
         return out
 
     first = [slopes(0, e) for e in range(ne)]
     lasting = {(a, e): W[0, a, e] - back * W[2, a, e] for a in range(nf) for e in range(ne)}
-    early = {
-        (a, b): plus(base[a, b], ((lasting[a, e], first[e][b]) for e in range(ne) if b in first[e]))
-        for a in range(nf)
-        for b in range(coupled)
-    }
+    early = {}
+    for a in range(nf):
+        for b in range(coupled):
+            pairs = ((lasting[a, e], first[e][b]) for e in range(ne) if b in first[e])
+            total = plus(base[a, b], pairs)
+            early[a, b] = total - lasting[a, b - nf] if nf <= b < rows else total
     for e in range(nm):
         for b in range(coupled):
             total = products((by[e, a], early[a, b]) for a in range(nf))
@@ -295,8 +316,14 @@ def linearise_vectors(
         change = []
         for e in range(ne):
             last = slopes(1, e)
-            total = products((last[a], early[a, b]) for a in range(rows) if a in last)
-            total = total + last[b] if b >= rows else total
-            change.append(total - first[e][b] if b in first[e] else total)
+            total = products((last[a], early[a, b]) for a in range(nf))
+            if nm:
+                total = total - early[nf + e, b]
+            if b >= rows:
+                total = total + last[b]
+            if b in first[e]:
+                total = total - first[e][b]
+            change.append(total)
         for a in range(nf):
-            carry[a, b] = plus(early[a, b], ((growing[a, e], change[e]) for e in range(ne)))
+            total = plus(early[a, b], ((growing[a, e], change[e]) for e in range(ne)))
+            carry[a, b] = total + growing[a, b - nf] if nf <= b < rows else total

@@ -112,6 +112,10 @@ def groups(result: Estimate) -> dict[str, Any]:
             log_priors(result.space, result.draws, result.nuisance), {}
         )
         datasets["log_likelihood"] = _log_likelihood(target, z)
+        # of several runs the estimate has it by an approximation
+        likelihood = datasets["log_likelihood"]["recordings"].sum("recording").values
+        prior = result.space.log_prior(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
+        datasets["sample_stats"] = _dataset({"lp": likelihood + prior}, {})
         if all(run.colour.order == 0 for run in result.runs):
             datasets["posterior_predictive"] = _readings(result, _predicted(result, target, z))
     return datasets

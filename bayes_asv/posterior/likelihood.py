@@ -339,15 +339,9 @@ class Posterior:
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
         if colour.order == 0:
             return kalman.filter_pass(system, noise, recording.measurements).innovations
-        return np.stack(
-            [
-                kalman_ar.innovations(
-                    system.some([w]), noise.some([w]), recording.measurements, recording.closes,
-                    *colour,
-                )
-                for w in range(len(z))
-            ]
-        )  # fmt: skip
+        return kalman_ar.innovations(
+            system, noise, recording.measurements, recording.closes, *colour
+        )
 
     def innovations_and_variances(
         self, z: Array, run: int, nudge: Perturbation | None = None

@@ -31,7 +31,7 @@ def test_without_lags_it_is_the_plain_filter(name: str) -> None:
     every = np.ones(40, bool)
     white = np.zeros((0, ny, ny)), np.eye(ny)
     assert _value(case, every, *white) == pytest.approx(plain, abs=1e-6)
-    kept = kalman_ar.innovations(case.system, case.noise, case.data, every, *white)
+    kept = kalman_ar.innovations(case.system, case.noise, case.data, every, *white)[0]
     np.testing.assert_array_equal(kept == 0.0, case.data.kind == MISSING)
 
 
@@ -88,7 +88,7 @@ def test_it_whitens_the_innovations_linearly(name: str) -> None:
     expected -= 0.5 * (log_det + w @ np.linalg.solve(covariance, w))
     every = np.ones(n, bool)
     assert _value(case, every, ar, root) == pytest.approx(expected, rel=1e-7, abs=1e-5)
-    kept = kalman_ar.innovations(case.system, case.noise, case.data, every, ar, root)
+    kept = kalman_ar.innovations(case.system, case.noise, case.data, every, ar, root)[0]
     best = np.linalg.solve(design.T @ design + np.linalg.inv(start), design.T @ w)
     np.testing.assert_allclose(kept.ravel(), w - design @ best, atol=1e-5)
 
