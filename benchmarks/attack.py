@@ -282,7 +282,7 @@ def targets(folder: Path) -> dict[str, Target]:
         "recording (logger text)": Target((dump,), read_recording, 4.0),
         "logs of other loggers": Target(foreign, read_log, 2.0),
         "logs of other loggers, inspected": Target(foreign, inspected, 1.0),
-        "options of commands": Target(_CALLS, called, 0.5, 60.0),
+        "options of commands": Target(_CALLS, called, 0.1, 60.0),
         "vehicle file": Target(cars, read_vehicle, 6.0),
         "channel map": Target((proposed,), read_channel_map, 4.0),
         "saved documents": Target(saved, read_saved, 3.0),
@@ -371,6 +371,7 @@ def attack_readers(
                 out[title] = _attack_one(
                     title, target, math.ceil(share * inputs), left, seed, folder, faults
                 )
+                print(f"{title}: {out[title]['inputs']} inputs", file=sys.stderr, flush=True)
     return out
 
 
