@@ -372,22 +372,7 @@ def _compiled(
         for q in range(lanes):
             total[q] -= 0.5 * (math.log(product[q]) + squared[q] + values * LOG_2PI)
 
-    @njit(**OPTIONS)
-    def run_all(
-        A: Array, B: Array, C: Array, E: Array, rates: Array, N: Array, white: Array,
-        filtered: Array, poles: Array, step: Array, moments: Array, spread: Array,
-        kind: NDArray[np.int8], reading: Array, extra: Array, start: Array, sets: int, table: Array,
-        pole: float, inputs: Array, elapsed: Array, added: Array, keep: bool, total: Array,
-        nus: Array, logs: Array, states: Array,
-    ) -> None:  # fmt: skip
-        for b in range(A.shape[0]):
-            run(
-                A[b], B[b], C[b], E[b], rates[b], N, white[b], filtered[b], poles[b], step,
-                moments, spread, kind, reading, extra, start, min(lanes, sets - b * lanes),
-                table[b], pole, inputs, elapsed, added, keep, total[b], nus[b], logs[b], states[b],
-            )  # fmt: skip
-
-    return run_all  # type: ignore[no-any-return]
+    return run  # type: ignore[no-any-return]
 
 
 def series_dampers(laws: Laws, ne: int) -> int:
@@ -430,15 +415,17 @@ def _passes(
     )  # fmt: skip
     instants = len(data.step) if keep else 0
     tables = np.broadcast_to(laws.table, (W, *laws.table.shape[1:]))
-    filled = np.minimum(np.arange(len(A) * LANES), W - 1)
+    sets = np.minimum(np.arange(len(A) * LANES), W - 1).reshape(len(A), LANES)
     out = [np.zeros((len(A), LANES))]
     out += [np.zeros((len(A), instants, size, LANES)) for size in (ny, ny, nx + ne)]
-    _compiled(nx, ne, nm, system.N.shape[1], nu, ny)(
-        A, B, C, E, rates, system.N, white, filtered, poles, *data, W,
-        np.ascontiguousarray(tables[filled]).reshape(len(A), LANES, *tables.shape[1:]),
-        laws.pole, laws.inputs, laws.elapsed, laws.added, keep, *out,
-    )  # fmt: skip
-    total, *kept = (np.moveaxis(x, -1, 1).reshape(len(filled), *x.shape[1:-1])[:W] for x in out)
+    run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
+    for b in range(len(A)):
+        run(
+            A[b], B[b], C[b], E[b], rates[b], system.N, white[b], filtered[b], poles[b], *data,
+            min(LANES, W - b * LANES), np.ascontiguousarray(tables[sets[b]]), laws.pole,
+            laws.inputs, laws.elapsed, laws.added, keep, *(x[b] for x in out),
+        )  # fmt: skip
+    total, *kept = (np.moveaxis(x, -1, 1).reshape(sets.size, *x.shape[1:-1])[:W] for x in out)
     return FilterPass(total, *kept)
 
 
