@@ -33,7 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import helmert
+from scipy.linalg import helmert, solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, logsumexp, ndtr
 
@@ -95,14 +95,17 @@ def integrate_truncated(
     lower, upper : (K,) arrays
         Bounds.
     """
-    precision = information + np.eye(len(gradient))
-    root = np.linalg.cholesky(precision)
-    covariance = np.asarray(np.linalg.inv(precision), np.float64)
+    # By its roots: of a fit that all but diverged the information may be as large as 1e20, and
+    # its sum with the prior's not be positive definite any more in double precision.
+    eigen, vectors = np.linalg.eigh(information)
+    half = np.sqrt(np.maximum(eigen, 0.0))[:, None] * vectors.T
+    upper_root = np.linalg.qr(np.concatenate([half, np.eye(len(gradient))]), mode="r")
+    root = (upper_root * np.sign(np.diag(upper_root))[:, None]).T
+    inverse = solve_triangular(root, np.eye(len(gradient)), lower=True)
+    precision, covariance = root @ root.T, np.asarray(inverse.T @ inverse, np.float64)
     mode = covariance @ gradient
     if np.any((mode < lower) | (mode > upper)):
-        fit = lsq_linear(
-            root.T, np.linalg.solve(root, gradient), bounds=(lower, upper), method="bvls"
-        )
+        fit = lsq_linear(root.T, inverse @ gradient, bounds=(lower, upper), method="bvls")
         mode = np.clip(fit.x, lower, upper)
     sd = np.sqrt(np.diag(covariance))
     slope = gradient - precision @ mode
@@ -283,10 +286,12 @@ def tolerance_evidence(
         model, test.derivatives, sensitivities, np.zeros(len(sensitivities)), integrals[best]
     )
     if not rough and scale > 0.0 and gains[best] > gains[0] + _REFIT_GAIN:
-        refit = at
+        refit: _Expansion | None = at
         for _ in range(_ROUNDS):
-            refit = _refit(model, test, sensitivities, lower, upper, refit)
-        if math.isfinite(refit.log_evidence):
+            refit = (
+                None if refit is None else _refit(model, test, sensitivities, lower, upper, refit)
+            )
+        if refit is not None and math.isfinite(refit.log_evidence):
             at = refit
             # Expanded about a mode without tolerances the gains are too large, at all scales by
             # about the same factor.
@@ -374,8 +379,11 @@ def _refit(
     lower: Array,
     upper: Array,
     at: _Expansion,
-) -> _Expansion:
-    """Find the model's mode with tolerances at their own mode, and expand from there."""
+) -> _Expansion | None:
+    """Find the model's mode with tolerances at their own mode, and expand from there.
+
+    None where that fit diverged.
+    """
     offsets = at.tolerances.mode
     start = at.model.mode.z + at.mode_slope() @ (offsets - at.offsets)
     cost = 0.5 * float(offsets @ offsets)
@@ -390,6 +398,8 @@ def _refit(
     drifts = test.quantization_drifts * ratio
     projection = nuisance_projection(derivatives, moved.mode.z, drifts)
     gradient, information = projection.project_out(scaled)
+    if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(information))):
+        return None
     # integrate_truncated takes the gradient at t = 0, of a likelihood that is known at the offsets
     posterior = integrate_truncated(gradient + information @ offsets, information, lower, upper)
     to_offsets = float((gradient + 0.5 * information @ offsets) @ offsets)
