@@ -230,9 +230,9 @@ def strike_transfers(kills: int, seconds: float, seed: int) -> dict[str, Any]:
     begin, length = time.monotonic(), math.inf  # the first transfer is let finish
     while struck < kills and time.monotonic() - begin < seconds:
         transfers += 1
-        blocks = [SyntheticBlock(board, counts(board, 400, transfers)) for board in (1, 2)]
-        truth = np.concatenate([block.rows.T for block in blocks])
-        logger = FakeLogger(*blocks, run_takes=0.5)
+        front, rear = (SyntheticBlock(board, counts(board, 400, transfers)) for board in (1, 2))
+        truth = np.concatenate([front.rows.T, rear.rows.T])
+        logger = FakeLogger(front, rear, run_takes=0.5)
         with tempfile.TemporaryDirectory() as name, _line(logger) as (port, sent):
             folder = Path(name)
             raw, output = folder / "run.csv.raw", folder / "run.csv"
