@@ -218,6 +218,10 @@ def _pattern(values: Array, ratio: Fraction, form: Form, rounding: float) -> _Pa
     energy = energy[energy.mean(axis=1) > (_ABOVE_STEP * rounding) ** 2]
     if len(energy) < _FEWEST_BLOCKS:
         return None
+    mean_energy = energy.mean(axis=0)
+    least, bound = float(mean_energy.min()), float(mean_energy.sum()) / (period - 1)
+    if len(energy) < _FEWEST_WINDOWS or least > max((_ROUNDING * rounding) ** 2, _EXACT * bound):
+        return None  # relations of no origin hold, whichever it is
     logs = np.log(energy + (1e-3 * rounding) ** 2)
     contrast = (logs.sum(axis=1, keepdims=True) - logs) / (period - 1) - logs
     origin = int(np.argmax(contrast.mean(axis=0)))
@@ -225,7 +229,7 @@ def _pattern(values: Array, ratio: Fraction, form: Form, rounding: float) -> _Pa
     own = float(energy[:, origin].mean())
     others = (float(energy.mean()) * period - own) / (period - 1)
     mean = float(contrast[:, origin].mean())
-    if len(energy) < _FEWEST_WINDOWS or own > max((_ROUNDING * rounding) ** 2, _EXACT * others):
+    if own > max((_ROUNDING * rounding) ** 2, _EXACT * others):
         return None
     # Rounding leaves something of relations that hold by chance.
     if own < (_LESS_THAN_ROUNDED * rounding) ** 2 and mean > _PLAIN_CONTRAST:
