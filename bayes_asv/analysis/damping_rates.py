@@ -38,6 +38,7 @@ _FASTEST = 0.95  # quantile of the speeds driven up to which the shape is descri
 _SLOWEST = 0.125  # of that speed: the piece of the curve that stands for slow motion
 _BENT = 1.25  # ratio of slopes from which a curve is called bent
 _POINTS = 41  # of a curve over the range driven
+_LEAST_RATIO = 1e-3  # that is stated: a damper that does not resist at all is a thousandth
 _UNEQUAL = 1.1  # ratio of rates from which the sides are called unequal
 
 
@@ -211,7 +212,7 @@ def _shapes(compression: Array, extension: Array) -> tuple[DamperShape, ...]:
         Draws of the force on either side at the speeds that :func:`damping_rates` takes.
     """
     bends = {
-        side: np.log((force[:, 4] - force[:, 3]) / (1.0 - 0.5) / (force[:, 2] / _SLOWEST))
+        side: np.log(_ratio((force[:, 4] - force[:, 3]) / (1.0 - 0.5), force[:, 2] / _SLOWEST))
         for side, force in (("compression", compression), ("extension", extension))
     }
     out = []
@@ -225,11 +226,18 @@ def _shapes(compression: Array, extension: Array) -> tuple[DamperShape, ...]:
         for side, true in holds.items():
             if np.mean(true) > 0.5:
                 out.append(DamperShape(name, side, float(np.mean(true)), np.exp(bends[side])))
-    ratio = extension[:, 1] / compression[:, 1]
+    ratio = _ratio(extension[:, 1], compression[:, 1])
     unequal = float(np.mean(np.abs(np.log(ratio)) > math.log(_UNEQUAL)))
     if unequal > 0.5:
         out.append(DamperShape("unequal_sides", "both", unequal, ratio))
     return tuple(out)
+
+
+def _ratio(above: Array, below: Array) -> Array:
+    """Ratio of slopes or forces (N,), of which a draw may have one that is not positive."""
+    least = _LEAST_RATIO * np.maximum(np.abs(above), np.abs(below))
+    least = np.maximum(least, np.finfo(float).tiny)
+    return np.asarray(np.maximum(above, least) / np.maximum(below, least))
 
 
 def _table(target: Posterior, laws: list[Site], z: Array) -> Array:

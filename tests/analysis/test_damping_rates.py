@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.damping_rates import damping_rates
+from bayes_asv.analysis.damping_rates import _shapes, damping_rates
 from bayes_asv.models.effects import site
 from bayes_asv.posterior.fitted_model import make_dataset
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
@@ -41,3 +41,13 @@ def test_a_linear_car_has_no_curves() -> None:
     target = make_dataset(car, (prepared(recording, car),)).target(())
     mode = np.zeros(target.space.dimension)
     assert damping_rates(target, mode, mode[None], target.space.quantities(mode[None], 0)) == ()
+
+
+def test_a_draw_that_does_not_resist_leaves_statements_finite() -> None:
+    # forces at the five speeds; the first draw does not resist in fast compression
+    extension = np.array([[0.1, 3.0, 1.0, 4.0, 8.0]] * 3)
+    compression = np.array([[0.1, -1.0, 1.0, 2.0, 1.5], [0.1, 1.0, 1.0, 2.0, 2.5], [0.0] * 5])
+    shapes = _shapes(compression, extension)
+    assert {shape.name for shape in shapes} >= {"unequal_sides"}
+    assert all(np.all(np.isfinite(shape.ratio)) for shape in shapes)
+    assert all(np.all(shape.ratio > 0.0) for shape in shapes)
