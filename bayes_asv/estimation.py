@@ -46,7 +46,6 @@ from bayes_asv.posterior.map_fit import (
 )
 from bayes_asv.posterior.model_error import draw_cars, model_error
 from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.posterior.shared_posterior import SharedPosterior
 from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording
@@ -413,23 +412,13 @@ def _estimate_prepared(
     else:
         # the parameters of a force law are too far from linear for an expansion at the mode
         exact_form = timed is None or bool(sites)
-        density = target if exact_form else target.expanded(found.mode.z, found.mode.covariance)
-        shared = SharedPosterior(density, found.mode) if len(lines) > 1 else None
-        ensembles = sampler.run_ensembles(
-            shared or density,
-            shared.mode if shared else found.mode,
+        ensembles = sampler.sample_runs(
+            target if exact_form else target.expanded(found.mode.z, found.mode.covariance),
+            found.mode,
             seed,
             None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
             _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
         )
-        if shared is not None:
-            rng, size = np.random.default_rng([seed, 31]), ensembles.draws.shape[:2]
-            every, change = shared.completed(ensembles.draws.reshape(math.prod(size), -1), rng)
-            ensembles = replace(
-                ensembles,
-                draws=every.reshape(*size, -1),
-                log_posterior=ensembles.log_posterior + change.reshape(size),
-            )
     if any(site.effect.free_form for site in sites):
         ensembles = ensembles.thinned(MAX_DRAWS)
     flat = ensembles.draws.reshape(-1, where.dimension)

@@ -33,7 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import helmert, solve_triangular
+from scipy.linalg import helmert
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, logsumexp, ndtr
 
@@ -95,17 +95,14 @@ def integrate_truncated(
     lower, upper : (K,) arrays
         Bounds.
     """
-    # By its roots: of a fit that all but diverged the information may be as large as 1e20, and
-    # its sum with the prior's not be positive definite any more in double precision.
-    eigen, vectors = np.linalg.eigh(information)
-    half = np.sqrt(np.maximum(eigen, 0.0))[:, None] * vectors.T
-    upper_root = np.linalg.qr(np.concatenate([half, np.eye(len(gradient))]), mode="r")
-    root = (upper_root * np.sign(np.diag(upper_root))[:, None]).T
-    inverse = solve_triangular(root, np.eye(len(gradient)), lower=True)
-    precision, covariance = root @ root.T, np.asarray(inverse.T @ inverse, np.float64)
+    precision = information + np.eye(len(gradient))
+    root = np.linalg.cholesky(precision)
+    covariance = np.asarray(np.linalg.inv(precision), np.float64)
     mode = covariance @ gradient
     if np.any((mode < lower) | (mode > upper)):
-        fit = lsq_linear(root.T, inverse @ gradient, bounds=(lower, upper), method="bvls")
+        fit = lsq_linear(
+            root.T, np.linalg.solve(root, gradient), bounds=(lower, upper), method="bvls"
+        )
         mode = np.clip(fit.x, lower, upper)
     sd = np.sqrt(np.diag(covariance))
     slope = gradient - precision @ mode

@@ -249,12 +249,19 @@ def _series_damper(
     at = guess
     for n in range(_PARTS):
         total, slope = damper_force(table, lane, element, c, at, share)
+        low, high = -math.inf, math.inf  # a curve that is steep at rest throws Newton to and fro
         for _ in range(_MOST_TRIES):
             step = (force - total) / slope
-            at += step
-            total, slope = damper_force(table, lane, element, c, at, share)
             if abs(step) <= 1e-9 * (1e-3 + abs(at)):
                 break
+            if step > 0.0:
+                low = at
+            else:
+                high = at
+            at += step
+            if at <= low or at >= high:
+                at = 0.5 * (low + high)
+            total, slope = damper_force(table, lane, element, c, at, share)
         z = K * part / slope
         kept = math.exp(-z)
         first = (1.0 - kept) / z if z > 1e-6 else 1.0 - 0.5 * z

@@ -26,7 +26,9 @@ from scipy.special import ndtri
 from scipy.stats import chi2, qmc
 
 from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
+from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.shared_posterior import SharedPosterior
 from bayes_asv.posterior.threads import threads
 
 __all__ = [
@@ -39,6 +41,7 @@ __all__ = [
     "importance_sample",
     "independent_draws",
     "run_ensembles",
+    "sample_runs",
 ]
 
 DEGREES_OF_FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
@@ -222,6 +225,33 @@ def run_ensembles(
         ess_tail_min=tail,
         converged=done,
         acceptance=float(np.mean([s.acceptance_fraction.mean() for s in samplers])),
+    )
+
+
+def sample_runs(
+    target: Posterior,
+    mode: Mode,
+    seed: int,
+    progress: Progress | None = None,
+    most: int = MAX_STEPS,
+) -> Ensembles:
+    """Sample the posterior of one run or of several.
+
+    Of several the walkers move in the coordinates that all share; those of single runs are drawn
+    for them afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  Parameters are those of
+    :func:`run_ensembles`.
+    """
+    if len(target.space.timelines) == 1:
+        return run_ensembles(target, mode, seed, progress, most)
+    shared = SharedPosterior(target, mode)
+    found = run_ensembles(shared, shared.mode, seed, progress, most)
+    count, length, d = found.draws.shape
+    rng = np.random.default_rng([seed, 31])
+    z, change = shared.completed(found.draws.reshape(-1, d), rng)
+    return replace(
+        found,
+        draws=z.reshape(count, length, -1),
+        log_posterior=found.log_posterior + change.reshape(count, length),
     )
 
 

@@ -225,7 +225,6 @@ def _pattern(values: Array, ratio: Fraction, form: Form, rounding: float) -> _Pa
     logs = np.log(energy + (1e-3 * rounding) ** 2)
     contrast = (logs.sum(axis=1, keepdims=True) - logs) / (period - 1) - logs
     origin = int(np.argmax(contrast.mean(axis=0)))
-    mean = float(contrast[:, origin].mean())
     own = float(energy[:, origin].mean())
     others = (float(energy.mean()) * period - own) / (period - 1)
     mean = float(contrast[:, origin].mean())

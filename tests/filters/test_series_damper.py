@@ -1,0 +1,67 @@
+"""A damper in series with a stiffness whose curve has steep and nearly flat pieces in turn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from bayes_asv.filters.suspension_forces import _series_damper, damper_forces
+from bayes_asv.models.effects import EFFECTS
+from bayes_asv.models.effects.base import Effect
+from tests.filters.test_force_laws import table
+
+C, STIFFNESS = 310.0, 256_000.0
+# logarithms of the slopes from knot to knot: soft, stiff, and soft again beyond
+COMPRESSION = (2.0, -3.2, 1.5, -1.9, -0.6, 0.2, 0.0, 0.0)
+EXTENSION = (0.3, 0.3, -1.0, -0.9, -0.4, 0.1, 0.0, 0.0)
+
+
+def damper() -> tuple[Effect, dict[str, float], np.ndarray]:
+    """The curve as an effect with its values, and the laws of the damper and of its stiffness."""
+    effect = EFFECTS["damper_curve"]
+    steps = (*COMPRESSION, *EXTENSION)
+    values = {p.name: step for p, step in zip(effect.parameters, steps, strict=True)}
+    curve = table("damper_curve", values)[0]
+    law = np.zeros((2, len(curve)))
+    law[0] = curve
+    law[1, :3] = table("damper_hysteresis", {"stiffness": STIFFNESS})[0, :3]
+    return effect, values, law
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.2, 0.4])
+def test_its_force_is_that_of_a_stiff_solver(speed: float) -> None:
+    effect, values, law = damper()
+    time = np.arange(0.0, 0.25, 0.0005)
+
+    def rate(t: float) -> float:
+        slow, fast = np.sin(2.0 * np.pi * 6.0 * t), np.sin(2.0 * np.pi * 31.0 * t)
+        return float(speed * (slow + 0.3 * fast))
+
+    def resists(u: float) -> float:
+        assert effect.force is not None
+        force = effect.force(values, C, 0.0, np.zeros(1), np.array([u]), np.zeros(1))
+        return float(C * u - np.ravel(force)[0])
+
+    def slope(t: float, m: np.ndarray) -> np.ndarray:
+        own = brentq(lambda u: resists(u) - float(m[0]), -20.0, 20.0)
+        return np.array([STIFFNESS * (rate(t) - own)])
+
+    exact = solve_ivp(slope, (0.0, 0.25), [0.0], "Radau", time, rtol=1e-7, atol=1e-4).y[0]
+    step = np.diff(time, prepend=0.0)
+    found = damper_forces(law, 0, C, np.array([rate(t) for t in time]), step, np.zeros(len(time)))
+    assert np.max(np.abs(found - exact)) < 0.02 * np.max(np.abs(exact))
+
+
+def test_its_force_does_not_depend_on_where_the_search_for_its_rate_begins() -> None:
+    """Newton's method alone is thrown to and fro between flat pieces of such a curve."""
+    _, _, law = damper()
+    rng = np.random.default_rng(1)
+    for _ in range(2000):
+        force, begin, end, guess = rng.normal(0.0, (60.0, 0.2, 0.2, 0.3)).tolist()
+        found = [
+            _series_damper(law[None], 0, 0, C, force, begin, end, 0.0, 0.0, 0.0, 0.0025, 0.0, at)
+            for at in (0.0, guess)
+        ]
+        assert found[1] == pytest.approx(found[0], rel=1e-5, abs=1e-5)
