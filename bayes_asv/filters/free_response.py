@@ -24,9 +24,10 @@ from bayes_asv.filters.kalman import (
 from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
+    STEP_SERIES,
     TAYLOR,
-    discretize,
     power_series,
+    step_weights,
 )
 from bayes_asv.filters.suspension_forces import (
     advance_forces,
@@ -35,7 +36,7 @@ from bayes_asv.filters.suspension_forces import (
     rate_slopes,
 )
 from bayes_asv.filters.vector_code import LANES
-from bayes_asv.filters.vector_steps import advance_mean_vectors
+from bayes_asv.filters.vector_steps import advance_mean_vectors, discretize_vectors
 
 __all__ = ["free_response"]
 
@@ -73,8 +74,7 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         power_series(nx, nu, lanes, A, B, powers, drive)
         base = np.zeros((rows, coupled, lanes))
         Q = np.zeros((nu, nx, nx, lanes))
-        work = np.empty((nx, nx, lanes))
-        impulse = np.empty((nx, nu, lanes))
+        weights = np.empty((STEP_SERIES, TAYLOR + 1))
         W = np.zeros((3, nf, ne, lanes))
         last = np.zeros((2, ne, lanes))
         force = np.zeros((2, ne, lanes))
@@ -101,7 +101,8 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
             if h > 0.0:
                 if abs(h - h_known) > 1e-12:
                     h_known = h
-                    discretize(nx, nd, nu, rows, lanes, h, powers, B, N, base, Q, work, impulse)
+                    step_weights(h, weights)
+                    discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, room[0], room[1])
                 advance_mean_vectors(

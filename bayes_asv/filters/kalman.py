@@ -28,14 +28,15 @@ from bayes_asv.filters.prediction import (
     MISSING,
     OPTIONS,
     ORDER,
+    STEP_SERIES,
     TAYLOR,
     VALUE,
     condition_on_bound,
     condition_on_value,
     decays,
-    discretize,
     gained_noise,
     power_series,
+    step_weights,
 )
 from bayes_asv.filters.suspension_forces import (
     advance_forces,
@@ -47,6 +48,7 @@ from bayes_asv.filters.vector_code import LANES
 from bayes_asv.filters.vector_steps import (
     advance_mean_vectors,
     condition_vectors,
+    discretize_vectors,
     linearise_vectors,
     predict_vectors,
     project_vectors,
@@ -284,8 +286,7 @@ def _compiled(
         squared = np.zeros(lanes)
         product = np.ones(lanes)
         intensity = np.empty((nu, lanes))
-        work = np.empty((nx, nx, lanes))
-        impulse = np.empty((nx, nu, lanes))
+        weights = np.empty((STEP_SERIES, TAYLOR + 1))
         W = np.zeros((3, nf, ne, lanes))
         last = np.zeros((2, ne, lanes))
         force = np.zeros((2, ne, lanes))
@@ -305,7 +306,8 @@ def _compiled(
             if h > 0.0:
                 if abs(h - h_known) > 1e-12:
                     h_known = h
-                    discretize(nx, nd, nu, rows, lanes, h, powers, B, N, base, Q, work, impulse)
+                    step_weights(h, weights)
+                    discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     gained_noise(coupled, nu, ny, lanes, filtered, decay, gained)
                     if ne > 0:

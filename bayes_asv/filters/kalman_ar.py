@@ -27,17 +27,19 @@ from bayes_asv.filters.prediction import (
     LOG_2PI,
     OPTIONS,
     ORDER,
+    STEP_SERIES,
     TAYLOR,
     VALUE,
     decays,
-    discretize,
     gained_noise,
     power_series,
+    step_weights,
 )
 from bayes_asv.filters.vector_code import LANES
 from bayes_asv.filters.vector_steps import (
     advance_mean_vectors,
     condition_vectors,
+    discretize_vectors,
     predict_vectors,
     project_vectors,
 )
@@ -193,8 +195,7 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
         S = np.empty(lanes)
         shrink = np.empty(lanes)
         shift = np.empty((columns, lanes))
-        work = np.empty((nx, nx, lanes))
-        impulse = np.empty((nx, nu, lanes))
+        weights = np.empty((STEP_SERIES, TAYLOR + 1))
         intensity = np.empty((nu, lanes))
         ahead = np.empty((nx, columns, lanes))
         nus = np.zeros((ny, columns, lanes))
@@ -215,7 +216,8 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
             if h > 0.0:
                 if abs(h - h_known) > 1e-12:
                     h_known = h
-                    discretize(nx, nd, nu, nx, lanes, h, powers, B, N, carry, Q, work, impulse)
+                    step_weights(h, weights)
+                    discretize_vectors(nx, nd, nu, nx, coupled, weights, powers, B, N, carry, Q)
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     gained_noise(coupled, nu, ny, lanes, filtered, decay, gained)
                 advance_mean_vectors(

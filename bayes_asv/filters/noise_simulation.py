@@ -20,12 +20,14 @@ from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace
 from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
+    STEP_SERIES,
     TAYLOR,
     decays,
-    discretize,
     power_series,
-    sizes_of_one_type,
+    step_weights,
 )
+from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_steps import discretize_vectors
 
 __all__ = ["normals_needed", "simulate_noise"]
 
@@ -39,8 +41,7 @@ def normals_needed(nu: int, ny: int) -> int:
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
-    nx, nu, ny, nd = sizes_of_one_type(nx, nu, ny, 0)
-    coupled = nx + nu
+    lanes, coupled = LANES, nx + nu
     n = coupled + 2 * ny
 
     @njit(**OPTIONS)
@@ -57,17 +58,16 @@ def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
         normals: Array,
         out: Array,
     ) -> None:
-        powers = np.empty((TAYLOR + 1, nx, nx, 1))
-        drive = np.empty((nu, ORDER, nx, 1))
-        power_series(nx, nu, 1, A, B, powers, drive)
-        carry = np.zeros((nx, coupled, 1))
-        Q = np.zeros((nu, nx, nx, 1))
-        decay = np.ones((n, 1))
-        work = np.empty((nx, nx, 1))
-        impulse = np.empty((nx, nu, 1))
-        N = np.zeros((nu, nd))
-        node = np.zeros((nx, 2, nu))  # Φ(s) B at the Gauss nodes, whose squares add to Q
-        kick = np.zeros((2, nu))
+        powers = np.empty((TAYLOR + 1, nx, nx, lanes))
+        drive = np.empty((nu, ORDER, nx, lanes))
+        power_series(nx, nu, lanes, A, B, powers, drive)
+        carry = np.zeros((nx, coupled, lanes))
+        Q = np.zeros((nu, nx, nx, lanes))
+        decay = np.ones((n, lanes))
+        weights = np.empty((STEP_SERIES, TAYLOR + 1))
+        N = np.zeros((nu, 0))
+        node = np.zeros((nx, 2, nu))  # whose squares add to Q
+        kick = np.zeros(nu)
         rest = np.zeros(nu + ny)
         keep = np.ones(nu + ny)
         ahead = np.empty(nx)
@@ -83,18 +83,16 @@ def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
             if h > 0.0:
                 if abs(h - known) > 1e-12:
                     known = h
-                    discretize(nx, nd, nu, nx, 1, h, powers, B, N, carry, Q, work, impulse)
-                    decays(coupled, nu, ny, 1, h, poles, decay)
+                    step_weights(h, weights)
+                    discretize_vectors(nx, 0, nu, nx, coupled, weights, powers, B, N, carry, Q)
+                    decays(coupled, nu, ny, lanes, h, poles, decay)
                     for g in range(2):
-                        s = h * (0.5 + (g - 0.5) / math.sqrt(3.0))
                         for a in range(nx):
                             for u in range(nu):
                                 total = 0.0
                                 for c in range(nx):
-                                    value = powers[TAYLOR, a, c, 0]
-                                    for j in range(TAYLOR - 1, -1, -1):
-                                        value = value * s + powers[j, a, c, 0]
-                                    total += value * B[c, u, 0]
+                                    for j in range(TAYLOR + 1):
+                                        total += weights[2 + g, j] * powers[j, a, c, 0] * B[c, u, 0]
                                 node[a, g, u] = total
                     for u in range(nu):
                         keep[u] = decay[nx + u, 0]
@@ -104,8 +102,7 @@ def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
                         rest[c] = math.sqrt(filtered[c, 0] * (1.0 - keep[c] ** 2))
                 for u in range(nu):
                     intensity = white[u, 0] * spread[k, u] + spread[k, nu + u]
-                    for g in range(2):
-                        kick[g, u] = math.sqrt(0.5 * h * intensity)
+                    kick[u] = math.sqrt(intensity)
                 for p in range(paths):
                     for a in range(nx):
                         total = 0.0
@@ -114,7 +111,7 @@ def _compiled(nx: int, nu: int, ny: int) -> Callable[..., None]:
                         for u in range(nu):
                             total += carry[a, nx + u, 0] * slow[p, u]
                             for g in range(2):
-                                total += node[a, g, u] * kick[g, u] * normals[k, p, 2 * u + g]
+                                total += node[a, g, u] * kick[u] * normals[k, p, 2 * u + g]
                         ahead[a] = total
                     for a in range(nx):
                         x[p, a] = ahead[a]
@@ -153,7 +150,10 @@ def simulate_noise(
     _, nx, nu = system.B.shape
     ny = system.C.shape[1]
     run = _compiled(nx, nu, ny)
-    one = [np.ascontiguousarray(x[0, ..., None]) for x in (system.A, system.B, system.C, *noise)]
+    one = [
+        np.ascontiguousarray(np.repeat(x[0, ..., None], LANES, axis=-1))
+        for x in (system.A, system.B, system.C, *noise)
+    ]
     out = np.empty((*normals.shape[:2], ny))
     run(*one, data.step, data.spread, data.extra, normals, out)
     return out

@@ -37,15 +37,16 @@ __all__ = [
     "MISSING",
     "OPTIONS",
     "ORDER",
+    "STEP_SERIES",
     "TAYLOR",
     "VALUE",
     "condition_on_bound",
     "condition_on_value",
     "decays",
-    "discretize",
     "gained_noise",
     "power_series",
     "sizes_of_one_type",
+    "step_weights",
     "upper_tail",
 ]
 
@@ -82,6 +83,8 @@ ORDER = 8
 """Input moments that are kept; with `TAYLOR` it bounds the step, see the time line."""
 TAYLOR = 12
 """Powers of A h that are kept."""
+STEP_SERIES = 4
+"""Series in them that a step needs, of :func:`step_weights`."""
 
 OPTIONS = {"cache": _CACHE, "nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
 INLINE = {**OPTIONS, "forceinline": True}
@@ -135,81 +138,18 @@ def power_series(
 
 
 @njit(**INLINE)
-def discretize(
-    nx: int,
-    nd: int,
-    nu: int,
-    ahead: int,
-    lanes: int,
-    h: float,
-    powers: Array,
-    B: Array,
-    N: Array,
-    carry: Array,
-    Q: Array,
-    work: Array,
-    impulse: Array,
-) -> None:
-    """Fill what one step of length h needs.
+def step_weights(h: float, weights: Array) -> None:
+    """Fill what a step of length h makes of the powers of A, (STEP_SERIES, TAYLOR + 1).
 
-    ``carry`` (…, ahead + nd + nu, L) gets Φ, −Γ N and −Γ in its first nx rows, ``Q``
-    (nu, nx, nx, L) ∫ Φ B Bᵀ Φᵀ ds for each input by two-point Gauss quadrature, exact to the
-    fourth power of h.
-    Columns nx … ahead of ``carry`` are left alone.  ``work`` (nx, nx, L) and ``impulse``
-    (nx, nu, L) are room to work in.
+    With Aʲ/j! they add up to Φ, to −∫ Φ ds, and to Φ at the nodes of two-point Gauss quadrature
+    times the root of their weight, h/2.
     """
-    for a in range(nx):
-        for b in range(nx):
-            for q in range(lanes):
-                carry[a, b, q] = powers[TAYLOR, a, b, q]
-                work[a, b, q] = powers[TAYLOR, a, b, q] * (h / (TAYLOR + 1))
-    for j in range(TAYLOR - 1, -1, -1):
-        for a in range(nx):
-            for b in range(nx):
-                for q in range(lanes):
-                    carry[a, b, q] = carry[a, b, q] * h + powers[j, a, b, q]
-                    work[a, b, q] = (work[a, b, q] + powers[j, a, b, q] / (j + 1)) * h
-    for a in range(nx):
-        for u in range(nu):
-            for q in range(lanes):
-                total = 0.0
-                for c in range(nx):
-                    total -= work[a, c, q] * B[c, u, q]
-                carry[a, ahead + nd + u, q] = total
-        for d in range(nd):
-            for q in range(lanes):
-                total = 0.0
-                for u in range(nu):
-                    total += carry[a, ahead + nd + u, q] * N[u, d]
-                carry[a, ahead + d, q] = total
-    for u in range(nu):  # a slice's message of unequal shapes would take 2.4 s to compile
-        for a in range(nx):
-            for b in range(nx):
-                for q in range(lanes):
-                    Q[u, a, b, q] = 0.0
-    for g in range(2):
-        s = h * (0.5 + (g - 0.5) / math.sqrt(3.0))
-        for a in range(nx):
-            for b in range(nx):
-                for q in range(lanes):
-                    work[a, b, q] = powers[TAYLOR, a, b, q]
-        for j in range(TAYLOR - 1, -1, -1):
-            for a in range(nx):
-                for b in range(nx):
-                    for q in range(lanes):
-                        work[a, b, q] = work[a, b, q] * s + powers[j, a, b, q]
-        for a in range(nx):
-            for u in range(nu):
-                for q in range(lanes):
-                    total = 0.0
-                    for c in range(nx):
-                        total += work[a, c, q] * B[c, u, q]
-                    impulse[a, u, q] = total
-        for u in range(nu):
-            for a in range(nx):
-                for b in range(nx):
-                    for q in range(lanes):
-                        Q[u, a, b, q] += 0.5 * h * impulse[a, u, q] * impulse[b, u, q]
+    for row in range(STEP_SERIES):
+        node = h if row < 2 else h * (0.5 + (row - 2.5) / math.sqrt(3.0))
+        value = 1.0 if row == 0 else -h if row == 1 else math.sqrt(0.5 * h)
+        for j in range(TAYLOR + 1):
+            weights[row, j] = value / (j + 1) if row == 1 else value
+            value *= node
 
 
 @njit(**INLINE)
@@ -220,12 +160,13 @@ def decays(
 
     ``poles`` (nu + ny, L) are those of inputs, then outputs; biases keep one.
     """
-    for u in range(nu):
+    for s in range(nu + ny):
+        at = coupled - nu + s if s < nu else coupled + ny + s - nu
         for q in range(lanes):
-            decay[coupled - nu + u, q] = math.exp(-poles[u, q] * h)
-    for y in range(ny):
-        for q in range(lanes):
-            decay[coupled + ny + y, q] = math.exp(-poles[nu + y, q] * h)
+            if q > 0 and poles[s, q] == poles[s, q - 1]:  # most sensors are the same in all sets
+                decay[at, q] = decay[at, q - 1]
+            else:
+                decay[at, q] = math.exp(-poles[s, q] * h)
 
 
 @njit(**INLINE)

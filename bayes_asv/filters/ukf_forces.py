@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
+    STEP_SERIES,
     TAYLOR,
-    discretize,
     power_series,
+    step_weights,
 )
 from bayes_asv.filters.simd_layout import LANES, Rows, lane_offset
 from bayes_asv.filters.suspension_forces import (
@@ -30,7 +31,11 @@ from bayes_asv.filters.suspension_forces import (
     rate_slopes,
 )
 from bayes_asv.filters.ukf_state import LawTable, Sizes
-from bayes_asv.filters.vector_steps import advance_mean_vectors, linearise_vectors
+from bayes_asv.filters.vector_steps import (
+    advance_mean_vectors,
+    discretize_vectors,
+    linearise_vectors,
+)
 
 __all__ = ["ForceWorkspace", "force_workspace", "propagate_with_forces"]
 
@@ -57,8 +62,7 @@ class ForceWorkspace(NamedTuple):
     base: Array
     carry: Array
     Q: Array
-    work: Array
-    impulse: Array
+    series_weights: Array
     weights: Array
     term: Array
     after: Array
@@ -91,7 +95,7 @@ def force_workspace(sizes: Sizes, laws: LawTable, points: int) -> ForceWorkspace
         np.zeros((ne, 0)), np.ones((K, ne, 2, L)), table,
         np.zeros((K, TAYLOR + 1, nx, nx, L)), np.zeros((K, ne, ORDER, nx, L)),
         np.zeros((K, nf, coupled, L)), np.zeros((nf, coupled, L)),
-        np.zeros((K, ne, nx, nx, L)), np.zeros((nx, nx, L)), np.zeros((nx, ne, L)),
+        np.zeros((K, ne, nx, nx, L)), np.zeros((STEP_SERIES, TAYLOR + 1)),
         np.zeros((K, 3, nf, ne, L)), np.zeros((nf, L)), np.zeros((nf, L)),
         np.zeros((coupled, L)), np.zeros((nf, L)), np.zeros((2, ne, L)),
         np.zeros((2, ne, L)), np.zeros((2, ne, L)), np.zeros((2, ne, L)),
@@ -215,9 +219,10 @@ def propagate_with_forces(
                 work.by[b],
             )  # fmt: skip
         if new_parameters or new_length:
-            discretize(
-                nx, 0, ne, nf, LANES, h, work.powers[b], work.B[b], work.N, work.base[b],
-                work.Q[b], work.work, work.impulse,
+            step_weights(h, work.series_weights)
+            discretize_vectors(
+                nx, 0, ne, nf, coupled, work.series_weights, work.powers[b], work.B[b], work.N,
+                work.base[b], work.Q[b],
             )  # fmt: skip
             force_weights(
                 nx, ne, LANES, h, work.powers[b], work.E[b], laws.pole, work.base[b],

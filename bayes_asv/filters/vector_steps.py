@@ -6,12 +6,12 @@ given without the lanes.  Of the covariance P only the lower triangle is read an
 
 from __future__ import annotations
 
-from bayes_asv.filters.prediction import ORDER
+from bayes_asv.filters.prediction import ORDER, STEP_SERIES, TAYLOR
 from bayes_asv.filters.vector_code import Choice, Shared, Table, Vector, emitted, plus, products
 
 __all__ = [
-    "advance_mean_vectors", "begin_forces_vectors", "condition_vectors", "end_forces_vectors",
-    "linearise_vectors", "predict_vectors", "project_vectors", "rate_vectors",
+    "advance_mean_vectors", "begin_forces_vectors", "condition_vectors", "discretize_vectors",
+    "end_forces_vectors", "linearise_vectors", "predict_vectors", "project_vectors", "rate_vectors",
 ]  # fmt: skip
 
 
@@ -27,6 +27,69 @@ class _Symmetric:
 
     def __setitem__(self, index: tuple[int, int], value: Vector) -> None:
         self._table[max(index), min(index)] = value
+
+
+@emitted
+def discretize_vectors(
+    nx: int,
+    nd: int,
+    nu: int,
+    rows: int,
+    coupled: int,
+    weights: Shared,
+    powers: Table,
+    B: Table,
+    N: Shared,
+    carry: Table,
+    Q: Table,
+) -> None:
+    """Fill what a step needs.
+
+    Parameters
+    ----------
+    nx, nd, nu, rows, coupled : int
+        States of the car, biases, inputs; as of :func:`predict_vectors`.
+    weights : (STEP_SERIES, TAYLOR + 1) array
+        Of the step, of :func:`.prediction.step_weights`.
+    powers : (TAYLOR + 1, nx, nx) table
+        Aʲ/j!.
+    B, N : (nx, nu) table and (nu, nd) array
+        Of the inputs, and of their biases.
+    carry : (rows, coupled) table
+        Gets Φ, −Γ N and −Γ in its first nx rows; its columns from nx to ``rows`` are left alone.
+    Q : (nu, nx, nx) table
+        Gets ∫ Φ B Bᵀ Φᵀ ds for each input, exact to the fourth power of the step.
+    """
+    weights, powers = weights.shaped(STEP_SERIES, TAYLOR + 1), powers.shaped(TAYLOR + 1, nx, nx)
+    B, N, carry, Q = (
+        B.shaped(nx, nu),
+        N.shaped(nu, nd),
+        carry.shaped(rows, coupled),
+        Q.shaped(nu, nx, nx),
+    )
+    factors = [[weights[row, j] for j in range(TAYLOR + 1)] for row in range(STEP_SERIES)]
+    by_input = {(c, u): B[c, u] for c in range(nx) for u in range(nu)}
+    impulses = {}
+    for a in range(nx):
+        sums = []
+        for b in range(nx):
+            terms = [powers[j, a, b] for j in range(TAYLOR + 1)]
+            # the smallest terms first
+            sums.append([products(zip(terms[::-1], own[::-1], strict=True)) for own in factors])
+            carry[a, b] = sums[b][0]
+        for u in range(nu):
+            _, lasting, *nodes = (
+                products((sums[c][row], by_input[c, u]) for c in range(nx))
+                for row in range(STEP_SERIES)
+            )
+            carry[a, coupled - nu + u] = lasting
+            impulses[a, u] = nodes
+        for d in range(nd):
+            carry[a, rows + d] = products((carry[a, coupled - nu + u], N[u, d]) for u in range(nu))
+    for u in range(nu):
+        for a in range(nx):
+            for b in range(nx):
+                Q[u, a, b] = products(zip(impulses[a, u], impulses[b, u], strict=True))
 
 
 @emitted
