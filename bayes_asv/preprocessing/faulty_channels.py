@@ -19,7 +19,7 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.preprocessing.quantization import quiet_level
+from bayes_asv.preprocessing.quantization import quiet_level, smallest_step
 from bayes_asv.preprocessing.timeline import rails, used_readings
 
 __all__ = ["clipping_limit", "noisy_channels", "stuck_channels"]
@@ -147,7 +147,7 @@ def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]
                 continue
             both = np.isfinite(values[a]) & np.isfinite(values[b])
             moves = np.append(np.diff(values[a]) != 0.0, False) & both
-            one, other = (_smallest_step(values[k, both]) for k in (a, b))
+            one, other = (smallest_step(values[k, both]) for k in (a, b))
             # Of one converter a copy has the very readings: two sensors that move alike are often
             # within one coarse step of each other.
             alike = abs(one - other) < 1e-3 * one
@@ -177,7 +177,7 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     signal = values[c, present]
     if len(signal) < _WINDOW:
         return out
-    step = _smallest_step(signal)
+    step = smallest_step(signal)
     if step == 0.0:
         return out
     step = max(step, sensor.resolution or 0.0)
@@ -211,13 +211,6 @@ def _local_deviation(signals: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
 
 
-def _smallest_step(signal: Array) -> float:
-    """Smallest distance between two different readings; zero where all are equal."""
-    steps = np.diff(np.unique(signal))
-    steps = steps[steps > 1e-9 * np.ptp(signal)] if len(steps) else steps  # beyond rounding
-    return float(steps.min()) if len(steps) else 0.0
-
-
 def _resolved(readings: Array, step: float) -> bool:
     """Whether readings move by more than the few steps of a converter at rest."""
     return float(np.ptp(readings)) > _FEW * step
@@ -226,7 +219,7 @@ def _resolved(readings: Array, step: float) -> bool:
 def _piled_up(signal: Array, at_rail: Flags) -> int:
     """Count readings amid motion that pile up at an extreme which is not a stated rail."""
     readings = signal[np.isfinite(signal) & ~at_rail]
-    step = _smallest_step(readings)
+    step = smallest_step(readings)
     if len(readings) < _WINDOW or not _resolved(readings, step):
         return 0
     # The level at which a channel rests is an extreme until it has moved both ways.

@@ -32,6 +32,7 @@ __all__ = [
     "offset",
     "quiet_level",
     "slow_steps",
+    "smallest_step",
     "spurious_drift",
     "still_variance",
     "still_wheels_doubted",
@@ -169,6 +170,13 @@ def still_variance(step: float, noise: float, pole: float, every: float) -> floa
     known = step**2 / 12.0 + noise**2 * (1.0 + 2.0 * float(memory.sum()))
     beyond = max(torn - known, 0.0) + stays
     return beyond if beyond > _SLIGHT * known else 0.0
+
+
+def smallest_step(signal: Array) -> float:
+    """Smallest distance between two different readings; zero where all are equal."""
+    steps = np.diff(np.unique(signal))
+    steps = steps[steps > 1e-9 * np.ptp(signal)] if len(steps) else steps  # beyond rounding
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def quiet_level(a: Array, step: float) -> float:

@@ -184,8 +184,9 @@ def estimate_noise(
     resolution : float
         Quantization step, SI units.
     unknown : float
-        Noise where there are too few readings, SI units.
+        Noise where there are too few readings or all are equal, SI units.
     """
-    if np.count_nonzero(np.isfinite(signal)) < _MIN_READINGS:
+    readings = signal[np.isfinite(signal)]
+    if len(readings) < _MIN_READINGS or np.ptp(readings) == 0.0:
         return max(resolution, unknown)
     return quiet_level(signal, resolution)

@@ -19,6 +19,7 @@ from bayes_asv.domain.recording import COUNTS, Recording, Timing, nominal_rate, 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site, site
+from bayes_asv.preprocessing.quantization import smallest_step
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.timeline import used_channels
 from bayes_asv.tracking.checkpoint import read_checkpoint, restore, write_checkpoint
@@ -421,12 +422,16 @@ class Tracker:
         acc = np.concatenate([a for _, a in self._pending])
         self._pending = []
         early = acc[times <= times[0] + _NOISE_SECONDS]
-        noise = self._sensors.noise.copy()
+        resolution = self._sensors.resolution.copy()
+        for c in np.flatnonzero(resolution == 0.0):
+            resolution[c] = smallest_step(early[np.isfinite(early[:, c]), c])
+        sensors = replace(self._sensors, resolution=resolution)
+        noise = sensors.noise.copy()
         for c in np.flatnonzero(~np.isfinite(noise)):
-            noise[c] = self._sensors.estimated(int(c), early[:, c])
-        if twists(self._sensors.car):
-            self._standstill = standstill_bias(self._sensors, early, self.rate)
-        self._start_filter(replace(self._sensors, noise=noise))
+            noise[c] = sensors.estimated(int(c), early[:, c])
+        if twists(sensors.car):
+            self._standstill = standstill_bias(sensors, early, self.rate)
+        self._start_filter(replace(sensors, noise=noise))
         return self._process(times, acc)
 
     def _no_frames(self) -> Frames:

@@ -180,6 +180,22 @@ def test_missing_noise_levels_are_estimated() -> None:
     assert tracker.consistency.summary().verdict == "consistent"
 
 
+@pytest.mark.parametrize("terrain", ["bump", "rough"])
+def test_missing_steps_of_a_converter_are_read_off(terrain: str) -> None:
+    """Most readings at standstill are equal; that is no noise of zero."""
+    car, _, recording = case(terrain, 5, DECLARED, seconds=3.0)
+    given = vehicle(DECLARED)
+    sensors = {
+        name: replace(s, noise=None, resolution=None, counts_scale=None)
+        for name, s in given.sensors.items()
+    }
+    acc = accelerations(recording, given)
+    recording = replace(recording, values=acc, units=("m/s^2",) * len(acc))
+    tracker, frames = tracked(recording, replace(given, sensors=sensors))
+    assert np.all(np.abs(z_scores(frames, car)) < 3.0)
+    assert tracker.consistency.summary().verdict == "consistent"
+
+
 @pytest.mark.parametrize(
     ("rate", "forget", "engine"),
     [(0.0, None, "compiled"), (400.0, -1.0, "compiled"), (400.0, None, "steam")],
