@@ -103,10 +103,11 @@ def rest_level(time: NDArray[np.float64], values: NDArray[np.float64]) -> float:
 
 def quiet_windows(time: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mark the readings (N,) of the tenth of the half seconds that vary least."""
-    window = ((time - time[0]) / _WINDOW).astype(np.int64)
-    count = np.bincount(window)
-    full = count >= max(2, 0.5 * np.median(count[count > 0]))
-    mean = np.bincount(window, values) / np.maximum(count, 1)
-    spread = np.bincount(window, (values - mean[window]) ** 2) / np.maximum(count, 1)
+    _, window, count = np.unique(
+        np.floor((time - time[0]) / _WINDOW), return_inverse=True, return_counts=True
+    )  # windows in a gap are none
+    full = count >= max(2, 0.5 * np.median(count))
+    mean = np.bincount(window, values) / count
+    spread = np.bincount(window, (values - mean[window]) ** 2) / count
     limit = np.quantile(spread[full], _QUIET) if full.any() else np.inf
     return (full & (spread <= limit))[window] if full.any() else np.ones(values.size, bool)

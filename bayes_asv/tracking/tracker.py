@@ -119,7 +119,7 @@ class Tracker:
             raise InputError(
                 "rate", f"{rate:g} Hz is not a sampling rate", "give rows per second, such as 400"
             )
-        if forget is not None and not (math.isfinite(forget) and forget > 0.0):
+        if forget is not None and not 0.0 < forget <= 1e6:
             raise InputError(
                 "forget", f"{forget:g} s is not a time constant", "give seconds, such as 60"
             )

@@ -16,7 +16,7 @@ from bayes_asv.domain.units import STANDARD_GRAVITY as GRAVITY
 from bayes_asv.domain.vehicle_file import parse_channel_map
 from bayes_asv.io import read_log
 from bayes_asv.logs.calibration import calibrate_axes, calibrate_values, plateaus
-from bayes_asv.logs.facts import channel_facts
+from bayes_asv.logs.facts import channel_facts, rest_level
 from bayes_asv.logs.names import meaning
 from bayes_asv.logs.proposal import Proposal, map_text, propose
 from tests.rig.car import baja
@@ -220,6 +220,13 @@ def test_deviations_of_a_calibration_are_those_of_repeated_tests() -> None:
     ]
     spread = np.std([axis.scale for axis in tests])
     assert np.sqrt(np.mean([axis.scale_sd**2 for axis in tests])) == pytest.approx(spread, rel=0.2)
+
+
+def test_the_level_at_rest_is_found_beside_a_gap_of_years() -> None:
+    """The memory follows the readings, not the time between them."""
+    time = np.concatenate([np.arange(400) / 400.0, 1e15 + np.arange(400)])
+    values = np.where(np.arange(800) < 200, 1.0, np.sin(np.arange(800)))
+    assert rest_level(time, values) == 1.0
 
 
 def test_known_values_give_a_line() -> None:

@@ -198,7 +198,12 @@ def test_missing_steps_of_a_converter_are_read_off(terrain: str) -> None:
 
 @pytest.mark.parametrize(
     ("rate", "forget", "engine"),
-    [(0.0, None, "compiled"), (400.0, -1.0, "compiled"), (400.0, None, "steam")],
+    [
+        (0.0, None, "compiled"),
+        (400.0, -1.0, "compiled"),
+        (400.0, 1e300, "compiled"),
+        (400.0, None, "steam"),
+    ],
 )
 def test_impossible_arguments_are_refused(rate: float, forget: float | None, engine: str) -> None:
     with pytest.raises(InputError):

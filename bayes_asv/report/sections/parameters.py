@@ -211,17 +211,19 @@ def _posteriors(document: EstimateDocument) -> tuple[svg.Panel, ...]:
     panels = []
     for name in answers(document.parameters):
         draws, p = _draws(document, name), document.parameters[name]
-        if len(draws) < 3 or not p.sd:
+        if not len(draws) or not p.sd:
             continue
         centres = [p.mean] if p.nominal is None else [p.mean, p.nominal]
         margin = max(4.5 * p.sd, 0.12 * (max(centres) - min(centres)))
         start, stop = float(min(centres) - margin), float(max(centres) + margin)
-        figure = svg.canvas(*svg.SMALL)
-        axes = figure.subplots()
-        paint = svg.axle_colour(LABELS[name])
         fine = p.mean + p.sd * np.linspace(-4.5, 4.5, 200)
         grid = np.unique(np.concatenate([np.linspace(start, stop, 200), fine]))
         density = _density(draws, grid)
+        if not density.any():
+            continue  # the document contradicts itself
+        figure = svg.canvas(*svg.SMALL)
+        axes = figure.subplots()
+        paint = svg.axle_colour(LABELS[name])
         inside = (grid >= p.eti95[0]) & (grid <= p.eti95[1])
         axes.fill_between(grid[inside], density[inside], color=paint, alpha=0.3, linewidth=0)
         axes.plot(grid, density, color=paint, label="posterior")
@@ -248,11 +250,12 @@ def _posteriors(document: EstimateDocument) -> tuple[svg.Panel, ...]:
 def _corner(document: EstimateDocument) -> tuple[svg.Panel, ...]:
     """Draw every pair of parameters against each other, with correlations above the diagonal."""
     p = document.parameters
-    names = [n for n in answers(p) if len(_draws(document, n)) > 2 and p[n].sd]
-    if len(names) < 2:
+    every = {n: _draws(document, n) for n in answers(p) if p[n].sd}
+    whole = max(map(len, every.values()), default=0)
+    draws = {n: x for n, x in every.items() if len(x) == whole > 0}  # pairs are of one draw each
+    names, count = list(draws), len(draws)
+    if count < 2:
         return ()
-    count = len(names)
-    draws = {n: _draws(document, n) for n in names}
     figure = svg.canvas(*(size * max(1.0, count / 4) for size in (5.4, 4.7)))
     grid = figure.subplots(count, count, squeeze=False)
     for row, down in enumerate(names):
@@ -307,8 +310,10 @@ def _cell(
 
 
 def _draws(document: EstimateDocument, name: str) -> Array:
+    """Draws of a parameter; none where they have no spread that could be drawn."""
     values = document.draws.get(name, []) if name in document.parameters else []
-    return np.array([v for v in values if v is not None], dtype=float)
+    draws = np.array([v for v in values if v is not None], dtype=float)
+    return draws if len(draws) > 2 and np.ptp(draws) > 0.0 else np.empty(0)
 
 
 def _density(draws: Array, grid: Array) -> Array:
