@@ -115,7 +115,8 @@ class ConsistencySummary:
         ``pessimistic``: mean NIS of the whole recording above or below its band.  Empty for a
         consistent filter.
     recovered : bool
-        Whether the filter was consistent for the last two seconds.
+        Whether the filter was consistent for the last two seconds, or for the last half of less
+        than four: where the parameters begin far off, the first motion is not predicted well.
     """
 
     nis_mean: float
@@ -251,5 +252,6 @@ class ConsistencyMonitor:
             max_box_pierce=self.max_box_pierce,
             correlation=np.asarray(self.lagged_products / power),
             faults=tuple(faults),
-            recovered=self.rows_since_fault >= self._whiteness_window and share > 0.5,
+            recovered=self.rows_since_fault >= min(self._whiteness_window, self.rows / 2)
+            and share > 0.5,
         )
