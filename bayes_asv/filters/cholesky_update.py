@@ -19,9 +19,14 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.prediction import IN_PLACE, INLINE
 
-__all__ = ["add_parameter_noise", "measurement_update", "parameter_variance", "recentre"]
+__all__ = [
+    "FARTHEST", "add_parameter_noise", "measurement_update", "parameter_variance", "recentre",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
+
+FARTHEST = 10.0
+"""Prior standard deviations from its centre at which a coordinate stops."""
 
 
 @njit(**IN_PLACE)
@@ -121,10 +126,21 @@ def parameter_variance(g: Array, F: Array, Fg: Array) -> float:
 
 @njit(**INLINE)
 def recentre(ns: int, mu: Array, D: Array, x: Array, J: Array, m: Array, F: Array) -> None:
-    """Move the reference to the estimate."""
+    """Move the reference to the estimate, or towards it as far as no coordinate leaves `FARTHEST`.
+
+    Readings of a broken sensor would else drive a parameter to where numbers overflow.
+    """
     p = mu.shape[0]
+    share = 1.0
+    for a in range(p):
+        move = 0.0
+        for k in range(a + 1):
+            move += m[k] * D[k, a]
+        room = max(FARTHEST - mu[a] if move > 0.0 else FARTHEST + mu[a], 0.0)
+        if abs(move) > room:
+            share = min(share, room / abs(move))
     for k in range(p):
-        by = m[k]
+        by = share * m[k]
         m[k] = 0.0
         for a in range(k, p):
             mu[a] += by * D[k, a]

@@ -7,6 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.filters.cholesky_update import FARTHEST
+
 __all__ = [
     "DRIFT_LAGS", "GRID", "Columns", "FilterSettings", "LawTable", "Model",
     "Sizes", "State", "Statistics", "Steps",
@@ -18,7 +20,7 @@ Array = NDArray[np.float64]
 DRIFT_LAGS: Final = 8
 """Largest lag (readings) of the innovations' autocovariance that the drift detector uses."""
 NOTHING, STATES, ALL = 0, 1, 2  # what readings are good for
-GRID: Final = np.linspace(-10.0, 10.0, 401)
+GRID: Final = np.linspace(-FARTHEST, FARTHEST, 401)
 """Places of a coordinate, prior standard deviations, at which the numbers of a law are kept."""
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.filters.cholesky_update import recentre
 from bayes_asv.filters.ukf import run
 from bayes_asv.filters.ukf_state import FilterSettings, State, Steps
 from bayes_asv.tracking.filter_model import FilterModel
@@ -196,16 +197,16 @@ def relinearize(
         reference, state, deviance = reference + length * move, trial, trial_deviance
         if converged:
             break
-    mean, D = _estimate(state)
-    moved = np.linalg.solve(current.D.T, mean[:p] - current.mu)
-    J = state.F @ state.J
+    recentre(len(state.x), state.mu, state.D, state.x, state.J, state.m, state.F)
+    moved = np.linalg.solve(current.D.T, state.mu[:p] - current.mu)
+    J = state.J
     statistics = current.statistics.copy()
     statistics[model.at.information_gain] = 0.0
     statistics[model.at.last_step] = state.statistics[model.at.last_step]
     result = State(
-        mu=mean[:p].copy(),
-        D=np.ascontiguousarray(D[:p, :p]),
-        x=state.x + state.J.T @ state.m,
+        mu=state.mu[:p].copy(),
+        D=np.ascontiguousarray(state.D[:p, :p]),
+        x=state.x,
         J=np.ascontiguousarray(J[:p]),
         m=np.zeros(p),
         F=np.eye(p),

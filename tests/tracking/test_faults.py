@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import read_vehicle
+from bayes_asv.filters.cholesky_update import FARTHEST
 from bayes_asv.library.live import watch
 from bayes_asv.models.cars import car_model
 from bayes_asv.shipped import shipped
@@ -255,3 +256,17 @@ def test_watch_says_where_it_cannot_tell(monkeypatch: pytest.MonkeyPatch) -> Non
     assert result is not None
     assert result.verdict == "refused"
     assert "No alarm" not in " ".join(result.lines())
+
+
+def test_a_parameter_stops_where_numbers_would_overflow() -> None:
+    """A body sensor that reads nothing while its wheel moves asks for a damper of any size."""
+    _, _, recording = case("stops", 5, DECLARED, seconds=3.0)
+    given = vehicle(DECLARED)
+    values = accelerations(recording, given)
+    values[recording.channels.index("rear_chassis")] = 0.0
+    dead = replace(recording, values=values, units=("m/s^2",) * len(values))
+    tracker, frames = tracked(dead, given)
+    scale = tracker.coordinates.scale[:3]
+    moved = np.abs(np.log(frames.median / frames.median[0])) / scale
+    assert np.max(moved) <= 2.0 * FARTHEST
+    assert tracker.consistency.summary().verdict == "inconsistent"
