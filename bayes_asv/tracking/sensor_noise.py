@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 # Weights of five samples in the error of the cubic through the outer four at the middle one.
 _INTERPOLATION_ERROR = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 _MIN_READINGS = 8  # for an estimate of the noise
+_CLIP, _ROUNDS = 3.0, 10  # deviations that count, and how often they are found anew
+_CLIPPED = 0.9866  # deviation of a standard normal variable within three
 # Noise with fewer readings, SI units: 10 mg, 0.2 °/s and 1 mm.
 _UNKNOWN_NOISE = {"acceleration": 0.1, "angular_rate": 4e-3, "deflection": 1e-3}
 
@@ -109,10 +111,13 @@ class SensorModel:
         filtered = float(w @ correlation @ w) * float(self.noise[channel]) ** 2
         return filtered + float(w @ w) * float(self.resolution[channel]) ** 2 / 12.0
 
-    def estimated(self, channel: int, signal: Array) -> float:
+    def estimated(self, channel: int, time: Array, signal: Array) -> float:
         """Estimate the noise of one sample of a channel from its readings, SI units."""
-        unknown = _UNKNOWN_NOISE[self.channels[channel].quantity]
-        return estimate_noise(signal, float(self.resolution[channel]), unknown)
+        there = np.isfinite(signal)
+        return estimate_noise(
+            time[there], signal[there], float(self.resolution[channel]),
+            float(self.poles[channel]), _UNKNOWN_NOISE[self.channels[channel].quantity],
+        )  # fmt: skip
 
 
 def sensor_model(
@@ -173,20 +178,34 @@ def sensor_model(
 
 
 def estimate_noise(
-    signal: Array, resolution: float, unknown: float = _UNKNOWN_NOISE["acceleration"]
+    time: Array, readings: Array, resolution: float, pole: float, unknown: float
 ) -> float:
-    """Estimate the noise of one sample from the quietest quarter of a signal.
+    """Estimate the noise of one sample from readings that begin at standstill.
+
+    Third differences take out what is smooth.  White noise of variance σ² leaves 20 σ² in them,
+    noise with a correlation ρ from one reading to the next 20 − 30 ρ + 12 ρ² − 2 ρ³ times σ².
+    Those beyond three deviations are left out, since the car may begin to move; the first
+    deviation is that of the quietest quarter.
 
     Parameters
     ----------
-    signal : (N,) array
-        Readings, SI units; NaN where missing.
+    time, readings : (N,) arrays
+        Instants, s, and readings, SI units.
     resolution : float
         Quantization step, SI units.
+    pole : float
+        Of the sensor's filter, rad/s; zero without one.
     unknown : float
         Noise where there are too few readings or all are equal, SI units.
     """
-    readings = signal[np.isfinite(signal)]
     if len(readings) < _MIN_READINGS or np.ptp(readings) == 0.0:
         return max(resolution, unknown)
-    return quiet_level(signal, resolution)
+    steps = resolution / math.sqrt(12.0)
+    differences = np.abs(np.diff(readings, 3)) / math.sqrt(20.0)
+    level = quiet_level(readings, resolution)
+    for _ in range(_ROUNDS):
+        left = differences[differences < _CLIP * level]
+        level = max(float(np.sqrt(np.mean(left**2))) / _CLIPPED, steps, 1e-6)
+    rho = math.exp(-pole * float(np.median(np.diff(time)))) if pole else 0.0
+    share = (20.0 - 30.0 * rho + 12.0 * rho**2 - 2.0 * rho**3) / 20.0
+    return math.sqrt(max(level**2 - steps**2, 0.0) / share + steps**2)

@@ -421,14 +421,15 @@ class Tracker:
         times = np.concatenate([t for t, _ in self._pending])
         acc = np.concatenate([a for _, a in self._pending])
         self._pending = []
-        early = acc[times <= times[0] + _NOISE_SECONDS]
+        first = times <= times[0] + _NOISE_SECONDS
+        early = acc[first]
         resolution = self._sensors.resolution.copy()
         for c in np.flatnonzero(resolution == 0.0):
             resolution[c] = smallest_step(early[np.isfinite(early[:, c]), c])
         sensors = replace(self._sensors, resolution=resolution)
         noise = sensors.noise.copy()
         for c in np.flatnonzero(~np.isfinite(noise)):
-            noise[c] = sensors.estimated(int(c), early[:, c])
+            noise[c] = sensors.estimated(int(c), times[first], early[:, c])
         if twists(sensors.car):
             self._standstill = standstill_bias(sensors, early, self.rate)
         self._start_filter(replace(sensors, noise=noise))
