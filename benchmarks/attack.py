@@ -35,7 +35,6 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 import click
-import numpy as np
 
 from bayes_asv.acquire.acquisition import outcome_document, replay_file
 from bayes_asv.cli import cli
@@ -530,9 +529,14 @@ def page(result: dict[str, Any]) -> str:
         for what, count in result[struck]["faults"].items()
     ]
     text = (ROOT / "benchmarks" / "attack_page.md.in").read_text(encoding="utf-8")
+    origins = {
+        f"of_{name}": "commit {commit:.7}, seed {seed}, {minutes:.0f} minutes".format(
+            **part, minutes=part["seconds"] / 60.0
+        )
+        for name, part in result["parts"].items()
+    }
     return text.format(
-        total=f"{total:,}", seed=result["seed"], commit=result["commit"][:7],
-        minutes=f"{result['seconds'] / 60.0:.0f}", readers="\n".join(rows), strikes=strikes,
+        total=f"{total:,}", **origins, readers="\n".join(rows), strikes=strikes,
         longest=f"{commands['longest_seconds_to_end']:.2f}", seasons=result["seasons"],
         transfers=result["transfers"], resources="\n".join(short),
         faults="\n".join(faults) or "None.", seconds=f"{SECONDS_AN_INPUT:g}",
@@ -540,27 +544,35 @@ def page(result: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Attack, and write the results and the page."""
+    """Attack, and write the results and the page after each part."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--inputs", type=int, default=100_000)
     parser.add_argument("--strikes", type=int, default=150)
-    parser.add_argument("--minutes", type=float, default=30.0, help="of the readers; as long again")
+    parser.add_argument("--minutes", type=float, default=30.0, help="of each part at most")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--faults", type=Path, help="folder for the inputs that are faults")
+    parser.add_argument("--parts", help="some of them: readers,resources; the others stay")
     arguments = parser.parse_args()
-    begin = time.monotonic()
-    commit = current_commit()
-    seconds = 60.0 * arguments.minutes
-    result = {
-        "commit": commit or "unknown", "seed": arguments.seed, "numpy": np.__version__,
-        "readers": attack_readers(arguments.inputs, seconds, arguments.seed, arguments.faults),
-        "resources": {**attack_resources(), "two processes, cold cache": attack_cold_cache()},
-        "commands": strike_commands(arguments.strikes, seconds, arguments.seed),
-        "seasons": strike_seasons(arguments.strikes // 2, seconds, arguments.seed),
-        "transfers": strike_transfers(arguments.strikes // 2, seconds, arguments.seed),
+    seconds, seed, strikes = 60.0 * arguments.minutes, arguments.seed, arguments.strikes
+    parts: dict[str, Callable[[], dict[str, Any]]] = {
+        "readers": lambda: attack_readers(arguments.inputs, seconds, seed, arguments.faults),
+        "resources": lambda: {
+            **attack_resources(), "two processes, cold cache": attack_cold_cache(),
+        },
+        "commands": lambda: strike_commands(strikes, seconds, seed),
+        "seasons": lambda: strike_seasons(strikes // 2, seconds, seed),
+        "transfers": lambda: strike_transfers(strikes // 2, seconds, seed),
     }  # fmt: skip
-    result["seconds"] = round(time.monotonic() - begin, 1)
-    RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    result: dict[str, Any] = {"parts": {}}
+    if RESULTS.exists():
+        result = json.loads(RESULTS.read_text(encoding="utf-8"))
+    for name in arguments.parts.split(",") if arguments.parts else parts:
+        begin, commit = time.monotonic(), current_commit() or "unknown"
+        result[name] = parts[name]()
+        result["parts"][name] = {
+            "commit": commit, "seed": seed, "seconds": round(time.monotonic() - begin, 1),
+        }  # fmt: skip
+        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     PAGE.write_text(page(result), encoding="utf-8")
     faults = sum(len(one["faults"]) for one in result["readers"].values())
     faults += sum(len(one["faults"]) for one in result["resources"].values())

@@ -183,9 +183,11 @@ def quiet_level(a: Array, step: float) -> float:
     """Noise of one sample (m/s²) of readings (N,), from the quietest quarter of their record.
 
     Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
-    A hundredth of the channel's own deviation is the least that is believed.
+    A hundredth of the channel's own deviation is the least that is believed, and what a converter
+    of this step adds; where the step is not given (zero) it is read off.
     """
     a = a[np.isfinite(a)]
+    step = step or smallest_step(a)
     quiet = float(np.quantile(np.abs(np.diff(a, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)
     return max(quiet, 0.01 * float(np.std(a)), step / math.sqrt(12.0), 1e-6)
 
