@@ -87,6 +87,8 @@ class Case(NamedTuple):
         As a logger would have written it.
     vehicle : Vehicle
         What its team states.
+    shares : dict of str to float
+        True damping rate of each axle over the nominal one.
     """
 
     number: int
@@ -96,6 +98,7 @@ class Case(NamedTuple):
     terrain: str
     recording: Recording
     vehicle: Vehicle
+    shares: dict[str, float]
 
 
 Broken = tuple[Array, str]
@@ -257,7 +260,11 @@ def draw_case(seed: int, number: int) -> Case:
         path = Path(folder) / "car.toml"
         path.write_text(text, encoding="utf-8")
         vehicle = replace(read_vehicle(path), source="car.toml")
-    return Case(number, kind, words, design.name, terrain, recording, vehicle)
+    shares = {
+        axle: truth.values[f"{axle}_damping"] / c.value
+        for axle, c in (("front", vehicle.c_f), ("rear", vehicle.c_r))
+    }
+    return Case(number, kind, words, design.name, terrain, recording, vehicle, shares)
 
 
 def _spec(sensors: Sensors, rng: Generator) -> SensorSpec:
@@ -315,7 +322,10 @@ def _bearable(run: RigRun, design: Design) -> bool:
 
 
 Answer = tuple[str, str]
-"""``ok``, or how the command said that something is wrong; and its words."""
+"""How a command said that something is wrong, or one of `FINE`; and its words."""
+FINE = ("ok", "true alarm")
+"""Answers without a doubt.  ``watch`` ends with its alarm: where that is true, nothing that a channel
+did until then has misled it, and what breaks later it does not see."""
 
 
 def _estimate(case: Case) -> Answer:
@@ -347,7 +357,10 @@ def _watch(case: Case) -> Answer:
         return "refused", " | ".join(document.reasons)
     if getattr(document, "doubt", ""):
         return "doubt", document.doubt
-    return "ok", " | ".join(result.lines())
+    alarm, words = document.alarm, " | ".join(result.lines())
+    if alarm is not None and alarm.eti95[0] < case.shares[alarm.axle] < alarm.eti95[1]:
+        return "true alarm", words
+    return "ok", words
 
 
 def _diagnose(case: Case) -> Answer:
@@ -384,7 +397,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for name, sound in (("broken", False), ("sound", True)):
         mine = [row for row in rows if (row["kind"] is None) == sound]
-        wrong = [row for row in mine if (row["answer"] == "ok") != sound]
+        wrong = [r for r in mine if (r["answer"] not in FINE if sound else r["answer"] == "ok")]
         if mine:
             ends = binomtest(len(wrong), len(mine)).proportion_ci(method="exact")
             out[name] = {
@@ -392,6 +405,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
                 "answered_ok" if not sound else "doubted": len(wrong),
                 "interval95": [float(ends.low), float(ends.high)],
                 "by_kind": dict(Counter(row["kind"] or row["terrain"] for row in wrong)),
+                "true_alarms": sum(row["answer"] == "true alarm" for row in mine),
             }
     return out
 
@@ -424,7 +438,7 @@ def main() -> int:
             mine.append(ask(command, case))
             done[command] = summary(mine)
             arguments.out.write_text(json.dumps(done, indent=1) + "\n", encoding="utf-8")
-            if (mine[-1]["answer"] == "ok") != (case.kind is None):
+            if (mine[-1]["answer"] in FINE) != (case.kind is None):
                 print(number, command, case.car, case.terrain, case.words, mine[-1]["answer"],
                       mine[-1]["words"], sep=" · ", flush=True)  # fmt: skip
     for command in arguments.commands.split(","):

@@ -34,9 +34,9 @@ class ConsistencyLimits(NamedTuple):
 
     Parameters
     ----------
-    nis_bands : (4, M) array
-        By the number of readings in the window: lower and upper limit of the mean NIS inside which
-        the flag ends, then lower and upper limit outside of which it is raised.
+    nis_bands : (3, M) array
+        By the number of readings in the window: the band of the mean NIS, below whose upper limit
+        the flag ends, and the limit above which it is raised.
     box_pierce_onset, box_pierce_end : float
         Limits of the Box–Pierce statistic.
     noise_onset, noise_end : float
@@ -50,6 +50,7 @@ class ConsistencyLimits(NamedTuple):
     noise_end: float
 
 
+_FEWEST: Final = 2 * LAGS  # innovations in a window, of which an autocorrelation can be told
 _SMALLEST_POWER: Final = 1e-10  # below the sum of squares of any innovations that are not all zero
 
 
@@ -119,7 +120,7 @@ def update_sums(
             for lag in range(LAGS + 1):
                 products[y, lag] += rows[e, 2 + y] * rows[e - lag, 2 + y]
             power, count = sums[at], sums[at + LAGS + 1]
-            if count > 0.5 and power > _SMALLEST_POWER:
+            if count > _FEWEST and power > _SMALLEST_POWER:
                 squares = 0.0
                 for lag in range(1, LAGS + 1):
                     squares += sums[at + lag] * sums[at + lag]
@@ -181,9 +182,11 @@ def flag_inconsistency(
         mean[k] = nis[k, 0] / count if count > 0.5 else 1.0
         n = int(count + 0.5)
         low[k], high[k] = limits.nis_bands[0, n], limits.nis_bands[1, n]
-        if mean[k] < limits.nis_bands[2, n] or mean[k] > limits.nis_bands[3, n]:
+        # Errors that are smaller than stated are no fault of a moment: a filter that does not know
+        # its parameters yet states large ones.
+        if mean[k] > limits.nis_bands[2, n]:
             flags[0] = True
-        elif low[k] <= mean[k] <= high[k]:
+        elif mean[k] <= high[k]:
             flags[0] = False
         if box_pierce[k] > limits.box_pierce_onset:
             flags[1] = True

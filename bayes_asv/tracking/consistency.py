@@ -111,7 +111,7 @@ class ConsistencySummary:
         Autocorrelation of the normalised innovations of each output.
     faults : tuple of str
         ``swollen``: noise variance above the declared one; ``coloured``: correlated innovations;
-        ``uneven``: mean NIS out of its band for some of the time; ``optimistic`` or
+        ``uneven``: mean NIS above its band for some of the time; ``optimistic`` or
         ``pessimistic``: mean NIS of the whole recording above or below its band.  Empty for a
         consistent filter.
     recovered : bool
@@ -178,7 +178,7 @@ class ConsistencyMonitor:
         self._rows_since_recompute = 0
         counts = np.arange(self.outputs * self._nis_window + 1.0)
         self._limits = ConsistencyLimits(
-            np.stack([*nis_band(counts), *nis_band(counts, _NIS_ONSET)]),
+            np.stack([*nis_band(counts), nis_band(counts, _NIS_ONSET)[1]]),
             self.outputs * _BOX_PIERCE_ONSET,
             self.outputs * _BOX_PIERCE_END,
             _NOISE_ONSET if self.declared else np.inf,

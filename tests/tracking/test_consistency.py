@@ -106,6 +106,18 @@ def test_raised_noise_factor_is_a_fault_if_noise_was_declared() -> None:
     assert statistics.consistent.all()
 
 
+def test_a_few_readings_after_a_standstill_are_not_correlated() -> None:
+    """The products reach back before the window, where innovations were larger."""
+    rng = np.random.default_rng(6)
+    monitor = ConsistencyMonitor(RATE)
+    nu = rng.normal(size=(2000, 2))
+    nu[1000:] = 0.0
+    nu[995:1000] = 1e-3
+    readings = np.where(nu.any(axis=1), 2.0, 0.0)
+    statistics = monitor.update(np.sum(nu**2, axis=1), readings, nu, np.ones((2000, 2)))
+    assert statistics.consistent.all()
+
+
 @given(seed=st.integers(0, 1000), chunk=st.integers(1, 400))
 def test_chunk_size_has_no_effect(seed: int, chunk: int) -> None:
     rng = np.random.default_rng(seed)

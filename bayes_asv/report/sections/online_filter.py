@@ -67,7 +67,7 @@ _FAULTS: Final = {
         "the car does something that the {car} car does not describe. Meanwhile the filter lets "
         "the parameters vary, which widens the intervals."
     ),
-    "uneven": "For a part of the time the errors did not match the stated uncertainty.",
+    "uneven": "For a part of the time the errors were larger than stated.",
     "optimistic": "The errors were larger than stated: the noise is larger than given.",
     "pessimistic": (
         "The errors were smaller than stated: the noise is smaller than given, and the intervals "
