@@ -324,8 +324,8 @@ def _bearable(run: RigRun, design: Design) -> bool:
 Answer = tuple[str, str]
 """How a command said that something is wrong, or one of `FINE`; and its words."""
 FINE = ("ok", "true alarm")
-"""Answers without a doubt.  ``watch`` ends with its alarm: where that is true, nothing that a channel
-did until then has misled it, and what breaks later it does not see."""
+"""Answers without a doubt.  ``watch`` ends with its alarm: where that is true, nothing that a
+channel did until then has misled it, and what breaks later it does not see."""
 
 
 def _estimate(case: Case) -> Answer:
