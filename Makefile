@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 OUT    ?= out
+PEERS  := emcee scipy filterpy pints numpyro blackjax
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test docs check format lint types contract unit attack recordings samples clean
+.PHONY: help demo test docs check format lint types contract unit attack bench recordings samples clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -62,6 +63,15 @@ unit:
 
 attack: $(VENV)/.tested ## attack every reader and command: ATTACK="--inputs 100000 --minutes 30"
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.attack $(ATTACK)
+
+$(VENV)/peers/.installed: | $(VENV)/.tested
+	@echo "Installing the peers in an environment of their own"
+	@$(BIN)/python -m venv $(VENV)/peers
+	@$(VENV)/peers/bin/python -m pip install --quiet --disable-pip-version-check $(PEERS)
+	@touch $@
+
+bench: $(VENV)/peers/.installed ## compare the speed with that of peers and of C, alone on the machine
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.peers --python $(VENV)/peers/bin/python
 
 recordings: $(VENV)/.tested ## make the shipped recordings again from the rig
 	$(BIN)/python -m tests.rig.shipped

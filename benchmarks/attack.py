@@ -530,9 +530,7 @@ def page(result: dict[str, Any]) -> str:
     ]
     text = (ROOT / "benchmarks" / "attack_page.md.in").read_text(encoding="utf-8")
     origins = {
-        f"of_{name}": "commit {commit:.7}, seed {seed}, {minutes:.0f} minutes".format(
-            **part, minutes=part["seconds"] / 60.0
-        )
+        f"of_{name}": f"commit {part['commit']:.7}, seed {part['seed']}"
         for name, part in result["parts"].items()
     }
     return text.format(
@@ -567,11 +565,9 @@ def main() -> int:
     if RESULTS.exists():
         result = json.loads(RESULTS.read_text(encoding="utf-8"))
     for name in arguments.parts.split(",") if arguments.parts else parts:
-        begin, commit = time.monotonic(), current_commit() or "unknown"
+        commit = current_commit() or "unknown"
         result[name] = parts[name]()
-        result["parts"][name] = {
-            "commit": commit, "seed": seed, "seconds": round(time.monotonic() - begin, 1),
-        }  # fmt: skip
+        result["parts"][name] = {"commit": commit, "seed": seed}
         RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     PAGE.write_text(page(result), encoding="utf-8")
     faults = sum(len(one["faults"]) for one in result["readers"].values())
