@@ -43,11 +43,11 @@ def ask(folder: Path, name: str, mistaken: bool) -> dict[str, Any]:
         paths = sorted((folder / name).glob("*.csv"))
         runs = [read_recording(path) for path in paths]
         even = [at_own_rate(run) for run in runs]
-        _, reasons, _ = prepare_runs(even, vehicle)
+        reasons = tuple(prepare_runs(even, vehicle)[1])
         doubt = check_input(even, vehicle, refused=bool(reasons))
         if mistaken and not reasons and doubt is None:
             answer = estimate(runs, vehicle)
-            reasons, doubt = list(answer.reasons), answer.doubt
+            reasons, doubt = answer.reasons, answer.doubt
             for axle, key in (("front", "c_f"), ("rear", "c_r")):
                 if key in answer.draws:
                     draws = answer.draws[key]
