@@ -123,12 +123,12 @@ def of_the_car(problem: Problem, z: Any) -> Any:
 
 
 def numpyro_nuts(problem: Problem, seed: int) -> Found:
-    """NumPyro's NUTS with its own adaptation: two chains of 150 + 250, one after the other."""
+    """NumPyro's NUTS with a full matrix that it adapts: two chains of 150 + 250, one after the other."""
     import jax
     from numpyro.infer import MCMC, NUTS
 
     log_posterior = jax_log_posterior(problem)
-    kernel = NUTS(potential_fn=lambda z: -log_posterior(z))
+    kernel = NUTS(potential_fn=lambda z: -log_posterior(z), dense_mass=True)
     mcmc = MCMC(kernel, num_warmup=150, num_samples=250, num_chains=2, chain_method="sequential",
                 progress_bar=False)  # fmt: skip
     start = problem["mode"] + 0.1 * np.random.default_rng(seed).normal(size=(2, 11))
@@ -248,8 +248,8 @@ def filterpy_likelihood(problem: Problem, seed: int) -> Found:
         kf.Q, kf.R, kf.P = 1e-6 * np.eye(6), 2.5e-3 * np.eye(2), problem["start"]
         total = 0.0
         for u, y in zip(wheels, chassis, strict=True):
-            kf.predict(u=u)
-            kf.update(y)
+            kf.predict(u=u[:, None])
+            kf.update(y[:, None])
             total += kf.log_likelihood
         return total
 
