@@ -467,10 +467,12 @@ def _times(factor: float) -> str:
 
 Array = NDArray[np.float64]
 
-_WORN, _STIFFER = 0.35, 0.2  # deviations of ln(estimated/nominal)
+# Deviations of ln(estimated/nominal): half of all dampers are as stated within a tolerance, the
+# others are worn or set stiffer.
+_TOLERANCE, _WORN, _STIFFER = 0.1, 0.35, 0.2
+_AS_STATED = 0.5
 REPORTED = 0.05  # probability from which on a mistake is reported
-_OFTEN = 4.0  # how much likelier than others the two mistakes are that most people make
-_PRIOR = 0.1  # probability that nominal damping has one of the mistakes
+_PRIOR = 0.1  # probability that nominal damping has one of the mistakes, each kind as likely
 _UNITS = (  # the larger unit over the smaller one
     (12.0, "lbf·s/in", "lbf·s/ft"),
     (si_factor("lbf*s/in", "damping"), "lbf·s/in", "N·s/m"),
@@ -580,66 +582,66 @@ def _dampers(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
     names = list(dict.fromkeys(element.damping for element in car.elements))
     nominal = {p.name: p.nominal for p in car.parameters}
     rho = np.array([math.log(values[name] / nominal[name]) for name in names])
-    elements = np.arange(len(names))
-    mistakes: list[tuple[float, Array, str]] = [
-        (_OFTEN, rho - math.log(2.0), "nominal damping is given for one side of an axle only"),
-        (1.0, rho + math.log(2.0), "nominal damping counts both sides of an axle twice"),
+    several = len(names) > 1
+    every, elements = np.ones(len(names)), np.eye(len(names))
+    # Mistakes by kind: what each leaves of rho, one or several possible sizes, and its words.
+    sides = [
+        (rho - math.log(2.0), "nominal damping is given for one side of an axle only"),
+        (rho + math.log(2.0), "nominal damping counts both sides of an axle twice"),
     ]
+    units: list[tuple[Array, str]] = []
     for factor, large, small in _UNITS:
         for log, true, written in (
             (math.log(factor), large, small),
             (-math.log(factor), small, large),
         ):
             text = f"a value in {true} was given the unit {written}"
-            mistakes.append((1.0, rho - log, f"nominal damping has a wrong unit: {text}"))
-            for k, name in enumerate(names if len(names) > 1 else []):
-                alone = rho - log * (elements == k)
-                mistakes.append(
-                    (1.0, alone, f"the nominal {QUANTITIES[name][1]} has a wrong unit: {text}")
-                )
-    squares = -2.0 * np.log(_MOTION_RATIOS)[:, None]
+            units.append((rho - log * every, f"nominal damping has a wrong unit: {text}"))
+            for name, alone in zip(names, elements, strict=True):
+                if several:
+                    text_of_one = f"the nominal {QUANTITIES[name][1]} has a wrong unit: {text}"
+                    units.append((rho - log * alone, text_of_one))
     ratio = math.exp(0.5 * float(rho.mean()))  # if no damper is worn
-    mistakes.append(
-        (
-            _OFTEN,
-            rho + squares,
-            "nominal damping is given at the damper instead of at the wheel "
-            f"(motion ratio about {ratio:.2f})",
-        )
+    at_damper = (
+        rho - 2.0 * np.log(_MOTION_RATIOS)[:, None],
+        "nominal damping is given at the damper instead of at the wheel "
+        f"(motion ratio about {ratio:.2f})",
     )
+    kinds = [sides, units, [at_damper]]
+    if several:
+        one_side = "is given for one side of the axle only"
+        kinds.append(
+            [
+                (rho - math.log(2.0) * alone, f"the nominal {QUANTITIES[name][1]} {one_side}")
+                for name, alone in zip(names, elements, strict=True)
+            ]
+        )
     if len(names) == 2:
         exchange = math.log(nominal[names[0]] / nominal[names[1]]) * np.array([1.0, -1.0])
-        mistakes.append((1.0, rho + exchange, "front and rear nominal damping are exchanged"))
-    shares = np.array([share for share, _, _ in mistakes])
-    each = np.log(_PRIOR * shares / shares.sum())
-    logs = np.array(
-        [float(_log_wear(rho)) + math.log(1.0 - _PRIOR)]
-        + [
-            float(np.logaddexp.reduce(np.atleast_1d(_log_wear(corrected))))
-            - math.log(np.size(_log_wear(corrected)))
-            + prior
-            for (_, corrected, _), prior in zip(mistakes, each, strict=True)
-        ]
-    )
-    weights = np.exp(logs - logs.max())
+        kinds.append([(rho + exchange, "front and rear nominal damping are exchanged")])
+    logs, texts = [float(_log_wear(rho)) + math.log(1.0 - _PRIOR)], []
+    for kind in kinds:
+        for corrected, text in kind:
+            each = np.atleast_1d(_log_wear(corrected))
+            prior = math.log(_PRIOR / len(kinds) / len(kind) / len(each))
+            logs.append(float(np.logaddexp.reduce(each)) + prior)
+            texts.append(text)
+    weights = np.exp(np.array(logs) - max(logs))
     weights /= weights.sum()
     if weights[0] > 0.5:
         return []
-    ranked = sorted(zip(weights[1:], mistakes, strict=True), key=lambda pair: -float(pair[0]))
+    ranked = sorted(zip(weights[1:], texts, strict=True), key=lambda pair: -float(pair[0]))
     fix = "give the rate of all dampers of an axle together, at the wheel, and check the unit"
-    return [Mistake(text, fix, float(p)) for p, (_, _, text) in ranked if p > REPORTED]
+    return [Mistake(text, fix, float(p)) for p, text in ranked if p > REPORTED]
 
 
 def _log_wear(rho: Array) -> Array:
     """Log density of the logarithms of estimated over nominal damping, summed over elements."""
     width = np.where(rho < 0.0, _WORN, _STIFFER)
-    return np.asarray(
-        np.sum(
-            -0.5 * (rho / width) ** 2
-            - math.log(0.5 * (_WORN + _STIFFER) * math.sqrt(2.0 * math.pi)),
-            axis=-1,
-        )
-    )
+    worn = np.exp(-0.5 * (rho / width) ** 2) / (0.5 * (_WORN + _STIFFER))
+    stated = np.exp(-0.5 * (rho / _TOLERANCE) ** 2) / _TOLERANCE
+    density = (_AS_STATED * stated + (1.0 - _AS_STATED) * worn) / math.sqrt(2.0 * math.pi)
+    return np.asarray(np.sum(np.log(np.maximum(density, 1e-300)), axis=-1))
 
 
 def _inertia(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> list[Mistake]:

@@ -123,7 +123,7 @@ def of_the_car(problem: Problem, z: Any) -> Any:
 
 
 def numpyro_nuts(problem: Problem, seed: int) -> Found:
-    """NumPyro's NUTS with a full matrix that it adapts: two chains of 150 + 250, one after the other."""
+    """NumPyro's NUTS with a full matrix that it adapts: two chains of 150 + 250 in turn."""
     import jax
     from numpyro.infer import MCMC, NUTS
 

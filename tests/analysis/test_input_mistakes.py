@@ -127,6 +127,7 @@ def with_nominal(car: Vehicle, **factors: float) -> Vehicle:
             "a value in lbf·s/in was given the unit N·s/m",
         ),
         ({"c_f": 1.0, "c_r": 12.0}, "the nominal rear damping rate has a wrong unit"),
+        ({"c_f": 1.0, "c_r": 0.5}, "the nominal rear damping rate is given for one side"),
         ({"i": 1.0 / 6.6}, "nominal pitch inertia means"),
     ],
 )
@@ -139,6 +140,18 @@ def test_a_mistake_in_nominal_values_is_named(factors: dict[str, float], words: 
     mistakes = nominal_mistakes(wrong, model, fit.values)
     # 12 and 14.6 are one factor, given how much a damper may be worn
     assert any(words in mistake.words for mistake in mistakes[:2])
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.08])
+def test_dampers_whose_nominal_rates_are_exchanged_look_like_each_other(deviation: float) -> None:
+    """A rear damper that is softer and a front one that is stiffer by the same factor."""
+    car = with_nominal(vehicle(DECLARED), c_f=1.0, c_r=0.5)  # front and rear differ by 1.44
+    model = car_model("half", car)
+    values = {p.name: p.nominal for p in model.parameters}
+    values["c_f"], values["c_r"] = values["c_r"] * (1.0 + deviation), values["c_f"]
+    mistakes = nominal_mistakes(car, model, values)
+    assert mistakes
+    assert mistakes[0].words == "front and rear nominal damping are exchanged"
 
 
 @pytest.mark.parametrize("loss", [0.6, 0.75, 1.0, 1.15])
