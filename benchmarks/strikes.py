@@ -129,7 +129,8 @@ def strike_commands(
                 longest = max(longest, time.monotonic() - stop)
                 lines = err.decode().splitlines()
                 if len(lines) > 1 or b"Traceback" in err:
-                    _count(found, f"{command}: more than one line after {kind}")
+                    said = " / ".join(lines)[-200:]
+                    _count(found, f"{command}: more than one line after {kind}: {said}")
             state = output.read_bytes() if output.exists() else None
             if state != old and (state is None or _comparable(state) != answers[command]):
                 _count(found, f"{command}: output neither old nor new after {kind}")
