@@ -205,8 +205,16 @@ def _signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
+_ending = threading.Lock()
+
+
 def _end(number: int) -> NoReturn:
-    """End the process at once: threads may still compute what nobody waits for."""
+    """End the process at once: threads may still compute what nobody waits for.
+
+    The thread that comes first says so; another one waits, and does not say it again.
+    """
+    if not _ending.acquire(timeout=1.0):
+        os._exit(128 + number)
     _print_error("interrupted" if number == signal.SIGINT else "terminated")
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
