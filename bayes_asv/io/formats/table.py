@@ -304,6 +304,10 @@ class _Body:
             return np.fromiter(map(clock_seconds, cells), np.float64, len(cells))
         if self.layout.decimal == ",":
             cells = [cell.replace(",", ".") for cell in cells]
+        result = self._converted(cells, column)
+        return np.where(np.isfinite(result), result, np.nan)  # 1e999 is no reading
+
+    def _converted(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
         try:
             joined = "".join(cells)
             if joined.isascii() and "_" not in joined:

@@ -129,6 +129,17 @@ def test_gcdc_with_sensitivities_and_short_rows(read: Read) -> None:
     assert log.warnings == ()
 
 
+@pytest.mark.parametrize("column", [0, 1, 5])
+def test_a_number_that_overflows_is_missing(read: Read, column: int) -> None:
+    lines = made.vbox().decode("latin-1").split("\n")
+    row = next(k for k, line in enumerate(lines) if line.strip() == "[data]") + 5
+    cells = lines[row].split()
+    cells[column] = "1e999"
+    lines[row] = " ".join(cells)
+    whole, damaged = read(made.vbox()), read("\n".join(lines).encode("latin-1"))
+    assert 0 <= whole.channels[0].values.size - damaged.channels[0].values.size <= 1
+
+
 def test_vbox(read: Read) -> None:
     log = read(made.vbox())
     assert log.format == "VBOX"
