@@ -12,7 +12,7 @@ from bayes_asv.cli.live_options import live_options, live_settings
 __all__ = ["command", "engine_option", "forget_option"]
 
 forget_option = click.option(
-    "--forget", type=click.FloatRange(0.0, 1e6, min_open=True), metavar="SECONDS",
+    "--forget", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS",
     help="Let the parameters change by 10 % (one standard deviation) in this time; constant by "
     "default.",
 )  # fmt: skip

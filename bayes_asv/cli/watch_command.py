@@ -33,7 +33,7 @@ _STATUS = {**common.EXIT_STATUS, "alarm": 5}
     metavar="SECONDS", help="Time for which the probability has to be above it.",
 )  # fmt: skip
 @click.option(
-    "--forget", type=click.FloatRange(0.0, 1e6, min_open=True), default=60.0, show_default=True,
+    "--forget", type=click.FloatRange(0.0, min_open=True), default=60.0, show_default=True,
     metavar="SECONDS",
     help="Let the parameters change by 10 % (one standard deviation) in this time.",
 )  # fmt: skip
