@@ -35,6 +35,7 @@ __all__ = [
     "DEGREES_OF_FREEDOM",
     "ENSEMBLES",
     "MAX_STEPS",
+    "WALKERS",
     "Ensembles",
     "Proposal",
     "WeightedDraws",
@@ -116,7 +117,7 @@ Progress = Callable[[float, str], None]
 ENSEMBLES = 4
 _TAILS = (0.05, 0.95)
 _BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
-_WALKERS = 32
+WALKERS = 32
 _BLOCK = 30
 MAX_STEPS = 800
 
@@ -186,7 +187,7 @@ def run_ensembles(
         ``converged`` is false when ``most`` steps were not enough.
     """
     d = len(mode.z)
-    walkers = max(_WALKERS, 2 * (d + 2))
+    walkers = max(WALKERS, 2 * (d + 2))
     with threads() as pool:
         proposal = Proposal.around(mode, 1.2)
         streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
