@@ -520,7 +520,7 @@ def page(result: dict[str, Any]) -> str:
         for name, one in result["resources"].items()
     ]
     faults = [
-        f"- {name}: {what} ({fault['count']} inputs)"
+        f"- {name}: {' '.join(what.split())} ({fault['count']} inputs)"
         for name, one in readers.items()
         for what, fault in one["faults"].items()
     ] + [

@@ -638,10 +638,10 @@ def _dampers(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
 def _log_wear(rho: Array) -> Array:
     """Log density of the logarithms of estimated over nominal damping, summed over elements."""
     width = np.where(rho < 0.0, _WORN, _STIFFER)
-    worn = np.exp(-0.5 * (rho / width) ** 2) / (0.5 * (_WORN + _STIFFER))
-    stated = np.exp(-0.5 * (rho / _TOLERANCE) ** 2) / _TOLERANCE
-    density = (_AS_STATED * stated + (1.0 - _AS_STATED) * worn) / math.sqrt(2.0 * math.pi)
-    return np.asarray(np.sum(np.log(np.maximum(density, 1e-300)), axis=-1))
+    worn = math.log(2.0 * (1.0 - _AS_STATED) / (_WORN + _STIFFER)) - 0.5 * (rho / width) ** 2
+    stated = math.log(_AS_STATED / _TOLERANCE) - 0.5 * (rho / _TOLERANCE) ** 2
+    density = np.logaddexp(stated, worn) - 0.5 * math.log(2.0 * math.pi)
+    return np.asarray(np.sum(density, axis=-1))
 
 
 def _inertia(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> list[Mistake]:

@@ -30,7 +30,7 @@ from bayes_asv.filters.suspension_forces import (
     force_weights,
     rate_slopes,
 )
-from bayes_asv.filters.ukf_state import LawTable, Sizes
+from bayes_asv.filters.ukf_state import GRID, LawTable, Sizes
 from bayes_asv.filters.vector_steps import (
     advance_mean_vectors,
     discretize_vectors,
@@ -41,7 +41,8 @@ __all__ = ["ForceWorkspace", "force_workspace", "propagate_with_forces"]
 
 Array = NDArray[np.float64]
 
-_GRID_FIRST, _GRID_STEP, _GRID_POINTS = -10.0, 0.05, 401  # of ukf_state.GRID
+_GRID_FIRST, _GRID_STEP = float(GRID[0]), float(GRID[1] - GRID[0])
+_GRID_POINTS = len(GRID)
 
 
 class ForceWorkspace(NamedTuple):

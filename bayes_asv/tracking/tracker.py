@@ -49,6 +49,7 @@ Array = NDArray[np.float64]
 
 # Of the recording, from which a noise level that is not given and biases are estimated.
 _NOISE_SECONDS = 0.5
+_LONGEST_FORGET = 1e6  # s; in eleven days of driving nothing changes
 # Bias along a twist of the wheels, m/s², that leaves 0.1 m after two seconds.
 _STANDSTILL_SD = 0.05
 _ESTIMATED_PRIOR_READINGS = 4.0  # readings that such an estimate is worth
@@ -119,7 +120,7 @@ class Tracker:
             raise InputError(
                 "rate", f"{rate:g} Hz is not a sampling rate", "give rows per second, such as 400"
             )
-        if forget is not None and not 0.0 < forget <= 1e6:
+        if forget is not None and not 0.0 < forget <= _LONGEST_FORGET:
             raise InputError(
                 "forget", f"{forget:g} s is not a time constant", "give seconds, such as 60"
             )
