@@ -206,6 +206,7 @@ def estimate_noise(
     for _ in range(_ROUNDS):
         left = differences[differences < _CLIP * level]
         level = max(float(np.sqrt(np.mean(left**2))) / _CLIPPED, steps, 1e-6)
+    # What the converter adds stays in: noise that is stated too small is worse than too large.
     rho = math.exp(-pole * float(np.median(np.diff(time)))) if pole else 0.0
     share = (20.0 - 30.0 * rho + 12.0 * rho**2 - 2.0 * rho**3) / 20.0
     return math.sqrt(max(level**2 - steps**2, 0.0) / share + steps**2)
