@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from bayes_asv.analysis.damping_rates import (
     with_equal_power,
 )
 from bayes_asv.analysis.input_mistakes import Doubt, check_input
+from bayes_asv.analysis.nominal_values import NominalDamping, nominal_damping
 from bayes_asv.analysis.predictive_checks import Check, predictive_checks
 from bayes_asv.analysis.run_consistency import (
     MAX_COMPARED,
@@ -195,6 +197,20 @@ class Estimate:
         values = self.car.nominal
         derived = {} if self.car.derived is None else self.car.derived(values)
         return {name: float(x[0]) for name, x in {**values, **derived}.items()}
+
+    @cached_property
+    def nominal_damping(self) -> NominalDamping | None:
+        """Whether nominal damping is mistaken; None where there is no verdict on the dampers."""
+        rates = {element.damping for element in self.car.elements}
+        if self.doubt is not None or not rates <= set(self.draws):
+            return None
+        values = {name: float(np.median(self.draws[name])) for name in rates}
+        return nominal_damping(self.car, values)
+
+    def probability_below_nominal(self, name: str) -> float:
+        """Return the probability that a quantity is below nominal, which may be mistaken."""
+        p = float(np.mean(self.draws[name] < self.nominal[name]))
+        return p if self.nominal_damping is None else self.nominal_damping.below(name, p)
 
 
 def estimate(

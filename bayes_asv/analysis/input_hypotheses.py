@@ -1,16 +1,4 @@
-"""Mistakes that an input may have: what may have gone wrong, and how to undo it.
-
-Mistakes in nominal values leave no trace in the likelihood; they are judged by their size.  A
-damper that wears loses damping, each for itself, and seldom more than half of it.  A wrong unit,
-one side for both, or a rate at the damper instead of at the wheel moves all dampers by the same
-factor, or one by a factor of units.  With ρ the logarithms of estimated over nominal damping the
-hypotheses are
-
-    wear      ρ_e ~ split normal about 0, deviation 0.35 downward and 0.2 upward, for each element e
-    mistake   ρ_e − f as with wear, f the logarithm of the mistake's factor
-
-A pitch inertia is judged by the dynamic index i/(m l_f l_r), which lies near one for all cars.
-"""
+"""Mistakes that an input may have: what may have gone wrong, and how to undo it."""
 
 from __future__ import annotations
 
@@ -20,7 +8,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.quantities import QUANTITIES
@@ -30,10 +17,10 @@ from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.models.car_model import CarModel
 
 __all__ = [
-    "CORRECT", "INDEX_RANGE", "Hypothesis", "Mistake", "hypotheses", "implausible_values",
-    "nominal_mistakes",
+    "CORRECT", "REPORTED", "Hypothesis", "Mistake", "hypotheses",
 ]  # fmt: skip
 
+REPORTED = 0.05  # probability from which on a mistake is reported
 Corrected = tuple[Recording, Vehicle]
 
 _NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
@@ -86,6 +73,28 @@ _LAGS = (0.005, 0.02)  # s
 _SLOPES = (0.15, 0.8)  # m/s³
 _FREE = 1.0  # deviation of the logarithm of a given value whose factor is looked for
 _APART = 0.4  # the same of values that have a factor in common, and each one of its own
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake that explains the recordings.
+
+    Parameters
+    ----------
+    words : str
+        What is probably wrong.
+    fix : str
+        What to do, in one line.
+    probability : float
+        Given that the input has a mistake of the list or none.
+    misread : bool
+        Whether a channel is not what it is taken for.
+    """
+
+    words: str
+    fix: str
+    probability: float
+    misread: bool = False
 
 
 @dataclass(frozen=True)
@@ -463,223 +472,3 @@ def _times(factor: float) -> str:
     if factor >= 10.0:
         return f"{factor:.0f} times"
     return f"{factor:.2f} times" if factor >= 0.1 else f"{factor:.2g} times"
-
-
-Array = NDArray[np.float64]
-
-# Deviations of ln(estimated/nominal): half of all dampers are as stated within a tolerance, the
-# others are worn or set stiffer.
-_TOLERANCE, _WORN, _STIFFER = 0.1, 0.35, 0.2
-_AS_STATED = 0.5
-REPORTED = 0.05  # probability from which on a mistake is reported
-_PRIOR = 0.1  # probability that nominal damping has one of the mistakes, each kind as likely
-_UNITS = (  # the larger unit over the smaller one
-    (12.0, "lbf·s/in", "lbf·s/ft"),
-    (si_factor("lbf*s/in", "damping"), "lbf·s/in", "N·s/m"),
-    (si_factor("lbf*s/ft", "damping"), "lbf·s/ft", "N·s/m"),
-    (1e3, "N·s/mm", "N·s/m"),
-)
-_MOTION_RATIOS = np.linspace(0.35, 0.9, 45)
-INDEX_RANGE = (0.3, 2.5)
-"""Dynamic index beyond which something is wrong; that of cars is near one (Gillespie 1992,
-Fundamentals of Vehicle Dynamics, ch. 5)."""
-
-_RATIOS = (0.01, 3.0)
-"""Damping ratios of an axle between which all cars are.  Passenger cars have 0.2 to 0.4 and racing
-cars up to one (Dixon 2007, The Shock Absorber Handbook, ch. 3); a damper without oil leaves the
-friction of its bushes, and the rate of a racing damper at low speed is up to three times its mean.
-"""
-_RIDE_FREQUENCIES = (0.4, 12.0)
-"""Hz: half of the softest and nearly twice the stiffest car, which runs on its tyres (Milliken &
-Milliken 1995, Race Car Vehicle Dynamics, ch. 16)."""
-
-
-@dataclass(frozen=True)
-class Mistake:
-    """A mistake that explains the recordings.
-
-    Parameters
-    ----------
-    words : str
-        What is probably wrong.
-    fix : str
-        What to do, in one line.
-    probability : float
-        Given that the input has a mistake of the list or none.
-    misread : bool
-        Whether a channel is not what it is taken for.
-    """
-
-    words: str
-    fix: str
-    probability: float
-    misread: bool = False
-
-
-def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
-    """Say where a fitted car is none that anybody builds.
-
-    Parameters
-    ----------
-    car : CarModel
-        The car that was estimated.
-    values : mapping of str to float
-        Its parameters as estimated, SI units.
-
-    Returns
-    -------
-    list of Mistake
-        One an element whose damping ratio c/(2√(k m)) or natural frequency √(k/m)/2π, with m the
-        sprung mass that it bears, is outside the range of all cars.
-    """
-    if car.derived is None:
-        return []
-    derived = car.derived({name: np.array([value]) for name, value in values.items()})
-    out = []
-    for element in car.elements:
-        ratio = derived.get(element.damping.replace("c_", "zeta_", 1))
-        if ratio is None:
-            continue
-        zeta = float(ratio[0])
-        frequency = zeta * values[element.spring] / (math.pi * values[element.damping])
-        if not _RATIOS[0] <= zeta <= _RATIOS[1]:
-            name = QUANTITIES[element.damping][1]
-            what = f"the estimated {name} means a damping ratio of {zeta:.2g}"
-        elif not _RIDE_FREQUENCIES[0] <= frequency <= _RIDE_FREQUENCIES[1]:
-            name = QUANTITIES[element.spring][1]
-            what = f"the {name} and the mass on it mean a natural frequency of {frequency:.2g} Hz"
-        else:
-            continue
-        out.append(
-            Mistake(
-                f"{what}, as no car has", "check channels, units, spring rates and sprung mass", 1.0
-            )
-        )
-    return out
-
-
-def nominal_mistakes(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
-    """Compare estimated values with nominal ones, and say where a mistake is likelier than wear.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Nominal values.
-    car : CarModel
-        The car that was estimated.
-    values : mapping of str to float
-        Its parameters as estimated, SI units.
-
-    Returns
-    -------
-    list of Mistake
-        The likeliest where it is likelier than wear.
-    """
-    return _dampers(car, values) + _inertia(vehicle, car, values)
-
-
-def _dampers(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
-    names = list(dict.fromkeys(element.damping for element in car.elements))
-    nominal = {p.name: p.nominal for p in car.parameters}
-    rho = np.array([math.log(values[name] / nominal[name]) for name in names])
-    several = len(names) > 1
-    every, elements = np.ones(len(names)), np.eye(len(names))
-    # Mistakes by kind: what each leaves of rho, one or several possible sizes, and its words.
-    sides = [
-        (rho - math.log(2.0), "nominal damping is given for one side of an axle only"),
-        (rho + math.log(2.0), "nominal damping counts both sides of an axle twice"),
-    ]
-    units: list[tuple[Array, str]] = []
-    for factor, large, small in _UNITS:
-        for log, true, written in (
-            (math.log(factor), large, small),
-            (-math.log(factor), small, large),
-        ):
-            text = f"a value in {true} was given the unit {written}"
-            units.append((rho - log * every, f"nominal damping has a wrong unit: {text}"))
-            for name, alone in zip(names, elements, strict=True):
-                if several:
-                    text_of_one = f"the nominal {QUANTITIES[name][1]} has a wrong unit: {text}"
-                    units.append((rho - log * alone, text_of_one))
-    ratio = math.exp(0.5 * float(rho.mean()))  # if no damper is worn
-    at_damper = (
-        rho - 2.0 * np.log(_MOTION_RATIOS)[:, None],
-        "nominal damping is given at the damper instead of at the wheel "
-        f"(motion ratio about {ratio:.2f})",
-    )
-    kinds = [sides, units, [at_damper]]
-    if several:
-        one_side = "is given for one side of the axle only"
-        kinds.append(
-            [
-                (rho - math.log(2.0) * alone, f"the nominal {QUANTITIES[name][1]} {one_side}")
-                for name, alone in zip(names, elements, strict=True)
-            ]
-        )
-    if len(names) == 2:
-        exchange = math.log(nominal[names[0]] / nominal[names[1]]) * np.array([1.0, -1.0])
-        kinds.append([(rho + exchange, "front and rear nominal damping are exchanged")])
-    logs, texts = [float(_log_wear(rho)) + math.log(1.0 - _PRIOR)], []
-    for kind in kinds:
-        for corrected, text in kind:
-            each = np.atleast_1d(_log_wear(corrected))
-            prior = math.log(_PRIOR / len(kinds) / len(kind) / len(each))
-            logs.append(float(np.logaddexp.reduce(each)) + prior)
-            texts.append(text)
-    weights = np.exp(np.array(logs) - max(logs))
-    weights /= weights.sum()
-    if weights[0] > 0.5:
-        return []
-    ranked = sorted(zip(weights[1:], texts, strict=True), key=lambda pair: -float(pair[0]))
-    fix = "give the rate of all dampers of an axle together, at the wheel, and check the unit"
-    return [Mistake(text, fix, float(p)) for p, text in ranked if p > REPORTED]
-
-
-def _log_wear(rho: Array) -> Array:
-    """Log density of the logarithms of estimated over nominal damping, summed over elements."""
-    width = np.where(rho < 0.0, _WORN, _STIFFER)
-    worn = math.log(2.0 * (1.0 - _AS_STATED) / (_WORN + _STIFFER)) - 0.5 * (rho / width) ** 2
-    stated = math.log(_AS_STATED / _TOLERANCE) - 0.5 * (rho / _TOLERANCE) ** 2
-    density = np.logaddexp(stated, worn) - 0.5 * math.log(2.0 * math.pi)
-    return np.asarray(np.sum(density, axis=-1))
-
-
-def _inertia(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
-    needed = {"i", "m", "l", "wdf"}
-    if not needed <= set(car.names):
-        return []
-    nominal = {p.name: p.nominal for p in car.parameters}
-    given, found = _index(nominal), _index(values)
-    low, high = INDEX_RANGE
-    if abs(math.log(found / given)) < math.log(2.0):
-        return []  # an unusual car, and the recording agrees
-    if low <= found <= high and not low <= given <= high:
-        return [
-            Mistake(
-                f"the nominal pitch inertia means a radius of gyration of {_gyration(nominal):.2f} "
-                f"m on a wheelbase of {nominal['l']:.2f} m, which the recording contradicts",
-                "check the units of pitch inertia, wheelbase and mass",
-                1.0,
-            )
-        ]
-    if not low <= found <= high:
-        return [
-            Mistake(
-                "the estimated pitch inertia means a radius of gyration of "
-                f"{_gyration(values):.2f} m on a wheelbase of {values['l']:.2f} m, as no car has",
-                "check channels, places of the sensors and wheelbase; drive something that "
-                "pitches the car",
-                1.0,
-            )
-        ]
-    return []
-
-
-def _index(values: Mapping[str, float]) -> float:
-    """Dynamic index i/(m l_f l_r)."""
-    arms = values["l"] ** 2 * values["wdf"] * (1.0 - values["wdf"])
-    return values["i"] / (values["m"] * arms)
-
-
-def _gyration(values: Mapping[str, float]) -> float:
-    return math.sqrt(values["i"] / values["m"])

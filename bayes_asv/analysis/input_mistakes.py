@@ -35,9 +35,8 @@ from bayes_asv.analysis.input_hypotheses import (
     Hypothesis,
     Mistake,
     hypotheses,
-    implausible_values,
-    nominal_mistakes,
 )
+from bayes_asv.analysis.nominal_values import implausible_values, nominal_mistakes
 from bayes_asv.analysis.screening_fit import (
     COARSE_STEPS,
     STEPS,

@@ -232,7 +232,13 @@ def estimate(
 
     nominal = result.nominal
     parameters = {
-        name: from_draws(name, result.draws[name], nominal[name], vehicle.units)
+        name: from_draws(
+            name,
+            result.draws[name],
+            nominal[name],
+            vehicle.units,
+            below=result.probability_below_nominal(name),
+        )
         for name in result.answers
     }
     return Estimate(result, estimate_document(result), parameters, searched=_AUTO in names)

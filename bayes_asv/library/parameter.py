@@ -38,7 +38,8 @@ class Parameter:
     nominal : float
         Value of the vehicle file.
     probability_below_nominal : float
-        P(parameter < nominal).
+        That the parameter is below nominal.  Where an estimate reports mistakes of nominal damping
+        that would explain the same, it counts them.
     draws : (N,) array or None
         Equally weighted draws; None where the posterior is known by its moments alone.
     """
@@ -114,7 +115,12 @@ class Parameter:
 
 
 def from_draws(
-    name: str, draws: Array, nominal: float, units: str, weights: Array | None = None
+    name: str,
+    draws: Array,
+    nominal: float,
+    units: str,
+    weights: Array | None = None,
+    below: float | None = None,
 ) -> Parameter:
     """Summarise draws of a parameter.
 
@@ -130,10 +136,12 @@ def from_draws(
         System of units of the result.
     weights : (N,) array, optional
         Of the draws, summing to one; equal by default.
+    below : float, optional
+        Probability that it is below nominal; by default the share of the draws.
     """
     x = np.asarray(draws, dtype=float).ravel()
     if weights is None:
-        mean, sd, below = float(x.mean()), float(x.std(ddof=1)), float(np.mean(x < nominal))
+        mean, sd, share = float(x.mean()), float(x.std(ddof=1)), float(np.mean(x < nominal))
         kept = x
 
         def quantile(p: float) -> float:
@@ -144,7 +152,7 @@ def from_draws(
         middle = (above - 0.5 * weights[order]) / above[-1]
         mean = float(weights @ x)
         sd = float(np.sqrt(weights @ (x - mean) ** 2))
-        below = float(weights @ (x < nominal))
+        share = float(weights @ (x < nominal))
         # systematic resampling in the order of the draws, so that parameters stay paired
         places = (np.arange(len(x)) + 0.5) / len(x)
         kept = x[np.searchsorted(np.cumsum(weights) / weights.sum(), places)]
@@ -154,13 +162,13 @@ def from_draws(
 
     si = Parameter(
         name, QUANTITIES[name][1], display_units("SI")[QUANTITIES[name][0]], mean, quantile(0.5),
-        sd, nominal, below, kept, quantile,
+        sd, nominal, share if below is None else below, kept, quantile,
     )  # fmt: skip
     return si.to(units)
 
 
 def from_log_normal(
-    name: str, median: float, log_sd: float, nominal: float, units: str
+    name: str, median: float, log_sd: float, nominal: float, units: str, below: float
 ) -> Parameter:
     """Return a parameter with a log-normal posterior.
 
@@ -174,6 +182,8 @@ def from_log_normal(
         Standard deviation of the logarithm.
     units : {'SI', 'US'}
         System of units of the result.
+    below : float
+        Probability that it is below nominal.
     """
     normal = NormalDist()
 
@@ -183,8 +193,7 @@ def from_log_normal(
     mean = median * math.exp(0.5 * log_sd**2)
     si = Parameter(
         name, QUANTITIES[name][1], display_units("SI")[QUANTITIES[name][0]], mean, median,
-        mean * math.sqrt(math.expm1(log_sd**2)), nominal,
-        normal.cdf(math.log(nominal / median) / max(log_sd, 1e-300)), None, quantile,
+        mean * math.sqrt(math.expm1(log_sd**2)), nominal, below, None, quantile,
     )  # fmt: skip
     return si.to(units)
 

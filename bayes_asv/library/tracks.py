@@ -196,6 +196,7 @@ def track_of(result: TrackResult, seed: int = 0, rows: Trace | None = None) -> T
         assert p.si.nominal is not None
         log_sd = math.log(p.si.eti95[1] / p.si.eti95[0]) / (2.0 * NORMAL_975)
         parameters[name] = from_log_normal(
-            name, p.si.median, log_sd, p.si.nominal, result.vehicle.units
-        )
+            name, p.si.median, log_sd, p.si.nominal, result.vehicle.units,
+            result.probability_below_nominal(name),
+        )  # fmt: skip
     return Track(result, document, parameters, rows)

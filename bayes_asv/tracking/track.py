@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.input_mistakes import Doubt
+from bayes_asv.analysis.nominal_values import NominalDamping, nominal_damping
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
@@ -136,6 +139,22 @@ class TrackResult:
         logs = np.log(self._values(points)[name])
         gradient = (logs[1 : p + 1] - logs[p + 1 :]) / (2.0 * _STEP)
         return float(logs[0]), float(np.sqrt(gradient @ self.covariance @ gradient))
+
+    @cached_property
+    def nominal_damping(self) -> NominalDamping | None:
+        """Whether nominal damping is mistaken; None where there is no verdict on the dampers."""
+        car = self.coordinates.car
+        rates = {element.damping for element in car.elements}
+        if self.verdict != "ok" or self.doubt is not None:
+            return None
+        return nominal_damping(car, {name: math.exp(self.log_moments(name)[0]) for name in rates})
+
+    def probability_below_nominal(self, name: str) -> float:
+        """Return the probability that a quantity is below nominal, which may be mistaken."""
+        mean, sd = self.log_moments(name)
+        log_ratio = mean - math.log(self.nominal[name])
+        p = 0.5 * math.erfc(log_ratio / max(sd, 1e-300) / math.sqrt(2.0))
+        return p if self.nominal_damping is None else self.nominal_damping.below(name, p)
 
 
 def track(

@@ -51,7 +51,7 @@ def ask(folder: Path, name: str, mistaken: bool) -> dict[str, Any]:
             for axle, key in (("front", "c_f"), ("rear", "c_r")):
                 if key in answer.draws:
                     draws = answer.draws[key]
-                    softer = float(np.mean(draws < answer.nominal[key]))
+                    softer = answer.probability_below_nominal(key)
                     out[axle] = [softer, *np.quantile(draws, [0.025, 0.5, 0.975]).tolist()]
     except InputError as error:
         out["text"] = str(error)

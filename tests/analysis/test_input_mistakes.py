@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.input_hypotheses import nominal_mistakes
 from bayes_asv.analysis.input_mistakes import check_input, rear_leads
+from bayes_asv.analysis.nominal_values import nominal_mistakes
 from bayes_asv.analysis.screening_fit import screening_fit
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle

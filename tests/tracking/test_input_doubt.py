@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.analysis import input_mistakes
-from bayes_asv.analysis.input_hypotheses import implausible_values
+from bayes_asv.analysis.nominal_values import implausible_values
 from bayes_asv.analysis.screening_fit import holds_throughout, screening_fit
 from bayes_asv.domain.recording import Recording
 from bayes_asv.library.live import watch

@@ -23,6 +23,7 @@ from bayes_asv.report.documents.quantities import (
     damper_rates,
     effects,
     parameter,
+    possible_mistakes,
     provenance,
     summary,
     without_single_rate,
@@ -57,6 +58,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         warnings=list(result.warnings),
         doubt="" if result.doubt is None else result.doubt.sentence,
         doubt_about="input" if result.doubt is None else result.doubt.about,
+        nominal_mistakes=possible_mistakes(result.nominal_damping),
         car=car.name,
         elements={
             e.name: schema.Element(axle=e.axle, side=e.side, damping=e.damping, spring=e.spring)
@@ -64,7 +66,10 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         },
         parameters={
             n: parameter(n, result.draws[n], vehicle, nominal[n]).model_copy(
-                update={"withheld": result.doubt is not None or n in free_form}
+                update={
+                    "withheld": result.doubt is not None or n in free_form,
+                    "p_below_nominal": result.probability_below_nominal(n),
+                }
             )
             for n in result.answers
         },

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.analysis.damping_rates import DampingRates
+from bayes_asv.analysis.nominal_values import NominalDamping
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
@@ -39,6 +40,7 @@ __all__ = [
     "effect_value",
     "effects",
     "parameter",
+    "possible_mistakes",
     "provenance",
     "summary",
     "without_single_rate",
@@ -130,6 +132,15 @@ def parameter(name: str, draws: Array, vehicle: Vehicle, nominal: float | None =
         p_below_nominal=float(np.mean(draws < nominal)),
         si=Quantity(unit=si.unit_of(name), **summary(draws), nominal=nominal),
     )
+
+
+def possible_mistakes(found: NominalDamping | None) -> list[schema.PossibleMistake]:
+    """Entries of mistakes in nominal damping that explain the estimated rates as well."""
+    mistakes = () if found is None else found.mistakes
+    return [
+        schema.PossibleMistake(words=m.words, fix=m.fix, probability=m.probability)
+        for m in mistakes
+    ]
 
 
 def damper_rates(damper: DampingRates, units: Units) -> schema.DampingRates:

@@ -20,6 +20,7 @@ from bayes_asv.report.documents.quantities import (
     Units,
     effect_unit,
     effects,
+    possible_mistakes,
     provenance,
 )
 from bayes_asv.report.schema import TrackDocument, WatchDocument
@@ -71,6 +72,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
         reasons=list(result.reasons),
         warnings=list(result.warnings),
         doubt="" if result.doubt is None else result.doubt.sentence,
+        nominal_mistakes=possible_mistakes(result.nominal_damping),
         parameters={n: _parameter(n, result) for n in answers} if ok else {},
         effects=effects(result.effects, vehicle) if ok else [],
         consistency=_consistency(result),
@@ -115,7 +117,6 @@ def _parameter(name: str, result: TrackResult) -> Parameter:
     """One answer after the last row, log-normal."""
     log_mean, log_sd = result.log_moments(name)
     nominal = result.nominal[name]
-    z = (math.log(nominal) - log_mean) / max(log_sd, 1e-300)
     units, si = Units(result.vehicle.units), Units("SI")
     factor = units.convert_parameter(1.0, name)
     return Parameter(
@@ -123,7 +124,7 @@ def _parameter(name: str, result: TrackResult) -> Parameter:
         unit=units.unit_of(name),
         **_log_normal(log_mean, log_sd, factor),
         nominal=units.convert_parameter(nominal, name),
-        p_below_nominal=0.5 * math.erfc(-z / math.sqrt(2.0)),
+        p_below_nominal=result.probability_below_nominal(name),
         withheld=result.doubt is not None,
         si=Quantity(unit=si.unit_of(name), **_log_normal(log_mean, log_sd, 1.0), nominal=nominal),
     )

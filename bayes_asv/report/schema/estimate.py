@@ -30,6 +30,7 @@ from bayes_asv.report.schema.parts import (
     OneOf,
     Parameter,
     Positive,
+    PossibleMistake,
     Provenance,
     Quantity,
     QuantityName,
@@ -497,6 +498,10 @@ class EstimateDocument(Model):
     """Why the input is probably wrong or the model does not hold; no verdict is given then."""
     doubt_about: Annotated[str, OneOf("input", "model")] = "input"
     """Which of these ``doubt`` speaks of."""
+    nominal_mistakes: Annotated[list[PossibleMistake], Field(max_length=50)] = Field(
+        default_factory=list
+    )
+    """What else may explain that damping is not nominal."""
     car: Text = "half"
     """Model of the car, as ``--car`` takes it."""
     elements: dict[ElementName, Element] = Field(default_factory=half_car)

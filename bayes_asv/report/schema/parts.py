@@ -44,6 +44,7 @@ __all__ = [
     "OneOf",
     "Parameter",
     "Positive",
+    "PossibleMistake",
     "Provenance",
     "Quantity",
     "QuantityName",
@@ -169,7 +170,8 @@ class Parameter(Quantity):
 
     unit: Unit
     p_below_nominal: MaybeShare = None
-    """Posterior probability that it is below nominal."""
+    """Posterior probability that it is below nominal; of damping one that counts
+    ``nominal_mistakes``."""
     withheld: bool = False
     """Whether the comparison with nominal is withheld: see ``doubt`` and ``dampers``."""
     si: Quantity | None = None
@@ -215,6 +217,15 @@ class DamperShape(Model):
     probability: Share
     ratio: EffectValue
     """Slope in fast over slope in slow motion, or force in extension over compression."""
+
+
+class PossibleMistake(Model):
+    """A mistake in the input that may explain what was found."""
+
+    words: Text
+    fix: Text
+    """What to do."""
+    probability: Share
 
 
 class DampingRates(Model):

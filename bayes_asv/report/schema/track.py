@@ -24,6 +24,7 @@ from bayes_asv.report.schema.parts import (
     NonNegative,
     OneOf,
     Parameter,
+    PossibleMistake,
     Provenance,
     QuantityName,
     Share,
@@ -149,6 +150,10 @@ class TrackDocument(Model):
     warnings: Texts
     doubt: Text = ""
     """Why no verdict on a damper may rest on it; empty where nothing speaks against it."""
+    nominal_mistakes: Annotated[list[PossibleMistake], Field(max_length=50)] = Field(
+        default_factory=list
+    )
+    """What else may explain that damping is not nominal."""
     parameters: dict[QuantityName, Parameter]
     """After the last row."""
     effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)

@@ -74,7 +74,7 @@ def headline(document: EstimateDocument | TrackDocument) -> str:
         return f"No verdict on the dampers. {capitalized(split_reason(document.doubt)[0])}."
     if document.verdict == "not_converged":
         return _NOT_CONVERGED
-    dampers = _damper_sentences(document)
+    dampers = " ".join([_damper_sentences(document), *_other_explanations(document)])
     if isinstance(document, TrackDocument):
         return dampers
     free = [
@@ -123,6 +123,13 @@ def _damper_sentences(document: EstimateDocument | TrackDocument) -> str:
     return " ".join(sentences)
 
 
+def _other_explanations(document: EstimateDocument | TrackDocument) -> list[str]:
+    return [
+        f"Or {plain(one.words)} (probability {probability(one.probability)})."
+        for one in document.nominal_mistakes
+    ]
+
+
 def split_reason(reason: str) -> tuple[str, str]:
     """Split a reason into what is wrong and what to do, either of which may be empty."""
     text = plain(reason)
@@ -161,7 +168,7 @@ def _steps(document: EstimateDocument | TrackDocument, narrowing: list[str]) -> 
         for name, parameter in parameters.items()
         if (comparison := compare_parameter(name, parameter)) is not None
     }
-    steps = []
+    steps = [f"Check the nominal damping: {plain(m.fix)}." for m in document.nominal_mistakes[:1]]
     for sense, advice in (
         ("below", "Inspect the {} first: oil, seals, gas charge, mounts and adjuster setting."),
         ("above", "At the {}, check the adjuster setting, the oil and the nominal rate itself."),
