@@ -150,7 +150,10 @@ class Estimate:
     seconds : float
         Time it took.
     seed : int
-        Seed of the ensembles.
+        Of the draws.
+    sampler : str
+        How the draws were made: ``ensembles`` of emcee, ``weighted draws``, ``normal
+        approximation`` at a mode that the model's error moves, or ``random effects``.
     """
 
     verdict: str
@@ -169,6 +172,7 @@ class Estimate:
     ess_bulk_min: float = math.nan
     ess_tail_min: float = math.nan
     acceptance: float = math.nan
+    sampler: str = "ensembles"
     runs: tuple[RunFit, ...] = ()
     space: ParameterSpace | None = None
     width: UncertaintyBudget | None = None
@@ -475,6 +479,7 @@ def _estimate_prepared(
         ess_bulk_min=ensembles.ess_bulk_min,
         ess_tail_min=ensembles.ess_tail_min,
         acceptance=ensembles.acceptance,
+        sampler=ensembles.sampler,
         runs=runs,
         space=where,
         width=width,
@@ -553,6 +558,7 @@ def _estimate_random_effects(
         rhat_max=rhat,
         ess_bulk_min=bulk,
         ess_tail_min=tail,
+        sampler="random effects",
         runs=tuple(
             _run_fit(recording, alone.fit.target, alone.z, 0, seed + run)
             for run, (recording, alone) in enumerate(zip(recordings, agreement.runs, strict=True))

@@ -29,10 +29,10 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.importance import WeightedDraws, importance_sample
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.posterior.sampler import WeightedDraws, importance_sample
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [

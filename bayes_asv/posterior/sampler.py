@@ -1,14 +1,14 @@
-"""Draws from a posterior: independent emcee ensembles that run until they agree, or weighted draws.
+"""Draws from a posterior: independent ones that are weighted, or emcee ensembles until they agree.
 
-Four ensembles start apart and never exchange anything, so that R̂ between them means what it
-says (walkers of one ensemble are not independent chains).  Proposals are drawn from a
-Student t shaped by what burn-in found, mixed with differential evolution: where the posterior
-is nearly normal almost every step is a fresh draw, and where it is not the second move still
-explores.
+Where a posterior is nearly normal, draws from a Student t that was shaped twice, by the curvature
+at the mode and then by the first draws, are weighted by the posterior and resampled.  Four streams
+of draws never exchange anything, and the tail of the weights says whether they can be trusted
+(Vehtari et al. 2024, Journal of Machine Learning Research 25, 72).
 
-Weighted draws (importance sampling) are as good where a posterior is nearly normal, and faster: for
-work that needs thousands of posteriors (calibration, planning) or a run at a time.  The weights
-say themselves when they cannot be trusted.
+Where they cannot, four emcee ensembles start apart and never exchange anything, so that R̂ between
+them means what it says (walkers of one ensemble are not independent chains).  Proposals are drawn
+from a Student t shaped by what burn-in found, mixed with differential evolution, which explores
+where the first kind is seldom accepted.
 """
 
 from __future__ import annotations
@@ -17,99 +17,29 @@ import importlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import emcee
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
-from scipy.stats import chi2, qmc
+from scipy.special import logsumexp
 
 from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
+from bayes_asv.posterior.importance import INFLATION, Density, Proposal
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.newton import Mode
 from bayes_asv.posterior.shared_posterior import SharedPosterior
 from bayes_asv.posterior.threads import threads
 
 __all__ = [
-    "DEGREES_OF_FREEDOM",
     "ENSEMBLES",
     "MAX_STEPS",
     "WALKERS",
     "Ensembles",
-    "Proposal",
-    "WeightedDraws",
-    "importance_sample",
     "independent_draws",
     "run_ensembles",
     "sample_runs",
+    "weighted_ensembles",
 ]
-
-DEGREES_OF_FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
-
-
-class Proposal:
-    """Independence proposal: a multivariate t, bent to the skew of each coordinate.
-
-    A point z is bent to y = (z − m)/s with one scale s left and another right of m; y is a
-    Student t with the given covariance.  Callable as emcee's MHMove wants it.
-    """
-
-    def __init__(self, middle: Array, left: Array, right: Array, covariance: Array) -> None:
-        self.middle, self.left, self.right = middle, left, right
-        self.root = np.linalg.cholesky(covariance)
-        self.inverse = np.linalg.inv(self.root)
-        d = len(middle)
-        self._log_constant = (
-            math.lgamma(0.5 * (DEGREES_OF_FREEDOM + d))
-            - math.lgamma(0.5 * DEGREES_OF_FREEDOM)
-            - 0.5 * d * math.log(DEGREES_OF_FREEDOM * math.pi)
-            - float(np.sum(np.log(np.diag(self.root))))
-        )
-
-    @classmethod
-    def around(cls, mode: Mode, inflation: float) -> Proposal:
-        """From the curvature at the mode."""
-        one = mode.sd
-        return cls(mode.z, one, one, inflation * mode.covariance / np.outer(one, one))
-
-    @classmethod
-    def through(cls, points: Array, inflation: float) -> Proposal:
-        """From draws (N, D)."""
-        # Scales from the tails: a walker in a tail that is never proposed again gets stuck.
-        low, middle, high = np.quantile(points, [0.05, 0.5, 0.95], axis=0)
-        left = np.maximum(middle - low, 1e-12) / 1.645
-        right = np.maximum(high - middle, 1e-12) / 1.645
-        skewed = (points - middle) / np.where(points < middle, left, right)
-        d = points.shape[1]
-        spread = skewed.T @ skewed / len(skewed) + 1e-6 * np.eye(d)
-        return cls(middle, left, right, inflation * spread)
-
-    def log_density(self, z: Array) -> Array:
-        """Log density (N,) at points (N, D)."""
-        scale = np.where(z < self.middle, self.left, self.right)
-        u = ((z - self.middle) / scale) @ self.inverse.T
-        power = 0.5 * (DEGREES_OF_FREEDOM + z.shape[1])
-        radial = -power * np.log1p(np.sum(u**2, axis=1) / DEGREES_OF_FREEDOM)
-        return np.asarray(self._log_constant + radial - np.sum(np.log(scale), axis=1))
-
-    def draw(self, count: int, random: np.random.RandomState) -> Array:
-        """Draw (count, D) points."""
-        stretch = np.sqrt(
-            DEGREES_OF_FREEDOM / random.chisquare(DEGREES_OF_FREEDOM, size=(count, 1))
-        )
-        return self.skewed(random.normal(size=(count, len(self.middle))) * stretch)
-
-    def skewed(self, t: Array) -> Array:
-        """Points (N, D) from standard Student t variables (N, D)."""
-        y = t @ self.root.T
-        return np.asarray(self.middle + y * np.where(y < 0.0, self.left, self.right))
-
-    def __call__(self, z: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        """Propose (N, D) points and the logarithms (N,) of their Metropolis–Hastings factors."""
-        q = self.draw(len(z), random)
-        return q, self.log_density(z) - self.log_density(q)
-
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -137,7 +67,9 @@ class Ensembles:
     converged : bool
         R̂ < 1.01 and both sizes at least 1000.
     acceptance : float
-        Mean share of accepted proposals.
+        Mean share of accepted proposals; nan of independent draws.
+    sampler : str
+        ``ensembles`` of emcee, ``weighted draws`` or ``normal approximation``.
     """
 
     draws: Array
@@ -147,6 +79,7 @@ class Ensembles:
     ess_tail_min: float
     converged: bool
     acceptance: float
+    sampler: str = "ensembles"
 
     def thinned(self, most: int) -> Ensembles:
         """Keep every n-th draw, as many as there may be at most in all."""
@@ -155,12 +88,107 @@ class Ensembles:
         return replace(self, draws=self.draws[:, kept], log_posterior=self.log_posterior[:, kept])
 
 
-class Density(Protocol):
-    """Whatever gives a log density (W,) at points (W, D), finite or −inf."""
+_FIRST = 256  # draws of each stream from the curvature at the mode, a power of two
+_LARGEST = 2048  # and the most that are drawn at a time from what they shaped
+_USELESS = 0.1  # share of effective draws below which the first do not shape a proposal
+_TRUSTED = 0.5  # of the Pareto tail of weights: beyond it their variance is infinite
 
-    def log_posterior(self, z: Array) -> Array:
-        """Log density, not normalised."""
-        ...
+
+def weighted_ensembles(
+    target: Density, mode: Mode, seed: int, progress: Progress | None = None
+) -> Ensembles | None:
+    """Draw independently, and weigh by the posterior.
+
+    All draws have the weights of one mixture of the proposals (Veach & Guibas 1995).  The effective
+    size of a mean is its variance over Σ w² (x − mean)², and so is that of a tail, of which x says
+    whether a draw is in it.
+
+    Parameters
+    ----------
+    target, mode, seed, progress
+        As for :func:`run_ensembles`.
+
+    Returns
+    -------
+    Ensembles or None
+        As many draws as are effective, each of equal weight; None where the weights cannot be
+        trusted.
+    """
+    proposals: list[Proposal] = []
+    counts: list[int] = []
+    d = len(mode.z)
+    streams = [np.random.default_rng([seed, 37, e]) for e in range(ENSEMBLES)]
+    z, logs = np.zeros((ENSEMBLES, 0, d)), np.zeros((ENSEMBLES, 0))
+    proposal, count = Proposal.around(mode, INFLATION), _FIRST
+    with threads() as pool:
+        while count <= _LARGEST:
+            new = [proposal.even(count, stream) for stream in streams]
+            logs = np.hstack([logs, np.stack(list(pool.map(target.log_posterior, new)))])
+            z = np.concatenate([z, np.stack(new)], axis=1)
+            proposals, counts = [*proposals, proposal], [*counts, count]
+            flat, share = z.reshape(-1, d), np.array(counts) / sum(counts)
+            of_each = np.stack([p.log_density(flat) for p in proposals], axis=1)
+            log_ratio = logs.ravel() - logsumexp(of_each, axis=1, b=share)
+            if not np.isfinite(log_ratio.max()):
+                return None
+            weight = np.exp(log_ratio - log_ratio.max())
+            weight /= weight.sum()
+            if len(proposals) == 1:
+                if 1.0 / np.sum(weight**2) < _USELESS * len(flat):
+                    return None
+                importlib.import_module("arviz_stats.base")
+            bulk, tail = _effective_sizes(flat, weight)
+            if progress is not None:
+                progress(min(bulk / ESS_WANTED, tail / ESS_WANTED, 1.0), f"{bulk:.0f} draws")
+            if min(bulk, tail) >= ESS_WANTED and _pareto_tail(log_ratio) <= _TRUSTED:
+                found = _resampled(z, logs, weight, int(min(bulk, tail)) // ENSEMBLES, streams)
+                rhat = diagnose(found.draws[:, :, None])[0]
+                if rhat < RHAT_WANTED:
+                    return replace(found, rhat_max=rhat, ess_bulk_min=bulk, ess_tail_min=tail)
+            # A proposal that is no wider than the posterior misses what its own draws missed.
+            proposal, count = Proposal.through(flat, INFLATION, weight), 2 * count
+    return None
+
+
+def _effective_sizes(z: Array, weight: Array) -> tuple[float, float]:
+    """Effective sizes of weighted draws (N, D): of the means and of the tails, the least of all."""
+    square = (z - weight @ z) ** 2
+    bulk = float(np.min((weight @ square) / (weight**2 @ square)))
+    tail = math.inf
+    for x in z.T:
+        order = np.argsort(x)
+        reached, squares = np.cumsum(weight[order]), np.cumsum(weight[order] ** 2)
+        for end in _TAILS:
+            last = int(np.searchsorted(reached, end))
+            p, inside = float(reached[last]), float(squares[last])
+            error = inside * (1.0 - p) ** 2 + (float(squares[-1]) - inside) * p**2
+            tail = min(tail, p * (1.0 - p) / error)
+    return bulk, tail
+
+
+def _pareto_tail(log_ratio: Array) -> float:
+    """Shape of the tail of weights, of which moments below its inverse exist."""
+    from arviz_stats.base import array_stats
+
+    # It takes the logarithm of a likelihood, whose inverse are the weights.
+    return float(array_stats.psislw(-log_ratio)[1])
+
+
+def _resampled(
+    z: Array, logs: Array, weight: Array, size: int, streams: list[np.random.Generator]
+) -> Ensembles:
+    """Draw (ENSEMBLES, size) draws of equal weight, each stream its own, in random order."""
+    draws, chosen = [], []
+    for points, log, w, stream in zip(z, logs, weight.reshape(logs.shape), streams, strict=True):
+        reached = np.cumsum(w) / w.sum()
+        places = (np.arange(size) + stream.random()) / size  # systematic: few draws come twice
+        at = stream.permutation(np.minimum(np.searchsorted(reached, places), len(w) - 1))
+        draws.append(points[at])
+        chosen.append(log[at])
+    return Ensembles(
+        np.stack(draws), np.stack(chosen), math.nan, math.nan, math.nan, converged=True,
+        acceptance=math.nan, sampler="weighted draws",
+    )  # fmt: skip
 
 
 def run_ensembles(
@@ -236,16 +264,16 @@ def sample_runs(
     progress: Progress | None = None,
     most: int = MAX_STEPS,
 ) -> Ensembles:
-    """Sample the posterior of one run or of several.
+    """Sample the posterior of one run or of several, by weights where those can be trusted.
 
-    Of several the walkers move in the coordinates that all share; those of single runs are drawn
+    Of several the draws are of the coordinates that all share; those of single runs are drawn
     for them afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  Parameters are those of
     :func:`run_ensembles`.
     """
     if len(target.space.timelines) == 1:
-        return run_ensembles(target, mode, seed, progress, most)
+        return _sampled(target, mode, seed, progress, most)
     shared = SharedPosterior(target, mode)
-    found = run_ensembles(shared, shared.mode, seed, progress, most)
+    found = _sampled(shared, shared.mode, seed, progress, most)
     count, length, d = found.draws.shape
     rng = np.random.default_rng([seed, 31])
     z, change = shared.completed(found.draws.reshape(-1, d), rng)
@@ -256,12 +284,22 @@ def sample_runs(
     )
 
 
+def _sampled(
+    target: Density, mode: Mode, seed: int, progress: Progress | None, most: int
+) -> Ensembles:
+    found = weighted_ensembles(target, mode, seed, progress)
+    return run_ensembles(target, mode, seed, progress, most) if found is None else found
+
+
 def independent_draws(target: Density, draws: Array) -> Ensembles:
     """Take independent draws (ENSEMBLES, S, D) for ensembles that have converged."""
     count, _, d = draws.shape
     rhat, bulk, tail = diagnose(draws.reshape(count, -1, 1, d))
     log_posterior = target.log_posterior(draws.reshape(-1, d)).reshape(count, -1)
-    return Ensembles(draws, log_posterior, rhat, bulk, tail, converged=True, acceptance=math.nan)
+    return Ensembles(
+        draws, log_posterior, rhat, bulk, tail, converged=True, acceptance=math.nan,
+        sampler="normal approximation",
+    )  # fmt: skip
 
 
 def diagnose(chains: Array) -> tuple[float, float, float]:
@@ -321,80 +359,3 @@ def _start(
         if len(z) >= walkers:
             return z[:walkers]
     return np.asarray(proposal.middle + 1e-6 * random.normal(size=(walkers, len(z.T))))
-
-
-_INFLATION = 1.2  # of the curvature's covariance, so that no tail is left out
-
-
-@dataclass(frozen=True)
-class WeightedDraws:
-    """Weighted draws of a posterior.
-
-    Parameters
-    ----------
-    z : (S, D) array
-        Coordinates.
-    weight : (S,) array
-        Weights, summing to one.
-    log_evidence : float
-        Logarithm of the integral of likelihood times prior.
-    """
-
-    z: Array
-    weight: Array
-    log_evidence: float
-
-    @property
-    def effective(self) -> float:
-        """Effective number of draws, 1 / Σ w² (Kong 1992)."""
-        return float(1.0 / np.sum(self.weight**2))
-
-    def mean(self, value: Array) -> float:
-        """Mean of a function of the draws (S,)."""
-        return float(self.weight @ value)
-
-    def below(self, value: Array, truth: float) -> float:
-        """Posterior probability that a function of the draws (S,) lies below a truth."""
-        share = self.weight @ (value < truth) + 0.5 * self.weight @ (value == truth)
-        return min(1.0, float(share))  # weights sum to one but for rounding
-
-    def quantile(self, value: Array, share: Array) -> Array:
-        """Quantiles of a function of the draws (S,)."""
-        order = np.argsort(value)
-        reached = np.cumsum(self.weight[order]) - 0.5 * self.weight[order]
-        return np.asarray(np.interp(share, reached, value[order]))
-
-    def sd(self, value: Array) -> float:
-        """Deviation of a function of the draws (S,)."""
-        return float(np.sqrt(self.weight @ (value - self.mean(value)) ** 2))
-
-
-def importance_sample(target: Density, mode: Mode, count: int, seed: int) -> WeightedDraws:
-    """Draw evenly from a Student t at the mode and weigh by the posterior.
-
-    Parameters
-    ----------
-    target : Density
-        The posterior.
-    mode : Mode
-        Its mode and curvature.
-    count : int
-        Number of draws, a power of two: scrambled Sobol points, which fill space more evenly
-        than chance does.
-    seed : int
-        Same seed, same draws.
-
-    Returns
-    -------
-    Weighted
-    """
-    proposal = Proposal.around(mode, _INFLATION)
-    d = len(mode.z)
-    even = qmc.Sobol(d + 1, rng=np.random.default_rng(seed)).random(count)
-    stretch = np.sqrt(DEGREES_OF_FREEDOM / chi2.ppf(even[:, d:], DEGREES_OF_FREEDOM))
-    z = proposal.skewed(ndtri(even[:, :d]) * stretch)
-    log_ratio = target.log_posterior(z) - proposal.log_density(z)
-    top = float(np.max(log_ratio))
-    weight = np.exp(log_ratio - top)
-    total = float(weight.sum())
-    return WeightedDraws(z, weight / total, top + float(np.log(total / count)))

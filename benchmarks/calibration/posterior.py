@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from bayes_asv.posterior.importance import WeightedDraws, importance_sample
 from bayes_asv.posterior.map_fit import MapFit
-from bayes_asv.posterior.sampler import WeightedDraws, importance_sample, run_ensembles
+from bayes_asv.posterior.sampler import run_ensembles
 from benchmarks.calibration.quantities import Conditional
 
 __all__ = ["ENOUGH", "Posterior", "place", "posterior", "spread"]

@@ -30,7 +30,7 @@ from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 
 from bayes_asv.filters import kalman
-from bayes_asv.posterior.sampler import WALKERS, sample_runs
+from bayes_asv.posterior.sampler import sample_runs
 from benchmarks.peers.floor import Floor
 from benchmarks.peers.problem import Problem, make_problem
 from benchmarks.peers.samplers import NAMES, WANTED
@@ -112,13 +112,13 @@ def ours(problem: Problem, seed: int) -> dict[str, Any]:
     begin = time.process_time()
     again = make_problem(seed)
     found = sample_runs(Counted(), again.fit.mode, seed)  # type: ignore[arg-type]
+    if found.sampler != "weighted draws":
+        raise SystemExit("the weights of this posterior can no longer be trusted")
     seconds = time.process_time() - begin
     first = problem.data()
     logs = first["first"] + found.draws @ first["slopes"]
     draws = np.exp(logs)[..., WANTED]
-    steps = draws.shape[1] // WALKERS  # each walker is a chain, as in what other samplers return
-    chains = draws.reshape(len(draws), steps, WALKERS, 3).transpose(0, 2, 1, 3)
-    return _summary(chains.reshape(-1, steps, 3), seconds, evaluations)
+    return _summary(draws, seconds, evaluations)
 
 
 def _summary(draws: Array, seconds: float, evaluations: int) -> dict[str, Any]:

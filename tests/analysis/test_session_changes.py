@@ -25,10 +25,10 @@ from bayes_asv.analysis.session_changes import (
     session_changes,
 )
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
+from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.likelihood import Posterior, shared_work
 from bayes_asv.posterior.newton import Mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
-from bayes_asv.posterior.sampler import importance_sample
 from benchmarks import compare as bench
 from tests.posterior.cases import DECLARED, as_recording, case, prepared, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, draw_biases, drive

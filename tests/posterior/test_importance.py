@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
+from bayes_asv.posterior.importance import Proposal, WeightedDraws, importance_sample
 from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.sampler import Proposal, WeightedDraws, importance_sample, run_ensembles
+from bayes_asv.posterior.sampler import run_ensembles
 from tests.posterior.cases import DECLARED, case, vehicle
 
 Array = NDArray[np.float64]

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import skewnorm
+from scipy.stats import chi2, skewnorm
 
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.sampler import diagnose, run_ensembles
+from bayes_asv.posterior.sampler import diagnose, run_ensembles, weighted_ensembles
 
 Array = NDArray[np.float64]
 
@@ -89,3 +89,48 @@ def test_progress_is_told() -> None:
     assert told
     assert all(0.0 <= share <= 1.0 and "R̂" in words for share, words in told)
     assert told[-1][0] == 1.0
+
+
+def _skewed(z: Array) -> Array:
+    return np.asarray(np.sum(skewnorm.logpdf(z, 2.0), axis=1))
+
+
+def _skewed_mode(d: int) -> Mode:
+    at = np.full(d, skewnorm.median(2.0))
+    return Mode(at, skewnorm.var(2.0) * np.eye(d), 0.0, True)
+
+
+def test_weighted_draws_are_as_precise_as_they_say() -> None:
+    """Means and ends of intervals vary from seed to seed no more than independent draws would."""
+    means, ends, sizes = [], [], []
+    for seed in range(60):
+        found = weighted_ensembles(Known(_skewed), _skewed_mode(6), seed)
+        assert found is not None
+        assert (found.sampler, found.converged) == ("weighted draws", True)
+        assert found.draws.shape[:2] == found.log_posterior.shape
+        flat = found.draws.reshape(-1, 6)
+        assert min(found.ess_bulk_min, found.ess_tail_min) >= len(flat)
+        np.testing.assert_allclose(_skewed(flat), found.log_posterior.ravel())
+        means.append(flat.mean(axis=0))
+        ends.append(np.quantile(flat, [0.025, 0.975], axis=0))
+        sizes.append(len(flat))
+    size, count = float(np.mean(sizes)), 60 * 6
+    assert size > 900
+    error = (np.array(means) - skewnorm.mean(2.0)) / np.sqrt(skewnorm.var(2.0) / size)
+    assert np.mean(error**2) < chi2.ppf(0.9999, count) / count
+    for end, found_ends in zip((0.025, 0.975), np.array(ends).transpose(1, 0, 2), strict=True):
+        exact = skewnorm.ppf(end, 2.0)
+        sd = np.sqrt(end * (1.0 - end) / size) / skewnorm.pdf(exact, 2.0)
+        assert np.mean(((found_ends - exact) / sd) ** 2) < 1.5
+    assert np.array_equal(
+        *(weighted_ensembles(Known(_skewed), _skewed_mode(6), 3).draws for _ in range(2))  # type: ignore[union-attr]
+    )
+
+
+def test_weights_that_cannot_be_trusted_are_not() -> None:
+    heavy = Known(lambda z: -1.5 * np.log1p(np.sum(z**2, axis=1)))  # Student t, one degree
+    assert weighted_ensembles(heavy, _mode(2), 1) is None
+    narrow = Known(lambda z: -0.5 * np.sum(z**2, axis=1))
+    assert weighted_ensembles(narrow, _mode(4, 0.05), 1) is None
+    nowhere = Known(lambda z: np.full(len(z), -np.inf))
+    assert weighted_ensembles(nowhere, _mode(2), 1) is None

@@ -45,7 +45,7 @@ _STOPS: Final = ("front_bump", "front_droop", "rear_bump", "rear_droop")
 
 def estimate_document(result: Estimate) -> EstimateDocument:
     """Document of an estimate from :func:`bayes_asv.estimation.estimate`, of any verdict."""
-    vehicle, agreement, car = result.vehicle, result.agreement, result.car
+    vehicle, car = result.vehicle, result.car
     units, nominal = Units(vehicle.units), result.nominal
     free_form = without_single_rate(result.dampers)
     origin = provenance(
@@ -88,9 +88,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
             draws=result.count,
             likelihood=result.likelihood,
             band=None if result.below is None else [0.0, result.below],
-            sampler="random effects"
-            if agreement is not None and agreement.verdict == "disagree"
-            else "ensembles",
+            sampler=result.sampler,
         ),
         width=None
         if result.width is None

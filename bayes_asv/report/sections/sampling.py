@@ -35,6 +35,11 @@ def sampling_lines(diagnostics: Diagnostics) -> list[str]:
             "run enters with mean and covariance of its own posterior."
         ]
     lines = []
+    if diagnostics.sampler == "weighted draws":
+        lines.append(
+            f"The {draws} draws are independent: they come from a Student t shaped like the "
+            "posterior and were weighted by it, which the tail of their weights allows."
+        )
     rhat, acceptance = diagnostics.rhat_max, diagnostics.acceptance
     if rhat is not None:
         good = rhat < RHAT_WANTED
