@@ -9,6 +9,8 @@ __all__ = ["main"]
 
 def main() -> NoReturn:
     """Import the command line and run it; Ctrl-C during the import ends in one line as well."""
+    # Matrices are small: more threads of the linear algebra only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from bayes_asv.cli import main as run
     except KeyboardInterrupt:
