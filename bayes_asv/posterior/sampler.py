@@ -344,6 +344,8 @@ def _samplers(
         sampler = emcee.EnsembleSampler(
             walkers, d, target.log_posterior, moves=moves, vectorize=True
         )
+        # without the wrapper that prints a traceback when Ctrl-C breaks off a likelihood
+        sampler.log_prob_fn = target.log_posterior
         sampler.random_state = np.random.RandomState([*seed, ensemble]).get_state()
         out.append(sampler)
     return out

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2, skewnorm
 
@@ -134,3 +135,19 @@ def test_weights_that_cannot_be_trusted_are_not() -> None:
     assert weighted_ensembles(narrow, _mode(4, 0.05), 1) is None
     nowhere = Known(lambda z: np.full(len(z), -np.inf))
     assert weighted_ensembles(nowhere, _mode(2), 1) is None
+
+
+def test_an_interrupt_in_a_likelihood_is_not_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    calls = 0
+
+    def interrupted(z: Array) -> Array:
+        nonlocal calls
+        calls += 1
+        if calls > 12:
+            raise KeyboardInterrupt
+        return np.asarray(-0.5 * np.sum(z**2, axis=1))
+
+    with pytest.raises(KeyboardInterrupt):
+        run_ensembles(Known(interrupted), _mode(3), 1)
+    assert calls > 12
+    assert capfd.readouterr() == ("", "")
