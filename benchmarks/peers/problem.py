@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 CAR = ("m", "l", "wdf", "k_f", "k_r", "c_f", "c_r", "i")
 """Parameters of the half car, SI units."""
-_POINTS = 24  # where log posteriors are compared
+_POINTS = 256  # where log posteriors are compared
 
 
 class Problem(NamedTuple):
