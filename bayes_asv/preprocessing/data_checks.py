@@ -38,6 +38,7 @@ __all__ = [
     "coherence",
     "dead_channels",
     "min_sampling_rate",
+    "mistaken_time_unit",
     "preflight",
     "suggest_band",
 ]
@@ -47,7 +48,6 @@ _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
 _REAL = 0.5  # of that for a mode that does not oscillate: 5 were enough for poles of 18 to 32 Hz
 _FEW_A_SECOND = 2.5  # rows: fewer than any logger of accelerations takes
 _FASTEST_LOGGER = 20e3  # Hz
-_SHORT = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}
 _FEWEST = 100  # rows
 MAX_UNEXPLAINED = 0.3
 """Share left over (rms) beyond which the intervals are too good to be true."""
@@ -136,13 +136,9 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
             f"least {needed:.2f} s and {_FEWEST} rows; start the recording a second before the "
             "bump and let it run until the car has stopped bouncing"
         )
-    unit = _unit_of_time(rate, min_sampling_rate(found))
-    if unit:
-        reasons.append(
-            f"the rows of {line.source} are {1.0 / rate:.4g} s apart: its time column is probably "
-            f"in {unit}, not in seconds; give the unit in its header, time [{_SHORT[unit]}]"
-        )
-        return reasons, warnings
+    mistaken = mistaken_time_unit(line.source, rate, min_sampling_rate(found))
+    if mistaken:
+        return [*reasons, mistaken], warnings
     if rate < min_sampling_rate(found):
         reasons.append(
             f"{line.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at up "
@@ -235,11 +231,24 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     return reasons, warnings
 
 
-def _unit_of_time(rate: float, least: float) -> str:
-    """Return the unit in which stamps that were taken for seconds are; empty where they are."""
-    for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+def mistaken_time_unit(source: str, rate: float, least: float) -> str:
+    """Say that stamps were taken for seconds and are not; empty where they may be.
+
+    Parameters
+    ----------
+    source : str
+        Name of the recording.
+    rate, least : float
+        Rows a second by the stamps, and those that the car needs.
+    """
+    for factor, unit, short in (
+        (1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"),
+    ):  # fmt: skip
         if rate < _FEW_A_SECOND and least <= factor * rate <= _FASTEST_LOGGER:
-            return unit
+            return (
+                f"the rows of {source} are {1.0 / rate:.4g} s apart: its time column is probably "
+                f"in {unit}, not in seconds; give the unit in its header, time [{short}]"
+            )
     return ""
 
 

@@ -14,7 +14,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
 from bayes_asv.posterior.map_fit import unidentified_sentence
-from bayes_asv.preprocessing.data_checks import min_sampling_rate
+from bayes_asv.preprocessing.data_checks import min_sampling_rate, mistaken_time_unit
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.tracking.sensor_noise import SensorModel
 
@@ -82,6 +82,9 @@ class DataChecks:
                 f"{source} is too short: {seconds:.2f} s in {self.rows} rows, and this car needs "
                 f"at least {needed:.2f} s and {_MIN_ROWS} rows; record longer"
             )
+        mistaken = mistaken_time_unit(source, self.rate, min_sampling_rate(modes))
+        if mistaken:
+            return [*out, mistaken]
         if self.rate < min_sampling_rate(modes):
             out.append(
                 f"{source} was taken at {self.rate:.0f} Hz, too slow for this car, which moves at "
