@@ -123,9 +123,10 @@ def test_weighted_draws_are_as_precise_as_they_say() -> None:
         exact = skewnorm.ppf(end, 2.0)
         sd = np.sqrt(end * (1.0 - end) / size) / skewnorm.pdf(exact, 2.0)
         assert np.mean(((found_ends - exact) / sd) ** 2) < 1.5
-    assert np.array_equal(
-        *(weighted_ensembles(Known(_skewed), _skewed_mode(6), 3).draws for _ in range(2))  # type: ignore[union-attr]
-    )
+    first, second = (weighted_ensembles(Known(_skewed), _skewed_mode(6), 3) for _ in range(2))
+    assert first is not None
+    assert second is not None
+    assert np.array_equal(first.draws, second.draws)
 
 
 def test_weights_that_cannot_be_trusted_are_not() -> None:
