@@ -13,10 +13,8 @@ import argparse
 import json
 import os
 import resource
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +24,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import write_csv
+from benchmarks.growth import measured
 from benchmarks.provenance import current_commit
 from tests.rig import RigCar, SensorSpec, baja, draw, draw_biases, vehicle_toml
 from tests.rig.long_log import LongLog, hour, long_log
@@ -57,37 +56,17 @@ def recording(log: LongLog, begin: float, end: float, source: str, sha256: str =
 def by_command(file: Path, vehicle: Path) -> dict[str, Any]:
     """Estimate a file in a process of its own; its time, its memory and its document."""
     document = file.with_suffix(".json")
-    command = [sys.executable, "-m", "bayes_asv", "estimate", str(file), "--vehicle", str(vehicle)]
-    began = time.perf_counter()
-    process = subprocess.Popen(
-        [*command, "--json", str(document), "--seed", "1"], stdout=subprocess.DEVNULL
-    )
-    peak, status = 0, None
-    while status is None:  # the greatest size that is reported afterwards may be of this process
-        peak = max(peak, _peak(process.pid))
-        time.sleep(0.05)
-        pid, code, usage = os.wait4(process.pid, os.WNOHANG)
-        status = code if pid else None
-    wall = time.perf_counter() - began
-    if os.waitstatus_to_exitcode(status) != 0:
-        raise SystemExit(f"{file.name}: exit status {os.waitstatus_to_exitcode(status)}")
+    words = ("estimate", str(file), "--vehicle", str(vehicle), "--json", str(document))
+    found = measured((*words, "--seed", "1"), file.parent)
+    if found["status"] != 0:
+        raise SystemExit(f"{file.name}: exit status {found['status']}")
     return {
-        "wall_seconds": round(wall, 1),
-        "user_seconds": round(usage.ru_utime, 1),
-        "system_seconds": round(usage.ru_stime, 1),
-        "peak_megabytes": peak // 1024,
+        "wall_seconds": round(found["wall"], 1),
+        "user_seconds": round(found["user"], 1),
+        "system_seconds": round(found["system"], 1),
+        "peak_megabytes": round(found["megabytes"]),
         "document": json.loads(document.read_text("utf-8")),
     }
-
-
-def _peak(pid: int) -> int:
-    """Return the greatest resident size of a process so far, kB."""
-    try:
-        text = Path(f"/proc/{pid}/status").read_text("utf-8")
-    except OSError:
-        return 0
-    found = [line.split()[1] for line in text.splitlines() if line.startswith("VmHWM")]
-    return int(found[0]) if found else 0
 
 
 def of_document(document: dict[str, Any], car: RigCar, vehicle: Vehicle) -> dict[str, Any]:

@@ -6,8 +6,11 @@ one side for both, or a rate at the damper instead of at the wheel moves all dam
 factor, or one by a factor of units.  With ρ the logarithms of estimated over nominal damping the
 hypotheses are::
 
-    wear      ρ_e ~ split normal about 0, deviation 0.35 downward and 0.2 upward, for each element e
-    mistake   ρ_e − f as with wear, f the logarithm of the mistake's factor
+    no mistake   ρ_e as stated, normal with a deviation of 0.1, or worn or set otherwise, split
+                 normal with 0.35 downward and 0.2 upward, each with a probability of one half
+    mistake      ρ_e + s_e as without one, where s_e undoes the mistake at element e
+
+Nominal damping has a mistake with a probability of one tenth.
 
 A pitch inertia is judged by the dynamic index i/(m l_f l_r), which lies near one for all cars.
 """
@@ -35,7 +38,7 @@ Array = NDArray[np.float64]
 # others are worn or set stiffer.
 _TOLERANCE, _WORN, _STIFFER = 0.1, 0.35, 0.2
 _AS_STATED = 0.5
-_PRIOR = 0.1  # probability that nominal damping has one of the mistakes, each kind as likely
+_PRIOR = 0.1  # that nominal damping has a mistake; all kinds are equally likely
 _UNITS = (  # the larger unit over the smaller one
     (12.0, "lbf·s/in", "lbf·s/ft"),
     (si_factor("lbf*s/in", "damping"), "lbf·s/in", "N·s/m"),
