@@ -6,7 +6,7 @@ OUT    ?= out
 PEERS  := emcee scipy filterpy pints numpyro blackjax
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test docs check format lint types contract unit attack bench recordings samples clean
+.PHONY: help demo test docs check format lint types contract unit attack bench recordings samples lock clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -22,10 +22,11 @@ $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
-$(VENV)/.tested: pyproject.toml $(VENV)/.installed
-	@echo "Installing what the tests need"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	@touch $@
+$(VENV)/.tested: requirements-dev.txt pyproject.toml | $(VENV)/bin/python
+	@echo "Installing what the tests need, in the versions locked; this takes a minute or two"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@ $(VENV)/.installed
 
 demo: $(VENV)/.installed ## the whole way on shipped data, with a report at the end
 	@mkdir -p $(OUT)
@@ -35,12 +36,7 @@ test: $(VENV)/.tested ## install what the tests need and run every check
 	sh tests/debian-packages.sh
 	$(MAKE) check
 
-$(VENV)/.documented: pyproject.toml $(VENV)/.installed
-	@echo "Installing what the site needs"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
-	@touch $@
-
-docs: $(VENV)/.documented ## the site of the documentation, in docs/_build/html
+docs: $(VENV)/.tested ## the site of the documentation, in docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 
 check: format lint contract ## every check, nothing installed
@@ -79,6 +75,12 @@ recordings: $(VENV)/.tested ## make the shipped recordings again from the rig
 samples: $(VENV)/.installed ## make the sample reports again
 	$(BIN)/bayes-asv demo -o reports
 	sh tests/picture.sh reports/demo.html reports/demo.png
+
+lock: $(VENV)/.tested ## lock the newest versions that development and its checks use, and list their licences
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
+	 --no-header --extra dev --output-file requirements-dev.txt pyproject.toml
+	$(MAKE) $(VENV)/.tested
+	$(BIN)/python -m tests.licences_page
 
 clean: ## remove what was built
 	rm -rf $(VENV) $(OUT) docs/_build build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

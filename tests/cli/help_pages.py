@@ -21,8 +21,13 @@ The help of `bayes-asv` and of each of its commands, written by `python -m tests
 `python -m bayes_asv` is the same program. The library does the same from Python:
 [library.md](library.md).
 
-Every command that computes takes `--json FILE` (`-` for standard output) and `--seed N`; the same
-seed gives the same answer. Progress is shown on a terminal only.
+Every command that computes takes `--json FILE` (`-` for standard output) and `--seed N`. The same
+seed gives the same bytes apart from `seconds`, with any number of threads, with and without
+compiled code in the cache, and on Python 3.11 to 3.13 with the same versions of the packages
+(only `provenance.python` differs). Other versions of NumPy and SciPy add in another order: means,
+deviations and intervals then differ from their ninth digit on, and a number that is a small
+difference of large ones (a remainder's score, the probability of a name that is ruled out) from
+its third. Progress is shown on a terminal only.
 
 | exit status | |
 |---|---|
