@@ -71,6 +71,8 @@ _FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # ratios of rates
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
 _LAGS = (0.005, 0.02)  # s
 _SLOPES = (0.15, 0.8)  # m/s³
+_SHARES = (-0.15, 0.1, 0.3)  # of the way from one axle to the other
+_TIME_CONSTANTS = (0.005, 0.02)  # s, of filters of 32 and 8 Hz
 _FREE = 1.0  # deviation of the logarithm of a given value whose factor is looked for
 _APART = 0.4  # the same of values that have a factor in common, and each one of its own
 
@@ -144,7 +146,7 @@ def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterato
     channels = [vehicle.channel(name) for name in recording.channels]
     channels = [channel for channel in channels if car.explains(channel)]
     yield from _of_columns(channels)
-    yield from _of_readings(channels)
+    yield from _of_readings(channels, 1.0 / nominal_rate(recording))
     yield from _of_given_values(vehicle, car)
     yield from _of_time(recording, car)
 
@@ -181,14 +183,20 @@ def _exchange(pairs: Sequence[tuple[str, str]]) -> Hypothesis:
     )
 
 
-def _of_readings(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
-    """Signs, gains and lags of channels."""
+def _of_readings(channels: Sequence[Channel], step: float) -> Iterator[Hypothesis]:
+    """Signs, gains, lags, filters and places of channels that are read every ``step`` seconds."""
     outputs = tuple(channel.name for channel in channels if not channel.is_input)
     axles = [tuple(c.name for c in channels if c.axle == axle) for axle in ("front", "rear")]
     alone = [(channel.name,) for channel in channels]
+    chassis = [c.name for c in channels if c.name in ("front_chassis", "rear_chassis")]
+    if len(chassis) == 2:
+        yield _misplaced(chassis[0], chassis[1])
+        yield _misplaced(chassis[1], chassis[0])
     for channel in channels:
         if channel.quantity == "acceleration":
             yield _drifting(channel.name)
+            yield _filtered(channel.name, step, 1)
+            yield _filtered(channel.name, step, 2)
     for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
         yield _inverted(names)
         yield _gain(names)
@@ -241,12 +249,82 @@ def _late(names: tuple[str, ...]) -> Hypothesis:
     )
 
 
+def _si(recording: Recording, vehicle: Vehicle, name: str) -> float | None:
+    """Return what one in a channel's column is in m/s²; None where the vehicle does not say."""
+    unit = recording.units[recording.channels.index(name)]
+    if unit == COUNTS:
+        return vehicle.sensor(name).counts_scale
+    return si_factor(unit, "acceleration")
+
+
+def _misplaced(name: str, other: str) -> Hypothesis:
+    """Return that a sensor of the body is a share of the wheelbase away from its axle."""
+
+    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
+        own, there = _si(recording, vehicle, name), _si(recording, vehicle, other)
+        if own is None or there is None:
+            return recording, vehicle
+        c, d = recording.channels.index(name), recording.channels.index(other)
+        values = recording.values.copy()
+        values[c] -= size * there / own * values[d]
+        moved = replace(recording, values=values)
+        return _scaled(moved, vehicle, [name], 1.0 / (1.0 - size))
+
+    def words(size: float) -> tuple[str, str]:
+        where = "towards the middle of the car" if size > 0.0 else "away from the middle of the car"
+        return (
+            f"the {_words(name)} sensor is mounted off its axle by {100 * abs(size):.0f} % of the "
+            f"wheelbase, {where}",
+            "mount it above the axle",
+        )
+
+    return Hypothesis(
+        words, undo, _SHARES, stretch=lambda size: {name: -math.log(1.0 - size)},
+        misread=lambda size: True,
+    )  # fmt: skip
+
+
+def _filtered(name: str, step: float, order: int) -> Hypothesis:
+    """Return that there is a low-pass filter that is not declared, Butterworth's of order 1 or 2.
+
+    The size is 1/ω of its corner, s.  It is undone by the recursion that has its poles.
+    """
+
+    def recursion(size: float) -> tuple[float, ...]:
+        if size <= 0.0:
+            return ()
+        angles = (math.pi,) if order == 1 else (0.75 * math.pi, 1.25 * math.pi)
+        poles = [np.exp(step / size * np.exp(1j * angle)) for angle in angles]
+        return tuple(float(x) for x in -np.poly(poles)[1:].real)
+
+    def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
+        c = recording.channels.index(name)
+        values, kept = recording.values.copy(), recursion(size)
+        for lag, weight in enumerate(kept, start=1):
+            values[c, lag:] -= weight * recording.values[c, :-lag]
+        values[c, len(kept) :] /= 1.0 - sum(kept)
+        values[c, : len(kept)] = recording.values[c, : len(kept)]
+        sensor = replace(vehicle.sensor(name), low=-math.inf, high=math.inf)
+        open_ended = replace(vehicle, sensors={**vehicle.sensors, name: sensor})
+        return replace(recording, values=values), open_ended
+
+    def words(size: float) -> tuple[str, str]:
+        corner = 1.0 / (2.0 * math.pi * max(size, step))
+        return (
+            f"{_words(name)} is low-pass filtered at some {corner:.0f} Hz",
+            "switch the filter off, or give the bandwidth of the sensor in the vehicle file",
+        )
+
+    return Hypothesis(
+        words, undo, _TIME_CONSTANTS,
+        stretch=lambda size: {name: -math.log(1.0 - sum(recursion(size)))},
+    )  # fmt: skip
+
+
 def _drifting(name: str) -> Hypothesis:
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
         c = recording.channels.index(name)
-        sensor = vehicle.sensor(name)
-        unit = recording.units[c]
-        one = sensor.counts_scale if unit == COUNTS else si_factor(unit, "acceleration")
+        one = _si(recording, vehicle, name)
         if one is None:
             return recording, vehicle
         values = recording.values.copy()
@@ -308,7 +386,8 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
     if len(own) > 1:
         yield _factor("the spring rates of all axles", own, _SPRING_FACTORS, _SPRING_FIX)
         yield _factor(
-            "the spring rates of all axles, each by a factor of its own,", own, {}, _SPRING_FIX,
+            "the spring rates of all axles, each by a factor of its own,", own, {},
+            f"make sure that the vehicle file is that of this car; {_SPRING_FIX}",
             apart=_APART,
         )  # fmt: skip
     for name in own:

@@ -21,7 +21,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -70,6 +71,7 @@ _TOLD = 3  # mistakes in a sentence
 _RUNS = 3  # recordings that are looked at
 _MOVED = 3.0  # deviations: once in 370 right inputs for each given value
 _NEARLY_HOLDS = 30.0  # dispersion up to which a mistake explains enough to be named
+_ERROR_OF_RATES = 0.5 * math.log(2.0)  # of a model that does not hold: a factor of two is rare
 _BACKWARDS = -8.0  # log prior odds of a drive in which the rear wheels lead
 _ALIKE = 0.6  # correlation of front and rear wheels from which on their order means something
 _AHEAD = 0.2  # by which it has to be larger than with the other order
@@ -135,9 +137,11 @@ def check_input(
     mistakes: list[Mistake] = []
     if moved or not holds or rear_leads(recordings):
         mistakes = likely_mistakes(recordings, vehicle, car)
+        mistakes = mistakes or _of_one_recording(recordings, vehicle, car)
     if not mistakes and fit is not None and not refused:
         mistakes = implausible_values(model, fit.values)
-        mistakes = mistakes or nominal_mistakes(vehicle, model, fit.values)
+        error = 0.0 if holds else _ERROR_OF_RATES
+        mistakes = mistakes or nominal_mistakes(vehicle, model, fit.values, error)
     if mistakes:
         return Doubt(tuple(mistakes), _sentence(mistakes), holds)
     if refused:
@@ -158,6 +162,18 @@ def check_input(
         model_holds=False,
         about="model",
     )
+
+
+def _of_one_recording(recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> list[Mistake]:
+    """Find a recording whose channels are not what they are taken for, unlike those of others."""
+    if len(recordings) == 1:
+        return []
+    for one in recordings:
+        found = [m for m in likely_mistakes([one], vehicle, car) if m.misread]
+        if found:
+            source = Path(one.source).name
+            return [replace(m, words=f"in {source} {m.words}") for m in found]
+    return []
 
 
 def _contradiction(moved: Sequence[str], values: Mapping[str, float], vehicle: Vehicle) -> str:
@@ -228,9 +244,10 @@ def likely_mistakes(
     left = sorted_out[: 2 * _REFINED]
     left += [one for one in sorted_out[2 * _REFINED :] if one.hypothesis is CORRECT]
     tried = [_evaluate(one.hypothesis, one.size, recordings, vehicle, car, STEPS) for one in left]
-    likeliest = max(tried, key=lambda one: one.log_posterior)
-    if not likeliest.dispersion < _NEARLY_HOLDS:
+    tried = [one for one in tried if one.dispersion < _NEARLY_HOLDS]
+    if not tried:
         return []  # whatever is wrong is not in the list
+    likeliest = max(tried, key=lambda one: one.log_posterior)
     dispersion = max(1.0, likeliest.dispersion / likeliest.noise_factor**2)
     logs = np.array(
         [

@@ -84,21 +84,27 @@ def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mista
         ratio = derived.get(element.damping.replace("c_", "zeta_", 1))
         if ratio is None:
             continue
+        fix = "check channels, units, spring rates and sprung mass"
         zeta = float(ratio[0])
         frequency = zeta * values[element.spring] / (math.pi * values[element.damping])
         if not _RATIOS[0] <= zeta <= _RATIOS[1]:
             name = QUANTITIES[element.damping][1]
             what = f"the estimated {name} means a damping ratio of {zeta:.2g}"
+            if element.axle is not None:
+                wheel, body = f"{element.axle} wheel", f"{element.axle} chassis"
+                fix = (
+                    f"the {body} sensor hardly follows its wheel: it is dead, loose or in another "
+                    "unit"
+                    if zeta < _RATIOS[0]
+                    else f"{wheel} and {body} move alike: their columns are exchanged, or both "
+                    "sensors are on the same part"
+                ) + f"; {fix}"
         elif not _RIDE_FREQUENCIES[0] <= frequency <= _RIDE_FREQUENCIES[1]:
             name = QUANTITIES[element.spring][1]
             what = f"the {name} and the mass on it mean a natural frequency of {frequency:.2g} Hz"
         else:
             continue
-        out.append(
-            Mistake(
-                f"{what}, as no car has", "check channels, units, spring rates and sprung mass", 1.0
-            )
-        )
+        out.append(Mistake(f"{what}, as no car has", fix, 1.0))
     return out
 
 
@@ -138,7 +144,9 @@ class NominalDamping:
         return p + self.probability * (0.5 - p)
 
 
-def nominal_mistakes(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
+def nominal_mistakes(
+    vehicle: Vehicle, car: CarModel, values: Mapping[str, float], error: float = 0.0
+) -> list[Mistake]:
     """Compare estimated values with nominal ones, and say where a mistake is likelier than wear.
 
     Parameters
@@ -149,18 +157,22 @@ def nominal_mistakes(vehicle: Vehicle, car: CarModel, values: Mapping[str, float
         The car that was estimated.
     values : mapping of str to float
         Its parameters as estimated, SI units.
+    error : float
+        Deviation of the logarithms of the estimated rates, beyond what wear makes of them.
 
     Returns
     -------
     list of Mistake
         The likeliest where it is likelier than wear.
     """
-    found = nominal_damping(car, values)
+    found = nominal_damping(car, values, error)
     mistakes = list(found.mistakes) if found.probability > 0.5 else []
     return mistakes + _inertia(vehicle, car, values)
 
 
-def nominal_damping(car: CarModel, values: Mapping[str, float]) -> NominalDamping:
+def nominal_damping(
+    car: CarModel, values: Mapping[str, float], error: float = 0.0
+) -> NominalDamping:
     """Weigh mistakes in nominal damping against wear.
 
     Parameters
@@ -169,15 +181,17 @@ def nominal_damping(car: CarModel, values: Mapping[str, float]) -> NominalDampin
         The car that was estimated.
     values : mapping of str to float
         Its damping rates as estimated, SI units.
+    error : float
+        As of :func:`nominal_mistakes`.
     """
     names = list(dict.fromkeys(element.damping for element in car.elements))
     nominal = {p.name: p.nominal for p in car.parameters}
     rho = np.array([math.log(values[name] / nominal[name]) for name in names])
     kinds = _kinds(names, np.array([nominal[name] for name in names]), rho)
-    logs, texts = [float(_log_wear(rho)) + math.log(1.0 - _PRIOR)], []
+    logs, texts = [float(_log_wear(rho, error)) + math.log(1.0 - _PRIOR)], []
     for kind in kinds:
         for moved, text in kind:
-            each = np.atleast_1d(_log_wear(rho + moved))
+            each = np.atleast_1d(_log_wear(rho + moved, error))
             prior = math.log(_PRIOR / len(kinds) / len(kind) / len(each))
             logs.append(float(np.logaddexp.reduce(each)) + prior)
             texts.append(text)
@@ -234,11 +248,12 @@ def _kinds(names: list[str], nominal: Array, rho: Array) -> list[list[tuple[Arra
     return kinds
 
 
-def _log_wear(rho: Array) -> Array:
+def _log_wear(rho: Array, error: float) -> Array:
     """Log density of the logarithms of estimated over nominal damping, summed over elements."""
-    width = np.where(rho < 0.0, _WORN, _STIFFER)
-    worn = math.log(2.0 * (1.0 - _AS_STATED) / (_WORN + _STIFFER)) - 0.5 * (rho / width) ** 2
-    stated = math.log(_AS_STATED / _TOLERANCE) - 0.5 * (rho / _TOLERANCE) ** 2
+    below, above, tolerance = np.hypot((_WORN, _STIFFER, _TOLERANCE), error)
+    width = np.where(rho < 0.0, below, above)
+    worn = np.log(2.0 * (1.0 - _AS_STATED) / (below + above)) - 0.5 * (rho / width) ** 2
+    stated = np.log(_AS_STATED / tolerance) - 0.5 * (rho / tolerance) ** 2
     density = np.logaddexp(stated, worn) - 0.5 * math.log(2.0 * math.pi)
     return np.asarray(np.sum(density, axis=-1))
 

@@ -11,6 +11,7 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -48,14 +49,10 @@ class AnswerIndex:
         try:
             self._answers.mkdir(parents=True, exist_ok=True)
             self._database = sqlite3.connect(folder / "index.sqlite", timeout=wait)
-            # The lock is held until the connection ends, and ends with the process.
-            self._database.execute("PRAGMA locking_mode = EXCLUSIVE")
-            self._database.execute("BEGIN EXCLUSIVE")
-            self._database.execute(
-                "CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, extract TEXT NOT NULL)"
-            )
-            self._database.commit()
-            rows = self._database.execute("SELECT key, extract FROM answers").fetchall()
+            with ExitStack() as failed:
+                failed.callback(self._database.close)
+                rows = self._opened()
+                failed.pop_all()
         except sqlite3.OperationalError as error:
             if "locked" in str(error):
                 raise InputError(
@@ -73,6 +70,16 @@ class AnswerIndex:
                 str(folder), f"cannot be made ({error.strerror})", "name another output"
             ) from None
         self._extracts: dict[str, dict[str, Any]] = {k: json.loads(text) for k, text in rows}
+
+    def _opened(self) -> list[tuple[str, str]]:
+        """Lock the index until the connection ends, at the latest with the process, and read it."""
+        self._database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        self._database.execute("BEGIN EXCLUSIVE")
+        self._database.execute(
+            "CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, extract TEXT NOT NULL)"
+        )
+        self._database.commit()
+        return self._database.execute("SELECT key, extract FROM answers").fetchall()
 
     def __enter__(self) -> Self:
         return self

@@ -65,8 +65,8 @@ Array = NDArray[np.float64]
 class StateSpace(NamedTuple):
     """W linear state-space models of one car and one set of sensors.
 
-    ẋ = A x + B u + E φ and y = C x + G φ with u and y in the units of the *readings*: gains of the
-    sensors are in B, C and G.
+    ẋ = A x + B (u − u₀) + E φ and y = y₀ + C x + G φ with u and y in the units of the *readings*:
+    gains of the sensors are in B, C and G.
 
     Parameters
     ----------
@@ -82,6 +82,9 @@ class StateSpace(NamedTuple):
         Damping (N·s/m) and spring rate (N/m) of each element.
     N : (nu, nd) array
         Directions in which a bias of the inputs is not a bias of the outputs.
+    zeros : (W, nu + ny) array
+        Zeros of the sensors that are known, u₀ and y₀; :mod:`.kalman_ar` and
+        :mod:`.free_response` take readings that are free of them.
     """
 
     A: Array
@@ -91,13 +94,14 @@ class StateSpace(NamedTuple):
     G: Array
     rates: Array
     N: Array
+    zeros: Array
 
     def some(self, sets: Sequence[int]) -> StateSpace:
         """Pick some of the parameter sets."""
         only = list(sets)
         return StateSpace(
             self.A[only], self.B[only], self.C[only], self.E[only], self.G[only],
-            self.rates[only], self.N,
+            self.rates[only], self.N, self.zeros[only],
         )  # fmt: skip
 
 
@@ -218,6 +222,7 @@ def _compiled(
         E: Array,
         rates: Array,
         N: Array,
+        zeros: Array,
         white: Array,
         filtered: Array,
         poles: Array,
@@ -243,7 +248,15 @@ def _compiled(
         powers = np.empty((TAYLOR + 1, nx, nx, lanes))
         drive = np.empty((nu, ORDER, nx, lanes))
         power_series(nx, nu, lanes, A, B, powers, drive)
-        mean = np.zeros((n, lanes))
+        # A known zero of an input is noise around it, of an output a bias that begins there.
+        level = np.zeros((n, lanes))
+        for u in range(nu):
+            for q in range(lanes):
+                level[coupled - nu + u, q] = zeros[u, q]
+        for y in range(ny):
+            for q in range(lanes):
+                level[coupled + y, q] = zeros[nu + y, q]
+        mean = level.copy()
         P = np.zeros((n, n, lanes))
         place = np.empty(nx + nd + ny, np.int64)
         for a in range(nx):
@@ -340,7 +353,7 @@ def _compiled(
                         mean[a, q] = ahead[a, q]
                 for a in range(rows + nd, n):
                     for q in range(lanes):
-                        mean[a, q] *= decay[a, q]
+                        mean[a, q] = level[a, q] + (mean[a, q] - level[a, q]) * decay[a, q]
                 predict_vectors(nx, nu, ny, rows, coupled, carry, Q, decay, intensity, gained, P)
             for y in range(ny):
                 what = kind[k, y]
@@ -408,11 +421,11 @@ def _passes(
     ne = system.E.shape[2] if nonlinear else 0
     nm = series_dampers(laws, ne)
     C = readout(system, nm) if nonlinear else system.C
-    A, B, C, E, rates, white, filtered, poles = (
+    A, B, C, E, rates, zeros, white, filtered, poles = (
         lanes_last(x)
         for x in (
-            system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], noise.white,
-            noise.filtered, noise.poles,
+            system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], system.zeros,
+            noise.white, noise.filtered, noise.poles,
         )
     )  # fmt: skip
     instants = len(data.step) if keep else 0
@@ -423,8 +436,8 @@ def _passes(
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     for b in range(len(A)):
         run(
-            A[b], B[b], C[b], E[b], rates[b], system.N, white[b], filtered[b], poles[b], *data,
-            min(LANES, W - b * LANES), np.ascontiguousarray(tables[sets[b]]), laws.pole,
+            A[b], B[b], C[b], E[b], rates[b], system.N, zeros[b], white[b], filtered[b], poles[b],
+            *data, min(LANES, W - b * LANES), np.ascontiguousarray(tables[sets[b]]), laws.pole,
             laws.inputs, laws.elapsed, laws.added, keep, *(x[b] for x in out),
         )  # fmt: skip
     total, *kept = (np.moveaxis(x, -1, 1).reshape(sets.size, *x.shape[1:-1])[:W] for x in out)

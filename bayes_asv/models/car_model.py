@@ -309,7 +309,7 @@ def state_space(
     Returns
     -------
     StateSpace
-        With 2 ne states, and one for each output that is the rate of a coordinate.
+        With 2 ne states, and one for each output that is the rate of a coordinate; zeros are zero.
     """
     H = car.heights(values)
     W, ne, n = H.shape
@@ -343,7 +343,8 @@ def state_space(
         C *= gains[1][:, :, None]
         G *= gains[1][:, :, None]
     N = np.zeros((ne, 0)) if bias_directions is None else bias_directions
-    return StateSpace(A, B, C, E, G, np.stack([c, k], axis=2), N)
+    zeros = np.zeros((W, ne + len(outputs)))
+    return StateSpace(A, B, C, E, G, np.stack([c, k], axis=2), N, zeros)
 
 
 def bias_directions(system: StateSpace) -> Array:

@@ -227,14 +227,15 @@ class Posterior:
         values = [self.space.effects(point) for point in z]
         tables = np.stack([law_table(self.space.car, v, run) for v in values])
         known = self._patterns(run, recording) if self.patterns else None
+        if known is not None:
+            biases = self.space.zeros(z, run)
+            zeros = np.hstack([biases, biases @ recording.rigid_gain.T])
+            system = system._replace(zeros=zeros)
+        none = np.zeros(len(recording.inputs))
         as_read = NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
         parts: dict[int, tuple[NominalReadings, list[int]]] = {}
-        for w, (value, point) in enumerate(zip(values, z, strict=True)):
-            nominal = (
-                as_read
-                if known is None
-                else known.corrected(recording, value, self.space.zeros(point, run))
-            )
+        for w, value in enumerate(values):
+            nominal = as_read if known is None else known.corrected(recording, value, none)
             parts.setdefault(id(nominal), (nominal, []))[1].append(w)
         for nominal, sets in parts.values():
             whole = len(sets) == len(z)
@@ -390,7 +391,9 @@ class Posterior:
         line = self.space.timelines[run] if line is None else line
         if not self.patterns:
             return NominalReadings(line.moments, line.reading, np.zeros((0, 0)))
-        return self.patterns[run].corrected(line, self.space.effects(z), self.space.zeros(z, run))
+        return self.patterns[run].corrected(
+            line, self.space.effects(z), self.space.zeros(z[None], run)[0]
+        )
 
 
 def _used(

@@ -458,12 +458,12 @@ class ParameterSpace:
         return np.full(len(z), _SHARE_HELD if filtered else 0.0)
 
     def zeros(self, z: Array, run: int) -> Array:
-        """Return the biases (nu,) of a run's inputs, m/s², at coordinates (D,)."""
-        out = np.zeros(len(self.car.elements))
+        """Return the biases (W, nu) of a run's inputs, m/s², at coordinates (W, D)."""
+        out = np.zeros((len(z), len(self.car.elements)))
         for e, element in enumerate(self.car.elements):
             k = self.index.get(f"input bias {element.name} {run}")
             if k is not None:
-                out[e] = self.coordinates[k].centre + self.coordinates[k].scale * z[k]
+                out[:, e] = self.coordinates[k].centre + self.coordinates[k].scale * z[:, k]
         return out
 
     def nuisance(self, z: Array) -> dict[str, Array]:

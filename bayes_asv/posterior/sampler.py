@@ -137,7 +137,7 @@ def weighted_ensembles(
                 if 1.0 / np.sum(weight**2) < _USELESS * len(flat):
                     return None
                 importlib.import_module("arviz_stats.base")
-            bulk, tail = _effective_sizes(flat, weight)
+            bulk, tail = effective_sizes(flat, weight)
             if progress is not None:
                 progress(min(bulk / ESS_WANTED, tail / ESS_WANTED, 1.0), f"{bulk:.0f} draws")
             if min(bulk, tail) >= ESS_WANTED and _pareto_tail(log_ratio) <= _TRUSTED:
@@ -150,7 +150,7 @@ def weighted_ensembles(
     return None
 
 
-def _effective_sizes(z: Array, weight: Array) -> tuple[float, float]:
+def effective_sizes(z: Array, weight: Array) -> tuple[float, float]:
     """Effective sizes of weighted draws (N, D): of the means and of the tails, the least of all."""
     square = (z - weight @ z) ** 2
     bulk = float(np.min((weight @ square) / (weight**2 @ square)))
@@ -162,7 +162,7 @@ def _effective_sizes(z: Array, weight: Array) -> tuple[float, float]:
             last = int(np.searchsorted(reached, end))
             p, inside = float(reached[last]), float(squares[last])
             error = inside * (1.0 - p) ** 2 + (float(squares[-1]) - inside) * p**2
-            tail = min(tail, p * (1.0 - p) / error)
+            tail = min(tail, p * (1.0 - p) / error if error > 0.0 else 1.0)  # one draw is all of it
     return bulk, tail
 
 

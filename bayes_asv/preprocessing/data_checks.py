@@ -59,6 +59,23 @@ MIN_EXCITATION = 5.0
 """Wheel rms in units of its noise, below which nothing was driven over."""
 
 
+def _why_still(line: PreparedRecording, still: int, shaken: float) -> str:
+    """Say why a wheel was still, and what to do: a dead sensor if the body above it moved."""
+    channel = line.channels[still]
+    others = {
+        one.words: float(np.std(values[np.isfinite(values)]))
+        for one, values in zip(line.channels, line.values, strict=True)
+        if one.axle == channel.axle and one is not channel and one.quantity == channel.quantity
+    }
+    moved = [f"the {name} did ({rms:.2f})" for name, rms in others.items() if rms > 2.0 * shaken]
+    if not moved:
+        return "; drive over a bump, a parking stop or a rough road"
+    return (
+        f", but {' and '.join(moved)}: its sensor is probably dead, loose or not connected; check "
+        "sensor, plug and cable"
+    )
+
+
 def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
     """Name channels with too few readings to work with.
 
@@ -182,8 +199,8 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
         floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
         if shaken < MIN_EXCITATION * floor or shaken < 0.05:
             reasons.append(
-                f"the {name} hardly moved in {line.source} ({shaken:.2f} m/s² rms); drive "
-                "over a bump, a parking stop or a rough road"
+                f"the {name} hardly moved in {line.source} ({shaken:.2f} m/s² rms)"
+                f"{_why_still(line, c, shaken)}"
             )
         elif shaken > _MAX_WHEEL_RMS:
             reasons.append(

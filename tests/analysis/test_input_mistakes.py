@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
 from bayes_asv.analysis.input_mistakes import check_input, rear_leads
 from bayes_asv.analysis.nominal_values import nominal_mistakes
 from bayes_asv.analysis.screening_fit import screening_fit
-from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.recording import Recording, nominal_rate
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.models.cars import car_model
@@ -45,6 +46,20 @@ def front_chassis_scaled(recording: Recording, car: Vehicle) -> Input:
     return replace(recording, values=values), car
 
 
+def rear_chassis_inboard(recording: Recording, car: Vehicle) -> Input:
+    """The body is rigid: a quarter of the way to the front, a sensor reads a quarter of it."""
+    values = recording.values.copy()
+    values[3] = 0.75 * values[3] + 0.25 * values[1]
+    return replace(recording, values=values), car
+
+
+def front_wheel_filtered(recording: Recording, car: Vehicle) -> Input:
+    """By a Butterworth filter of second order, which is not the one that is looked for."""
+    values = recording.values.copy()
+    values[0] = sosfilt(butter(2, 12.0, fs=nominal_rate(recording), output="sos"), values[0])
+    return replace(recording, values=values), car
+
+
 def halved_springs(recording: Recording, car: Vehicle) -> Input:
     front, rear = (Given(k.value / 2.0, k.sd / 2.0) for k in (car.k_f, car.k_r))
     return recording, replace(car, k_f=front, k_r=rear)
@@ -59,6 +74,8 @@ MISTAKES = {
     "exchanged wheel and chassis": (columns(0, 1, 3, 2), "rear wheel and rear chassis are exch"),
     "late sensor": (rear_chassis_late, "rear chassis is 7.0 ms late"),
     "scaled sensor": (front_chassis_scaled, "readings of front chassis are 1.1"),
+    "sensor off its axle": (rear_chassis_inboard, "off its axle by 25 % of the wheelbase, towards"),
+    "filtered sensor": (front_wheel_filtered, "front wheel is low-pass filtered at some"),
     "unit of a damper": (rear_damping_in_si, "a value in N·s/m was given the unit lbf·s/in"),
     "springs of one side": (halved_springs, "the rate of one side is given instead of both sides"),
 }
@@ -89,6 +106,27 @@ def test_a_mistake_is_named(kind: str) -> None:
 def test_a_right_input_raises_no_doubt(terrain: str, seed: int) -> None:
     recording, car = worn(seed, terrain)
     assert check_input([recording], car) is None
+
+
+def test_a_mistake_of_one_recording_is_named_with_it() -> None:
+    first, car = worn(3)
+    second = replace(worn(4)[0], source="again.csv")
+    exchanged, _ = columns(1, 0, 2, 3)(second, car)
+    doubt = check_input([first, exchanged], car)
+    assert doubt is not None
+    words = "in again.csv the columns of front wheel and front chassis are exchanged"
+    assert doubt.mistakes[0].words == words
+
+
+def test_a_wheel_that_is_still_under_a_body_that_moves_has_a_dead_sensor() -> None:
+    recording, car = worn(3)
+    values = recording.values.copy()
+    values[2] = 0.02 * np.random.default_rng(1).normal(size=values.shape[1])
+    refused = estimate([replace(recording, values=values)], car)
+    assert refused.verdict == "refused"
+    assert any("but the rear chassis did" in reason for reason in refused.reasons)
+    assert any("probably dead, loose" in reason for reason in refused.reasons)
+    assert not any("drive over" in reason for reason in refused.reasons)
 
 
 def test_an_estimate_says_its_doubt_first_and_a_refusal_its_cause() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -58,9 +59,8 @@ def test_a_damaged_index_says_what_to_do(tmp_path: Path) -> None:
         AnswerIndex(folder)
     (folder / "index.sqlite").unlink()
     AnswerIndex(folder).__exit__(None, None, None)
-    assert (
-        sqlite3.connect(folder / "index.sqlite").execute("SELECT * FROM answers").fetchall() == []
-    )
+    with closing(sqlite3.connect(folder / "index.sqlite")) as database:
+        assert database.execute("SELECT * FROM answers").fetchall() == []
     with pytest.raises(InputError, match="cannot be"):
         AnswerIndex(Path("/proc/there is no such folder/a.fleet"))
 

@@ -22,7 +22,7 @@ from bayes_asv.filters.kalman import (
 from bayes_asv.filters.prediction import upper_tail
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import LinearSystem
-from tests.filters.linear_cases import KINDS, Case, dense, linear_case
+from tests.filters.linear_cases import KINDS, Case, dense, linear_case, straight_moments
 
 
 def _linear(case: Case) -> LinearSystem:
@@ -53,9 +53,25 @@ def test_sets_side_by_side_are_those_one_by_one(name: str) -> None:
     case = linear_case(name, 4, n=40, sets=LANES + 14)
     together = log_likelihood(case.system, case.noise, case.data)
     for k in (0, 1, LANES - 1, LANES, LANES + 13):
-        one = type(case.system)(*(x[k : k + 1] for x in case.system[:-1]), case.system.N)  # type: ignore[call-arg]
-        noise = SensorNoise(*(x[k : k + 1] for x in case.noise))
-        assert log_likelihood(one, noise, case.data)[0] == pytest.approx(together[k], rel=1e-10)
+        one = log_likelihood(case.system.some([k]), case.noise.some([k]), case.data)
+        assert one[0] == pytest.approx(together[k], rel=1e-10)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_known_zeros_are_taken_off_the_readings(name: str) -> None:
+    """Each set has zeros of its own: as if its readings had been less by as much."""
+    case = linear_case(name, 5, n=40, sets=LANES + 3)
+    rng = np.random.default_rng(6)
+    zeros = rng.normal(size=case.system.zeros.shape)
+    together = log_likelihood(case.system._replace(zeros=zeros), case.noise, case.data)
+    nu = case.inputs.shape[1]
+    for k in (0, LANES, LANES + 2):
+        less = case.data._replace(
+            moments=straight_moments(case.data.step, case.inputs - zeros[k, :nu]),
+            reading=case.data.reading - zeros[k, nu:],
+        )
+        one = log_likelihood(case.system.some([k]), case.noise.some([k]), less)
+        assert one[0] == pytest.approx(together[k], rel=1e-9)
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, skewnorm
 
 from bayes_asv.posterior.newton import Mode
-from bayes_asv.posterior.sampler import diagnose, run_ensembles, weighted_ensembles
+from bayes_asv.posterior.sampler import diagnose, effective_sizes, run_ensembles, weighted_ensembles
 
 Array = NDArray[np.float64]
 
@@ -127,6 +127,13 @@ def test_weighted_draws_are_as_precise_as_they_say() -> None:
     assert first is not None
     assert second is not None
     assert np.array_equal(first.draws, second.draws)
+
+
+def test_a_tail_of_one_draw_has_the_size_of_one() -> None:
+    """A draw that has nearly all of the weight is beyond every end."""
+    z = np.arange(4.0)[:, None]
+    _, tail = effective_sizes(z, np.array([0.01, 0.01, 0.01, 0.97]))
+    assert tail == 1.0
 
 
 def test_weights_that_cannot_be_trusted_are_not() -> None:

@@ -48,7 +48,7 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     ]
     z = 0.1 * np.random.default_rng(3).standard_normal(len(names))
     at = names.index("input bias front 0")
-    level = float(target.space.zeros(z, 0)[0])
+    level = float(target.space.zeros(z[None], 0)[0, 0])
     assert level == pytest.approx(0.15 * z[at])
     one_axle = np.array([level, 0.0])
     line, known = where.lines[0], where.patterns[0]
