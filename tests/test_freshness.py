@@ -1,0 +1,67 @@
+"""The page of evidence says by itself which results are older than the code."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks import freshness
+from benchmarks.freshness import RESULTS, Result, commits, page, sources, status
+
+ROOT = Path(__file__).parents[1]
+HISTORY = freshness._git("rev-parse", "--is-shallow-repository").stdout.strip() == "false"
+
+needs_history = pytest.mark.skipif(not HISTORY, reason="the history of the repository is not here")
+
+
+def test_every_result_is_on_the_page() -> None:
+    published = {path.name for path in (ROOT / "benchmarks" / "results").iterdir()}
+    assert {result.path for result in RESULTS.values()} == published
+    template = freshness.TEMPLATE.read_text("utf-8")
+    for name in RESULTS:
+        assert template.count(f"{{{name}}}") == 1
+
+
+@needs_history
+def test_the_page_is_that_of_the_results_and_the_code() -> None:
+    assert freshness.PAGE.read_text("utf-8") == page(), "run python -m benchmarks.freshness"
+
+
+def test_every_figure_of_a_benchmark_names_the_commit_of_its_result() -> None:
+    """The table of benchmarks states the commits that the results have."""
+    rows = (ROOT / "benchmarks" / "README.md").read_text("utf-8").splitlines()
+    for result in RESULTS.values():
+        (row,) = [row for row in rows if f"`results/{result.path.removesuffix('/')}" in row]
+        shown = "docs/" in row  # a page of its own has them
+        assert shown or all(commit in row for commit in commits(result)), result.path
+
+
+def test_what_a_benchmark_depends_on_is_found() -> None:
+    found = sources("benchmarks.accuracy")  # which runs the command
+    assert {"bayes_asv/cli/estimate_command.py", "bayes_asv/filters/kalman.py"} <= found
+    assert "tests/rig/terrain.py" in found
+    assert "bayes_asv/filters/kalman.py" in sources("benchmarks.compare")
+    assert not any(
+        path.startswith("bayes_asv/live") for path in sources("benchmarks.resampled_exports")
+    )
+
+
+@needs_history
+def test_a_result_is_older_once_a_file_behind_it_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = freshness._git("rev-parse", "HEAD").stdout.strip()
+    path = tmp_path / "one.json"
+    path.write_text(json.dumps({"parts": [{"commit": head}]}))
+    result = Result(str(path), "benchmarks.provenance", 1)
+    changed = freshness._git("status", "--porcelain", "benchmarks", "bayes_asv", "tests").stdout
+    if not changed:
+        assert status(result) == f"commit {head}, of the present code"
+    monkeypatch.setattr(freshness, "sources", lambda module: ["CHANGELOG.md"])
+    last = freshness._git("log", "-1", "--format=%H", "--", "CHANGELOG.md").stdout.strip()
+    path.write_text(json.dumps({"commit": f"{last}~1"}))
+    assert status(result).endswith("older than the code")
+    path.write_text(json.dumps({"commit": "0123abc"}))
+    assert status(result).endswith("of which not all are in this repository")
+    path.write_text("{}")
+    assert status(result) == "commit unknown"
