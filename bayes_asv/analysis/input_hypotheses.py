@@ -26,6 +26,7 @@ Corrected = tuple[Recording, Vehicle]
 _NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
 _FAR_GAIN = math.log(1.5)  # beyond which a sensor is not out of calibration, but another one
 _DEAD = 0.05  # gain below which a sensor is called dead
+_NOTHING = 1e-3  # gain of a sensor that shows nothing but noise
 # Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
 # measured to a few hundredths of the range in which it may lie.
 _OCCAM = -4.0
@@ -197,6 +198,8 @@ def _of_readings(channels: Sequence[Channel], step: float) -> Iterator[Hypothesi
             yield _drifting(channel.name)
             yield _filtered(channel.name, step, 1)
             yield _filtered(channel.name, step, 2)
+    for name in outputs:
+        yield _dead(name)
     for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
         yield _inverted(names)
         yield _gain(names)
@@ -234,6 +237,28 @@ def _gain(names: tuple[str, ...]) -> Hypothesis:
         tuple(math.log(gain) for gain in _GAINS),
         stretch=lambda size: dict.fromkeys(names, -size),
         misread=lambda size: abs(size) > _FAR_GAIN,
+    )
+
+
+def _dead(name: str) -> Hypothesis:
+    """Return that a channel shows nothing but noise, as large as its readings are."""
+    size = math.log(_NOTHING)
+
+    def undo(recording: Recording, vehicle: Vehicle, _: float) -> Corrected:
+        readings = recording.values[recording.channels.index(name)]
+        one = _si(recording, vehicle, name)
+        if one is None:
+            return recording, vehicle
+        noise = float(np.nanstd(readings)) * abs(one)
+        sensor = replace(vehicle.sensor(name), noise=noise, low=-math.inf, high=math.inf)
+        noisy = replace(vehicle, sensors={**vehicle.sensors, name: sensor})
+        return _scaled(recording, noisy, [name], 1.0 / _NOTHING)
+
+    return Hypothesis(
+        lambda _: (f"{_are((name,))} dead or loose", "check sensor, wiring and mount"),
+        undo,
+        stretch=lambda _: {name: -size},
+        misread=lambda _: True,
     )
 
 
