@@ -16,6 +16,7 @@ __all__ = [
     "CARS",
     "EXIT_STATUS",
     "answer",
+    "below_option",
     "car_option",
     "channels_option",
     "check_outputs",
@@ -63,6 +64,10 @@ effects_option = click.option(
 
 CARS = ("half", "quarter-front", "quarter-rear", "roll")
 """Names of :data:`bayes_asv.models.cars.CARS`, which takes time to import."""
+below_option = click.option(
+    "--below", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ",
+    help="Use only the motion below this frequency.",
+)  # fmt: skip
 car_option = click.option(
     "--car", type=click.Choice(CARS),
     help="Model of the car (docs/cars.md); by default the one whose wheels the first recording "

@@ -27,10 +27,7 @@ _STATUS = {"changed": 0, "consistent": 0, "unclear": 0, "refused": 3, "doubtful"
     "--with-effect", "effects", multiple=True, metavar="EFFECT",
     help="An effect that the car has, such as bound_rebound@rear; may be given several times.",
 )  # fmt: skip
-@click.option(
-    "--below", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ",
-    help="Use only the motion below this frequency.",
-)  # fmt: skip
+@common.below_option
 @click.option(
     "-o", "output", metavar="OUT", help="Write a report as well: an .html or a .pdf file."
 )

@@ -22,12 +22,7 @@ __all__ = ["command"]
     show_default=True,
     help="With the noise of the wheel sensors in the covariance, or with white residuals.",
 )
-@click.option(
-    "--below",
-    type=click.FloatRange(min=0.0, min_open=True),
-    metavar="HZ",
-    help="Use only the motion below this frequency.",
-)
+@common.below_option
 @common.effects_option
 @click.option(
     "--model",

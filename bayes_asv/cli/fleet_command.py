@@ -27,10 +27,7 @@ __all__ = ["command"]
     "--dask", metavar="ADDRESS", help="Use the Dask cluster of this scheduler instead of processes."
 )
 @common.car_option
-@click.option(
-    "--below", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ",
-    help="Use only the motion below this frequency.",
-)  # fmt: skip
+@common.below_option
 @common.json_option
 @common.channels_option
 @common.rate_option

@@ -20,6 +20,7 @@ _MAX_SAVED = 3  # an estimate, a diagnosis and a track
     help="JSON that estimate, diagnose or track wrote before; once for each; or that of compare.",
 )  # fmt: skip
 @common.car_option
+@common.below_option
 @click.option(
     "--interactive", is_flag=True,
     help="Write a page to look at the recordings closely: zoom, two cursors, state plane.",
@@ -35,6 +36,7 @@ def command(
     output: str,
     saved: tuple[str, ...],
     car: str | None,
+    below: float | None,
     interactive: bool,
     no_diagnosis: bool,
     json_file: str | None,
@@ -46,7 +48,7 @@ def command(
 
     What estimate, diagnose and track wrote with --json is taken with --from and not computed
     again; the rest is computed from the recordings and --vehicle.  What compare wrote has a report
-    of its own.
+    of its own.  With --below there is neither diagnosis nor track, which need the whole band.
     """
     from bayes_asv.report.render import check_suffix
 
@@ -75,6 +77,7 @@ def command(
         diagnosis=not no_diagnosis,
         interactive=interactive,
         car=car,
+        below=below,
         seed=seed,
     )
     common.output(document.to_dict(), [*short_lines(document), output], json_file)

@@ -37,6 +37,7 @@ def report(
     diagnosis: bool = True,
     interactive: bool = False,
     car: str | None = None,
+    below: float | None = None,
     seed: int = 0,
     progress: Progress = None,
 ) -> ReportDocument:
@@ -59,6 +60,9 @@ def report(
         Write a page to look at the recordings of the estimate closely, in place of a report.
     car : str, optional
         Model of the car, as for :func:`bayes_asv.estimate`.
+    below : float, optional
+        Use only the motion below this frequency, Hz, as :func:`bayes_asv.estimate` does; then the
+        recordings are neither diagnosed nor tracked, which needs the whole band.
     seed : int
         The same seed gives the same answer.
     progress : bool or callable, optional
@@ -80,12 +84,17 @@ def report(
     check_suffix(output, interactive=interactive)
     documents = _read(saved)
     _check_recordings(saved, recordings)
+    if below is not None and "estimate" in documents:
+        raise InputError(
+            "--below", "belongs to an estimate, which is given",
+            "estimate with it, or leave the saved estimate out",
+        )  # fmt: skip
     with progress_bar(progress) as bar:
         if vehicle is not None:
             parts = [part_of(bar, *span) or False for span in pairwise(_SHARES)]
             documents = _complete(
                 documents, recordings, vehicle, diagnosis and not interactive, not interactive,
-                car, seed, parts,
+                car, below, seed, parts,
             )  # fmt: skip
         document = _combined(documents)
         if bar is not None:
@@ -160,6 +169,7 @@ def _complete(
     diagnosis: bool,
     online: bool,
     car: str | None,
+    below: float | None,
     seed: int,
     parts: Sequence[Progress],
 ) -> dict[str, Any]:
@@ -173,10 +183,12 @@ def _complete(
 
     found = dict(documents)
     if "estimate" not in found:
-        result = estimate(recordings, vehicle, car=car, seed=seed, progress=parts[0])
+        result = estimate(
+            recordings, vehicle, car=car, below=below, seed=seed, progress=parts[0]
+        )  # fmt: skip
         found["estimate"] = result.document
     which = found["estimate"].car
-    if found["estimate"].verdict == "refused":
+    if found["estimate"].verdict == "refused" or below is not None:
         return found
     if diagnosis and "diagnosis" not in found and found["estimate"].diagnosis is None:
         missing = diagnose(recordings, vehicle, car=which, seed=seed, progress=parts[1])

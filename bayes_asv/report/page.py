@@ -56,7 +56,7 @@ from bayes_asv.report.sections.verdict import (
     track_steps,
 )
 from bayes_asv.report.svg import Panel, style
-from bayes_asv.report.words import number, plain
+from bayes_asv.report.words import capitalized, number, plain
 
 __all__ = ["limits", "page_texts", "report_page"]
 
@@ -350,8 +350,8 @@ def _comparison(document: CompareDocument) -> _Content:
 
 def _sentence(text: str) -> str:
     words = plain(text)
-    if words.startswith("the "):  # anything else may be the name of a file
-        words = f"The {words[4:]}"
+    if words.startswith(("the ", "only ")):  # anything else may be the name of a file
+        words = capitalized(words)
     return words if words.endswith((".", "!", "?")) else f"{words}."
 
 

@@ -59,3 +59,20 @@ def test_a_band_near_the_sampling_rate(
         assert band["sd"] == pytest.approx(whole["sd"], rel=0.2)
     said = invoke("estimate", stops, "-v", baja, "--below", 101)
     assert refuse(said, "--below 101", "sampling rate", "400 Hz", "give at most 100")
+
+
+def test_a_report_of_a_band_has_neither_diagnosis_nor_track(
+    invoke: Command, refuse: Check, stops: Path, baja: Path, saved: Saved, tmp_path: Path
+) -> None:
+    page, file = tmp_path / "band.html", tmp_path / "band.json"
+    said = invoke("report", stops, "-v", baja, "--below", 12, "-o", page, "--json", file)
+    assert said.status == 0
+    document = json.loads(file.read_text(encoding="utf-8"))
+    assert document["diagnostics"]["band"] == [0.0, 12.0]
+    assert document.get("diagnosis") is None
+    assert document.get("online") is None
+    text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    assert "Only the motion below 12 Hz was used." in text
+    (tmp_path / "whole.json").write_text(json.dumps(saved.document), encoding="utf-8")
+    again = invoke("report", "--from", tmp_path / "whole.json", "--below", 12, "-o", page)
+    assert refuse(again, "--below", "leave the saved estimate out")
