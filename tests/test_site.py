@@ -125,6 +125,18 @@ def test_the_messages_explained_are_those_of_the_package() -> None:
         assert message in said, message
 
 
+def test_the_map_of_the_code_is_that_of_the_package() -> None:
+    """Every module that it names is there, and its folders are the layers of the contract."""
+    text = (DOCS / "architecture.md").read_text("utf-8")
+    named = re.findall(r"`((?:\w+/)*\w+\.py)`", text)
+    assert len(named) > 30
+    assert [path for path in named if not (ROOT / "bayes_asv" / path).is_file()] == []
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
+    layers = re.findall(r"bayes_asv\.(\w+)", " ".join(contracts["contracts"][0]["layers"]))
+    folders = text.partition("## Folders")[2].partition("## Names")[0]
+    assert re.findall(r"^\| `(\w+)` \|", folders, re.MULTILINE) == layers
+
+
 def test_conventions_agree_with_the_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     supported = re.findall(r"Python :: (3\.\d+)", " ".join(project["classifiers"]))

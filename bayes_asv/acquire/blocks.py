@@ -73,11 +73,6 @@ class Times(NamedTuple):
     mark_row: int
     difference: int
 
-    @property
-    def measured_difference(self) -> int | None:
-        """Result of steps 3 and 4 of the synchronisation, ticks."""
-        return None if self.difference == _NOT_MEASURED else self.difference
-
 
 class Quality(NamedTuple):
     """Frame 2: the board's own checks; means and standard deviations times 16."""

@@ -68,21 +68,21 @@ class SingleRunFit:
     Parameters
     ----------
     fit : MapFit
-        Its mode; the posterior's target with the colour that this run has.
+        Its mode; the posterior's target with the residual autoregression of this run.
     z : (S, D) array
         Draws of its posterior, equally weighted, in the coordinates of a single run.
     effective : float
         Effective number of the weighted draws that they come from.
-    site : Site
-        Its likelihood over the car's coordinates.
+    likelihood : RunLikelihood
+        Over the car's coordinates.
     faults : tuple of str
-        Why the half car explains too little of this run, if it does.
+        Why the car explains too little of this run, if it does.
     """
 
     fit: MapFit
     z: Array
     effective: float
-    site: RunLikelihood
+    likelihood: RunLikelihood
     faults: tuple[str, ...]
 
     @property
@@ -160,7 +160,7 @@ class RunConsistency:
 
     @property
     def apart(self) -> bool:
-        """Whether a joint fit is idle: the runs disagree, or one is explained by no half car."""
+        """Whether a joint fit is idle: the runs disagree, or one is not explained by the car."""
         return self.verdict == "disagree" or any(run.faults for run in self.runs)
 
     @property
@@ -192,10 +192,10 @@ class RunConsistency:
 
     def joint(self, count: int, seed: int) -> Array:
         """Coordinates (N, n) of the car if all runs were alike, from the runs' own likelihoods."""
-        sites = [run.site for run in self.runs]
-        precision = np.eye(self.space.car_dimension) + sum(site.precision for site in sites)
+        likelihoods = [run.likelihood for run in self.runs]
+        precision = np.eye(self.space.car_dimension) + sum(one.precision for one in likelihoods)
         root = np.linalg.cholesky(precision)
-        mean = np.linalg.solve(precision, np.asarray(sum(site.linear for site in sites)))
+        mean = np.linalg.solve(precision, np.asarray(sum(one.linear for one in likelihoods)))
         rng = np.random.default_rng([seed, 6])
         return np.asarray(mean + np.linalg.solve(root.T, rng.standard_normal((len(mean), count))).T)
 
@@ -256,10 +256,10 @@ def fit_single_run(line: PreparedRecording, vehicle: Vehicle, seed: int) -> Sing
     faults, _ = explained_power_findings(
         line, free_run(fit.target, fit.mode.z, 0), bool(fit.shares)
     )
-    return SingleRunFit(fit, z, weighted.effective, _site(fit, weighted), tuple(faults))
+    return SingleRunFit(fit, z, weighted.effective, _likelihood(fit, weighted), tuple(faults))
 
 
-def _site(fit: MapFit, weighted: WeightedDraws) -> RunLikelihood:
+def _likelihood(fit: MapFit, weighted: WeightedDraws) -> RunLikelihood:
     """Likelihood of a run by its posterior's moments, or by its mode where they are worth little.
 
     The second happens to runs whose verdict is open anyway; it only must not get in the way.
@@ -276,7 +276,7 @@ def _site(fit: MapFit, weighted: WeightedDraws) -> RunLikelihood:
 
 
 def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunConsistency:
-    """Hold runs against each other.
+    """Test whether the runs share one car.
 
     Parameters
     ----------
@@ -294,18 +294,18 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     where = runs[0].fit.space
     n = where.car_dimension
     way = np.stack([where.from_logs({name: 1.0})[:n] for name in where.car.estimated], axis=1)
-    sites = [run.site for run in runs]
-    whole = contrast(sites, way)
+    likelihoods = [run.likelihood for run in runs]
+    whole = contrast(likelihoods, way)
     if not all(run.trusted for run in runs) or whole.freedom == 0:
         verdict = "unknown"
     else:
         verdict = "disagree" if whole.p < DISAGREE_BELOW else "agree"
-    found = population(sites, way, count, seed)
-    own = [estimates_of_runs(site, way, found.centre.mean(axis=0)) for site in sites]
+    found = population(likelihoods, way, count, seed)
+    own = [estimates_of_runs(one, way, found.centre.mean(axis=0)) for one in likelihoods]
     return RunConsistency(
         verdict=verdict,
         whole=whole,
-        each={name: contrast(sites, way, [k]) for k, name in enumerate(where.car.estimated)},
+        each={name: contrast(likelihoods, way, [k]) for k, name in enumerate(where.car.estimated)},
         runs=tuple(runs),
         population=found,
         shift=np.stack([shift for shift, _ in own]),

@@ -36,7 +36,7 @@ def outputs(
     reads_states: bool,
     y: Array,
 ) -> None:
-    """Fill ``y`` (1 + 2 p, ny) with the readings at all sigma points; see :class:`Model`."""
+    """Fill ``y`` (1 + 2 p, ny) with the readings at all sigma points."""
     size = np.uint64(rows.size)
     for b in range((2 * p + LANES) // LANES):
         accelerations(shape, W, np.uint64(b) * size)

@@ -9,7 +9,7 @@ evaluated by Horner's rule from the highest order down, eight lanes at a time.  
 reference, lanes 1 + 2 i and 2 + 2 i are the sigma points at plus and minus the distance along
 direction i.  Four more lanes an element, with the reference's parameters, give the transition
 matrices: the columns of Φ of the deflection rates, those of Γ, and the two Gauss nodes of each
-input's process noise (see :func:`bayes_asv.filters.prediction.discretize`).  The columns of Φ of
+input's process noise (see :mod:`bayes_asv.filters.prediction`).  The columns of Φ of
 the deflections follow from Φ e = e + ∫ Φ(s) A e ds.
 
 The sizes of a car are arguments that the filter fixes when it is compiled.

@@ -215,6 +215,7 @@ def estimate(
             "leave out below and likelihood, or effects",
         )  # fmt: skip
     from bayes_asv import estimation
+    from bayes_asv.preprocessing.resampling import at_own_rate
 
     if likelihood not in estimation.LIKELIHOODS:
         raise InputError(
@@ -222,6 +223,7 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
+        runs = tuple(at_own_rate(run) for run in runs)
         short = estimation.select_runs(runs, vehicle, below, car)[0] if names else ()
         sites, report = _sites(names, short, vehicle, car, seed, report)
         result = estimation.estimate(

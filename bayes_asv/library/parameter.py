@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +14,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 
-if TYPE_CHECKING:
-    from bayes_asv.domain.vehicle import Vehicle
-
-__all__ = ["Parameter", "from_draws", "from_log_normal", "nominal_of"]
+__all__ = ["Parameter", "from_draws", "from_log_normal"]
 
 Array = NDArray[np.float64]
 
@@ -196,9 +192,3 @@ def from_log_normal(
         mean * math.sqrt(math.expm1(log_sd**2)), nominal, below, None, quantile,
     )  # fmt: skip
     return si.to(units)
-
-
-def nominal_of(name: str, vehicle: Vehicle) -> float:
-    """Nominal value of a parameter such as ``c_f`` or ``zeta_f``, SI units."""
-    value = getattr(vehicle, name)
-    return float(value if isinstance(value, float) else value.value)

@@ -44,7 +44,7 @@ class Rows(NamedTuple):
     ----------
     time : (n,) array
         Stamps, s.
-    acceleration : (n, 4) array
+    acceleration : (n, C) array
         m/s² in the order of the channels; NaN where missing.
     """
 

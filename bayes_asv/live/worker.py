@@ -23,7 +23,7 @@ class StreamFilter(Protocol):
     """Interface of an online filter."""
 
     def feed(self, times: Array, acc: Array) -> Frames:
-        """Process rows, (n,) s and (n, 4) m/s²; return the frames that are complete."""
+        """Process rows, (n,) s and (n, C) m/s²; return the frames that are complete."""
 
     def finish(self) -> Frames:
         """Process the rows that were held back."""

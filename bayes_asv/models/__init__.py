@@ -1,1 +1,1 @@
-"""Readable vehicle models, to be checked against textbooks; not optimised for speed."""
+"""Models of cars: parameters, state-space matrices, outputs, effects; textbook forms beside."""

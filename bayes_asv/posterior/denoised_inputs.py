@@ -120,7 +120,7 @@ class DenoisedInputs(NamedTuple):
     ----------
     line : PreparedRecording
         With moments of quiet wheels, and wheels that have lost what the chassis show to be noise.
-    before, after : (E, 2) arrays
+    before, after : (E, ny) arrays
         What sensors as declared would have read of the chassis above the wheels as they are, and
         above quiet ones, m/s².
     """
@@ -160,6 +160,6 @@ def denoise_and_predict(target: Posterior, z: Array, run: int, vehicle: Vehicle)
 
 
 def above(target: Posterior, z: Array, run: int) -> Array:
-    """Simulate what chassis sensors as declared would have read (E, 2) of a run, m/s²."""
+    """Simulate what chassis sensors as declared would have read (E, ny) in a run, m/s²."""
     begin = free_run(target, z, run)[2]
     return simulated(target, z, run, target.as_declared(z, run), begin)[0]

@@ -11,8 +11,8 @@ from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["excess_noise_sentence", "explained_power_findings", "model_bandwidth"]
 
-_BAND = 2.5  # times the fastest mode: where the half car has to explain what is measured
-_NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is not this half car
+_BAND = 2.5  # times the fastest mode: where the car has to explain what is measured
+_NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is another one
 _FARTHEST = 0.4  # m of suspension travel that no small car has
 _EXCESS_NOISE = 3.0  # times the given noise beyond which something else hides in it
 
@@ -20,7 +20,7 @@ _EXCESS_NOISE = 3.0  # times the given noise beyond which something else hides i
 def explained_power_findings(
     line: PreparedRecording, free: FreeRun, widened: bool = False
 ) -> tuple[list[str], list[str]]:
-    """Look whether the fitted half car explains the motion it is meant for.
+    """Check that the fitted car explains the motion that it is meant for.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def explained_power_findings(
 
 
 def model_bandwidth(line: PreparedRecording) -> float:
-    """Frequency (Hz) up to which the half car has to explain a recording."""
+    """Frequency (Hz) up to which the car has to explain a recording."""
     top = _BAND * nominal_modes(line.car)[-1].natural
     return top if line.below is None else min(top, line.below)
 

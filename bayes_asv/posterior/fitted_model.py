@@ -19,7 +19,7 @@ from bayes_asv.posterior.free_simulation import initial_state
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
-from bayes_asv.preprocessing.quantization import still_wheels_doubted, without_waiting
+from bayes_asv.preprocessing.quantization import with_noise_of_still_wheels, without_standstill
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
@@ -74,11 +74,11 @@ class Dataset:
 
 def make_dataset(vehicle: Vehicle, lines: tuple[PreparedRecording, ...]) -> Dataset:
     """Set recordings up, with patterns that stand on the readings themselves."""
-    lines = tuple(without_mean_input(still_wheels_doubted(line)) for line in lines)
+    lines = tuple(without_mean_input(with_noise_of_still_wheels(line)) for line in lines)
     found = tuple(patterns(line, vehicle, line.reading) for line in lines)
     where = Dataset(vehicle, lines, found)
     begun = [_begun(where, run) for run in range(len(lines))]  # a wait tells where a car begins
-    return replace(where, lines=tuple(without_waiting(line) for line in begun))
+    return replace(where, lines=tuple(without_standstill(line) for line in begun))
 
 
 def _begun(where: Dataset, run: int) -> PreparedRecording:
@@ -99,12 +99,12 @@ def _begun(where: Dataset, run: int) -> PreparedRecording:
 
 
 def update_patterns(where: Dataset, stage: FittedModel) -> Dataset:
-    """Return the setting with patterns that stand on what a stage foretells from quiet wheels."""
+    """Recompute the corrections of sensor faults from the outputs that a model predicts."""
     return update_patterns_at(where, stage.target, stage.mode.z)
 
 
 def update_patterns_at(where: Dataset, target: Posterior, z: Array) -> Dataset:
-    """Return the setting with patterns that stand on what a model foretells at coordinates (D,)."""
+    """Recompute the corrections of sensor faults from the prediction at coordinates (D,)."""
 
     def one(run: int) -> SensorPatterns:
         declared = (
@@ -177,19 +177,19 @@ def transfer_coordinates(
 
 
 def fitted(target: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
-    """Climb to the mode of a model; some of the way where a floor (nats) is out of reach."""
+    """Maximise the posterior of a model; stop early where a floor (nats) is out of reach."""
     with shared_work(target) as shared:
         mode = maximise(shared, start, floor)
     return FittedModel(target.space.sites, replace(target, pool=None), mode)
 
 
 def fit_again(where: Dataset, stage: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
-    """Fit a model with some effects to recordings, from where a stage has its mode."""
+    """Fit a model with some effects to recordings, starting at the mode of another model."""
     target = where.target(sites)
     return fitted(target, stage.transfer(target.space))
 
 
 def base(where: Dataset) -> FittedModel:
-    """Fit the linear car to a setting's recordings."""
+    """Fit the linear car to the recordings of a dataset."""
     target = where.target(())
     return fitted(target, np.zeros(target.space.dimension))

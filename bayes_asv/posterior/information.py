@@ -1,4 +1,4 @@
-"""Fisher information of recordings about a car, and the deviations that it promises.
+"""Fisher information of recordings about a car, and the standard deviations that it predicts.
 
 The unknowns of a car are the independent terms of its prior: a common factor on each parameter, and
 one on the difference of the springs of an axle's two sides (:class:`CarParameter`).  For normalised

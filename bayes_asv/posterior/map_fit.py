@@ -89,7 +89,7 @@ class MapFit:
     reasons, warnings : tuple of str
         Why no answer may be given; what to know otherwise.
     faults : tuple of str
-        Those of the reasons that say that a recording is not of this half car.
+        Those of the reasons that say that a recording is not of this car.
     shares : tuple of float or None
         In a band, the share of its readings that each run counts for; see
         :class:`bayes_asv.posterior.band_fit.BandFit`.
@@ -117,7 +117,7 @@ def prepare_runs(
     below: float | None = None,
     car: str = "half",
 ) -> tuple[tuple[PreparedRecording, ...], tuple[str, ...], tuple[str, ...]]:
-    """Lay recordings out in time and look at them before anything is fitted.
+    """Prepare recordings for the filter and check them before anything is fitted.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def best_fit(
     likelihood: str = "innovations",
     sites: tuple[Site, ...] = (),
 ) -> MapFit:
-    """Climb to the mode, with the colour that the innovations have there.
+    """Find the mode of the posterior, with the residual autoregression of the innovations there.
 
     Parameters
     ----------
@@ -222,9 +222,9 @@ def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
 
 
 def _judged(target: Posterior, mode: Mode, shares: tuple[float | None, ...]) -> MapFit:
-    """Say whether a mode answers anything, and what to know about it."""
+    """Check whether the data identify the parameters and the model explains them, at the mode."""
     where = target.space
-    # A mode that has not settled leaves the word to the ensembles.
+    # Where the search did not converge, the sampler decides.
     reasons, warnings = _unmeasured(where, mode) if mode.converged else ([], [])
     faults: list[str] = []
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}

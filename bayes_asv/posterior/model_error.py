@@ -1,4 +1,4 @@
-"""What the parameters owe to a model that is not quite the car.
+"""Covariance of the parameters due to model error, from a jackknife over bands of frequency.
 
 Where a model leaves more than the sensors' noise, what it leaves has to do with the motion itself:
 a damper that is a little digressive is wrong in the same way over every bump, and no number of
@@ -95,7 +95,7 @@ def model_error(fit: FittedModel) -> Array:
 def draw_cars(
     space: ParameterSpace, mean: Array, covariance: Array, count: int, rng: np.random.Generator
 ) -> Array:
-    """Draw coordinates (count, D) of cars that can be from a normal distribution.
+    """Draw coordinates (count, D) from a normal distribution where the prior admits the car.
 
     Parameters
     ----------

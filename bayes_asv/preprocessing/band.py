@@ -33,8 +33,6 @@ _REACH = 2.0  # periods of the band's edge that the filter looks back and ahead
 _KAISER = 4.55  # 50 dB in the stop band (Kaiser 1974), which then begins at 1.37 times the edge
 _SHORT = 0.125  # of a period: a gap that a spline crosses without harm in the band
 _STEPS = 16.0  # at least, in a period: what drives the car is smooth
-_SAMPLES_A_PERIOD = 4.0  # of the edge: up to there a cubic spline misses 2 % at most, (2π/4)⁴/384
-_NO_GAP = 1.5  # rows: what is no longer than that lacks no reading
 # Up to this many samples in a period of the edge, a cubic spline between them misses less than 2 %
 # of the amplitude, (2π/4)⁴/384.
 _SAMPLES_A_PERIOD = 4.0

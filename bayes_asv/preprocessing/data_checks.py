@@ -1,6 +1,6 @@
 """Checks of recordings before anything is fitted, with reasons in words.
 
-Whatever a linear relation between both wheels and one chassis channel leaves over, no half car
+Whatever a linear relation between all wheels and one chassis channel leaves over, no car
 explains either: multiple coherence bounds every linear model from above (Bendat & Piersol,
 Random Data, 2010, ch. 7).  Spectra are averaged over windows (Welch 1967); K windows and two
 inputs leave (K − 2)/K of the rest on average, which is made good.
@@ -345,9 +345,9 @@ FEWEST_WINDOWS = 8  # below it two inputs explain a good part of anything
 
 _WINDOWS = 10.0  # in a recording
 _SHORTEST, _LONGEST = 3.0, 8.0  # periods of the slowest mode in a window
-_HIGHEST = 2.0  # times the fastest mode: all that a half car is about lies below
+_HIGHEST = 2.0  # times the fastest mode: all that the car is about lies below
 _WORTH = 0.8  # share explained that makes a band worth a try
-_DRAWN = 1.5  # times the bound: a half car that leaves more was fitted to something else
+_DRAWN = 1.5  # times the bound: a car that leaves more was fitted to something else
 
 
 @dataclass(frozen=True)
@@ -378,7 +378,7 @@ class Coherence:
 
 
 def coherence(line: PreparedRecording, window: float) -> Coherence | None:
-    """Multiple coherence of both wheels with each chassis channel.
+    """Multiple coherence of all wheels with each chassis channel.
 
     Parameters
     ----------

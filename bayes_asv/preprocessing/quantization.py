@@ -3,11 +3,11 @@
 While a signal crosses many steps the error of its converter is white noise of step²/12.  While it
 stands still a part of it stays as it is, up to about (step/π) exp(−2π² (σ/step)²) with noise σ
 (Widrow & Kollár 2008, Quantization Noise, ch. 4), and what toggles between two counts is up to
-step²/4 and remembers as the noise does.  Of a wheel either is news that lasts, and moves the
-suspension: a car that waited for its bump, with converters of ten bits, had been pushed.  So a
-wheel that stands still is noisier, below the frequencies of a suspension, by what stays and what
-remembers; and a car that waits before or after its drive, wheels and chassis, is not listened to at
-all.
+step²/4 and autocorrelated as the noise is.  In a measured input either is a slow error that drives
+the suspension of the model: before a bump, a car at rest with converters of ten bits would seem to
+be pushed.  So the noise of a wheel at rest is increased, below the frequencies of a suspension, by
+the constant and the autocorrelated part; and readings of a car at rest before and after its drive
+are left out.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ __all__ = [
     "smallest_step",
     "spurious_drift",
     "still_variance",
-    "still_wheels_doubted",
-    "without_waiting",
+    "with_noise_of_still_wheels",
+    "without_standstill",
 ]
 
 Array = NDArray[np.float64]
@@ -67,12 +67,12 @@ def offset(step: float, noise: float) -> float:
     return step * min(float(np.abs(mean).max()), 0.5)
 
 
-def still_wheels_doubted(line: PreparedRecording) -> PreparedRecording:
-    """Return a recording whose wheels are believed as little as their converters deserve.
+def with_noise_of_still_wheels(line: PreparedRecording) -> PreparedRecording:
+    """Increase the noise of wheels at rest by the errors of their converters.
 
-    Of the chassis' converters there is no need: 40 drives of the 2008 car without a fault, with its
-    ten bits and the noise of its data sheets, gave 22 false alarms as they are and one with doubt
-    of the wheels; 30 of them gave ten with fewer readings of a chassis that stands still.
+    The outputs do not need this: 40 drives of the 2008 car without a fault, with its ten bits and
+    the noise of its data sheets, gave 22 false alarms before, and one with the noise increased at
+    the wheels.
     """
     beyond = [_beyond(line, c) * is_stationary(line, c) for c in line.inputs]
     doubt = np.stack(beyond, axis=1) * line.spread[:, : len(beyond)]
@@ -80,11 +80,11 @@ def still_wheels_doubted(line: PreparedRecording) -> PreparedRecording:
     return replace(line, spread=spread, doubt=doubt)
 
 
-def without_waiting(line: PreparedRecording) -> PreparedRecording:
-    """Return a recording that is silent as long as a car waits before and after its drive.
+def without_standstill(line: PreparedRecording) -> PreparedRecording:
+    """Leave out the readings of a car at rest before and after its drive.
 
-    What does not move on a coarse converter tells nothing but a zero that is off by as much as a
-    step, and the longer it waits the more it is believed.
+    At rest a coarse converter shows nothing but a zero that is off by up to a step; the longer the
+    rest, the smaller its standard deviation would seem to be.
     """
     still = np.all([is_stationary(line, c) for c in range(len(line.channels))], axis=0)
     if still.all() or not still.any():
@@ -100,7 +100,7 @@ def is_stationary(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
 
 
 def is_slow(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
-    """Whether a channel crosses so few steps of a coarse converter that its errors remember.
+    """Whether a channel crosses so few steps of a converter that its errors are autocorrelated.
 
     What moves by a part of a step from reading to reading errs in saw teeth of several readings.
     """
@@ -108,7 +108,7 @@ def is_slow(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
 
 
 def slow_steps(readings: int) -> float:
-    """Return the steps in a window of readings below which a converter's errors remember."""
+    """Return the steps in a window below which the errors of a converter are autocorrelated."""
     return max(STILL_STEPS, _TEETH * readings)
 
 
@@ -127,7 +127,7 @@ def _covers_less(
 
 
 def spurious_drift(line: PreparedRecording, c: int) -> float:
-    """Slope (m/s³) of a channel's zero that its converter alone may feign over a recording.
+    """Slope (m/s³) of a channel's zero that its converter alone can cause over a recording.
 
     A zero that moves by as much as a converter's offset, between the beginning and the end of a
     run, is no fault.
@@ -138,7 +138,7 @@ def spurious_drift(line: PreparedRecording, c: int) -> float:
 
 
 def _beyond(line: PreparedRecording, c: int) -> float:
-    """Variance of as strong white noise beyond what is believed of a still channel, m²/s⁴."""
+    """Variance (m²/s⁴) of white noise as strong as the quantization error of a channel at rest."""
     time = line.times[c, np.isfinite(line.values[c])]
     if len(time) < 3:
         return 0.0

@@ -1,1 +1,1 @@
-"""Parameters and states of the half car while it is driven, row by row."""
+"""Parameters and states of a car while it is driven, row by row."""

@@ -158,7 +158,7 @@ def between(runs: Sequence[SingleRunFit], counted: bool) -> Contrast:
         Whether readings count for the share that the parts of each drive say, or all of them.
     """
     scale = [1.0 if counted else 1.0 / (run.fit.shares[0] or 1.0) for run in runs]
-    sites = [_scaled(run.site, by) for run, by in zip(runs, scale, strict=True)]
+    sites = [_scaled(run.likelihood, by) for run, by in zip(runs, scale, strict=True)]
     return contrast(sites, _way(runs[0]))
 
 
@@ -169,7 +169,7 @@ def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> R
         run_of(_part(recording, rows), vehicle, seed)[1]
         for rows in (recording.time < middle, recording.time >= middle)
     ]
-    sites = [run.site for run in runs]
+    sites = [run.likelihood for run in runs]
     plain = contrast(sites, _way(runs[0]))
     counted = contrast([_scaled(site, share) for site in sites], _way(runs[0]))
     return {"q": plain.q, "q_counted": counted.q, "freedom": plain.freedom}

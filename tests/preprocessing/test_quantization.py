@@ -18,8 +18,8 @@ from bayes_asv.preprocessing.quantization import (
     is_slow,
     is_stationary,
     offset,
-    still_wheels_doubted,
-    without_waiting,
+    with_noise_of_still_wheels,
+    without_standstill,
 )
 from bayes_asv.preprocessing.timeline import PreparedRecording
 from tests.posterior.cases import DECLARED, INCH, case, vehicle
@@ -70,7 +70,7 @@ def test_the_longer_a_car_waits_the_less_it_says() -> None:
 
 def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
     line = _line("stops", 1000, _REAL)
-    doubted = still_wheels_doubted(line)
+    doubted = with_noise_of_still_wheels(line)
     assert doubted.doubt is not None
     front = np.abs(line.wheels[0].spline(line.instants))
     moving = np.convolve(front > 100.0 * INCH, np.ones(9), "same") > 8
@@ -78,21 +78,21 @@ def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
     assert np.all(doubted.doubt[moving, 0] == 0.0)
     assert np.mean(doubted.doubt[: len(front) // 20, 0] > 0.0) > 0.9
     assert doubted.noise_spread == pytest.approx(line.spread)
-    assert still_wheels_doubted(doubted).spread == pytest.approx(doubted.spread)
+    assert with_noise_of_still_wheels(doubted).spread == pytest.approx(doubted.spread)
 
 
 def test_a_car_is_not_listened_to_while_it_waits() -> None:
     line = _line("bump", 1000, _REAL, seconds=6.0)
-    heard = np.any(without_waiting(line).kind != MISSING, axis=1)
+    heard = np.any(without_standstill(line).kind != MISSING, axis=1)
     still = np.all([is_stationary(line, c) for c in range(4)], axis=0)
     assert 0.2 < np.mean(heard) < 0.7
     assert np.all(still[~heard])
     first, last = line.instants[heard][[0, -1]]
     inside = (line.instants >= first) & (line.instants <= last)
-    assert np.array_equal(without_waiting(line).kind[inside], line.kind[inside])
+    assert np.array_equal(without_standstill(line).kind[inside], line.kind[inside])
     assert 0.45 < last - line.instants[~still][-1] < 0.51
     fine = _line("stops", 1000, SensorSpec(noise=_LOUD))
-    assert without_waiting(fine) is fine
+    assert without_standstill(fine) is fine
 
 
 @pytest.mark.parametrize(
@@ -128,5 +128,5 @@ def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.Monke
 
 def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:
     line = _line("stops", 1000, SensorSpec(noise=_LOUD))
-    same = still_wheels_doubted(line)
+    same = with_noise_of_still_wheels(line)
     assert np.array_equal(same.spread, line.spread)

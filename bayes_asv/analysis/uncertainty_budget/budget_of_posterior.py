@@ -57,7 +57,7 @@ class Answer:
     twice : float
         Deviation with twice the runs.
     remedies : tuple of Remedy
-        What would halve the deviation; sources index CAR, −1 is more runs.
+        What would halve the deviation; sources index the parameters, −1 is more runs.
     runs_to_halve : int or None
         Further runs like these that would halve it alone, None where no number would.
     """
@@ -87,7 +87,8 @@ class UncertaintyBudget:
     runs : int
         Number of runs it stands on.
     parameters : tuple of str
-        What remedies and shifts count: CAR, and ``gain <channel>`` where a scale is uncertain.
+        What remedies and shifts count: the car's parameters, and ``gain <channel>`` where a
+        scale is uncertain.
     given_sd : (P,) array
         Relative deviation of each beforehand; zero where it is exact.
     slopes : dict of str to (P,) array

@@ -198,9 +198,9 @@ class Shift:
     shows : bool
         A larger one would show: ``size`` was cut down to where the residuals keep a
         noncentrality of :data:`HIDDEN` that nothing makes up for.
-    moved : (8,) array
-        Relative changes of the parameters in the order of CAR: as they come out, less what they
-        would be without the fault.
+    moved : (P,) array
+        Relative changes of the car's parameters: as they come out, less what they would be
+        without the fault.
     """
 
     kind: str
@@ -218,11 +218,11 @@ class Linearised:
     ----------
     logs, z : Posterior, (D,) array
         From :func:`~bayes_asv.analysis.uncertainty_budget.budget.in_logs`.
-    slopes : list of (2 E, 8) arrays
+    slopes : list of (ny E, P) arrays
         Jacobians of the runs there.
     budget : Budget
         Prior deviations and information.
-    noise_precision : (D − 8, D − 8) array
+    noise_precision : (D − P, D − P) array
         Curvature of minus the log-posterior in the noise coordinates.
     """
 
@@ -234,7 +234,7 @@ class Linearised:
 
     @cached_property
     def still(self) -> tuple[Array, Array]:
-        """What the data pull at parameters (8,) and noise (D − 8,), in balance with the prior.
+        """What the data pull at parameters (P,) and noise (D − P,), in balance with the prior.
 
         The second would be zero at an ideal mode.
         """
@@ -277,7 +277,7 @@ def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
 def _shift(
     there: Linearised, fault: Fault, faulty: tuple[PreparedRecording, ...], own: Array
 ) -> Shift:
-    """Foretell one: faulty recordings, or parameters (8,) held wrong."""
+    """Foretell one: faulty recordings, or parameters (P,) held wrong."""
     target = _on(there.logs, faulty)
     pull, power = np.zeros(len(there.budget.sd)), 0.0
     for run, j in enumerate(there.slopes):
@@ -310,7 +310,7 @@ def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) ->
 
 
 def _settled(there: Linearised, target: Posterior, own: Array, away: Array) -> Array:
-    """Let noise levels and parameters settle in turn; what the parameters (8,) do about it."""
+    """Let noise levels and parameters settle in turn; what the parameters (P,) do about it."""
     runs, sd = range(len(there.slopes)), there.budget.sd
     z = there.z.copy()
     for _ in range(_ROUNDS):
@@ -334,7 +334,7 @@ def _settled(there: Linearised, target: Posterior, own: Array, away: Array) -> A
 
 
 def _noise_slope(there: Linearised, target: Posterior, z: Array) -> tuple[Array, Array]:
-    """Slope (D − 8,) and curvature of the log-posterior in the noise coordinates.
+    """Slope (D − P,) and curvature of the log-posterior in the noise coordinates.
 
     The curvature is no less than at the mode, so that a step never overshoots by much.
     """
