@@ -17,7 +17,7 @@ from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.models.car_model import CarModel
 
 __all__ = [
-    "CORRECT", "REPORTED", "Hypothesis", "Mistake", "hypotheses",
+    "CORRECT", "REPORTED", "Hypothesis", "Mistake", "hypotheses", "hypotheses_of_recording",
 ]  # fmt: skip
 
 REPORTED = 0.05  # probability from which on a mistake is reported
@@ -144,11 +144,18 @@ CORRECT = Hypothesis(lambda size: ("", ""), lambda recording, vehicle, size: (re
 
 def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
     """Yield the mistakes that an input with these channels and given values may have."""
+    yield from hypotheses_of_recording(recording, vehicle, car)
+    yield from _of_given_values(vehicle, car)
+
+
+def hypotheses_of_recording(
+    recording: Recording, vehicle: Vehicle, car: CarModel
+) -> Iterator[Hypothesis]:
+    """Yield those of them that one recording may have and others of the same car not."""
     channels = [vehicle.channel(name) for name in recording.channels]
     channels = [channel for channel in channels if car.explains(channel)]
     yield from _of_columns(channels)
     yield from _of_readings(channels, 1.0 / nominal_rate(recording))
-    yield from _of_given_values(vehicle, car)
     yield from _of_time(recording, car)
 
 

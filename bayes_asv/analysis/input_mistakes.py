@@ -36,6 +36,7 @@ from bayes_asv.analysis.input_hypotheses import (
     Hypothesis,
     Mistake,
     hypotheses,
+    hypotheses_of_recording,
 )
 from bayes_asv.analysis.nominal_values import implausible_values, nominal_mistakes
 from bayes_asv.analysis.screening_fit import (
@@ -66,7 +67,7 @@ Corrected = tuple[Recording, Vehicle]
 
 _SECONDS = 2.5  # of the most lively stretch: five periods of the slowest mode
 _PRIOR = 0.1  # probability that an input has one of the mistakes, shared equally by them
-_REFINED = 3  # hypotheses with a size that are refined, the best ones
+_REFINED = 6  # hypotheses with a size that are refined, the best ones
 _TOLD = 3  # mistakes in a sentence
 _RUNS = 3  # recordings that are looked at
 _MOVED = 3.0  # deviations: once in 370 right inputs for each given value
@@ -165,11 +166,12 @@ def check_input(
 
 
 def _of_one_recording(recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> list[Mistake]:
-    """Find a recording whose channels are not what they are taken for, unlike those of others."""
+    """Find a recording with a mistake that the others do not have."""
     if len(recordings) == 1:
         return []
     for one in recordings:
-        found = [m for m in likely_mistakes([one], vehicle, car) if m.misread]
+        every = list(hypotheses_of_recording(one, vehicle, car_model(car, vehicle)))
+        found = _likeliest(every, [one], vehicle, car)
         if found:
             source = Path(one.source).name
             return [replace(m, words=f"in {source} {m.words}") for m in found]
@@ -227,8 +229,19 @@ def likely_mistakes(
     list of Mistake
         Those of more than 5 %, the likeliest first; empty where no mistake is likelier than all.
     """
-    model = car_model(car, vehicle)
-    every = [CORRECT, *hypotheses(recordings[0], vehicle, model)]
+    every = list(hypotheses(recordings[0], vehicle, car_model(car, vehicle)))
+    return _likeliest(every, recordings, vehicle, car, progress)
+
+
+def _likeliest(
+    others: Sequence[Hypothesis],
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    car: str,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Mistake]:
+    """Hold hypotheses against recordings; return the likeliest mistakes, unless there is none."""
+    every = [CORRECT, *others]
     share = math.log(_PRIOR / (len(every) - 1))
     # One recording sorts out most of the mistakes; what is left is held against all of them.
     liveliest = [max(recordings, key=lambda one: float(np.mean(wheel_power(one, vehicle))))]

@@ -19,7 +19,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.newton import residual_functions
 from bayes_asv.posterior.parameters import space
-from bayes_asv.posterior.residual_ar import long_run_variance
+from bayes_asv.posterior.residual_ar import chance_factor, long_run_variance
 from bayes_asv.preprocessing.activity import wheel_power
 from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
 from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 STEPS, COARSE_STEPS = 25, 6  # evaluations of the Jacobian at most; the right model needs six
 _HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
+_CHANCE = 0.05  # that a car at the bound is beyond it in any stretch
 _LIVELY = 0.25  # of the power of the most lively stretch
 _FEWEST = 50  # readings of an output in a stretch
 _MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
@@ -176,12 +177,18 @@ def holds_throughout(
     edges = np.searchsorted(line.instants, np.linspace(first, last, count + 1))
     stretches = [slice(*ends) for ends in pairwise(edges)]
     powers = [float(np.mean(power[rows])) for rows in stretches]
-    spread = [
-        long_run_variance(innovations[rows], use[rows], line.instants[rows])
+    looked_at = [
+        rows
         for rows, own in zip(stretches, powers, strict=True)
         if own > _LIVELY * max(powers) and np.all(np.count_nonzero(use[rows], axis=0) > _FEWEST)
     ]
-    return max(spread, default=1.0) < _HOLDS * _of_filtered_noise(line)
+    # One of many stretches is beyond the bound by chance: it has to be so significantly.
+    level = _CHANCE / max(len(looked_at) * use.shape[1], 1)
+    return all(
+        long_run_variance(innovations[rows], use[rows], line.instants[rows])
+        < _HOLDS * _of_filtered_noise(line) * chance_factor(use[rows], line.instants[rows], level)
+        for rows in looked_at
+    )
 
 
 def _innovations(target: Posterior, z: Array) -> tuple[int, float]:

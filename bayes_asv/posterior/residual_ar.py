@@ -12,10 +12,11 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from bayes_asv.posterior.likelihood import WHITE, ResidualAR
 
-__all__ = ["fit_residual_ar", "long_run_variance", "portmanteau"]
+__all__ = ["chance_factor", "fit_residual_ar", "long_run_variance", "portmanteau"]
 
 Array = NDArray[np.float64]
 
@@ -111,6 +112,26 @@ def long_run_variance(innovations: Array, use: NDArray[np.bool_], instants: Arra
         products = [float(series[k:] @ series[:-k]) for k in range(1, lags + 1)]
         out.append((float(series @ series) + 2.0 * float(weights @ products)) / len(series))
     return max(out)
+
+
+def chance_factor(use: NDArray[np.bool_], instants: Array, level: float) -> float:
+    """Return by what factor chance alone makes :func:`long_run_variance` larger.
+
+    With L lags of Bartlett's weights and N innovations its relative variance is (4/3) L/N
+    (Priestley 1981, Spectral Analysis and Time Series, table 6.1), that of χ² with 1.5 N/L degrees
+    of freedom.
+
+    Parameters
+    ----------
+    use, instants
+        As of :func:`long_run_variance`.
+    level : float
+        Probability that it is larger by more than the factor.
+    """
+    count = int(np.min(np.count_nonzero(use, axis=0)))
+    step = float(np.ptp(instants)) / max(count - 1, 1)
+    freedom = max(1.5 * count * step / _MEMORY, 1.0)
+    return float(chdtri(freedom, level)) / freedom
 
 
 def portmanteau(series: Array, lags: int, fitted: int = 0) -> float:

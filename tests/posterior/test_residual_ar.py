@@ -1,8 +1,14 @@
 """Noise that is not white: found when it is there, left alone when it is not."""
 
 import numpy as np
+import pytest
 
-from bayes_asv.posterior.residual_ar import fit_residual_ar, portmanteau
+from bayes_asv.posterior.residual_ar import (
+    chance_factor,
+    fit_residual_ar,
+    long_run_variance,
+    portmanteau,
+)
 
 
 def test_white_innovations_stay_white() -> None:
@@ -53,3 +59,13 @@ def test_missing_innovations_do_not_dilute_a_colour() -> None:
     colour = fit_residual_ar(nu)
     np.testing.assert_allclose(colour.coefficients[0], 0.7 * np.eye(2), atol=0.06)
     np.testing.assert_allclose(np.diag(colour.root), 1.0, atol=0.06)
+
+
+@pytest.mark.parametrize("level", [0.05, 0.005])
+def test_chance_makes_the_long_run_variance_larger_by_as_much(level: float) -> None:
+    rng = np.random.default_rng(1)
+    time, use = np.arange(1000) / 400.0, np.ones((1000, 1), bool)
+    found = [long_run_variance(rng.normal(size=(1000, 1)), use, time) for _ in range(3000)]
+    assert np.quantile(found, 1.0 - level) == pytest.approx(
+        chance_factor(use, time, level), rel=0.06
+    )
