@@ -223,8 +223,8 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
-        runs = tuple(at_own_rate(run) for run in runs)
-        short = estimation.select_runs(runs, vehicle, below, car)[0] if names else ()
+        own = [at_own_rate(run) for run in runs] if names else []
+        short = estimation.select_runs(own, vehicle, below, car)[0]
         sites, report = _sites(names, short, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,
