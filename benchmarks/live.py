@@ -325,7 +325,7 @@ def pictures() -> None:
                 time.sleep(1.0)
             driver.execute_cdp_cmd(
                 "Emulation.setDeviceMetricsOverride",
-                {"width": 1200, "height": 1260, "deviceScaleFactor": 1, "mobile": False},
+                {"width": 1200, "height": 1520, "deviceScaleFactor": 1, "mobile": False},
             )
             time.sleep(1.0)
             driver.save_screenshot(str(docs / "live.png"))

@@ -12,7 +12,7 @@ from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.tracking.frames import Frames
 
-__all__ = ["PARAMETER_POINTS", "History", "Snapshot"]
+__all__ = ["PARAMETER_POINTS", "Event", "History", "Snapshot"]
 
 Array = NDArray[np.float64]
 
@@ -20,6 +20,26 @@ PARAMETER_POINTS: Final = 1000
 """The parameters are decimated to at most twice as many points."""
 
 _INITIAL_ROWS: Final = 1024  # of a table
+_EVENTS: Final = 200  # that are kept
+_APART: Final = 0.5  # s: a stop that is reached again within this time is one event
+
+
+class Event(NamedTuple):
+    """Something that happened during the drive.
+
+    Attributes
+    ----------
+    time : float
+        Stamp, s.
+    words : str
+        What it was.
+    place : str
+        Suspension element, or ``nis`` for the filter.
+    """
+
+    time: float
+    words: str
+    place: str
 
 
 class Snapshot(NamedTuple):
@@ -43,6 +63,8 @@ class Snapshot(NamedTuple):
         the start.
     stride : int
         A power of two.
+    events : tuple of Event
+        In order of time.
     """
 
     first: int
@@ -52,6 +74,7 @@ class Snapshot(NamedTuple):
     extremes: NDArray[np.float32]
     parameters: Array
     stride: int
+    events: tuple[Event, ...]
 
 
 class History:
@@ -78,6 +101,9 @@ class History:
         self._extremes = _Table(2 * ne, np.float32)
         self._parameters = _Table(1 + 2 * na)
         self._last_nis = np.full((3, 1), np.nan)
+        self._events: list[Event] = []
+        self._ended: dict[str, float] = {}  # when a stop was last reached
+        self._consistent = True
 
     def append(self, frames: Frames) -> None:
         """Add the frames of the next rows."""
@@ -87,12 +113,14 @@ class History:
         estimates = np.column_stack((medians, frames.log_sd, frames.consistent, frames.inflation))
         extremes = self._running_extremes(frames.deflection / self._metadata.deflection[1])
         parameters = np.column_stack((frames.time, medians, frames.log_sd))
+        events = self._new_events(frames)
         with self._lock:
             row = self._first + len(self._time)
             self._time.append(frames.time[:, None])
             self._traces.append(self._trace_columns(frames))
             self._estimates.append(estimates)
             self._extremes.append(extremes)
+            self._events = [*self._events, *events][-_EVENTS:]
             self._parameters.append(parameters[-row % self._stride :: self._stride])
             while len(self._parameters) > 2 * PARAMETER_POINTS:
                 self._stride *= 2
@@ -114,6 +142,7 @@ class History:
                 self._extremes.rows(),
                 self._parameters.rows(),
                 self._stride,
+                tuple(self._events),
             )
 
     def _trace_columns(self, frames: Frames) -> Array:
@@ -137,6 +166,32 @@ class History:
         self._last_nis = nis[:, -1:].copy()
         curves |= {f"nis{edge}": values for edge, values in zip(edges, nis, strict=True)}
         return np.column_stack([curves[name] for name in metadata.traces])
+
+    def _new_events(self, frames: Frames) -> list[Event]:
+        """Return stops that were reached, and changes of the filter's consistency.
+
+        They do not depend on how the rows are divided.
+        """
+        found: list[Event] = []
+        deflection = frames.deflection / self._metadata.deflection[1]
+        for e, element in enumerate(self._metadata.elements):
+            bump, droop = self._metadata.limits[e]
+            for name, hit in (
+                ("bump", None if bump is None else deflection[:, e] <= bump),
+                ("droop", None if droop is None else deflection[:, e] >= droop),
+            ):
+                words = f"{name} limit"
+                for stamp in () if hit is None else frames.time[hit].tolist():
+                    if stamp - self._ended.get(f"{element} {name}", -np.inf) > _APART:
+                        found.append(Event(stamp, words, element))
+                    self._ended[f"{element} {name}"] = stamp
+        before = np.concatenate(([self._consistent], frames.consistent[:-1]))
+        for k in np.flatnonzero(before != frames.consistent):
+            good = bool(frames.consistent[k])
+            words = "errors as expected" if good else "errors not as expected"
+            found.append(Event(float(frames.time[k]), words, "nis"))
+        self._consistent = bool(frames.consistent[-1])
+        return sorted(found)
 
     def _running_extremes(self, deflection: Array) -> Array:
         """Smallest and largest deflection up to each row, (n, 2 ne)."""

@@ -81,6 +81,11 @@ class ViewMetadata:
         Unit as people write it, and its value in SI units.
     limits : tuple of ne (float or None, float or None)
         Of each element: deflection at the bump stop (negative) and at the droop stop (positive).
+    dampers : tuple of ne int
+        Place among the parameters of each element's damping rate.
+    force : (str, float)
+        Unit as people write it, and the force, in that unit, of a damper with a rate of one at a
+        speed of one deflection a second.
     live : bool
         Whether the rows come from a port at this moment.
     duration : float or None
@@ -94,6 +99,8 @@ class ViewMetadata:
     elements: tuple[str, ...]
     deflection: tuple[str, float]
     limits: tuple[tuple[float | None, float | None], ...]
+    dampers: tuple[int, ...]
+    force: tuple[str, float]
     live: bool
     duration: float | None
 
@@ -213,6 +220,8 @@ def view_metadata(
         elements=tuple(element.name for element in model.elements),
         deflection=(readable_unit(units["deflection"]), length),
         limits=tuple(limits),
+        dampers=tuple(model.estimated.index(element.damping) for element in model.elements),
+        force=(readable_unit(units["force"]), factor("damping") * length / factor("force")),
         live=live,
         duration=None if duration is None or not math.isfinite(duration) else duration,
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.live.downsampling import bucket_rows, downsample, points_per_bucket
+from bayes_asv.live.histograms import RunningHistograms, bins
 from bayes_asv.live.history import PARAMETER_POINTS, Snapshot
 from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.live.session import Playback, Session
@@ -54,6 +55,7 @@ class Viewer:
         self._row = -1
         self._frames_since_text = _TEXT_INTERVAL
         self._last: tuple[Any, ...] = ()
+        self._histograms = RunningHistograms(session.metadata)
 
     def message(self) -> Message | None:
         """Compose the next message.
@@ -85,9 +87,26 @@ class Viewer:
             if self._frames_since_text >= _TEXT_INTERVAL or playback.state != "playing":
                 self._frames_since_text = 0
                 message["now"] = _texts(playback, self._session.metadata)
+                message["now"]["shares"] = self._shares(playback)
+                message["now"]["events"] = [
+                    [round(one.time, 4), one.words, one.place]
+                    for one in playback.snapshot.events
+                    if one.time <= message["time"]
+                ]
             message["traces"] = self._traces(playback.snapshot, row)
             message["run"] = self._parameters(playback)
         return message
+
+    def _shares(self, playback: Playback) -> list[Message]:
+        """Shares of the time by travel and by speed, percent, one an element."""
+        snapshot = playback.snapshot
+        found = self._histograms.shares(
+            snapshot.first, snapshot.time, snapshot.traces, snapshot.first + playback.rows
+        )
+        return [
+            {"travel": _rounded(100.0 * travel, 2), "speed": _rounded(100.0 * speed, 2)}
+            for travel, speed in found
+        ]
 
     def _traces(self, snapshot: Snapshot, row: int) -> Message:
         """Points of the traces from the first bucket on that the viewer has not got in full."""
@@ -164,6 +183,12 @@ def metadata_message(metadata: ViewMetadata) -> Message:
             element: list(ends)
             for element, ends in zip(metadata.elements, metadata.limits, strict=True)
         },
+        "bins": {
+            element: {"travel": _rounded(own.travel, 6), "speed": _rounded(own.speed, 6)}
+            for element, own in zip(metadata.elements, bins(metadata), strict=True)
+        },
+        "dampers": dict(zip(metadata.elements, metadata.dampers, strict=True)),
+        "force": list(metadata.force),
         "traces": list(metadata.traces),
         "points": {"traces": POINTS, "run": 2 * PARAMETER_POINTS},
         "parameters": [

@@ -152,6 +152,33 @@ def test_charts_follow_the_numbers(page: Page) -> None:
     assert np.median(after[-20:]) < 0.5 * np.median(before)
 
 
+def test_histograms_and_forces_are_drawn(page: Page) -> None:
+    """Travel, damper speed and damper force of either axle have ink in the colour of the axle."""
+    script = """
+        return [...document.querySelectorAll('.trio canvas')].map((canvas) => {
+            const {width, height} = canvas;
+            const often = {willReadFrequently: true};
+            const copy = new OffscreenCanvas(width, height).getContext('2d', often);
+            copy.drawImage(canvas, 0, 0);
+            const data = copy.getImageData(0, 0, width, height).data;
+            let coloured = 0;
+            for (let n = 0; n < data.length; n += 4) {
+                const far = Math.max(data[n], data[n + 1], data[n + 2])
+                    - Math.min(data[n], data[n + 1], data[n + 2]);
+                if (data[n + 3] > 20 && far > 25) coloured += 1;
+            }
+            return coloured;
+        });
+    """
+    page.server.session.control("pause")
+    page.server.session.control("seek", 5.0)
+    wait_for(lambda: page.position() == 5.0)
+    titles = page.run("return [...document.querySelectorAll('.trio h2')].map(e => e.textContent)")
+    assert titles == 2 * ["Travel", "Damper speed", "Damper force"]
+    page.run("document.querySelector('.trio').scrollIntoView()")
+    wait_for(lambda: min(page.run(script)) > 30)
+
+
 def test_verdict_texts(page: Page) -> None:
     page.server.session.control("pause")
     for position, words, tone in (

@@ -53,13 +53,21 @@ export function extremes(columns, from = 0) {
   return [low, high];
 }
 
+// A histogram as a curve: its edges twice each, and the shares between them.
+export function steps(edges, shares) {
+  const x = edges.flatMap((edge, n) => (n === 0 || n === edges.length - 1 ? [edge] : [edge, edge]));
+  return [x, shares.flatMap((share) => [share, share])];
+}
+
 // Options of a chart:
 //   label    label of the value axis
 //   curves   [{ column, colour, width }]: curves, and edges of bands (width 0)
 //   bands    [[upper, lower, colour]] by index of the curves
 //   marks    () => [{ at, label, dash }]: level lines
+//   lines    () => [{ at, label }]: upright lines
 //   x, y     () => [low, high]
 //   time     label of the time axis, if any
+//   space    least distance of its marks, px
 //   sync     charts with the same key share a cursor
 //   onCursor (index or null) => void: position of the cursor
 export class Chart {
@@ -119,7 +127,7 @@ export class Chart {
             gap: 3,
             labelGap: 0,
             labelSize: 16,
-            space: 60,
+            space: options.space ?? 60,
             label: options.time,
             values: (_, marks) => marks.map((mark) => plain(mark)),
           },
@@ -146,7 +154,7 @@ export class Chart {
           fill: colour(paint),
         })),
         hooks: {
-          draw: [(plot) => this.drawMarks(plot)],
+          draw: [(plot) => this.drawMarks(plot), (plot) => this.drawLines(plot)],
           setCursor: [(plot) => {
             this.hasCursor = plot.cursor.left >= 0 && Number.isInteger(plot.cursor.idx);
             options.onCursor?.(this.hasCursor ? plot.cursor.idx : null);
@@ -161,6 +169,36 @@ export class Chart {
   show(time, columns) {
     this.data = [time, ...this.options.curves.map((curve) => columns[curve.column] ?? [])];
     if (this.visible) this.plot.setData(this.data);
+  }
+
+  drawLines(plot) {
+    const { ctx, bbox } = plot;
+    const { family, ink, paper } = this.style;
+    const scale = devicePixelRatio;
+    ctx.save();
+    ctx.font = `${11.5 * scale}px ${family}`;
+    ctx.textBaseline = "top";
+    for (const line of this.options.lines?.() ?? []) {
+      const x = Math.round(plot.valToPos(line.at, "x", true));
+      if (x < bbox.left || x > bbox.left + bbox.width) continue;
+      ctx.strokeStyle = ink;
+      ctx.lineWidth = scale;
+      ctx.setLineDash([2 * scale, 3 * scale]);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+      if (!line.label) continue;
+      const width = ctx.measureText(line.label).width;
+      const left = x + width + 6 * scale > bbox.left + bbox.width ? x - width - 4 * scale : x + 4 * scale;
+      ctx.fillStyle = paper;
+      ctx.globalAlpha = 0.75;
+      ctx.fillRect(left - 2 * scale, bbox.top + 1, width + 4 * scale, 14 * scale);
+      ctx.globalAlpha = 1;
+      ctx.fillStyle = ink;
+      ctx.fillText(line.label, left, bbox.top + 2 * scale);
+    }
+    ctx.restore();
   }
 
   drawMarks(plot) {

@@ -1,6 +1,6 @@
 // The panels of the page: parameters, suspension elements, measured outputs, and the prediction errors.
 
-import { Chart, Limits, extremes, plain } from "./charts.js";
+import { Chart, Limits, extremes, plain, steps } from "./charts.js";
 
 // Colour of a parameter, an output or an element: that of its axle.
 function paint(name) {
@@ -43,13 +43,16 @@ export class Panels {
     for (const unit of this.units) this.ranges[`of ${unit}`] = [-1, 1];
     this.cards = scene.parameters.map((parameter, n) => this.card(parameter, n));
     this.moved = {};
+    this.used = {};
+    this.events = [];
     const apart = scene.outputs.filter((output) => !scene.elements.includes(output.key));
     this.axles = [
       ...scene.elements.flatMap((name) => this.element(name)),
       ...apart.map((output) => this.output(output, this.panel())),
     ];
     this.nis = this.innovations();
-    this.charts = [...this.cards.map((card) => card.chart), ...this.axles, this.nis];
+    const histograms = Object.values(this.used).flatMap((own) => [own.travel, own.speed, own.force]);
+    this.charts = [...this.cards.map((card) => card.chart), ...this.axles, this.nis, ...histograms];
   }
 
   restyle() {
@@ -141,10 +144,100 @@ export class Panels {
       ],
       bands: [[0, 1, `${colour}-band`]],
       marks: () => stops(limits[name], deflection),
+      lines: () => this.happened(name),
       y: () => this.ranges.deflection,
       onCursor: (n) => setText(moved, n === null ? (this.reach?.[name] ?? "") : `${plain(this.traces?.time[n], 3)} s: ${value("deflection", n)} (${value("deflection low", n)} to ${value("deflection high", n)})`),
     });
+    this.used[name] = this.histograms(name, box);
     return [...charts, this.moved[name]];
+  }
+
+  // Where a suspension element spends its time, and what force its damper then has.
+  histograms(name, box) {
+    const { deflection, limits, bins, dampers, force } = this.scene;
+    const colour = paint(name);
+    const row = element("div", "trio");
+    box.append(row);
+    const ends = (edges) => () => [edges[0], edges[edges.length - 1]];
+    const top = { travel: 1, speed: 1 };
+    const chart = (text, options) => {
+      const part = element("div");
+      const [title, readout] = heading(text);
+      const place = element("div", "chart");
+      part.append(title, place);
+      row.append(part);
+      return new Chart(place, { ...options, space: 34, onCursor: (n) => setText(readout, n === null ? "" : options.says(n)) });
+    };
+    const share = (what, text, unit, x, lines) => chart(text, {
+      label: "% of the time",
+      time: unit,
+      curves: [{ column: 0, colour: colour, width: 1 }, { column: 1, width: 0 }],
+      bands: [[0, 1, `${colour}-band`]],
+      x,
+      y: () => [0, top[what]],
+      lines,
+      says: (n) => `${plain(this.shares?.[name]?.[what][Math.min(n >> 1, bins[name][what].length - 2)], 1)} %`,
+    });
+    const [bump, droop] = limits[name];
+    const marks = [bump, droop].filter((at) => at !== null);
+    return {
+      top,
+      travel: share("travel", "Travel", deflection, ends(bins[name].travel), () => marks.map((at) => ({ at }))),
+      speed: share("speed", "Damper speed", `${deflection}/s`, () => this.driven(name), () => [{ at: 0, label: "" }]),
+      force: chart("Damper force", {
+        label: force[0],
+        time: `${deflection}/s`,
+        curves: [
+          { column: 1, width: 0 },
+          { column: 0, width: 0 },
+          { column: 2, colour: colour, width: 2 },
+          { column: 3, colour: "measured", width: 2 },
+        ],
+        bands: [[0, 1, `${colour}-band`]],
+        x: () => this.driven(name),
+        y: () => this.force?.[name] ?? [-1, 1],
+        says: (n) => `${plain(this.laws?.[name]?.[n], 3)} ${force[0]}`,
+      }),
+      damper: dampers[name],
+    };
+  }
+
+  // Range of the speeds that were driven, the same either way.
+  driven(name) {
+    const edges = this.scene.bins[name].speed;
+    const shares = this.shares?.[name]?.speed ?? [];
+    const most = shares.reduce((far, share, n) => (share > 0 ? Math.max(far, Math.abs(edges[n]), Math.abs(edges[n + 1])) : far), edges[edges.length >> 1] + (edges[1] - edges[0]));
+    return [-most, most];
+  }
+
+  happened(place) {
+    return this.events.filter((event) => event[2] === place).map(([at, label]) => ({ at, label }));
+  }
+
+  drawHistograms(run) {
+    const last = run.time.length - 1;
+    for (const [name, own] of Object.entries(this.used)) {
+      const shares = this.shares?.[name];
+      if (!shares) continue;
+      for (const what of ["travel", "speed"]) {
+        const [x, share] = steps(this.scene.bins[name][what], shares[what]);
+        own.top[what] = Math.max(5, 1.15 * Math.max(...shares[what]));
+        own[what].show(x, [share, share.map(() => 0)]);
+      }
+      const [low, high] = this.driven(name);
+      const speeds = Array.from({ length: 41 }, (_, n) => low + ((high - low) * n) / 40);
+      const rates = [0, 1, 2].map((k) => run.columns[3 * own.damper + k][last]);
+      const nominal = this.scene.parameters[own.damper].nominal;
+      // Edges of the band change sides where the speed changes its sign.
+      const law = (rate) => speeds.map((speed) => rate * speed * this.scene.force[1]);
+      const [middle, below, above] = rates.map(law);
+      const lower = below.map((value, n) => Math.min(value, above[n]));
+      const upper = below.map((value, n) => Math.max(value, above[n]));
+      this.laws = { ...this.laws, [name]: middle };
+      const most = Math.max(...law(Math.min(Math.max(rates[0], nominal) * 1.3, 4 * nominal)));
+      this.force = { ...this.force, [name]: [-most, most] };
+      own.force.show(speeds, [lower, upper, middle, law(nominal)]);
+    }
   }
 
   output(output, box) {
@@ -188,6 +281,7 @@ export class Panels {
       ],
       bands: [[0, 1, "good-band"]],
       marks: () => [{ at: 1, label: "", dash: [2, 4] }],
+      lines: () => this.happened("nis"),
       x: () => this.span(),
       y: () => this.ranges.nis,
       onCursor: (n) => setText(readout, n === null ? "" : `${plain(this.traces?.time[n], 3)} s: ${plain(this.traces?.columns[this.index.nis]?.[n])}`),
@@ -205,6 +299,9 @@ export class Panels {
       setText(card.sense, capital(text.sense));
       setText(card.chance, text.chance);
     });
+    this.shares = Object.fromEntries(this.scene.elements.map((name, n) => [name, now.shares[n]]));
+    this.events = now.events;
+    this.fresh = true;
     this.reach = Object.fromEntries(this.scene.elements.map((name, n) => [name, now.travel[n] && `so far ${now.travel[n]}`]));
     for (const [name, chart] of Object.entries(this.moved)) {
       if (!chart.hasCursor) setText(document.getElementById(`reach-${name}`), this.reach[name]);
@@ -235,6 +332,8 @@ export class Panels {
       card.chart.show(run.time, run.columns);
     });
     for (const chart of [...this.axles, this.nis]) chart.show(traces.time, traces.columns);
+    if (this.fresh) this.drawHistograms(run);
+    this.fresh = false;
   }
 }
 
