@@ -254,9 +254,9 @@ def _dead(name: str) -> Hypothesis:
     def undo(recording: Recording, vehicle: Vehicle, _: float) -> Corrected:
         readings = recording.values[recording.channels.index(name)]
         one = _si(recording, vehicle, name)
-        if one is None:
+        noise = 0.0 if one is None else float(np.nanstd(readings)) * abs(one)
+        if noise == 0.0:
             return recording, vehicle
-        noise = float(np.nanstd(readings)) * abs(one)
         sensor = replace(vehicle.sensor(name), noise=noise, low=-math.inf, high=math.inf)
         noisy = replace(vehicle, sensors={**vehicle.sensors, name: sensor})
         return _scaled(recording, noisy, [name], 1.0 / _NOTHING)

@@ -118,6 +118,14 @@ def test_a_mistake_of_one_recording_is_named_with_it() -> None:
     assert doubt.mistakes[0].words == words
 
 
+def test_a_channel_that_is_constant_in_one_recording_can_be_looked_at() -> None:
+    first, car = worn(3)
+    values = worn(4)[0].values.copy()
+    values[3] = values[3, 0]
+    doubt = check_input([first, replace(first, values=values[:, : len(first.time)])], car)
+    assert doubt is not None
+
+
 def test_a_wheel_that_is_still_under_a_body_that_moves_has_a_dead_sensor() -> None:
     recording, car = worn(3)
     values = recording.values.copy()
