@@ -70,6 +70,9 @@ RESULTS = {
     "other sensors": Result("other_sensors.json", "benchmarks.other_sensors", 40),
     "plan": Result("plan.json", "benchmarks.plan", 40),
     "predicted biases": Result("predicted_biases.json", "benchmarks.predicted_biases", 10),
+    "real cars": Result(
+        "real_cars.json", "benchmarks.real_cars --size 0.25 --size 0.5 --size 1", 60
+    ),
     "resampled exports": Result("resampled_exports.json", "benchmarks.resampled_exports", 40),
     "roll car": Result("rolling.json", "benchmarks.rolling", 60),
     "roomster": Result("roomster.json", "benchmarks.roomster", 60),
