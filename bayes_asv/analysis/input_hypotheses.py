@@ -194,6 +194,7 @@ def _exchange(pairs: Sequence[tuple[str, str]]) -> Hypothesis:
 def _of_readings(channels: Sequence[Channel], step: float) -> Iterator[Hypothesis]:
     """Signs, gains, lags, filters and places of channels that are read every ``step`` seconds."""
     outputs = tuple(channel.name for channel in channels if not channel.is_input)
+    inputs = tuple(channel.name for channel in channels if channel.is_input)
     axles = [tuple(c.name for c in channels if c.axle == axle) for axle in ("front", "rear")]
     alone = [(channel.name,) for channel in channels]
     chassis = [c.name for c in channels if c.name in ("front_chassis", "rear_chassis")]
@@ -209,7 +210,7 @@ def _of_readings(channels: Sequence[Channel], step: float) -> Iterator[Hypothesi
         yield _dead(name)
     for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
         yield _inverted(names)
-        yield _gain(names)
+        yield _gain(names, inputs if names == outputs else ())
         yield _late(names)
     for names in axles:  # of one logger; a gain of both its sensors is another car
         if 1 < len(names) < len(channels):
@@ -225,17 +226,21 @@ def _inverted(names: tuple[str, ...]) -> Hypothesis:
     )
 
 
-def _gain(names: tuple[str, ...]) -> Hypothesis:
+def _gain(names: tuple[str, ...], others: tuple[str, ...] = ()) -> Hypothesis:
+    """Return that channels have another gain, which the data cannot tell from one of the others."""
+
     def words(size: float) -> tuple[str, str]:
         if size < math.log(_DEAD):
             return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
         text = f"the readings of {_and(names)} are {_times(math.exp(size))} what they should be"
+        text += f" beside those of {_and(others)}" if others else ""
         for sign, reason in (
             (1.0, "m/s² was given the unit g"),
             (-1.0, "g was given the unit m/s²"),
         ):
             if abs(size - sign * math.log(STANDARD_GRAVITY)) < 3.0 * _NAMED_FACTOR:
                 text += f": a column in {reason}"
+                text += ", or one of the others the other way round" if others else ""
         return text, "check unit, range and scale of the sensor"
 
     return Hypothesis(

@@ -169,8 +169,9 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     """Find readings (N,) in runs that a working channel does not have while the others move.
 
     A run amid motion that ends in a jump was neither a crest nor rest.  In another one, such as one
-    to the end of the recording, noise of a good part of a step would have shown.  Of a channel that
-    never moves the step is not known: the checks of the drive speak about it.
+    to the end of the recording, noise of a good part of a step would have shown.  A channel that
+    never changes is dead if another one moves by far more than its own noise and than the stated
+    noise and resolution of the one that does not.
     """
     out = np.zeros(values.shape[1], bool)
     present = np.isfinite(values[c])
@@ -178,11 +179,16 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     if len(signal) < _WINDOW:
         return out
     step = smallest_step(signal)
+    others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
     if step == 0.0:
+        stated = max(sensor.resolution or 0.0, sensor.noise or 0.0)
+        out[present] = any(
+            float(np.std(other)) > _MOVES * max(stated, quiet_level(other, 0.0)) > 0.0
+            for other in others
+        )
         return out
     step = max(step, sensor.resolution or 0.0)
     floor, noise = max(quiet_level(signal, 0.0), step), sensor.noise
-    others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
     flickers = noise is not None and step <= _RESOLVED * noise
     if noise is None:
         rest = np.max(_local_deviation(others), axis=0) < _AT_REST * floor

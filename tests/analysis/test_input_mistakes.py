@@ -60,6 +60,13 @@ def front_wheel_filtered(recording: Recording, car: Vehicle) -> Input:
     return replace(recording, values=values), car
 
 
+def wheels_in_g(recording: Recording, car: Vehicle) -> Input:
+    """Under a header of m/s²; the data show that they differ from the chassis, not who is right."""
+    values = recording.values.copy()
+    values[[0, 2]] /= 9.80665
+    return replace(recording, values=values), car
+
+
 def halved_springs(recording: Recording, car: Vehicle) -> Input:
     front, rear = (Given(k.value / 2.0, k.sd / 2.0) for k in (car.k_f, car.k_r))
     return recording, replace(car, k_f=front, k_r=rear)
@@ -76,6 +83,7 @@ MISTAKES = {
     "scaled sensor": (front_chassis_scaled, "readings of front chassis are 1.1"),
     "sensor off its axle": (rear_chassis_inboard, "off its axle by 25 % of the wheelbase, towards"),
     "filtered sensor": (front_wheel_filtered, "front wheel is low-pass filtered at some"),
+    "unit of the wheels": (wheels_in_g, "beside those of front wheel and rear wheel: a column in"),
     "unit of a damper": (rear_damping_in_si, "a value in N·s/m was given the unit lbf·s/in"),
     "springs of one side": (halved_springs, "the rate of one side is given instead of both sides"),
 }

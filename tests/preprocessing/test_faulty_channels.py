@@ -58,6 +58,24 @@ def test_a_frozen_channel_is_named(channel: int, name: str) -> None:
     assert "holds its value in 4" in reason
 
 
+@pytest.mark.parametrize(("channel", "name"), [(0, "front wheel"), (3, "rear chassis")])
+def test_a_channel_that_never_changes_is_named(channel: int, name: str) -> None:
+    def kill(values: Array) -> None:
+        values[channel] = 0.2
+
+    (reason,) = _broken(kill)
+    assert reason.startswith(f"the {name} sensor")
+    assert "holds its value in" in reason
+
+
+def test_a_channel_that_never_changes_is_none_in_a_car_at_rest() -> None:
+    def rest(values: Array) -> None:
+        values[:] = 0.05 * np.random.default_rng(1).normal(size=values.shape)
+        values[3] = 0.0
+
+    assert _broken(rest) == []
+
+
 def test_a_channel_that_falls_to_zero_now_and_then_is_named() -> None:
     def drop(values: Array) -> None:
         for first in range(300, 700, 50):
