@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.resources
 import itertools
 import json
 import math
@@ -177,6 +178,20 @@ def test_histograms_and_forces_are_drawn(page: Page) -> None:
     assert titles == 2 * ["Travel", "Damper speed", "Damper force"]
     page.run("document.querySelector('.trio').scrollIntoView()")
     wait_for(lambda: min(page.run(script)) > 30)
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
+def test_the_page_has_no_violation_of_accessibility(page: Page, width: int, dark: bool) -> None:
+    page.resize(width)
+    page.dark(dark)
+    page.server.session.control("pause")
+    page.run(importlib.resources.files("axe_core_python").joinpath("axe.min.js").read_text("utf-8"))
+    found = page.driver.execute_async_script(
+        "axe.run(document, {resultTypes: ['violations']}).then(arguments[arguments.length - 1])"
+    )
+    assert [
+        (v["id"], [node["html"][:200] for node in v["nodes"]]) for v in found["violations"]
+    ] == []
 
 
 def test_verdict_texts(page: Page) -> None:
