@@ -267,12 +267,9 @@ def estimate(
     if not recordings:
         raise ValueError("at least one recording is needed")
     began = time.perf_counter()
-    recordings = tuple(at_own_rate(recording) for recording in recordings)
     runs, logs = select_runs(recordings, vehicle, below, car)
     if not logs:
-        return _estimate_prepared(
-            recordings, vehicle, likelihood, below, seed, progress, sites, car
-        )
+        return _estimate_prepared(runs, vehicle, likelihood, below, seed, progress, sites, car)
     model = car_model(car, vehicle)
     empty = tuple(_nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
@@ -295,7 +292,7 @@ def estimate(
 def select_runs(
     recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None, car: str = "half"
 ) -> tuple[tuple[Recording, ...], tuple[LogEvents, ...]]:
-    """Take the best events of long recordings, and all others whole.
+    """Undo resampling, and take the best events of long recordings and all others whole.
 
     Parameters
     ----------
@@ -310,9 +307,10 @@ def select_runs(
         What was found in each long recording; empty where none is long.
     """
     model = car_model(car, vehicle)
+    recordings = tuple(at_own_rate(recording) for recording in recordings)
     long = [is_long(recording, below) for recording in recordings]
     if not any(long):
-        return tuple(recordings), ()
+        return recordings, ()
     found = [
         find_events(recording, vehicle, model, below)
         for recording, cut in zip(recordings, long, strict=True)

@@ -27,7 +27,6 @@ _ROWS_SIZE: Final = 25  # bytes
 _CRC_SIZE: Final = 4  # bytes
 _PRESCALES: Final = (1, 8, 64, 256, 1024)
 _NO_ROW: Final = 0xFFFF
-_NOT_MEASURED: Final = -0x8000
 _BITS: Final = 10
 _WRAP: Final = 2.0**32
 _MASK_BITS: Final = 32  # of GET

@@ -231,7 +231,7 @@ def _gain(names: tuple[str, ...], others: tuple[str, ...] = ()) -> Hypothesis:
 
     def words(size: float) -> tuple[str, str]:
         if size < math.log(_DEAD):
-            return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
+            return _dead_words(names)
         text = f"the readings of {_and(names)} are {_times(math.exp(size))} what they should be"
         text += f" beside those of {_and(others)}" if others else ""
         for sign, reason in (
@@ -252,6 +252,16 @@ def _gain(names: tuple[str, ...], others: tuple[str, ...] = ()) -> Hypothesis:
     )
 
 
+def _dead_words(names: tuple[str, ...]) -> tuple[str, str]:
+    return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
+
+
+def _with_sensor(vehicle: Vehicle, name: str, **changes: float) -> Vehicle:
+    """Change a sensor whose readings were changed, so that its range is no longer known."""
+    sensor = replace(vehicle.sensor(name), low=-math.inf, high=math.inf, **changes)
+    return replace(vehicle, sensors={**vehicle.sensors, name: sensor})
+
+
 def _dead(name: str) -> Hypothesis:
     """Return that a channel shows nothing but noise, as large as its readings are."""
     size = math.log(_NOTHING)
@@ -262,12 +272,11 @@ def _dead(name: str) -> Hypothesis:
         noise = 0.0 if one is None else float(np.nanstd(readings)) * abs(one)
         if noise == 0.0:
             return recording, vehicle
-        sensor = replace(vehicle.sensor(name), noise=noise, low=-math.inf, high=math.inf)
-        noisy = replace(vehicle, sensors={**vehicle.sensors, name: sensor})
+        noisy = _with_sensor(vehicle, name, noise=noise)
         return _scaled(recording, noisy, [name], 1.0 / _NOTHING)
 
     return Hypothesis(
-        lambda _: (f"{_are((name,))} dead or loose", "check sensor, wiring and mount"),
+        lambda _: _dead_words((name,)),
         undo,
         stretch=lambda _: {name: -size},
         misread=lambda _: True,
@@ -341,9 +350,7 @@ def _filtered(name: str, step: float, order: int) -> Hypothesis:
             values[c, lag:] -= weight * recording.values[c, :-lag]
         values[c, len(kept) :] /= 1.0 - sum(kept)
         values[c, : len(kept)] = recording.values[c, : len(kept)]
-        sensor = replace(vehicle.sensor(name), low=-math.inf, high=math.inf)
-        open_ended = replace(vehicle, sensors={**vehicle.sensors, name: sensor})
-        return replace(recording, values=values), open_ended
+        return replace(recording, values=values), _with_sensor(vehicle, name)
 
     def words(size: float) -> tuple[str, str]:
         corner = 1.0 / (2.0 * math.pi * max(size, step))

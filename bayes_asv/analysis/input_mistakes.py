@@ -131,7 +131,7 @@ def check_input(
         known = [Mistake(what, fix, 1.0, misread=True) for what, _, fix in parts]
         return Doubt(tuple(known), "; ".join(stuck))
     fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
-    moved = [] if fit is None else [n for n, sd in fit.moved.items() if abs(sd) > _MOVED]
+    moved = [] if fit is None else _moved(fit)
     holds = fit is not None and fit.holds
     if fit is not None and holds:
         holds = all(holds_throughout(fit, one, vehicle, car, _SECONDS) for one in recordings)
@@ -165,11 +165,23 @@ def check_input(
     )
 
 
+def _moved(fit: Fit) -> list[str]:
+    """Name the given values that a fit moves by more than is likely."""
+    return [name for name, deviations in fit.moved.items() if abs(deviations) > _MOVED]
+
+
 def _of_one_recording(recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> list[Mistake]:
-    """Find a recording with a mistake that the others do not have."""
+    """Find a mistake of a recording that does not agree with the input, while another one does.
+
+    If none agrees, the cause is common to all: a given value, or what the model lacks.
+    """
     if len(recordings) == 1:
         return []
-    for one in recordings:
+    fits = [_screened(_most_active([one], [one], vehicle), vehicle, car) for one in recordings]
+    odd = [fit is None or not fit.holds or bool(_moved(fit)) for fit in fits]
+    if all(odd):
+        return []
+    for one in (recording for recording, other in zip(recordings, odd, strict=True) if other):
         every = list(hypotheses_of_recording(one, vehicle, car_model(car, vehicle)))
         found = _likeliest(every, [one], vehicle, car)
         if found:

@@ -128,9 +128,8 @@ def diagnose(
 def _without_rest(runs: tuple[Recording, ...], vehicle: Vehicle, car: str) -> tuple[Recording, ...]:
     """Replace recordings that are too long to be taken whole by their best events."""
     from bayes_asv.estimation import select_runs
-    from bayes_asv.preprocessing.resampling import at_own_rate
 
-    events, _ = select_runs([at_own_rate(run) for run in runs], vehicle, None, car)
+    events, _ = select_runs(runs, vehicle, None, car)
     if runs and not events:
         raise InputError(
             runs[0].source, "has no event that tells about the car", "drive over bumps"

@@ -215,7 +215,6 @@ def estimate(
             "leave out below and likelihood, or effects",
         )  # fmt: skip
     from bayes_asv import estimation
-    from bayes_asv.preprocessing.resampling import at_own_rate
 
     if likelihood not in estimation.LIKELIHOODS:
         raise InputError(
@@ -223,8 +222,7 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
-        own = [at_own_rate(run) for run in runs] if names else []
-        short = estimation.select_runs(own, vehicle, below, car)[0]
+        short = estimation.select_runs(runs, vehicle, below, car)[0] if _AUTO in names else ()
         sites, report = _sites(names, short, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,

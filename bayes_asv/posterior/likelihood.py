@@ -231,11 +231,11 @@ class Posterior:
             biases = self.space.zeros(z, run)
             zeros = np.hstack([biases, biases @ recording.rigid_gain.T])
             system = system._replace(zeros=zeros)
-        none = np.zeros(len(recording.inputs))
+        no_zeros = np.zeros(len(recording.inputs))  # the filter takes them off
         as_read = NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
         parts: dict[int, tuple[NominalReadings, list[int]]] = {}
         for w, value in enumerate(values):
-            nominal = as_read if known is None else known.corrected(recording, value, none)
+            nominal = as_read if known is None else known.corrected(recording, value, no_zeros)
             parts.setdefault(id(nominal), (nominal, []))[1].append(w)
         for nominal, sets in parts.values():
             whole = len(sets) == len(z)

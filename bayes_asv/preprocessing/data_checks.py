@@ -8,12 +8,14 @@ inputs leave (K − 2)/K of the rest on average, which is made good.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.filters.kalman import VALUE
@@ -59,20 +61,34 @@ MIN_EXCITATION = 5.0
 """Wheel rms in units of its noise, below which nothing was driven over."""
 
 
-def _why_still(line: PreparedRecording, still: int, shaken: float) -> str:
-    """Say why a wheel was still, and what to do: a dead sensor if the body above it moved."""
-    channel = line.channels[still]
-    others = {
-        one.words: float(np.std(values[np.isfinite(values)]))
-        for one, values in zip(line.channels, line.values, strict=True)
-        if one.axle == channel.axle and one is not channel and one.quantity == channel.quantity
-    }
-    moved = [f"the {name} did ({rms:.2f})" for name, rms in others.items() if rms > 2.0 * shaken]
+def still_wheel(source: str, channels: Sequence[Channel], still: int, rms: Sequence[float]) -> str:
+    """Say that a wheel was still and what to do; its sensor is dead if the body above it moved.
+
+    Parameters
+    ----------
+    source : str
+        Name of the recording.
+    channels : sequence of C Channel
+        Its channels.
+    still : int
+        Which of them.
+    rms : (C,) sequence of float
+        Root mean squares of the channels about their means, SI units.
+    """
+    own, shaken = channels[still], rms[still]
+    moved = [
+        f"the {one.words} did ({other:.2f})"
+        for one, other in zip(channels, rms, strict=True)
+        if (one.axle, one.side, one.quantity) == (own.axle, own.side, own.quantity)
+        and one is not own
+        and other > 2.0 * shaken
+    ]
+    said = f"the {own.words} hardly moved in {source} ({shaken:.2f} m/s² rms)"
     if not moved:
-        return "; drive over a bump, a parking stop or a rough road"
+        return f"{said}; drive over a bump, a parking stop or a rough road"
     return (
-        f", but {' and '.join(moved)}: its sensor is probably dead, loose or not connected; check "
-        "sensor, plug and cable"
+        f"{said}, but {' and '.join(moved)}: its sensor is probably dead, loose or not connected; "
+        "check sensor, plug and cable"
     )
 
 
@@ -198,10 +214,8 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
         shaken = float(np.std(signal))
         floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
         if shaken < MIN_EXCITATION * floor or shaken < 0.05:
-            reasons.append(
-                f"the {name} hardly moved in {line.source} ({shaken:.2f} m/s² rms)"
-                f"{_why_still(line, c, shaken)}"
-            )
+            moving = [float(np.std(values[np.isfinite(values)])) for values in line.values]
+            reasons.append(still_wheel(line.source, line.channels, c, moving))
         elif shaken > _MAX_WHEEL_RMS:
             reasons.append(
                 f"the {name} moves at {shaken:.0f} m/s² rms in {line.source}, which no car "

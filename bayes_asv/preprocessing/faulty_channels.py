@@ -85,7 +85,10 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
         limit = clipping_limit(int(np.count_nonzero(np.isfinite(values[c]))))
         at_rail = low[c] | high[c]
         piled = _piled_up(values[c], at_rail)
-        held = _held(values, c, vehicle.sensor(channel.name)) & ~at_rail
+        sensor = vehicle.sensor(channel.name)
+        held = _held(values, c, sensor) & ~at_rail
+        if _dead_above(values, channels, c, sensor):
+            held = np.isfinite(values[c])
         if piled > limit:
             reasons.append(
                 f"the {channel.words} sensor of {source} stays at its extreme for {piled} samples "
@@ -169,9 +172,8 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     """Find readings (N,) in runs that a working channel does not have while the others move.
 
     A run amid motion that ends in a jump was neither a crest nor rest.  In another one, such as one
-    to the end of the recording, noise of a good part of a step would have shown.  A channel that
-    never changes is dead if another one moves by far more than its own noise and than the stated
-    noise and resolution of the one that does not.
+    to the end of the recording, noise of a good part of a step would have shown.  Of a channel that
+    never changes the step is not known: see :func:`_dead_above`, and for wheels the data checks.
     """
     out = np.zeros(values.shape[1], bool)
     present = np.isfinite(values[c])
@@ -179,16 +181,11 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     if len(signal) < _WINDOW:
         return out
     step = smallest_step(signal)
-    others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
     if step == 0.0:
-        stated = max(sensor.resolution or 0.0, sensor.noise or 0.0)
-        out[present] = any(
-            float(np.std(other)) > _MOVES * max(stated, quiet_level(other, 0.0)) > 0.0
-            for other in others
-        )
         return out
     step = max(step, sensor.resolution or 0.0)
     floor, noise = max(quiet_level(signal, 0.0), step), sensor.noise
+    others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
     flickers = noise is not None and step <= _RESOLVED * noise
     if noise is None:
         rest = np.max(_local_deviation(others), axis=0) < _AT_REST * floor
@@ -208,6 +205,27 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
             moves = float(np.max(np.std(others[:, rows], axis=1))) > _MOVES * floor
             out[np.flatnonzero(present)[rows]] = moves
     return out
+
+
+def _dead_above(values: Array, channels: Sequence[Channel], c: int, sensor: Sensor) -> bool:
+    """Whether a channel of the body never changes although a wheel of its axle moves.
+
+    A wheel may be still until it meets the bump; the body above one that moves is not.  It has to
+    move by far more than its own noise, and than what the still channel can resolve.
+    """
+    own, readings = channels[c], values[c, np.isfinite(values[c])]
+    if own.is_input or own.axle is None or len(readings) < _WINDOW or np.ptp(readings) > 0.0:
+        return False
+    stated = max(sensor.resolution or 0.0, sensor.noise or 0.0)
+    wheels = [
+        values[k, np.isfinite(values[k])]
+        for k, one in enumerate(channels)
+        if one.is_input and (one.axle, one.side) == (own.axle, own.side)
+    ]
+    return any(
+        len(x) >= _WINDOW and float(np.std(x)) > _MOVES * max(stated, quiet_level(x, 0.0)) > 0.0
+        for x in wheels
+    )
 
 
 def _local_deviation(signals: Array) -> Array:

@@ -14,7 +14,11 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
 from bayes_asv.posterior.map_fit import unidentified_sentence
-from bayes_asv.preprocessing.data_checks import min_sampling_rate, mistaken_time_unit
+from bayes_asv.preprocessing.data_checks import (
+    min_sampling_rate,
+    mistaken_time_unit,
+    still_wheel,
+)
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.tracking.sensor_noise import SensorModel
 
@@ -109,10 +113,7 @@ class DataChecks:
             quantization = sensors.resolution[c] / np.sqrt(12.0)
             floor = max(float(np.nan_to_num(sensors.noise[c])), quantization)
             if rms[c] < max(_MIN_EXCITATION * floor, _MIN_RMS):
-                out.append(
-                    f"the {sensors.channels[c].words} hardly moved in {source} ({rms[c]:.2f} m/s² "
-                    "rms); drive over a bump, a parking stop or a rough road"
-                )
+                out.append(still_wheel(source, sensors.channels, c, rms.tolist()))
         return out
 
     def warnings(self, sensors: SensorModel, source: str) -> list[str]:

@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from bayes_asv.analysis.input_mistakes import check_input, rear_leads
+from bayes_asv.analysis import input_mistakes
+from bayes_asv.analysis.input_mistakes import Mistake, check_input, rear_leads
 from bayes_asv.analysis.nominal_values import nominal_mistakes
 from bayes_asv.analysis.screening_fit import screening_fit
 from bayes_asv.domain.recording import Recording, nominal_rate
-from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
+from bayes_asv.domain.vehicle import Given, Nominal, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
+from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
 from tests.posterior.cases import DECLARED, case, vehicle
 
@@ -124,6 +128,29 @@ def test_a_mistake_of_one_recording_is_named_with_it() -> None:
     assert doubt is not None
     words = "in again.csv the columns of front wheel and front chassis are exchanged"
     assert doubt.mistakes[0].words == words
+
+
+def test_what_no_recording_agrees_with_is_searched_for_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A mistake of one recording needs another one that agrees; a damper is in all of them."""
+    searched = []
+    every = input_mistakes._likeliest
+
+    def counted(others: Any, recordings: Any, *rest: Any) -> list[Mistake]:
+        searched.append(len(recordings))
+        return every(others, recordings, *rest)
+
+    monkeypatch.setattr(input_mistakes, "_likeliest", counted)
+    data = Path(__file__).parents[2] / "data"
+    car = read_vehicle(data / "vehicles" / "baja2008.toml")
+    runs = [
+        read_recording(data / "recordings" / f"valved-{n}-400hz.csv") for n in ("bump", "stops")
+    ]
+    doubt = check_input(runs, car)
+    assert doubt is not None
+    assert not doubt.model_holds
+    assert searched == [2]
 
 
 def test_a_channel_that_is_constant_in_one_recording_can_be_looked_at() -> None:

@@ -131,8 +131,8 @@ def test_a_map_that_a_person_corrected_is_not_overwritten(
 def test_a_foreign_log_without_a_map_names_the_next_command(
     invoke: Command, refuse: Check, tmp_path: Path, baja: Path
 ) -> None:
-    log = _arduino(tmp_path)
-    refuse(invoke("estimate", log, "-v", baja), "bayes-asv inspect", "--channels channels.toml")
+    said = invoke("estimate", _arduino(tmp_path), "-v", baja)
+    assert refuse(said, "bayes-asv inspect", "--channels channels.toml")
 
 
 def test_an_unfilled_map_is_refused_with_the_key(

@@ -58,14 +58,21 @@ def test_a_frozen_channel_is_named(channel: int, name: str) -> None:
     assert "holds its value in 4" in reason
 
 
-@pytest.mark.parametrize(("channel", "name"), [(0, "front wheel"), (3, "rear chassis")])
-def test_a_channel_that_never_changes_is_named(channel: int, name: str) -> None:
+@pytest.mark.parametrize(("channel", "name"), [(1, "front chassis"), (3, "rear chassis")])
+def test_a_body_that_never_moves_above_a_wheel_that_does_is_named(channel: int, name: str) -> None:
     def kill(values: Array) -> None:
         values[channel] = 0.2
 
     (reason,) = _broken(kill)
     assert reason.startswith(f"the {name} sensor")
     assert "holds its value in" in reason
+
+
+def test_an_axle_that_has_not_met_the_bump_yet_may_be_still() -> None:
+    def rest(values: Array) -> None:
+        values[2:] = 0.2
+
+    assert _broken(rest) == []
 
 
 def test_a_channel_that_never_changes_is_none_in_a_car_at_rest() -> None:

@@ -277,7 +277,7 @@ def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
 def _shift(
     there: Linearised, fault: Fault, faulty: tuple[PreparedRecording, ...], own: Array
 ) -> Shift:
-    """Foretell one: faulty recordings, or parameters (P,) held wrong."""
+    """Predict one: faulty recordings, or parameters (P,) held wrong."""
     target = _on(there.logs, faulty)
     pull, power = np.zeros(len(there.budget.sd)), 0.0
     for run, j in enumerate(there.slopes):

@@ -173,11 +173,10 @@ export class Chart {
 
   drawLines(plot) {
     const { ctx, bbox } = plot;
-    const { family, ink, paper } = this.style;
+    const { family, ink } = this.style;
     const scale = devicePixelRatio;
     ctx.save();
     ctx.font = `${11.5 * scale}px ${family}`;
-    ctx.textBaseline = "top";
     for (const line of this.options.lines?.() ?? []) {
       const x = Math.round(plot.valToPos(line.at, "x", true));
       if (x < bbox.left || x > bbox.left + bbox.width) continue;
@@ -191,23 +190,30 @@ export class Chart {
       if (!line.label) continue;
       const width = ctx.measureText(line.label).width;
       const left = x + width + 6 * scale > bbox.left + bbox.width ? x - width - 4 * scale : x + 4 * scale;
-      ctx.fillStyle = paper;
-      ctx.globalAlpha = 0.75;
-      ctx.fillRect(left - 2 * scale, bbox.top + 1, width + 4 * scale, 14 * scale);
-      ctx.globalAlpha = 1;
-      ctx.fillStyle = ink;
-      ctx.fillText(line.label, left, bbox.top + 2 * scale);
+      this.drawLabel(ctx, line.label, left, bbox.top + 2 * scale);
     }
     ctx.restore();
   }
 
+  // A text on a plate that lets the curves shine through; left and top are those of the text.
+  drawLabel(ctx, text, left, top) {
+    const scale = devicePixelRatio;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "top";
+    ctx.fillStyle = this.style.paper;
+    ctx.globalAlpha = 0.75;
+    ctx.fillRect(left - 3 * scale, top - scale, ctx.measureText(text).width + 6 * scale, 14 * scale);
+    ctx.globalAlpha = 1;
+    ctx.fillStyle = this.style.ink;
+    ctx.fillText(text, left, top);
+  }
+
   drawMarks(plot) {
     const { ctx, bbox } = plot;
-    const { family, ink, paper } = this.style;
+    const { family, ink } = this.style;
     const scale = devicePixelRatio;
     ctx.save();
     ctx.font = `${11.5 * scale}px ${family}`;
-    ctx.textAlign = "right";
     for (const mark of this.options.marks?.() ?? []) {
       const y = Math.round(plot.valToPos(mark.at, "y", true));
       if (y < bbox.top || y > bbox.top + bbox.height) continue;
@@ -220,15 +226,9 @@ export class Chart {
       ctx.stroke();
       if (!mark.label) continue;
       const below = mark.below ?? y - 16 * scale < bbox.top;
-      ctx.textBaseline = below ? "top" : "bottom";
       const width = ctx.measureText(mark.label).width;
-      const [right, edge] = [bbox.left + bbox.width - 4 * scale, y + (below ? 3 : -3) * scale];
-      ctx.fillStyle = paper;
-      ctx.globalAlpha = 0.75;
-      ctx.fillRect(right - width - 3 * scale, below ? edge - 1 : edge - 13 * scale, width + 6 * scale, 14 * scale);
-      ctx.globalAlpha = 1;
-      ctx.fillStyle = ink;
-      ctx.fillText(mark.label, right, edge);
+      const left = bbox.left + bbox.width - 4 * scale - width;
+      this.drawLabel(ctx, mark.label, left, y + (below ? 3 : -15) * scale);
     }
     ctx.restore();
   }
