@@ -177,9 +177,10 @@ def status(result: Result) -> str:
     if not named:
         return "commit unknown"
     text = f"commit{'s' * (len(named) > 1)} {', '.join(named)}"
-    known = [_git("cat-file", "-e", f"{commit}^{{commit}}").returncode == 0 for commit in named]
+    # A commit that only another branch has is not in a clone of this one.
+    known = [_git("merge-base", "--is-ancestor", one, "HEAD").returncode == 0 for one in named]
     if not all(known):
-        return f"{text}, of which not all are in this repository"
+        return f"{text}, of which not all are in the history of this branch"
     files = sorted(sources(result.command.split()[0]))
     changed = [_git("diff", "--quiet", commit, "--", *files).returncode != 0 for commit in named]
     return f"{text}, {'older than the code' if any(changed) else 'of the present code'}"

@@ -67,6 +67,6 @@ def test_a_result_is_older_once_a_file_behind_it_changed(
     path.write_text(json.dumps({"commit": f"{last}~1"}))
     assert status(result).endswith("older than the code")
     path.write_text(json.dumps({"commit": "0123abc"}))
-    assert status(result).endswith("of which not all are in this repository")
+    assert status(result).endswith("not all are in the history of this branch")
     path.write_text("{}")
     assert status(result) == "commit unknown"

@@ -59,9 +59,14 @@ function draw() {
   if (frame.state === "waiting") {
     setText($("verdict-long"), scene.live ? `No row has come from ${scene.source} yet.` : "The filter is starting.");
   }
-  if (frame.traces) panels.draw(traces, run);
+  drawCurves();
   stats.drawn += 1;
   stats.at = times.now;
+}
+
+// A new connection, as after another window was chosen, begins without a point.
+function drawCurves() {
+  if (traces?.time.length) panels.draw(traces, run);
 }
 
 function controls() {
@@ -140,7 +145,7 @@ document.addEventListener("keydown", (event) => {
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   panels?.restyle();
-  if (traces?.time.length) panels.draw(traces, run);
+  drawCurves();
 });
 
 times.window = Number($("window").value);
