@@ -199,12 +199,13 @@ EFFECT = Effect(
 )
 ```
 
-**2. The branch** in `bayes_asv/filters/force_laws.py` needs a code number, the force, and its derivatives
-with respect to deflection (`added_d`) and velocity (`added_v`). A law that multiplies the damper or the
-spring changes `damper` or `spring` and its derivative instead, so that it composes with other laws.
+**2. The branch** in `bayes_asv/filters/force_laws.py` needs a code number and a function that returns the
+force and its derivatives with respect to deflection and velocity. It is emitted as vector code: each
+number in it stands for one of every parameter set that the filter processes side by side. A law that
+multiplies the damper or the spring returns its factor and the factor's derivative instead, so that it
+composes with other laws, and is listed with those of the damper or the spring.
 
 ```diff
-     DAMPER_CURVE,
      SERIES_STIFFNESS,
 -) = range(10)
 +    QUADRATIC,
@@ -212,10 +213,18 @@ spring changes `damper` or `spring` and its derivative instead, so that it compo
 ```
 
 ```diff
-             added += p0 * (up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down))
-+        elif code == QUADRATIC:  # p0 = q, N s²/m²
-+            added -= p0 * rate * abs(rate)
-+            added_v -= 2.0 * p0 * abs(rate)
+     return p[0] * (up - down), nothing, nothing
++
++
++def _quadratic(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
++    \"\"\"Take p0 = q, N s²/m².\"\"\"
++    return -p[0] * rate * abs(rate), 0.0 * rate, -2.0 * p[0] * abs(rate)
+```
+
+```diff
+     OUTSIDE: _outside,
++    QUADRATIC: _quadratic,
+ }
 ```
 
 **3. The line** in `bayes_asv/models/effects/__init__.py`, with its import.

@@ -68,8 +68,8 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "tests" / "filters", folder / "tests" / "filters", ignore=ignored)
     (file,) = blocks(PAGE, HEADING, "python")
     (package / "models/effects/quadratic_damper.py").write_text(file, encoding="utf-8")
-    number, branch, imported, listed = blocks(PAGE, HEADING, "diff")
-    apply(package / "filters/force_laws.py", (number, branch))
+    number, branch, entry, imported, listed = blocks(PAGE, HEADING, "diff")
+    apply(package / "filters/force_laws.py", (number, branch, entry))
     apply(package / "models/effects/__init__.py", (imported, listed))
     return folder
 
@@ -108,6 +108,6 @@ def test_the_tests_that_are_there_hold_its_branch_against_its_readable_form(exte
     assert "2 passed" in done.stdout
     wrong = extended / "bayes_asv/filters/force_laws.py"
     text = wrong.read_text(encoding="utf-8")
-    wrong.write_text(text.replace("added_v -= 2.0 * p0", "added_v -= p0"), encoding="utf-8")
+    wrong.write_text(text.replace("-2.0 * p[0] * abs(rate)", "-p[0] * abs(rate)"), encoding="utf-8")
     assert "1 failed" in _run(extended, *words, "tests/filters/test_force_laws.py").stdout
     wrong.write_text(text, encoding="utf-8")

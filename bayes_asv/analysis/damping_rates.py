@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.filters.force_laws import excess_many
-from bayes_asv.filters.suspension_forces import damper_forces
+from bayes_asv.filters.suspension_forces import damper_force_history
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
@@ -136,7 +136,7 @@ def damping_rates(
     runs = range(len(space.timelines))
     driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
-    tables = [_table(target, laws, one) for one in z[used]]
+    tables = np.stack([_table(target, laws, one) for one in z[used]])
     out = []
     for e, element in enumerate(space.car.elements):
         own = [site for site in laws if e in site.elements(space.car)]
@@ -151,14 +151,13 @@ def damping_rates(
         shown = np.linspace(*ends, _POINTS)
         grid = np.concatenate([-side, side, shown])
         c = draws[element.damping].ravel()[used]
-        power, curve = np.zeros(len(used)), np.zeros((len(used), len(grid)))
+        curve = np.zeros((len(used), len(grid)))
         for n, (one, table) in enumerate(zip(c, tables, strict=True)):
             zero = np.zeros_like(grid)
             curve[n] = one * grid - excess_many(table, e, one, 0.0, zero, grid, zero, 1.0)[:, 0]
-            for rate, line in zip(rates, space.timelines, strict=True):
-                start = np.zeros_like(rate)
-                force = damper_forces(table, e, one, rate, line.measurements.step, start)
-                power[n] += force @ rate
+        power = np.zeros(len(used))
+        for rate, line in zip(rates, space.timelines, strict=True):
+            power += damper_force_history(tables, e, c, rate, line.measurements.step) @ rate
         compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
         out.append(
             DampingRates(

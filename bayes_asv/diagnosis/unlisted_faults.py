@@ -30,7 +30,7 @@ from bayes_asv.diagnosis.score_test import NuisanceProjection
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE, UNKNOWN_SIZE_COST
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, projection_with_tolerances
 from bayes_asv.domain.channels import Channel
-from bayes_asv.filters.force_laws import OUTSIDE, excess_many
+from bayes_asv.filters.force_laws import OUTSIDE, excess_many, table_of_laws
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.models.car_model import CarModel, Output, Values, state_space
 from bayes_asv.models.effects import BOTH
@@ -518,7 +518,7 @@ def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
     def sensitivity(at: tuple[int, float]) -> Array:
         run, start = at
         recording = model.dataset.lines[run]
-        pulse = np.array([[0, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
+        pulse = table_of_laws([[0, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
         time = recording.elapsed
         rest = np.zeros(len(time))
         force = excess_many(pulse, 0, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]

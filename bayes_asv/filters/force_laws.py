@@ -1,20 +1,30 @@
-"""Nonlinear suspension force laws, one branch a law.
+"""Nonlinear suspension force laws, one branch a law, over vectors of parameter sets.
 
 A row of the table is ``(element, code, p0, p1, …)``, filled up with zeros.  Spring and damper
-laws multiply what they change, so that they compose; stops, friction and outside forces
-add.  Every branch keeps the value and both slopes.  The readable forms stand in
-:mod:`bayes_asv.models.effects`.
+laws multiply what they change, so that they compose; stops, friction and outside forces add.  Every
+branch keeps the value and its slopes.  The readable forms stand in :mod:`bayes_asv.models.effects`.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.prediction import INLINE, OPTIONS
+from bayes_asv.filters.vector_code import (
+    LANES,
+    Choice,
+    Table,
+    Vector,
+    emitted,
+    expm1,
+    power,
+    sqrt,
+    where_positive,
+)
 
 __all__ = [
     "BOUND_REBOUND",
@@ -26,26 +36,27 @@ __all__ = [
     "DIGRESSIVE",
     "DROOP_STOP",
     "FADE",
+    "LAW_PARTS",
     "OUTSIDE",
     "PROGRESSIVE",
     "SERIES_STIFFNESS",
-    "damper_force",
-    "excess",
+    "apply_laws",
+    "damper_forces",
     "excess_many",
     "series_stiffness",
-    "undamped_excess",
+    "table_of_laws",
 ]
 
 (
     BOUND_REBOUND,
     DIGRESSIVE,
-    COULOMB,
+    FADE,
+    DAMPER_CURVE,
     PROGRESSIVE,
+    COULOMB,
     BUMP_STOP,
     DROOP_STOP,
-    FADE,
     OUTSIDE,
-    DAMPER_CURVE,
     SERIES_STIFFNESS,
 ) = range(10)
 
@@ -54,162 +65,236 @@ CURVE_KNOTS = 8
 CURVE_FIRST = 0.00625
 """Speed of the first of them, m/s; each next one is at twice the speed of the last."""
 
+_NUMBERS = 2 * CURVE_KNOTS + 1
+_COLUMNS = 2 + _NUMBERS
+
+_DEFLECTION, _RATE, _DAMPER, _SPRING, _ADDED = 0, 1, 2, 4, 6
+LAW_PARTS = 9
+"""Of a suspension element, over which laws compose: deflection (m) and its rate (m/s), the factor
+of the damper's force and its slope in the rate, that of the spring's force and its slope in the
+deflection, and a force that is added (N) with its slopes in both."""
+
 Array = NDArray[np.float64]
+Numbers = Sequence[Vector]
+Pair = tuple[Vector, Vector]
 
 
-@njit(**OPTIONS)
-def _rounded(beyond: float, width: float) -> tuple[float, float]:
+def table_of_laws(rows: Sequence[Sequence[float]]) -> Array:
+    """Return laws (element, code, numbers …) as a table (K, P), filled up with zeros."""
+    out = np.zeros((len(rows), _COLUMNS))
+    for row, law in zip(out, rows, strict=True):
+        row[: len(law)] = law
+    return out
+
+
+def _bound_rebound(p: Numbers, rate: Vector, share: Vector) -> Pair:
+    """Take p0 = (ratio − 1)/(ratio + 1) and p1 = rounding, m/s."""
+    root = sqrt(rate * rate + p[1] * p[1])
+    return 1.0 + p[0] * rate / root, p[0] * p[1] * p[1] / (root * root * root)
+
+
+def _digressive(p: Numbers, rate: Vector, share: Vector) -> Pair:
+    """Take p0 = 1/knee, s/m, and p1 = sharpness of the knee."""
+    x = abs(rate * p[0])
+    moving = x - 1e-9
+    bend = power(where_positive(moving, x, 1.0), p[1])
+    factor = power(1.0 + bend, -1.0 / p[1])
+    slope = -factor * bend / ((1.0 + bend) * where_positive(moving, rate, 1.0))
+    return where_positive(moving, factor, 1.0), where_positive(moving, slope, 0.0)
+
+
+def _fade(p: Numbers, rate: Vector, share: Vector) -> Pair:
+    """Take p0 = share lost at the end and p1 = how it levels off."""
+    bent = abs(p[1]) - 1e-6
+    bend = where_positive(bent, p[1], 1.0)
+    come = where_positive(bent, expm1(-bend * share) / expm1(-bend), share)
+    return 1.0 - p[0] * come, 0.0 * rate
+
+
+def _damper_curve(p: Numbers, rate: Vector, share: Vector) -> Pair:
+    """Take slopes at the knots over c, from the fastest compression on."""
+    along, at = integral_of_slopes(p, CURVE_KNOTS, CURVE_FIRST, rate)
+    moving = abs(rate) - 1e-9
+    speed = where_positive(moving, rate, 1.0)
+    factor = where_positive(moving, along / speed, at)
+    return factor, where_positive(moving, (at - factor) / speed, 0.0)
+
+
+def integral_of_slopes(p: Numbers, knots: int, first: float, x: Vector) -> Pair:
+    """Return the integral of a piecewise linear slope from rest to x, and the slope there.
+
+    The first knot on either side is at ``first``, each next one at twice the distance of the last;
+    beyond the last the slope stays.
+    """
+    far = abs(x)
+    at = slope = p[knots]
+    total = 0.0 * far
+    low, high = 0.0, first
+    for knot in range(1, knots + 1):
+        after = where_positive(x, p[knots + knot], p[knots - knot])
+        beyond = where_positive(far - low, far - low, 0.0)
+        come = where_positive(beyond - (high - low), high - low, beyond)
+        gained = (after - slope) * (come * (1.0 / (high - low)))
+        total = total + come * (slope + 0.5 * gained)
+        at, slope, low, high = at + gained, after, high, 2.0 * high
+    total = total + where_positive(far - low, far - low, 0.0) * slope
+    return where_positive(x, total, -total), at
+
+
+def _progressive(p: Numbers, delta: Vector) -> Pair:
+    """Take p0 = κ, 1/m², and p1 = share of κ² δ⁴."""
+    x = p[0] * delta * delta
+    return 1.0 + x + p[1] * x * x, (2.0 * p[0] + 4.0 * p[1] * p[0] * x) * delta
+
+
+def _coulomb(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
+    """Take p0 = force, N, and p1 = slip speed, m/s."""
+    root = sqrt(rate * rate + p[1] * p[1])
+    slope = p[0] * p[1] * p[1] / (root * root * root)
+    return -p[0] * rate / root, 0.0 * rate, -slope
+
+
+def _stop(sign: float) -> Callable[..., tuple[Vector, ...]]:
+    def force(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
+        """Take p0 = gap, m, p1 = rate, N/m, p2 = rounding, m, and p3 = power."""
+        deep, slope = _rounded(sign * delta - p[0], p[2])
+        at_rest, _ = _rounded(-p[0], p[2])
+        scale = p[1] * p[2]
+        pushed = scale * power(deep / p[2], p[3])
+        added = pushed - scale * power(at_rest / p[2], p[3])
+        return -sign * added, -p[3] * pushed / deep * slope, 0.0 * delta
+
+    return force
+
+
+def _rounded(beyond: Vector, width: Vector) -> Pair:
     """Return max(beyond, 0) rounded over a width, never quite zero, and its slope."""
-    root = math.sqrt(beyond * beyond + width * width)
+    root = sqrt(beyond * beyond + width * width)
     # of numbers of like size the difference would lose its digits
-    value = 0.5 * (beyond + root) if beyond > 0.0 else 0.5 * width * width / (root - beyond)
+    value = 0.5 * where_positive(beyond, beyond + root, width * width / (root - beyond))
     return value, value / root
 
 
-@njit(**INLINE)
-def _on_curve(table: Array, lane: int, row: int, rate: float) -> tuple[float, float]:
-    """Return the integral of a piecewise linear slope from rest to a speed, and the slope there."""
-    rest, side = 2 + CURVE_KNOTS, 1 if rate >= 0.0 else -1
-    speed, low, high = abs(rate), 0.0, CURVE_FIRST
-    slope = table[lane, row, rest]
-    total, at, knot = 0.0, slope, 1
-    while knot <= CURVE_KNOTS:
-        after = table[lane, row, rest + side * knot]
-        if speed <= high:
-            come = speed - low
-            at = slope + (after - slope) * come / (high - low)
-            total += 0.5 * (slope + at) * come
-            break
-        total += 0.5 * (slope + after) * (high - low)
-        slope, low, high, knot = after, high, 2.0 * high, knot + 1
-    if knot > CURVE_KNOTS:
-        at = slope
-        total += slope * (speed - low)
-    return side * total, at
+def _outside(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
+    """Take p0 = force, N, p1 = start, p2 = duration, and p3 = rise, s."""
+    nothing = 0.0 * time
+    up = _ramp((time - p[1]) / p[3] + 0.5)
+    down = _ramp((time - p[1] - p[2]) / p[3] + 0.5)
+    return p[0] * (up - down), nothing, nothing
 
 
-@njit(**INLINE)
-def series_stiffness(table: Array, lane: int, element: int) -> float:
-    """Return the stiffness in series with an element's damper (N/m); 0 where there is none."""
-    found = 0.0
-    for row in range(table.shape[1]):
-        if table[lane, row, 0] == element and table[lane, row, 1] == SERIES_STIFFNESS:
-            found = table[lane, row, 2]
-    return found
+def _ramp(x: Vector) -> Vector:
+    """Return a cubic from 0 to 1, level at both ends and beyond."""
+    inside: Vector = where_positive(x, where_positive(x - 1.0, 1.0, x), 0.0)
+    return inside * inside * (3.0 - 2.0 * inside)
 
 
-@njit(**INLINE)
-def damper_force(
-    table: Array, lane: int, element: int, c: float, rate: float, share: float
-) -> tuple[float, float]:
-    """Return the force against the rate of deflection that an element's damper exerts (N).
-
-    Behind it stands its slope in that rate, N·s/m.  Parameters are those of :func:`excess`.
-    """
-    damper, damper_v = c * rate, c
-    for row in range(table.shape[1]):
-        if table[lane, row, 0] != element:
-            continue
-        code = table[lane, row, 1]
-        p0, p1 = table[lane, row, 2], table[lane, row, 3]
-        if code == BOUND_REBOUND:  # p0 = (ratio − 1)/(ratio + 1), p1 = rounding, m/s
-            root = math.sqrt(rate * rate + p1 * p1)
-            factor = 1.0 + p0 * rate / root
-            slope = p0 * p1 * p1 / (root * root * root)
-            damper_v = damper_v * factor + damper * slope
-            damper *= factor
-        elif code == DIGRESSIVE:  # p0 = 1/knee, s/m, p1 = sharpness of the knee
-            x = abs(rate * p0)
-            if x > 1e-9:
-                bend = x**p1
-                factor = (1.0 + bend) ** (-1.0 / p1)
-                slope = -factor * bend / (1.0 + bend) / rate
-                damper_v = damper_v * factor + damper * slope
-                damper *= factor
-        elif code == DAMPER_CURVE:  # slopes at the knots over c, from the fastest compression on
-            along, at = _on_curve(table, lane, row, rate)
-            factor = along / rate if abs(rate) > 1e-9 else at
-            slope = (at - factor) / rate if abs(rate) > 1e-9 else 0.0
-            damper_v = damper_v * factor + damper * slope
-            damper *= factor
-        elif code == FADE:  # p0 = share lost at the end, p1 = how it levels off
-            come = share if abs(p1) < 1e-6 else math.expm1(-p1 * share) / math.expm1(-p1)
-            damper_v *= 1.0 - p0 * come
-            damper *= 1.0 - p0 * come
-    return damper, damper_v
+_DAMPER_LAWS: dict[int, Callable[..., Pair]] = {
+    BOUND_REBOUND: _bound_rebound,
+    DIGRESSIVE: _digressive,
+    FADE: _fade,
+    DAMPER_CURVE: _damper_curve,
+}
+"""Factor of a damper's force, and its slope in the rate."""
+_SPRING_LAWS: dict[int, Callable[..., Pair]] = {PROGRESSIVE: _progressive}
+"""Factor of a spring's force, and its slope in the deflection."""
+_FORCES: dict[int, Callable[..., tuple[Vector, ...]]] = {
+    COULOMB: _coulomb,
+    BUMP_STOP: _stop(-1.0),
+    DROOP_STOP: _stop(1.0),
+    OUTSIDE: _outside,
+}
+"""Force on the body (N), and its slopes in deflection and rate."""
+_ON_DAMPER = tuple(_DAMPER_LAWS)
 
 
-@njit(**INLINE)
-def undamped_excess(
-    table: Array, lane: int, element: int, k: float, delta: float, rate: float, time: float
-) -> tuple[float, float, float]:
-    """Return the force beyond −k δ of all but the damper (N), and its slopes in δ and δ̇.
-
-    Parameters are those of :func:`excess`.
-    """
-    spring, spring_d = k * delta, k
-    added, added_d, added_v = 0.0, 0.0, 0.0
-    for row in range(table.shape[1]):
-        if table[lane, row, 0] != element:
-            continue
-        code = table[lane, row, 1]
-        p0, p1, p2 = table[lane, row, 2], table[lane, row, 3], table[lane, row, 4]
-        if code == COULOMB:  # p0 = force, N, p1 = slip speed, m/s
-            root = math.sqrt(rate * rate + p1 * p1)
-            added -= p0 * rate / root
-            added_v -= p0 * p1 * p1 / (root * root * root)
-        elif code == PROGRESSIVE:  # p0 = κ, 1/m², p1 = share of κ² δ⁴
-            x = p0 * delta * delta
-            factor = 1.0 + x + p1 * x * x
-            slope = (2.0 * p0 + 4.0 * p1 * p0 * x) * delta
-            spring_d = spring_d * factor + spring * slope
-            spring *= factor
-        elif code in (BUMP_STOP, DROOP_STOP):
-            # p0 = gap, m, p1 = rate, N/m, p2 = rounding, m, p3 = power
-            sign, power = -1.0 if code == BUMP_STOP else 1.0, table[lane, row, 5]
-            deep, slope = _rounded(sign * delta - p0, p2)
-            at_rest, _ = _rounded(-p0, p2)
-            force = p1 * p2 * (deep / p2) ** power
-            added -= sign * (force - p1 * p2 * (at_rest / p2) ** power)
-            added_d -= power * force / deep * slope
-        elif code == OUTSIDE:  # p0 = force, N, p1 = start, p2 = duration, p3 = rise, s
-            rise = table[lane, row, 5]
-            up = min(max((time - p1) / rise + 0.5, 0.0), 1.0)
-            down = min(max((time - p1 - p2) / rise + 0.5, 0.0), 1.0)
-            added += p0 * (up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down))
-    return added - (spring - k * delta), added_d - (spring_d - k), added_v
-
-
-@njit(**INLINE)
-def excess(
-    table: Array,
-    lane: int,
-    element: int,
-    c: float,
-    k: float,
-    delta: float,
-    rate: float,
-    time: float,
-    share: float,
-) -> tuple[float, float, float]:
-    """Return an element's force beyond −k δ − c δ̇ (N), and its slopes in δ and δ̇.
+@emitted
+def _law_vectors(code: Choice, moment: Table, row: Table, parts: Table) -> None:
+    """Apply a law to an element.
 
     Parameters
     ----------
-    table : (L, K, P) array
-        The laws of L parameter sets; see the module.
-    lane, element : int
-        Which set, and which suspension element.
-    c, k : float
-        Damping rate (N s/m) and spring rate (N/m).
-    delta, rate : float
-        Deflection (m) and its rate (m/s), extension positive.
-    time, share : float
+    code : int
+        Of the law.
+    moment : (2,) table
         Time in the recording (s), and the share of the recording that has gone by.
+    row : (P,) table
+        The law.
+    parts : (LAW_PARTS,) table
+        Of the element; changed in place.
     """
-    damper, damper_v = damper_force(table, lane, element, c, rate, share)
-    beyond, by_deflection, by_rate = undamped_excess(table, lane, element, k, delta, rate, time)
-    return beyond - (damper - c * rate), by_deflection, by_rate - (damper_v - c)
+    moment, row, parts = moment.shaped(2), row.shaped(_COLUMNS), parts.shaped(LAW_PARTS)
+    for one in code.among([*_DAMPER_LAWS, *_SPRING_LAWS, *_FORCES]):
+        p = [row[2 + n] for n in range(_NUMBERS)]
+        delta, rate = parts[_DEFLECTION], parts[_RATE]
+        if one in _FORCES:
+            for n, value in enumerate(_FORCES[one](p, delta, rate, moment[0])):
+                parts[_ADDED + n] = parts[_ADDED + n] + value
+            continue
+        if one in _DAMPER_LAWS:
+            at, (factor, slope) = _DAMPER, _DAMPER_LAWS[one](p, rate, moment[1])
+        else:
+            at, (factor, slope) = _SPRING, _SPRING_LAWS[one](p, delta)
+        before = parts[at]
+        parts[at + 1] = parts[at + 1] * factor + before * slope
+        parts[at] = before * factor
+
+
+@njit(**INLINE)
+def apply_laws(table: Array, moment: Array, dampers: bool, parts: Array) -> None:
+    """Apply all laws to all elements.
+
+    Parameters
+    ----------
+    table : (K, P, L) array
+        See the module; elements and codes are those of lane 0.
+    moment : (2, L) array
+        Time in the recording (s), and the share of the recording that has gone by.
+    dampers : bool
+        Whether those of dampers are applied as well.
+    parts : (ne, LAW_PARTS, L) array
+        Of the elements; changed in place.
+    """
+    for row in range(table.shape[0]):
+        code = int(table[row, 1, 0])
+        if dampers or code not in _ON_DAMPER:
+            _law_vectors(code, moment, table[row], parts[int(table[row, 0, 0])])
+
+
+@njit(**INLINE)
+def damper_forces(
+    table: Array,
+    element: int,
+    c: Array,
+    rate: Array,
+    moment: Array,
+    parts: Array,
+    force: Array,
+    slope: Array,
+) -> None:
+    """Fill the forces of an element's damper against its rate of deflection, and their slopes.
+
+    ``c``, ``rate``, ``force`` and ``slope`` are (L,), ``parts`` (LAW_PARTS, L) is room to work in.
+    """
+    for q in range(LANES):
+        parts[_RATE, q], parts[_DAMPER, q], parts[_DAMPER + 1, q] = rate[q], 1.0, 0.0
+    for row in range(table.shape[0]):
+        code = int(table[row, 1, 0])
+        if table[row, 0, 0] == element and code in _ON_DAMPER:
+            _law_vectors(code, moment, table[row], parts)
+    for q in range(LANES):
+        force[q] = c[q] * rate[q] * parts[_DAMPER, q]
+        slope[q] = c[q] * (parts[_DAMPER, q] + rate[q] * parts[_DAMPER + 1, q])
+
+
+@njit(**INLINE)
+def series_stiffness(table: Array, element: int) -> int:
+    """Return the row of the stiffness in series with an element's damper; −1 if there is none."""
+    found = -1
+    for row in range(table.shape[0]):
+        if table[row, 0, 0] == element and table[row, 1, 0] == SERIES_STIFFNESS:
+            found = row
+    return found
 
 
 @njit(**OPTIONS)
@@ -223,9 +308,45 @@ def excess_many(
     time: Array,
     end: float,
 ) -> Array:
-    """Return :func:`excess` of a table (K, P) at N points (N, 3); ``share`` is 1 at ``end``, s."""
-    laws = table.reshape((1, *table.shape))
+    """Return the forces of an element beyond −k δ − c δ̇ (N), and their slopes in δ and δ̇.
+
+    Parameters
+    ----------
+    table : (K, P) array
+        The laws; see the module.
+    element : int
+        Which suspension element.
+    c, k : float
+        Damping rate (N·s/m) and spring rate (N/m).
+    delta, rate, time : (N,) arrays
+        Deflection (m) and its rate (m/s), extension positive, and time in the recording (s).
+    end : float
+        Length of the recording, s.
+
+    Returns
+    -------
+    (N, 3) array
+    """
+    own = table[table[:, 0] == element]
+    laws = np.empty((*own.shape, LANES))
+    for row in range(own.shape[0]):
+        for column in range(own.shape[1]):
+            laws[row, column] = own[row, column]
+        laws[row, 0] = 0.0
+    moment, parts = np.empty((2, LANES)), np.empty((1, LAW_PARTS, LANES))
     out = np.empty((len(delta), 3))
-    for n in range(len(delta)):
-        out[n] = excess(laws, 0, element, c, k, delta[n], rate[n], time[n], time[n] / end)
+    for first in range(0, len(delta), LANES):
+        parts[:] = 0.0
+        for q in range(LANES):
+            n = min(first + q, len(delta) - 1)
+            moment[0, q], moment[1, q] = time[n], time[n] / end
+            parts[0, _DEFLECTION, q], parts[0, _RATE, q] = delta[n], rate[n]
+            parts[0, _DAMPER, q], parts[0, _SPRING, q] = 1.0, 1.0
+        apply_laws(laws, moment, True, parts)
+        for q in range(min(LANES, len(delta) - first)):
+            of, d, v = parts[0, :, q], delta[first + q], rate[first + q]
+            spring, damper = of[_SPRING] - 1.0, of[_DAMPER] - 1.0
+            out[first + q, 0] = of[_ADDED] - k * d * spring - c * v * damper
+            out[first + q, 1] = of[_ADDED + 1] - k * (spring + d * of[_SPRING + 1])
+            out[first + q, 2] = of[_ADDED + 2] - c * (damper + v * of[_DAMPER + 1])
     return out

@@ -33,6 +33,7 @@ from bayes_asv.filters.suspension_forces import (
     advance_forces,
     bend_weights,
     force_weights,
+    law_workspace,
     rate_slopes,
 )
 from bayes_asv.filters.vector_code import LANES
@@ -57,10 +58,10 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         C: Array,
         E: Array,
         rates: Array,
+        table: Array,
         N: Array,
         step: Array,
         moments: Array,
-        table: Array,
         pole: float,
         inputs: Array,
         elapsed: Array,
@@ -86,6 +87,7 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         lag = np.full(1, 1.0 / pole)
         rate_slopes(nx, ne, nd, nu, nm, lanes, powers, B, E, N, lag, by)
         series = np.zeros((4, nm, lanes))
+        work = law_workspace(ne)
         ahead = np.empty((rows, lanes))
         room = np.empty((2, rows, lanes))
         mean = np.zeros((coupled, lanes))
@@ -112,9 +114,9 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                     bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
                     advance_forces(
-                        nx, ne, nu, nm, coupled, 1, table, rates, B, lag, mean, k, h, bends,
-                        inputs, elapsed, added, W, by, last, force, stiffness, damping, rate,
-                        series, ahead,
+                        nx, ne, nu, nm, coupled, table, rates, B, lag, mean, k, h, bends, inputs,
+                        elapsed, added, W, by, last, force, stiffness, damping, rate, series,
+                        work, ahead,
                     )  # fmt: skip
                 for a in range(rows):
                     mean[a, 0] = ahead[a, 0]
@@ -159,13 +161,14 @@ def free_response(
     C = system.C if laws is None else readout(system, nm)
     laws = NO_LAWS if laws is None else laws
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
+    forces, rates = system.E[:, :, :ne], system.rates[:, :ne]
     one = [
         np.ascontiguousarray(np.repeat(x[0, ..., None], LANES, axis=-1))
-        for x in (system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne])
+        for x in (system.A, system.B, C, forces, rates, laws.table)
     ]
     output, states = np.empty((len(data.step), ny)), np.empty((len(data.step), nx + ne))
     run(
-        *one, system.N, data.step, data.moments, np.ascontiguousarray(laws.table[:1]), laws.pole,
-        laws.inputs, laws.elapsed, laws.added, begin, output, states,
+        *one, system.N, data.step, data.moments, laws.pole, laws.inputs, laws.elapsed, laws.added,
+        begin, output, states,
     )  # fmt: skip
     return output, states

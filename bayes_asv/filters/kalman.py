@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.force_laws import SERIES_STIFFNESS
+from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
 from bayes_asv.filters.prediction import (
     AT_LEAST,
     AT_MOST,
@@ -42,9 +42,10 @@ from bayes_asv.filters.suspension_forces import (
     advance_forces,
     bend_weights,
     force_weights,
+    law_workspace,
     rate_slopes,
 )
-from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_code import LANES, lanes_last
 from bayes_asv.filters.vector_steps import (
     advance_mean_vectors,
     condition_vectors,
@@ -56,7 +57,7 @@ from bayes_asv.filters.vector_steps import (
 
 __all__ = [
     "AT_LEAST", "AT_MOST", "LANES", "MISSING", "NO_LAWS", "ORDER", "VALUE", "FilterPass", "Laws",
-    "Measurements", "SensorNoise", "StateSpace", "filter_pass", "lanes_last", "log_likelihood",
+    "Measurements", "SensorNoise", "StateSpace", "filter_pass", "log_likelihood",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -164,7 +165,7 @@ class Laws(NamedTuple):
     Parameters
     ----------
     table : (W, K, P) array
-        Laws of each parameter set, as :func:`bayes_asv.filters.force_laws.excess` takes them.
+        Laws of each parameter set, see :mod:`bayes_asv.filters.force_laws`.
     pole : float
         Pole of the filter that all readings passed, rad/s.
     inputs : (N, nu) array
@@ -182,7 +183,7 @@ class Laws(NamedTuple):
     added: Array
 
 
-NO_LAWS = Laws(np.zeros((1, 0, 6)), 1.0, np.zeros((0, 0)), np.ones(1), np.zeros((0, 0)))
+NO_LAWS = Laws(table_of_laws([])[None], 1.0, np.zeros((0, 0)), np.ones(1), np.zeros((0, 0)))
 
 
 class FilterPass(NamedTuple):
@@ -233,7 +234,6 @@ def _compiled(
         reading: Array,
         extra: Array,
         start: Array,
-        used: int,
         table: Array,
         pole: float,
         inputs: Array,
@@ -311,6 +311,7 @@ def _compiled(
         lag = np.full(1, 1.0 / pole)
         rate_slopes(nx, ne, nd, nu, nm, lanes, powers, B, E, N, lag, by)
         series = np.zeros((4, nm, lanes))
+        work = law_workspace(ne)
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         values = 0
         h_known, h_before = -1.0, 0.0
@@ -339,9 +340,9 @@ def _compiled(
                     bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
                     advance_forces(
-                        nx, ne, nu, nm, coupled, used, table, rates, B, lag, mean, k, h, bends,
-                        inputs, elapsed, added, W, by, last, force, stiffness, damping, rate,
-                        series, ahead,
+                        nx, ne, nu, nm, coupled, table, rates, B, lag, mean, k, h, bends, inputs,
+                        elapsed, added, W, by, last, force, stiffness, damping, rate, series,
+                        work, ahead,
                     )  # fmt: skip
                     if nonlinear:
                         linearise_vectors(
@@ -401,15 +402,6 @@ def readout(system: StateSpace, nm: int) -> Array:
     return np.concatenate([system.C, system.G, np.zeros((W, ny, nm))], axis=2)
 
 
-def lanes_last(values: Array) -> Array:
-    """Divide parameter sets (W, …) into blocks (K, …, LANES); the last set fills them up."""
-    W = len(values)
-    blocks = -(-W // LANES)
-    filled = values[np.minimum(np.arange(blocks * LANES), W - 1)]
-    split = filled.reshape(blocks, LANES, *values.shape[1:])
-    return np.ascontiguousarray(split.transpose(0, *range(2, split.ndim), 1))
-
-
 def _passes(
     system: StateSpace, noise: SensorNoise, data: Measurements, laws: Laws | None, keep: bool
 ) -> FilterPass:
@@ -429,18 +421,17 @@ def _passes(
         )
     )  # fmt: skip
     instants = len(data.step) if keep else 0
-    tables = np.broadcast_to(laws.table, (W, *laws.table.shape[1:]))
-    sets = np.minimum(np.arange(len(A) * LANES), W - 1).reshape(len(A), LANES)
+    tables = lanes_last(np.broadcast_to(laws.table, (W, *laws.table.shape[1:])))
     out = [np.zeros((len(A), LANES))]
     out += [np.zeros((len(A), instants, size, LANES)) for size in (ny, ny, nx + ne)]
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     for b in range(len(A)):
         run(
             A[b], B[b], C[b], E[b], rates[b], system.N, zeros[b], white[b], filtered[b], poles[b],
-            *data, min(LANES, W - b * LANES), np.ascontiguousarray(tables[sets[b]]), laws.pole,
-            laws.inputs, laws.elapsed, laws.added, keep, *(x[b] for x in out),
+            *data, tables[b], laws.pole, laws.inputs, laws.elapsed, laws.added, keep,
+            *(x[b] for x in out),
         )  # fmt: skip
-    total, *kept = (np.moveaxis(x, -1, 1).reshape(sets.size, *x.shape[1:-1])[:W] for x in out)
+    total, *kept = (np.moveaxis(x, -1, 1).reshape(len(A) * LANES, *x.shape[1:-1])[:W] for x in out)
     return FilterPass(total, *kept)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace, lanes_last
+from bayes_asv.filters.kalman import Measurements, SensorNoise, StateSpace
 from bayes_asv.filters.prediction import (
     LOG_2PI,
     OPTIONS,
@@ -35,7 +35,7 @@ from bayes_asv.filters.prediction import (
     power_series,
     step_weights,
 )
-from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_code import LANES, lanes_last
 from bayes_asv.filters.vector_steps import (
     advance_mean_vectors,
     condition_vectors,

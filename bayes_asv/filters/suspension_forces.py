@@ -27,25 +27,32 @@ damper's slope F′ is small and K/F′ fast.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.force_laws import (
-    damper_force,
-    excess,
+    LAW_PARTS,
+    apply_laws,
+    damper_forces,
     series_stiffness,
-    undamped_excess,
 )
 from bayes_asv.filters.prediction import INLINE, OPTIONS, TAYLOR
+from bayes_asv.filters.vector_code import LANES, lanes_last
 from bayes_asv.filters.vector_steps import (
     begin_forces_vectors,
+    begin_laws_vectors,
     end_forces_vectors,
+    end_laws_vectors,
     rate_vectors,
 )
 
-__all__ = ["advance_forces", "bend_weights", "damper_forces", "force_weights", "rate_slopes"]
+__all__ = [
+    "LawWorkspace", "advance_forces", "bend_weights", "damper_force_history", "force_weights",
+    "law_workspace", "rate_slopes",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -151,31 +158,53 @@ def rate_slopes(
                 by[e, rows + d, q] = total
 
 
+class LawWorkspace(NamedTuple):
+    """Arrays of :func:`advance_forces`.
+
+    Parameters
+    ----------
+    moment : (2, L) array
+        Time since the recording began, s, and as a share of its length.
+    parts : (ne, LAW_PARTS, L) array
+        Of the laws, see :data:`bayes_asv.filters.force_laws.LAW_PARTS`.
+    search : (4, L) array
+        Force and slope of a damper, and bounds of the search for its rate.
+    """
+
+    moment: Array
+    parts: Array
+    search: Array
+
+
+@njit(**OPTIONS)
+def law_workspace(ne: int) -> LawWorkspace:
+    """Make the arrays for ne elements."""
+    return LawWorkspace(
+        np.zeros((2, LANES)), np.zeros((ne, LAW_PARTS, LANES)), np.zeros((4, LANES))
+    )
+
+
 @njit(**INLINE)
 def _forces(
     nx: int,
     ne: int,
     nm: int,
-    used: int,
     table: Array,
     rates: Array,
     lag: Array,
     mean: Array,
-    time: float,
-    share: float,
     rate: Array,
+    work: LawWorkspace,
     force: Array,
     stiffness: Array,
     damping: Array,
 ) -> None:
-    """Fill excess forces (ne, L) and their slopes in deflection and rate, of the first lanes.
+    """Fill excess forces (ne, L) and their slopes in deflection and rate.
 
     Parameters
     ----------
-    used : int
-        Number of lanes.
-    table : (L, K, P) array
-        Laws of each lane, as :func:`bayes_asv.filters.force_laws.excess` takes them.
+    table : (K, P, L) array
+        Laws of each lane; see :mod:`bayes_asv.filters.force_laws`.
     rates : (ne, 2, L) array
         Damping and spring rate of each element.
     lag : (1,) array
@@ -183,133 +212,105 @@ def _forces(
     mean : (nx + ne + nm, L) array
         States of the car, filtered forces, and forces of dampers in series with a stiffness;
         element e has its deflection at 2 e and its rate at 2 e + 1.
-    time, share : float
-        Time since the recording began, s, and as a share of its length.
     rate : (ne, L) array
         Rates of deflection before the sensors' filter, m/s.
+    work : LawWorkspace
+        With its ``moment``.
     """
-    for e in range(ne):
-        for q in range(used):
-            deflection = mean[2 * e, q] + lag[0] * mean[2 * e + 1, q]
-            if nm > 0:
-                total, stiff, damped = undamped_excess(
-                    table, q, e, rates[e, 1, q], deflection, rate[e, q], time
-                )
-                total += rates[e, 0, q] * rate[e, q] - mean[nx + ne + e, q]
-                damped += rates[e, 0, q]
-            else:
-                total, stiff, damped = excess(
-                    table, q, e, rates[e, 0, q], rates[e, 1, q], deflection, rate[e, q], time, share
-                )
-            force[e, q], stiffness[e, q], damping[e, q] = total, stiff, damped
+    begin_laws_vectors(nx, ne, nm, lag, mean, rate, work.parts)
+    apply_laws(table, work.moment, nm == 0, work.parts)
+    end_laws_vectors(nx, ne, nm, rates, mean, work.parts, force, stiffness, damping)
 
 
 @njit(**INLINE)
-def _series_damper(
+def _carry_series_damper(
     table: Array,
-    lane: int,
     element: int,
-    c: float,
-    force: float,
-    begin: float,
-    end: float,
-    bend: float,
+    c: Array,
+    force: Array,
+    begin: Array,
+    end: Array,
+    last: Array,
     up: float,
     back: float,
     h: float,
-    share: float,
-    guess: float,
-) -> tuple[float, float, float, float, float]:
+    work: LawWorkspace,
+    series: Array,
+    ahead: Array,
+) -> None:
     """Carry the force of a damper in series with a stiffness over a step.
 
     Parameters
     ----------
-    force : float
-        At the step's beginning, N.
-    begin, end : float
-        Rates of deflection at its ends, m/s.
-    bend, up, back : float
+    table : (K, P, L) array
+        Laws of each lane.
+    element : int
+        Number of the suspension element.
+    c, force : (L,) arrays
+        Damping rate (N·s/m) and force at the step's beginning (N).
+    begin, end, last : (L,) arrays
+        Rates of deflection at its ends, and at the beginning of the step before (m/s).
+    up, back : float
         Rates along the step are begin + (end − begin) s + bend (s² − s)/2, where ``bend`` grows
         by ``up`` with the end and falls by ``up + back`` with the beginning.
-    guess : float
-        Rate at the damper from which the search for it begins, m/s.
-
-    Returns
-    -------
-    force, by_force, by_begin, by_end, guess : float
-        Force at the step's end, its slopes in the force before and in both rates, and the rate at
-        the damper.
+    h : float
+        Length of the step, s.
+    series : (4, L) array
+        Gets slopes of the new force in the force before and in both rates.  Its last row is the
+        rate at the damper, from which the search for the next one begins (m/s).
+    ahead : (L,) array
+        Gets the force at the step's end.
     """
-    K = series_stiffness(table, lane, element)
-    if K == 0.0:
-        total, slope = damper_force(table, lane, element, c, end, share)
-        return total, 0.0, 0.0, slope, end
-    by_force, by_begin, by_end = 1.0, 0.0, 0.0
+    parts, at = work.parts[element], series[3]
+    total, slope, low, high = work.search
+    row = series_stiffness(table, element)
+    if row < 0:
+        damper_forces(table, element, c, end, work.moment, parts, ahead, slope)
+        for q in range(LANES):
+            series[0, q], series[1, q], series[2, q], at[q] = 0.0, 0.0, slope[q], end[q]
+        return
+    for q in range(LANES):
+        ahead[q] = force[q]
+        series[0, q], series[1, q], series[2, q] = 1.0, 0.0, 0.0
     part = h / _PARTS
-    at = guess
     for n in range(_PARTS):
-        total, slope = damper_force(table, lane, element, c, at, share)
-        low, high = -math.inf, math.inf  # a curve that is steep at rest throws Newton to and fro
+        for q in range(LANES):  # a curve that is steep at rest throws Newton to and fro
+            low[q], high[q] = -math.inf, math.inf
         for _ in range(_MOST_TRIES):
-            step = (force - total) / slope
-            if abs(step) <= 1e-9 * (1e-3 + abs(at)):
+            damper_forces(table, element, c, at, work.moment, parts, total, slope)
+            moved = False
+            for q in range(LANES):
+                step = (ahead[q] - total[q]) / slope[q]
+                if abs(step) <= 1e-9 * (1e-3 + abs(at[q])):
+                    continue
+                moved = True
+                if step > 0.0:
+                    low[q] = at[q]
+                else:
+                    high[q] = at[q]
+                at[q] += step
+                if at[q] <= low[q] or at[q] >= high[q]:
+                    at[q] = 0.5 * (low[q] + high[q])
+            if not moved:
                 break
-            if step > 0.0:
-                low = at
-            else:
-                high = at
-            at += step
-            if at <= low or at >= high:
-                at = 0.5 * (low + high)
-            total, slope = damper_force(table, lane, element, c, at, share)
-        z = K * part / slope
-        kept = math.exp(-z)
-        first = (1.0 - kept) / z if z > 1e-6 else 1.0 - 0.5 * z
-        second = (1.0 - first) / z if z > 1e-6 else 0.5 - z / 6.0
         s, t = n / _PARTS, (n + 1) / _PARTS
         hump, humped = 0.5 * (s * s - s), 0.5 * (t * t - t)
-        early = begin + (end - begin) * s + bend * hump
-        later = begin + (end - begin) * t + bend * humped
-        force += part * K * (first * (early - at) + second * (later - early))
-        by_force *= kept
-        by_early, by_later = part * K * (first - second), part * K * second
-        by_begin *= kept
-        by_begin += by_early * (1.0 - s - (up + back) * hump)
-        by_begin += by_later * (1.0 - t - (up + back) * humped)
-        by_end *= kept
-        by_end += by_early * (s + up * hump) + by_later * (t + up * humped)
-    return force, by_force, by_begin, by_end, at
-
-
-@njit(**INLINE)
-def _carry_series_dampers(
-    nf: int,
-    nm: int,
-    used: int,
-    table: Array,
-    rates: Array,
-    mean: Array,
-    h: float,
-    up: float,
-    back: float,
-    share: float,
-    rate: Array,
-    last: Array,
-    series: Array,
-    ahead: Array,
-) -> None:
-    """Fill the forces of dampers in series with a stiffness in ``ahead``, and ``series``."""
-    for e in range(nm):
-        for q in range(used):
-            begin, end = rate[0, e, q], rate[1, e, q]
-            bend = up * (end - begin) - back * (begin - last[1, e, q])
-            force, by_force, by_begin, by_end, at = _series_damper(
-                table, q, e, rates[e, 0, q], mean[nf + e, q], begin, end, bend, up, back,
-                h, share, series[3, e, q],
-            )  # fmt: skip
-            ahead[nf + e, q] = force
-            series[0, e, q], series[1, e, q], series[2, e, q] = by_force, by_begin, by_end
-            series[3, e, q] = at
+        for q in range(LANES):
+            K = table[row, 2, q]
+            z = K * part / slope[q]
+            kept = math.exp(-z)
+            first = (1.0 - kept) / z if z > 1e-6 else 1.0 - 0.5 * z
+            second = (1.0 - first) / z if z > 1e-6 else 0.5 - z / 6.0
+            bend = up * (end[q] - begin[q]) - back * (begin[q] - last[q])
+            early = begin[q] + (end[q] - begin[q]) * s + bend * hump
+            later = begin[q] + (end[q] - begin[q]) * t + bend * humped
+            ahead[q] += part * K * (first * (early - at[q]) + second * (later - early))
+            by_early, by_later = part * K * (first - second), part * K * second
+            series[0, q] *= kept
+            series[1, q] = series[1, q] * kept + by_early * (1.0 - s - (up + back) * hump)
+            series[1, q] += by_later * (1.0 - t - (up + back) * humped)
+            series[2, q] = series[2, q] * kept + by_early * (s + up * hump)
+            series[2, q] += by_later * (t + up * humped)
 
 
 @njit(**INLINE)
@@ -319,7 +320,6 @@ def advance_forces(
     nu: int,
     nm: int,
     coupled: int,
-    used: int,
     table: Array,
     rates: Array,
     B: Array,
@@ -339,6 +339,7 @@ def advance_forces(
     damping: Array,
     rate: Array,
     series: Array,
+    work: LawWorkspace,
     ahead: Array,
 ) -> None:
     """Add to ``ahead`` (nx + ne + nm, L) what the forces of step k do over it.
@@ -354,66 +355,72 @@ def advance_forces(
     nonlinear = table.shape[1] > 0
     if nonlinear:
         rate_vectors(nx, ne, nu, nm, coupled, by, B, lag, inputs[k - 1], mean, mean, rate[0])
-        before = elapsed[k - 1]
+        work.moment[0], work.moment[1] = elapsed[k - 1], elapsed[k - 1] / whole
         _forces(
-            nx, ne, nm, used, table, rates, lag, mean, before, before / whole, rate[0], force[0],
-            stiffness[0], damping[0],
-        )  # fmt: skip
+            nx, ne, nm, table, rates, lag, mean, rate[0], work, force[0], stiffness[0], damping[0]
+        )
     begin_forces_vectors(nx, ne, nm, W, force[0], added[k - 1], ahead)
     if nonlinear:
         rate_vectors(nx, ne, nu, nm, coupled, by, B, lag, inputs[k], ahead, mean, rate[1])
-        now = elapsed[k]
-        _carry_series_dampers(
-            nx + ne, nm, used, table, rates, mean, h, bends[0], bends[1], now / whole, rate,
-            last, series, ahead,
-        )  # fmt: skip
+        work.moment[0], work.moment[1] = elapsed[k], elapsed[k] / whole
+        for e in range(nm):
+            _carry_series_damper(
+                table, e, rates[e, 0], mean[nx + ne + e], rate[0, e], rate[1, e], last[1, e],
+                bends[0], bends[1], h, work, series[:, e], ahead[nx + ne + e],
+            )  # fmt: skip
         _forces(
-            nx, ne, nm, used, table, rates, lag, ahead, now, now / whole, rate[1], force[1],
-            stiffness[1], damping[1],
-        )  # fmt: skip
+            nx, ne, nm, table, rates, lag, ahead, rate[1], work, force[1], stiffness[1], damping[1]
+        )
     end_forces_vectors(
         nx, ne, nm, W, bends, force, last, rate[0], added[k - 1], added[k], ahead
     )  # fmt: skip
 
 
-@njit(**OPTIONS)
-def damper_forces(
-    table: Array, element: int, c: float, rate: Array, step: Array, share: Array
-) -> Array:
-    """Force of an element's damper against its rate of deflection, along a recording.
+def damper_force_history(tables: Array, element: int, c: Array, rate: Array, step: Array) -> Array:
+    """Return the forces of an element's damper against its rate of deflection in a recording.
 
     Parameters
     ----------
-    table : (K, P) array
-        Laws of one parameter set.
+    tables : (W, K, P) array
+        Laws of each parameter set.
     element : int
         Number of the suspension element.
-    c : float
-        Damping rate, N·s/m.
+    c : (W,) array
+        Damping rates, N·s/m.
     rate : (N,) array
         Rates of deflection at the instants, m/s.
     step : (N,) array
         Time since the instant before, s.
-    share : (N,) array
-        Share of the recording that has gone by.
 
     Returns
     -------
-    (N,) array
-        Forces, N, from the damper's law alone at the first instant.
+    (W, N) array
+        Forces, N, at a share of zero of the recording, and from the damper's law alone at the
+        first instant.
     """
-    laws = table.reshape((1, *table.shape))
-    out = np.empty(len(rate))
-    at = rate[0]
-    force, _ = damper_force(laws, 0, element, c, at, share[0])
-    out[0] = force
-    for k in range(1, len(rate)):
+    laws, rates = lanes_last(tables), lanes_last(c)
+    out = [
+        _force_history(one, element, by, rate, step) for one, by in zip(laws, rates, strict=True)
+    ]
+    return np.concatenate(out, axis=1).T[: len(c)]
+
+
+@njit(**OPTIONS)
+def _force_history(table: Array, element: int, c: Array, rate: Array, step: Array) -> Array:
+    """Return forces (N, L) with laws (K, P, L) and rates (L,)."""
+    work = law_workspace(element + 1)
+    out, series, rates = np.empty((len(rate), LANES)), np.zeros((4, LANES)), np.empty((3, LANES))
+    for k in range(len(rate)):
+        rates[0], rates[1], rates[2] = rate[max(k - 2, 0)], rate[max(k - 1, 0)], rate[k]
+        if k == 0:
+            damper_forces(
+                table, element, c, rates[2], work.moment, work.parts[element], out[0], series[0]
+            )
+            series[3] = rate[0]
+            continue
         up, back = bend_weights(step[k], step[k - 1] if k > 1 else 0.0)
-        bend = up * (rate[k] - rate[k - 1])
-        if k > 1:
-            bend -= back * (rate[k - 1] - rate[k - 2])
-        force, _, _, _, at = _series_damper(
-            laws, 0, element, c, force, rate[k - 1], rate[k], bend, up, back, step[k], share[k], at
-        )
-        out[k] = force
+        _carry_series_damper(
+            table, element, c, out[k - 1], rates[1], rates[2], rates[0], up, back, step[k], work,
+            series, out[k],
+        )  # fmt: skip
     return out

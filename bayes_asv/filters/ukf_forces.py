@@ -25,9 +25,11 @@ from bayes_asv.filters.prediction import (
 )
 from bayes_asv.filters.simd_layout import LANES, Rows, lane_offset
 from bayes_asv.filters.suspension_forces import (
+    LawWorkspace,
     advance_forces,
     bend_weights,
     force_weights,
+    law_workspace,
     rate_slopes,
 )
 from bayes_asv.filters.ukf_state import GRID, LawTable, Sizes
@@ -75,6 +77,7 @@ class ForceWorkspace(NamedTuple):
     rate: Array
     by: Array
     series: Array
+    laws: LawWorkspace
     lag: Array
     bends: Array
     elapsed: Array
@@ -87,10 +90,10 @@ def force_workspace(sizes: Sizes, laws: LawTable, points: int) -> ForceWorkspace
     ne, nf = sizes.elements, sizes.motion
     nx, coupled, L = nf - sizes.forces, nf + ne, LANES
     K = (points + LANES - 1) // LANES
-    table = np.empty((K, L, laws.rows.shape[0], laws.rows.shape[1]))
+    table = np.empty((K, laws.rows.shape[0], laws.rows.shape[1], L))
     for b in range(K):
         for q in range(L):
-            table[b, q] = laws.rows
+            table[b, :, :, q] = laws.rows
     return ForceWorkspace(
         np.zeros((K, nx, nx, L)), np.zeros((K, nx, ne, L)), np.zeros((K, nx, ne, L)),
         np.zeros((ne, 0)), np.ones((K, ne, 2, L)), table,
@@ -100,8 +103,8 @@ def force_workspace(sizes: Sizes, laws: LawTable, points: int) -> ForceWorkspace
         np.zeros((K, 3, nf, ne, L)), np.zeros((nf, L)), np.zeros((nf, L)),
         np.zeros((coupled, L)), np.zeros((nf, L)), np.zeros((2, ne, L)),
         np.zeros((2, ne, L)), np.zeros((2, ne, L)), np.zeros((2, ne, L)),
-        np.zeros((K, ne, coupled, L)), np.zeros((4, 0, L)), np.full(1, 1.0 / laws.pole),
-        np.zeros(2), np.array([0.0, 1.0]), np.zeros((2, ne)),
+        np.zeros((K, ne, coupled, L)), np.zeros((4, 0, L)), law_workspace(ne),
+        np.full(1, 1.0 / laws.pole), np.zeros(2), np.array([0.0, 1.0]), np.zeros((2, ne)),
     )  # fmt: skip
 
 
@@ -148,7 +151,7 @@ def _set_laws(
                 E[row, f, q] = -A[row, 2 * f + 1, q] / rates[f, 0, q]
         for n in range(laws.entry.shape[0]):
             z = W[at + np.uint64(rows.damping + place[laws.entry[n, 2]] * LANES)]
-            work.table[block, q, laws.entry[n, 0], laws.entry[n, 1]] = _interpolate(
+            work.table[block, laws.entry[n, 0], laws.entry[n, 1], q] = _interpolate(
                 laws.number[n], z
             )
 
@@ -240,9 +243,10 @@ def propagate_with_forces(
             nx, ne, nf, coupled, coupled, 1, work.base[b], work.drive[b], moments[k], mean, ahead
         )
         advance_forces(
-            nx, ne, ne, 0, coupled, used, work.table[b], work.rates[b], work.B[b], work.lag, mean,
+            nx, ne, ne, 0, coupled, work.table[b], work.rates[b], work.B[b], work.lag, mean,
             1, h, work.bends, ends[k], work.elapsed, work.added, work.weights[b], work.by[b],
-            history[b], work.force, work.stiffness, work.damping, work.rate, work.series, ahead,
+            history[b], work.force, work.stiffness, work.damping, work.rate, work.series, work.laws,
+            ahead,
         )  # fmt: skip
         for q in range(used):
             at = lane_offset(b * LANES + q, rows.size)

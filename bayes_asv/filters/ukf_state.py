@@ -252,7 +252,7 @@ class LawTable(NamedTuple):
     pole : float
         Of the filter that all readings passed, rad/s.
     rows : (K, P) array
-        Laws as :func:`bayes_asv.filters.force_laws.excess` takes them, at the centre of the prior.
+        Laws at the centre of the prior; see :mod:`bayes_asv.filters.force_laws`.
     entry : (nE, 3) int array
         Row and column of a number that changes, and the parameter that it is a function of.
     number : (nE, G) array

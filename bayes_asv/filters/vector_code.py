@@ -18,10 +18,14 @@ from typing import Any, Self
 import numpy as np
 from llvmlite import ir
 from numba import config, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-__all__ = ["LANES", "Choice", "Shared", "Table", "Vector", "emitted", "plus", "products"]
+__all__ = [
+    "LANES", "Choice", "Shared", "Table", "Vector", "emitted", "expm1", "lanes_last", "plus",
+    "power", "products", "sqrt", "where_positive",
+]  # fmt: skip
 
 LANES = 8
 """Parameter sets in a vector, as many as AVX-512 has; a narrower machine takes several turns."""
@@ -31,20 +35,111 @@ _INDEX = ir.IntType(64)
 _FUSED = ("contract",)
 
 
+def lanes_last(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Divide parameter sets (W, …) into blocks (K, …, LANES); the last set fills them up."""
+    W = len(values)
+    blocks = -(-W // LANES)
+    filled = values[np.minimum(np.arange(blocks * LANES), W - 1)]
+    split = filled.reshape(blocks, LANES, *values.shape[1:])
+    return np.ascontiguousarray(split.transpose(0, *range(2, split.ndim), 1))
+
+
 class Vector:
     """A number for each lane, in a register of the code that is emitted."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self._builder, self.value = builder, value
 
-    def __add__(self, other: Vector) -> Vector:
-        return Vector(self._builder, self._builder.fadd(self.value, other.value, flags=_FUSED))
+    def _with(self, name: str, other: Vector | float, turned: bool = False) -> Vector:
+        """Emit an instruction with another vector, or with a number that all lanes share."""
+        value = other.value if isinstance(other, Vector) else _everywhere(other)
+        pair = (value, self.value) if turned else (self.value, value)
+        return Vector(self._builder, getattr(self._builder, name)(*pair, flags=_FUSED))
 
-    def __sub__(self, other: Vector) -> Vector:
-        return Vector(self._builder, self._builder.fsub(self.value, other.value, flags=_FUSED))
+    def __add__(self, other: Vector | float) -> Vector:
+        return self._with("fadd", other)
 
-    def __mul__(self, other: Vector) -> Vector:
-        return Vector(self._builder, self._builder.fmul(self.value, other.value, flags=_FUSED))
+    def __radd__(self, other: float) -> Vector:
+        return self._with("fadd", other, turned=True)
+
+    def __sub__(self, other: Vector | float) -> Vector:
+        return self._with("fsub", other)
+
+    def __rsub__(self, other: float) -> Vector:
+        return self._with("fsub", other, turned=True)
+
+    def __mul__(self, other: Vector | float) -> Vector:
+        return self._with("fmul", other)
+
+    def __rmul__(self, other: float) -> Vector:
+        return self._with("fmul", other, turned=True)
+
+    def __truediv__(self, other: Vector | float) -> Vector:
+        return self._with("fdiv", other)
+
+    def __rtruediv__(self, other: float) -> Vector:
+        return self._with("fdiv", other, turned=True)
+
+    def __neg__(self) -> Vector:
+        return self._with("fsub", -0.0, turned=True)
+
+    def __abs__(self) -> Vector:
+        return self.function("fabs")
+
+    def function(self, name: str, *others: Vector) -> Vector:
+        """Emit a function of the compiler's own; those without an instruction go lane by lane."""
+        given = [x.value for x in (self, *others)]
+        kind = ir.FunctionType(_DOUBLES, [_DOUBLES] * len(given))
+        called = cgutils.get_or_insert_function(
+            self._builder.module, kind, f"llvm.{name}.v{LANES}f64"
+        )
+        return Vector(self._builder, self._builder.call(called, given))
+
+    def library_function(self, name: str) -> Vector:
+        """Call a function of the C library lane by lane."""
+        kind = ir.FunctionType(ir.DoubleType(), [ir.DoubleType()])
+        called = cgutils.get_or_insert_function(self._builder.module, kind, name)
+        out = self.value
+        for lane in range(LANES):
+            at = ir.Constant(ir.IntType(32), lane)
+            one = self._builder.call(called, [self._builder.extract_element(self.value, at)])
+            out = self._builder.insert_element(out, one, at)
+        return Vector(self._builder, out)
+
+    def where_positive(self, positive: Vector | float, otherwise: Vector | float) -> Vector:
+        """Pick one number or the other in each lane."""
+        above = self._builder.fcmp_ordered(">", self.value, _everywhere(0.0))
+        pair = (x.value if isinstance(x, Vector) else _everywhere(x) for x in (positive, otherwise))
+        return Vector(self._builder, self._builder.select(above, *pair))
+
+
+def _everywhere(number: float) -> Any:
+    return ir.Constant(_DOUBLES, [float(number)] * LANES)
+
+
+# Where nothing is compiled, arrays stand in for vectors.
+
+
+def where_positive(x: Any, positive: Any, otherwise: Any) -> Any:
+    """Pick ``positive`` in the lanes where x > 0, and ``otherwise`` in the others."""
+    if isinstance(x, Vector):
+        return x.where_positive(positive, otherwise)
+    return np.where(x > 0.0, positive, otherwise)
+
+
+def sqrt(x: Any) -> Any:
+    """Return the square root."""
+    return x.function("sqrt") if isinstance(x, Vector) else np.sqrt(x)
+
+
+def power(x: Any, exponent: Any) -> Any:
+    """Return x to a power; x is positive."""
+    return x.function("pow", exponent) if isinstance(x, Vector) else x**exponent
+
+
+def expm1(x: Any) -> Any:
+    """Return exp(x) − 1."""
+    return x.library_function("expm1") if isinstance(x, Vector) else np.expm1(x)
 
 
 def plus(total: Vector, pairs: Iterable[tuple[Vector, Vector]]) -> Vector:
@@ -111,9 +206,9 @@ class Choice:
     def __init__(self, builder: Any, value: Any) -> None:
         self._builder, self._value = builder, value
 
-    def among(self, count: int) -> Iterator[int]:
-        """Emit what follows once for each value from zero; the one that it has is executed."""
-        for one in range(count):
+    def among(self, values: Iterable[int]) -> Iterator[int]:
+        """Emit what follows once for each of its values; the one that it has is executed."""
+        for one in values:
             same = self._builder.icmp_signed("==", self._value, ir.Constant(self._value.type, one))
             with self._builder.if_then(same):
                 yield one
@@ -139,8 +234,8 @@ class _InterpretedChoice:
     def __init__(self, value: int) -> None:
         self._value = value
 
-    def among(self, count: int) -> Iterator[int]:
-        return (one for one in range(count) if one == self._value)
+    def among(self, values: Iterable[int]) -> Iterator[int]:
+        return (one for one in values if one == self._value)
 
 
 def _interpreted(kind: Any, value: Any) -> Any:

@@ -6,12 +6,14 @@ given without the lanes.  Of the covariance P only the lower triangle is read an
 
 from __future__ import annotations
 
+from bayes_asv.filters.force_laws import LAW_PARTS
 from bayes_asv.filters.prediction import ORDER, STEP_SERIES, TAYLOR
 from bayes_asv.filters.vector_code import Choice, Shared, Table, Vector, emitted, plus, products
 
 __all__ = [
-    "advance_mean_vectors", "begin_forces_vectors", "condition_vectors", "discretize_vectors",
-    "end_forces_vectors", "linearise_vectors", "predict_vectors", "project_vectors", "rate_vectors",
+    "advance_mean_vectors", "begin_forces_vectors", "begin_laws_vectors", "condition_vectors",
+    "discretize_vectors", "end_forces_vectors", "end_laws_vectors", "linearise_vectors",
+    "predict_vectors", "project_vectors", "rate_vectors",
 ]  # fmt: skip
 
 
@@ -204,7 +206,7 @@ def project_vectors(
     n = coupled + 2 * ny
     C, P, mean, PC = C.shaped(ny, rows), P.shaped(n, n), mean.shaped(n, columns), PC.shaped(n)
     S, predicted = S.shaped(1), predicted.shaped(columns)
-    for y in at.among(ny):
+    for y in at.among(range(ny)):
         own = (coupled + y, coupled + ny + y)
         row = [C[y, a] for a in range(rows)]
         by = []
@@ -268,6 +270,56 @@ def rate_vectors(
         driven = products((B[2 * e + 1, u], inputs[u]) for u in range(nu))
         total = driven * lag[0] + products((by[e, b], mean[b]) for b in range(nx + ne))
         rate[e] = total + products((by[e, b], drivers[b]) for b in range(rows, coupled))
+
+
+@emitted
+def begin_laws_vectors(
+    nx: int, ne: int, nm: int, lag: Shared, mean: Table, rate: Table, parts: Table
+) -> None:
+    """Fill the parts (ne, LAW_PARTS) over which force laws compose with those of a linear car.
+
+    Parameters are those of ``_forces`` of :mod:`bayes_asv.filters.suspension_forces`.
+    """
+    lag, mean = lag.shaped(1), mean.shaped(nx + ne + nm)
+    rate, parts = rate.shaped(ne), parts.shaped(ne, LAW_PARTS)
+    for e in range(ne):
+        deflection = mean[2 * e] + lag[0] * mean[2 * e + 1]
+        nothing = 0.0 * deflection
+        one = nothing + 1.0
+        values = (deflection, rate[e], one, nothing, one, *[nothing] * 4)
+        for n, value in enumerate(values):
+            parts[e, n] = value
+
+
+@emitted
+def end_laws_vectors(
+    nx: int,
+    ne: int,
+    nm: int,
+    rates: Table,
+    mean: Table,
+    parts: Table,
+    force: Table,
+    stiffness: Table,
+    damping: Table,
+) -> None:
+    """Fill excess forces (ne,) and their slopes in deflection and rate from the parts of laws.
+
+    A damper in series with a stiffness has its force among the states.
+    """
+    rates, mean, parts = rates.shaped(ne, 2), mean.shaped(nx + ne + nm), parts.shaped(ne, LAW_PARTS)
+    force, stiffness, damping = force.shaped(ne), stiffness.shaped(ne), damping.shaped(ne)
+    for e in range(ne):
+        c, k = rates[e, 0], rates[e, 1]
+        deflection, v, damper, bend, spring, curvature, *added = (
+            parts[e, n] for n in range(LAW_PARTS)
+        )
+        linear, by_rate = c * v * (damper - 1.0), c * (damper - 1.0 + v * bend)
+        if nm:
+            linear, by_rate = mean[nx + ne + e] - c * v, -c
+        force[e] = added[0] - k * deflection * (spring - 1.0) - linear
+        stiffness[e] = added[1] - k * (spring - 1.0 + deflection * curvature)
+        damping[e] = added[2] - by_rate
 
 
 @emitted

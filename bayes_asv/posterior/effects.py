@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.filters.force_laws import table_of_laws
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.models.car_model import CarModel
@@ -40,7 +41,6 @@ Values = Mapping[Site, Mapping[str, float]]
 NO_FILTER = 0.4
 """Share of the sampling rate that is the pole of a filter which nobody declared."""
 _TERMS = 4  # of a Taylor series: a lag of a sample moves 60 Hz by 0.9 rad, and is good to 0.5 %
-_FEWEST_COLUMNS = 6  # of a table of laws: element, code and four numbers
 _DEGREE = 7  # of the spline whose fourth derivative is asked for
 
 
@@ -55,8 +55,7 @@ def law_table(car: CarModel, values: Values, run: int) -> Array:
         if site.effect.split_between_axles:
             packed = (packed[0] / len(elements), *packed[1:])
         out += [[e, site.effect.code, *packed] for e in elements]
-    width = max((_FEWEST_COLUMNS, *map(len, out)))
-    return np.array([row + [0.0] * (width - len(row)) for row in out]).reshape(-1, width)
+    return table_of_laws(out)
 
 
 class NominalReadings(NamedTuple):

@@ -20,7 +20,7 @@ from scipy.special import ndtri
 from scipy.stats import truncnorm
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.filters.force_laws import SERIES_STIFFNESS
+from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
 from bayes_asv.filters.ukf_state import GRID, LawTable
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Parameter, Scale, Site
@@ -36,7 +36,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_FEWEST_COLUMNS = 6  # of a table of laws: element, code and four numbers
 _PROBABILITIES = (np.arange(1000) + 0.5) / 1000
 _NODES = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))
 _FIX = "estimate with it instead, or leave it out"
@@ -207,10 +206,9 @@ def law_table(
             entry += [(len(rows), column, parameter) for column, parameter, _ in varying]
             numbers += [values for _, _, values in varying]
             rows.append([float(element), float(site.effect.code), *packed])
-    width = max((_FEWEST_COLUMNS, *map(len, rows)))
     return LawTable(
         pole=pole,
-        rows=np.array([row + [0.0] * (width - len(row)) for row in rows]).reshape(-1, width),
+        rows=table_of_laws(rows),
         entry=np.array(entry, np.int64).reshape(-1, 3),
         number=np.array(numbers).reshape(-1, len(GRID)),
     )

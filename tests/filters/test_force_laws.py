@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_asv.filters.force_laws import excess_many
+from bayes_asv.filters.force_laws import excess_many, table_of_laws
 from bayes_asv.models.effects import EFFECTS, Scale
 
 READABLE = [e for e in EFFECTS.values() if e.force is not None]
@@ -19,7 +19,7 @@ def table(effect_name: str, values: dict[str, float], axle: int = 0) -> np.ndarr
     effect = EFFECTS[effect_name]
     assert effect.packed is not None
     packed = effect.packed(values)
-    return np.array([[axle, effect.code, *packed, *[0.0] * (4 - len(packed))]])
+    return table_of_laws([[axle, effect.code, *packed]])
 
 
 @pytest.mark.parametrize("effect", READABLE, ids=lambda e: e.name)

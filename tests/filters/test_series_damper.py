@@ -7,7 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from bayes_asv.filters.suspension_forces import _series_damper, damper_forces
+from bayes_asv.filters.suspension_forces import (
+    _carry_series_damper,
+    damper_force_history,
+    law_workspace,
+)
+from bayes_asv.filters.vector_code import LANES, lanes_last
 from bayes_asv.models.effects import EFFECTS
 from bayes_asv.models.effects.base import Effect
 from tests.filters.test_force_laws import table
@@ -23,11 +28,8 @@ def damper() -> tuple[Effect, dict[str, float], np.ndarray]:
     effect = EFFECTS["damper_curve"]
     steps = (*COMPRESSION, *EXTENSION)
     values = {p.name: step for p, step in zip(effect.parameters, steps, strict=True)}
-    curve = table("damper_curve", values)[0]
-    law = np.zeros((2, len(curve)))
-    law[0] = curve
-    law[1, :3] = table("damper_hysteresis", {"stiffness": STIFFNESS})[0, :3]
-    return effect, values, law
+    series = table("damper_hysteresis", {"stiffness": STIFFNESS})
+    return effect, values, np.concatenate([table("damper_curve", values), series])
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.2, 0.4])
@@ -50,7 +52,8 @@ def test_its_force_is_that_of_a_stiff_solver(speed: float) -> None:
 
     exact = solve_ivp(slope, (0.0, 0.25), [0.0], "Radau", time, rtol=1e-7, atol=1e-4).y[0]
     step = np.diff(time, prepend=0.0)
-    found = damper_forces(law, 0, C, np.array([rate(t) for t in time]), step, np.zeros(len(time)))
+    rates = np.array([rate(t) for t in time])
+    (found,) = damper_force_history(law[None], 0, np.array([C]), rates, step)
     assert np.max(np.abs(found - exact)) < 0.02 * np.max(np.abs(exact))
 
 
@@ -58,10 +61,16 @@ def test_its_force_does_not_depend_on_where_the_search_for_its_rate_begins() -> 
     """Newton's method alone is thrown to and fro between flat pieces of such a curve."""
     _, _, law = damper()
     rng = np.random.default_rng(1)
-    for _ in range(2000):
-        force, begin, end, guess = rng.normal(0.0, (60.0, 0.2, 0.2, 0.3)).tolist()
-        found = [
-            _series_damper(law[None], 0, 0, C, force, begin, end, 0.0, 0.0, 0.0, 0.0025, 0.0, at)
-            for at in (0.0, guess)
-        ]
+    lanes = lanes_last(law[None])[0]
+    work, c = law_workspace(1), np.full(LANES, C)
+    for _ in range(300):
+        force, begin, end = rng.normal(0.0, 1.0, (3, LANES)) * [[60.0], [0.2], [0.2]]
+        found = []
+        for guess in (np.zeros(LANES), rng.normal(0.0, 0.3, LANES)):
+            series, ahead = np.zeros((4, LANES)), np.zeros(LANES)
+            series[3] = guess
+            _carry_series_damper(
+                lanes, 0, c, force, begin, end, begin, 0.0, 0.0, 0.0025, work, series, ahead
+            )
+            found.append(np.concatenate([series.ravel(), ahead]))
         assert found[1] == pytest.approx(found[0], rel=1e-5, abs=1e-5)

@@ -1,7 +1,7 @@
 """Registry of effects, one module an effect.
 
 To add one: write a file with its :class:`Effect`, list it here, and give its force a branch in
-:func:`bayes_asv.filters.force_laws.excess`; a test holds the branch against the readable form.
+:mod:`bayes_asv.filters.force_laws`; a test holds the branch against the readable form.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ class Effect:
         From values and the values that are a little of it: how many times that they are, where
         that is not a matter of the first parameter alone.
     code : int
-        Branch of :func:`bayes_asv.filters.force_laws.excess`; −1 for other effects.
+        Branch of :mod:`bayes_asv.filters.force_laws`; −1 for other effects.
     packed : callable or None
         From the parameters' values to the branch's p0 … p3.
     force : callable or None
