@@ -271,8 +271,8 @@ def _statistics(reading: Array, residual: Array, views: list[_View]) -> Array:
 def _basis(system: StateSpace, data: Measurements, views: list[_View]) -> Array:
     """Orthonormal basis (M, U) of what initial state and biases can explain."""
     still = data._replace(moments=np.zeros_like(data.moments))
-    columns = [free_response(system, still, unit)[0] for unit in np.eye(len(data.start))]
-    basis, _ = np.linalg.qr(_stacked(np.stack(columns, axis=1), views))
+    columns, _ = free_response(system, still, np.eye(len(data.start)))
+    basis, _ = np.linalg.qr(_stacked(np.moveaxis(columns, 0, 1), views))
     return np.asarray(basis)
 
 

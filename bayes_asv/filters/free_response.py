@@ -36,7 +36,7 @@ from bayes_asv.filters.suspension_forces import (
     law_workspace,
     rate_slopes,
 )
-from bayes_asv.filters.vector_code import LANES
+from bayes_asv.filters.vector_code import LANES, lanes_last
 from bayes_asv.filters.vector_steps import advance_mean_vectors, discretize_vectors
 
 __all__ = ["free_response"]
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 
 @lru_cache(maxsize=64)
 def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
-    lanes = LANES  # of which one is used
+    lanes = LANES
     nf = nx + ne
     rows = nf + nm
     coupled = rows + nd + nu
@@ -91,12 +91,13 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         ahead = np.empty((rows, lanes))
         room = np.empty((2, rows, lanes))
         mean = np.zeros((coupled, lanes))
-        for a in range(nx):
-            mean[a, 0] = begin[a]
-        for d in range(nd):
-            mean[rows + d, 0] = begin[nx + d]
-        for e in range(nm):  # as if it had been linear before the recording began
-            mean[nf + e, 0] = rates[e, 0, 0] * begin[2 * e + 1]
+        for q in range(lanes):
+            for a in range(nx):
+                mean[a, q] = begin[a, q]
+            for d in range(nd):
+                mean[rows + d, q] = begin[nx + d, q]
+            for e in range(nm):  # as if it had been linear before the recording began
+                mean[nf + e, q] = rates[e, 0, q] * begin[2 * e + 1, q]
         h_known, h_before = -1.0, 0.0
         for k in range(step.shape[0]):
             h = step[k]
@@ -119,14 +120,17 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                         work, ahead,
                     )  # fmt: skip
                 for a in range(rows):
-                    mean[a, 0] = ahead[a, 0]
+                    for q in range(lanes):
+                        mean[a, q] = ahead[a, q]
             for y in range(ny):
-                value = begin[nx + nd + y]
+                for q in range(lanes):
+                    output[k, y, q] = begin[nx + nd + y, q]
                 for a in range(rows):
-                    value += C[y, a, 0] * mean[a, 0]
-                output[k, y] = value
+                    for q in range(lanes):
+                        output[k, y, q] += C[y, a, q] * mean[a, q]
             for a in range(nf):
-                states[k, a] = mean[a, 0]
+                for q in range(lanes):
+                    states[k, a, q] = mean[a, q]
 
     return run  # type: ignore[no-any-return]
 
@@ -134,41 +138,46 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
 def free_response(
     system: StateSpace, data: Measurements, begin: Array, laws: Laws | None = None
 ) -> tuple[Array, Array]:
-    """Simulate one recording from its measured inputs.
+    """Simulate one recording from its measured inputs, W times.
 
     Parameters
     ----------
     system : StateSpace
-        One parameter set.
+        W parameter sets, or one for all.
     data : Measurements
-        Its steps and the moments of its inputs; readings play no part.
-    begin : (nx + nd + ny,) array
+        Steps of the recording and the moments of its inputs; readings play no part.
+    begin : (W, nx + nd + ny) array
         States at the first instant, input biases, and biases of the outputs.
     laws : Laws, optional
-        Force laws of the suspension.
+        Force laws of the suspension, of W parameter sets or of one.
 
     Returns
     -------
-    output : (N, ny) array
+    output : (W, N, ny) array
         Predicted readings.
-    states : (N, nx + ne) array
+    states : (W, N, nx + ne) array
         States of the car and, with laws, filtered excess forces.
     """
     _, nx, nu = system.B.shape
-    ny = system.C.shape[1]
+    W, ny = len(begin), system.C.shape[1]
     ne = 0 if laws is None else system.E.shape[2]
     nm = 0 if laws is None else series_dampers(laws, ne)
     C = system.C if laws is None else readout(system, nm)
     laws = NO_LAWS if laws is None else laws
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     forces, rates = system.E[:, :, :ne], system.rates[:, :ne]
-    one = [
-        np.ascontiguousarray(np.repeat(x[0, ..., None], LANES, axis=-1))
-        for x in (system.A, system.B, C, forces, rates, laws.table)
-    ]
-    output, states = np.empty((len(data.step), ny)), np.empty((len(data.step), nx + ne))
-    run(
-        *one, system.N, data.step, data.moments, laws.pole, laws.inputs, laws.elapsed, laws.added,
-        begin, output, states,
-    )  # fmt: skip
-    return output, states
+    A, B, C, forces, rates, tables, begin = (
+        lanes_last(np.broadcast_to(x, (W, *x.shape[1:])))
+        for x in (system.A, system.B, C, forces, rates, laws.table, begin)
+    )
+    output = np.empty((len(A), len(data.step), ny, LANES))
+    states = np.empty((len(A), len(data.step), nx + ne, LANES))
+    for b in range(len(A)):
+        run(
+            A[b], B[b], C[b], forces[b], rates[b], tables[b], system.N, data.step, data.moments,
+            laws.pole, laws.inputs, laws.elapsed, laws.added, begin[b], output[b], states[b],
+        )  # fmt: skip
+    first, second = (
+        np.moveaxis(x, -1, 1).reshape(-1, *x.shape[1:-1])[:W] for x in (output, states)
+    )
+    return first, second

@@ -129,7 +129,8 @@ def simulated(
     """
     data = target.space.timelines[run].measurements._replace(moments=inputs.moments)
     system = target.space.state_space(z[None], run)
-    return _response(system, data, begin, _laws(target, z, run, inputs))
+    output, states = _responses(system, data, begin[None], _laws(target, z, run, inputs))
+    return output[0], states[0]
 
 
 def _laws(target: Posterior, z: Array, run: int, nominal: NominalReadings) -> Laws | None:
@@ -142,12 +143,14 @@ def _laws(target: Posterior, z: Array, run: int, nominal: NominalReadings) -> La
     return Laws(table, pole, nominal.wheel, recording.elapsed, none)
 
 
-def _response(
+def _responses(
     system: StateSpace, data: Measurements, begin: Array, laws: Laws | None
 ) -> tuple[Array, Array]:
+    """Return outputs (W, E, ny) and states (W, E, nx + ne) from beginnings (W, …)."""
     output, states = free_response(system, data, begin, laws)
     if laws is None:
-        states = np.hstack([states, np.zeros((len(states), system.E.shape[2]))])
+        none = np.zeros((*states.shape[:2], system.E.shape[2]))
+        states = np.concatenate([states, none], axis=2)
     return output, states
 
 
@@ -164,31 +167,30 @@ def _regressed(
     weight = _weights(recording, reading, use)
     ridge = np.linalg.inv(data.start)
     begin = np.zeros(unknown)
-    output, states = _response(system, data, begin, laws)
-    if not np.all(np.isfinite(output)):  # far outside the prior the series of a step diverges:
-        nothing = FreeRun(np.zeros_like(output), np.zeros_like(states), begin)
+    moves = np.concatenate([np.zeros((1, unknown)), np.diag(steps)[: nx + nd]])
+    outputs, states = _responses(system, data, begin + moves, laws)
+    if not np.all(np.isfinite(outputs)):  # far outside the prior the series of a step diverges:
+        nothing = FreeRun(np.zeros_like(outputs[0]), np.zeros_like(states[0]), begin)
         return nothing, np.sqrt(np.diag(data.start))  # such a car explains nothing
     normal = np.eye(unknown)
     for _ in range(_ROUNDS if laws is not None else 1):
-        slopes = np.zeros((*output.shape, unknown))
-        for k in range(nx + nd):
-            moved = begin.copy()
-            moved[k] += steps[k]
-            slopes[:, :, k] = (_response(system, data, moved, laws)[0] - output) / steps[k]
-        for y in range(output.shape[1]):
+        slopes = np.zeros((*outputs.shape[1:], unknown))
+        by_state = (outputs[1:] - outputs[0]) / steps[: nx + nd, None, None]
+        slopes[:, :, : nx + nd] = np.moveaxis(by_state, 0, 2)
+        for y in range(outputs.shape[2]):
             slopes[:, y, nx + nd + y] = 1.0
         design = slopes[use] * weight[use, None]
-        left = ((reading - output) * weight)[use]
+        left = ((reading - outputs[0]) * weight)[use]
         normal = design.T @ design + ridge
         step = np.linalg.solve(normal, design.T @ left - ridge @ begin)
         begin = begin + step
-        output, states = _response(system, data, begin, laws)
+        outputs, states = _responses(system, data, begin + moves, laws)
         if np.all(np.abs(step) < steps):
             break
-    left = ((reading - output) * weight)[use]
+    left = ((reading - outputs[0]) * weight)[use]
     # The weights take the noise for a share of the motion; what is left says what it is.
     deviation = np.sqrt(np.diag(np.linalg.inv(normal)) * np.mean(left**2))
-    return FreeRun(output, states, begin), deviation
+    return FreeRun(outputs[0], states[0], begin), deviation
 
 
 def _weights(recording: PreparedRecording, reading: Array, use: NDArray[np.bool_]) -> Array:

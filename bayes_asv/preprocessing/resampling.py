@@ -13,6 +13,7 @@ spectrum, with its noise below and next to nothing above.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
@@ -127,29 +128,45 @@ def find_resampling(values: Array) -> Resampling | None:
     Resampling or None
         None for a record as a sensor gives it, or for one that does not tell.
     """
-    rows = _lively(values)
-    part = values[rows]
-    if np.count_nonzero(np.isfinite(part)) < _FEWEST_ROWS:
-        return None
-    rounding = _rounding(part)
-    found = [
-        one
-        for form in FORMS
-        for ratio in _ratios(form)
-        if (one := _pattern(part, ratio, form, rounding)) is not None
+    return _find_each([values])[0]
+
+
+def _find_each(channels: list[Array]) -> list[Resampling | None]:
+    """Do what :func:`find_resampling` does for several channels of a recording at once."""
+    rows = [_lively(values, _LIVELY) for values in channels]
+    parts = [values[one] for values, one in zip(channels, rows, strict=True)]
+    told = [c for c, x in enumerate(parts) if np.count_nonzero(np.isfinite(x)) >= _FEWEST_ROWS]
+    rounding = {c: _rounding(parts[c]) for c in told}
+    lengths = {len(parts[c]) for c in told}
+    alike = [[c for c in told if len(parts[c]) == length] for length in lengths]
+    found: dict[int, list[_Pattern]] = {c: [] for c in told}
+    for which in alike:
+        stacked = np.stack([parts[c] for c in which])
+        errors = np.array([rounding[c] for c in which])
+        for form in FORMS:
+            for ratio in _ratios(form):
+                for n, one in _patterns(stacked, ratio, form, errors):
+                    found[which[n]].append(one)
+    return [
+        _best(channels[c], found[c], rounding[c], rows[c].start) if c in found else None
+        for c in range(len(channels))
     ]
+
+
+def _best(values: Array, found: list[_Pattern], rounding: float, first: int) -> Resampling | None:
+    """Pick one of the patterns that were found in a channel from its row ``first`` on."""
     if not found:
         share = _band(values, rounding)
         return None if share is None else Resampling(None, Fraction(share).limit_denominator(1000))
     # A spline with more knots, or of more freedom, has the same relations and others less.
     least = _ALIKE * min(one.left for one in found) + 1e-6 * rounding
     best = min((one for one in found if one.left <= least), key=lambda one: one.freedom)
-    return Resampling(best.form, best.ratio, (best.origin + rows.start) % best.ratio.denominator)
+    return Resampling(best.form, best.ratio, (best.origin + first) % best.ratio.denominator)
 
 
-def _lively(values: Array) -> slice:
-    """Stretch with the most motion."""
-    return most_active(np.nan_to_num(np.diff(values, prepend=values[0])) ** 2, _LIVELY)
+def _lively(values: Array, rows: int) -> slice:
+    """Stretch of some rows with the most motion."""
+    return most_active(np.nan_to_num(np.diff(values, prepend=values[0])) ** 2, rows)
 
 
 def _rounding(values: Array) -> float:
@@ -202,26 +219,37 @@ class _Pattern(NamedTuple):
         return self.ratio * self.form.multiplicity
 
 
-def _pattern(values: Array, ratio: Fraction, form: Form, rounding: float) -> _Pattern | None:
-    """Find a row with a sample: one at which the relations of a form hold, again and again."""
+def _patterns(
+    values: Array, ratio: Fraction, form: Form, rounding: Array
+) -> Iterator[tuple[int, _Pattern]]:
+    """Find channels (C, N) in which the relations of a form hold, again and again."""
     relations = _relations(ratio, form)
     period = ratio.denominator
-    if len(values) < len(relations) + period:
-        return None
-    windows = np.lib.stride_tricks.sliding_window_view(values, len(relations))
-    count = len(windows) // period
-    if count < _FEWEST_BLOCKS:
-        return None
-    energy = np.mean((windows @ relations) ** 2, axis=1)[: count * period].reshape(count, period)
-    energy = energy[np.isfinite(energy).all(axis=1)]
+    count = (values.shape[1] - len(relations) + 1) // period
+    if count < _FEWEST_WINDOWS:
+        return
+    used = values[:, : count * period + len(relations) - 1]
+    windows = np.lib.stride_tricks.sliding_window_view(used, len(relations), axis=1)
+    left = windows.reshape(-1, len(relations)) @ relations
+    energy = np.einsum("ij,ij->i", left, left).reshape(-1, count, period) / left.shape[1]
     # Where nothing moves, relations hold at any row.
-    energy = energy[energy.mean(axis=1) > (_ABOVE_STEP * rounding) ** 2]
-    if len(energy) < _FEWEST_BLOCKS:
-        return None
-    mean_energy = energy.mean(axis=0)
-    least, bound = float(mean_energy.min()), float(mean_energy.sum()) / (period - 1)
-    if len(energy) < _FEWEST_WINDOWS or least > max((_ROUNDING * rounding) ** 2, _EXACT * bound):
-        return None  # relations of no origin hold, whichever it is
+    moving = energy.mean(axis=2) > (_ABOVE_STEP * rounding[:, None]) ** 2  # none that is missing
+    blocks = np.count_nonzero(moving, axis=1)
+    mean_energy = np.einsum("cbp,cb->cp", np.where(moving[:, :, None], energy, 0.0), moving)
+    mean_energy /= np.maximum(blocks, 1)[:, None]
+    bound = np.maximum((_ROUNDING * rounding) ** 2, _EXACT * mean_energy.sum(axis=1) / (period - 1))
+    plausible = (blocks >= _FEWEST_WINDOWS) & (mean_energy.min(axis=1) <= bound)
+    for n in np.flatnonzero(plausible).tolist():
+        one = _pattern(energy[n, moving[n]], len(relations), ratio, form, float(rounding[n]))
+        if one is not None:
+            yield n, one
+
+
+def _pattern(
+    energy: Array, window: int, ratio: Fraction, form: Form, rounding: float
+) -> _Pattern | None:
+    """Find a row with a sample: one at which what relations leave (blocks, period) is least."""
+    period = ratio.denominator
     logs = np.log(energy + (1e-3 * rounding) ** 2)
     contrast = (logs.sum(axis=1, keepdims=True) - logs) / (period - 1) - logs
     origin = int(np.argmax(contrast.mean(axis=0)))
@@ -234,7 +262,7 @@ def _pattern(values: Array, ratio: Fraction, form: Form, rounding: float) -> _Pa
     if own < (_LESS_THAN_ROUNDED * rounding) ** 2 and mean > _PLAIN_CONTRAST:
         return _Pattern(form, ratio, origin, own**0.5)
     # Windows overlap, so that as many as share rows count once.
-    blocks = len(energy) * period // max(len(relations), period)
+    blocks = len(energy) * period // max(window, period)
     if blocks < _FEWEST_BLOCKS:
         return None
     each = np.array([one.mean() for one in np.array_split(contrast[:, origin], blocks)])
@@ -309,7 +337,9 @@ def at_own_rate(recording: Recording) -> Recording:
         The same object where no channel was resampled; else one with a row for each time at which
         any channel has a reading, and a warning for what was found.
     """
-    found = [_of_channel(recording, c) for c in range(len(recording.channels))]
+    on_rows = [_on_rows(recording, c) for c in range(len(recording.channels))]
+    told = iter(_find_each([values for values in on_rows if values is not None]))
+    found = [None if values is None else next(told) for values in on_rows]
     if all(one is None for one in found):
         return recording
     found = [one or _like_others(recording.values[c], found) for c, one in enumerate(found)]
@@ -338,7 +368,8 @@ def at_own_rate(recording: Recording) -> Recording:
     )
 
 
-def _of_channel(recording: Recording, c: int) -> Resampling | None:
+def _on_rows(recording: Recording, c: int) -> Array | None:
+    """Return a channel on an even grid of rows; None where it has too few, or no such grid."""
     there = np.isfinite(recording.values[c])
     if np.count_nonzero(there) < _FEWEST_ROWS:
         return None
@@ -347,7 +378,7 @@ def _of_channel(recording: Recording, c: int) -> Resampling | None:
         return None
     values = np.full(int(rows[-1]) + 1, np.nan)
     values[rows] = recording.values[c, there]
-    return find_resampling(values)
+    return values
 
 
 def _rows(time: Array) -> NDArray[np.int64] | None:

@@ -196,9 +196,12 @@ def fit_deflections(
     def run(theta: Array) -> tuple[Array, Array]:
         values = {n: np.array([x]) for n, x in _car(nominal, theta)._asdict().items()}
         system = state_space(line.car, values, line.output_models)
-        responses = [free_response(system, driven, np.zeros(6))]
-        responses += [free_response(system, still, start) for start in starts]
-        outputs, states = (np.stack(x, axis=2) for x in zip(*responses, strict=True))
+        responses = [free_response(system, driven, np.zeros((1, 6)))]
+        if len(starts):
+            responses.append(free_response(system, still, starts))
+        outputs, states = (
+            np.moveaxis(np.concatenate(x), 0, 2) for x in zip(*responses, strict=True)
+        )
         return states, outputs
 
     def model(theta: Array) -> tuple[Array, Array]:

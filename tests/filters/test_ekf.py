@@ -205,7 +205,8 @@ def _simulated(
         slope, (begin_t, line.instants[n]), first, t_eval=line.instants[: n + 1], rtol=1e-8,
         atol=1e-10, max_step=5e-4,
     )  # fmt: skip
-    output, _ = free_response(
-        target.space.state_space(centre, 0), line.measurements, np.zeros(6), _laws(target, values)
+    begin, laws = np.zeros((1, 6)), _laws(target, values)
+    (output,), _ = free_response(
+        target.space.state_space(centre, 0), line.measurements, begin, laws
     )
     return output[: n + 1], solved.y[4:6].T

@@ -110,7 +110,7 @@ QuantityName = Annotated[str, OneOf(*QUANTITIES)]
 class Model(BaseModel):
     """Base class: no conversion of types, and keys of later versions are kept."""
 
-    model_config = ConfigDict(strict=True, extra="allow", use_attribute_docstrings=True)
+    model_config = ConfigDict(strict=True, extra="allow")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON, with the keys that were given."""
