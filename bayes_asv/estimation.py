@@ -71,7 +71,7 @@ class RunFit:
     ----------
     recording : Recording
         As read.
-    line : PreparedRecording
+    prepared : PreparedRecording
         The same, laid out.
     free : FreeRun
         Simulation from the wheels alone at the mean of the posterior's coordinates.
@@ -88,7 +88,7 @@ class RunFit:
     """
 
     recording: Recording
-    line: PreparedRecording
+    prepared: PreparedRecording
     free: FreeRun
     ensemble: Array
     travel: Array
@@ -356,33 +356,33 @@ def _estimate_prepared(
     tell = progress or (lambda share, words: None)
     model = car_model(car, vehicle)
     clocks, sites = _clocks(recordings, vehicle, sites)
-    lines, reasons, warnings = prepare_runs(recordings, vehicle, below, car)
+    prepared, reasons, warnings = prepare_runs(recordings, vehicle, below, car)
     found, agreement, timed = None, None, None
     unidentified: tuple[str, ...] = ()
     if not reasons:
         tell(0.0, "checking what the recordings can tell")
-        unidentified = unidentified_before_fit(lines, vehicle)
+        unidentified = unidentified_before_fit(prepared, vehicle)
         if clocks:
             tell(0.0, "comparing the clocks")
             timed = synchronised(recordings, vehicle, clocks, below, car, likelihood)
-            lines = timed.lines
+            prepared = timed.prepared
         tell(0.0, "looking for the best fit")
         with ThreadPoolExecutor(1) as other:
             # emcee takes a second to load, most of it while compiled code climbs to the mode
             loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
             if (
-                len(lines) > 1
+                len(prepared) > 1
                 and likelihood == "innovations"
                 and not sites
                 and len(model.estimated) <= MAX_COMPARED
             ):  # the other form claims too much
-                alone = [fit_single_run(line, vehicle, seed) for line in lines]
+                alone = [fit_single_run(one, vehicle, seed) for one in prepared]
                 agreement = compare_runs(alone, math.prod(_APART), seed)
             if agreement is not None and agreement.apart:
                 reasons, warnings = agreement.reasons, warnings + agreement.warnings
             else:
                 found = (
-                    best_fit(lines, vehicle, likelihood, sites)
+                    best_fit(prepared, vehicle, likelihood, sites)
                     if timed is None
                     else fitted(timed, sites)
                 )
@@ -396,7 +396,7 @@ def _estimate_prepared(
         found, lacking = _with_model_error(found, vehicle)
         reasons = found.reasons
     doubt = None
-    if below is None and not sites and lines:
+    if below is None and not sites and prepared:
         tell(0.05, "checking the input")
         at_mode = recordings if timed is None else timed.recordings
         doubt = check_input(at_mode, vehicle, car, refused=bool(reasons))
@@ -563,23 +563,23 @@ def _estimate_random_effects(
         ),
         space=agreement.space,
         agreement=agreement,
-        below=agreement.space.timelines[0].below,
+        below=agreement.space.recordings[0].below,
         joint=agreement.quantities(together, seed),
     )
 
 
 def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, seed: int) -> RunFit:
     """Simulate one recording at the posterior's centre and at a few of its draws."""
-    line = target.space.timelines[run]
+    prepared = target.space.recordings[run]
     centre = flat.mean(axis=0)
     picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
-    elements = len(line.car.elements)
+    elements = len(prepared.car.elements)
     each = [free_run(target, z, run) for z in picked]
     innovations = target.innovations(centre, run)
-    innovations[line.kind != 1] = np.nan
+    innovations[prepared.kind != 1] = np.nan
     return RunFit(
         recording=recording,
-        line=line,
+        prepared=prepared,
         free=free_run(target, centre, run),
         ensemble=np.stack([one.output for one in each]),
         travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),

@@ -168,7 +168,7 @@ def told(name: str, run: SingleRunFit) -> dict[str, Any]:
         "p_family": min(check.p_family for check in checks),
         "residual_p": [round(check.p, 4) for check in checks if check.of == "residual"],
         "reading_p": [round(check.p, 4) for check in checks if check.of == "reading"],
-        "notches": len(run.fit.space.timelines[0].notches),
+        "notches": len(run.fit.space.recordings[0].notches),
     }
 
 

@@ -48,11 +48,11 @@ def again(fit: MapFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
     if shift.kind == "given":
         value = getattr(car, shift.where)
         wrong = replace(value, value=value.value / (1.0 + shift.size))
-        where = space(replace(car, **{shift.where: wrong}), fit.space.timelines)
+        where = space(replace(car, **{shift.where: wrong}), fit.space.recordings)
     else:
         fault = Fault(shift.kind, shift.where, shift.size)
-        lines = tuple(with_fault(line, fault, car) for line in fit.space.timelines)
-        where = replace(fit.space, timelines=lines)
+        lines = tuple(with_fault(recording, fault, car) for recording in fit.space.recordings)
+        where = replace(fit.space, recordings=lines)
     with shared_work(replace(fit.target, space=where)) as target:
         for start in (fit.mode.z, None):
             mode = find_mode(target, start)

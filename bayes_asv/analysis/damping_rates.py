@@ -133,7 +133,7 @@ def damping_rates(
     laws = [s for s in space.sites if s.effect.on_damper]
     if not laws:
         return ()
-    runs = range(len(space.timelines))
+    runs = range(len(space.recordings))
     driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
     tables = np.stack([_table(target, laws, one) for one in z[used]])
@@ -156,8 +156,8 @@ def damping_rates(
             zero = np.zeros_like(grid)
             curve[n] = one * grid - excess_many(table, e, one, 0.0, zero, grid, zero, 1.0)[:, 0]
         power = np.zeros(len(used))
-        for rate, line in zip(rates, space.timelines, strict=True):
-            power += damper_force_history(tables, e, c, rate, line.measurements.step) @ rate
+        for rate, recording in zip(rates, space.recordings, strict=True):
+            power += damper_force_history(tables, e, c, rate, recording.measurements.step) @ rate
         compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
         out.append(
             DampingRates(

@@ -115,19 +115,19 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
     tuple of Check
         Reading and residual of both chassis channels.
     """
-    line = target.space.timelines[run]
+    recording = target.space.recordings[run]
     rng = np.random.default_rng([seed, run, 9])
-    count = len(line.step)
+    count = len(recording.step)
     paths = max(min(_PATHS, _MOST_VALUES // (_CARS * count)), _FEWEST_PATHS)
     cars = min(_CARS, max(_MOST_VALUES // (paths * count), 8), len(draws))
     picked = draws[np.linspace(0, len(draws) - 1, cars).astype(int)]
     noises = target.space.noises(_believed(target, picked), run)
-    views = [_View.of(line, y) for y in range(len(line.outputs))]
-    low, high = _rails(line, views)
+    views = [_View.of(recording, y) for y in range(len(recording.outputs))]
+    low, high = _rails(recording, views)
     observed, replicated = [], []
     ny = len(views)
-    normal_count = normals_needed(len(line.wheels), ny)
-    data = line.measurements
+    normal_count = normals_needed(len(recording.wheels), ny)
+    data = recording.measurements
     systems = target.space.state_space(picked, run)
     for k, point in enumerate(picked):
         system = systems.some([k])
@@ -136,8 +136,8 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
         normals = rng.standard_normal((count, paths, normal_count))
         noisy = simulate_noise(system, noises.some([k]), data, normals)
         for y, view in enumerate(views):
-            noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], line, view)
-        measured = _stacked(line.reading[:, None, :], views)
+            noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], recording, view)
+        measured = _stacked(recording.reading[:, None, :], views)
         made = np.clip(_stacked(fitted[:, None, :] + noisy, views), low, high)
         residual = [x - _stacked(fitted[:, None, :], views) for x in (measured, made)]
         left = [e - basis @ (basis.T @ e) for e in residual]
@@ -213,9 +213,9 @@ class _View:
     bands: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, line: PreparedRecording, axle: int) -> _View:
-        rows = np.flatnonzero(line.kind[:, axle] == VALUE)
-        time = line.instants[rows]
+    def of(cls, recording: PreparedRecording, axle: int) -> _View:
+        rows = np.flatnonzero(recording.kind[:, axle] == VALUE)
+        time = recording.instants[rows]
         step = float(np.median(np.diff(time)))
         grid = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
         left = np.clip(np.searchsorted(time, grid, "right") - 1, 0, len(time) - 2)
@@ -276,22 +276,22 @@ def _basis(system: StateSpace, data: Measurements, views: list[_View]) -> Array:
     return np.asarray(basis)
 
 
-def _notched(noise: Array, line: PreparedRecording, view: _View) -> Array:
+def _notched(noise: Array, recording: PreparedRecording, view: _View) -> Array:
     """Noise (M, K) after the notches that cut tones out of the recording."""
-    if not line.notches:
+    if not recording.notches:
         return noise
     from scipy.signal import sosfilt
 
-    sections = notch_filter([Notch(*notch) for notch in line.notches], view.rate)
+    sections = notch_filter([Notch(*notch) for notch in recording.notches], view.rate)
     return np.asarray(sosfilt(sections, noise, axis=0))
 
 
-def _rails(line: PreparedRecording, views: list[_View]) -> tuple[Array, Array]:
+def _rails(recording: PreparedRecording, views: list[_View]) -> tuple[Array, Array]:
     """Where each output of this recording was cut off (M, 1); infinite where none was."""
     low, high = [], []
     for y, view in enumerate(views):
-        top = line.reading[line.kind[:, y] == AT_LEAST, y]
-        bottom = line.reading[line.kind[:, y] == AT_MOST, y]
+        top = recording.reading[recording.kind[:, y] == AT_LEAST, y]
+        bottom = recording.reading[recording.kind[:, y] == AT_MOST, y]
         low.append(np.full(len(view.rows), bottom.max() if len(bottom) else -np.inf))
         high.append(np.full(len(view.rows), top.min() if len(top) else np.inf))
     return np.concatenate(low)[:, None], np.concatenate(high)[:, None]

@@ -228,12 +228,12 @@ class RunConsistency:
         )
 
 
-def fit_single_run(line: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRunFit:
+def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRunFit:
     """Posterior of one run by itself, by weighted draws.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         The run.
     vehicle : Vehicle
         Gives the priors.
@@ -244,7 +244,7 @@ def fit_single_run(line: PreparedRecording, vehicle: Vehicle, seed: int) -> Sing
     -------
     SingleRunFit
     """
-    fit = best_fit((line,), vehicle)
+    fit = best_fit((recording,), vehicle)
     with shared_work(fit.target) as shared:
         weighted = importance_sample(shared, fit.mode, _WEIGHTED, seed)
     w = weighted.weight
@@ -252,9 +252,9 @@ def fit_single_run(line: PreparedRecording, vehicle: Vehicle, seed: int) -> Sing
     # Systematic: every draw is kept as often as its weight says, give or take one.
     at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_KEPT)) / _KEPT)
     z = weighted.z[rng.permutation(np.minimum(at, len(w) - 1))]
-    line = fit.space.timelines[0]
+    recording = fit.space.recordings[0]
     faults, _ = explained_power_findings(
-        line, free_run(fit.target, fit.mode.z, 0), bool(fit.shares)
+        recording, free_run(fit.target, fit.mode.z, 0), bool(fit.shares)
     )
     return SingleRunFit(fit, z, weighted.effective, _likelihood(fit, weighted), tuple(faults))
 

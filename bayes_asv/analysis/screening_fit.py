@@ -89,8 +89,8 @@ def screening_fit(
     for recording in recordings:
         if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
             return None
-    lines = tuple(prepare(one, vehicle, model) for one in recordings)
-    target = Posterior(space(vehicle, lines), tuple(WHITE for _ in lines))
+    prepared = tuple(prepare(one, vehicle, model) for one in recordings)
+    target = Posterior(space(vehicle, prepared), tuple(WHITE for _ in prepared))
     n = target.space.shared_dimension
     dimension = target.space.dimension
 
@@ -136,11 +136,11 @@ def screening_fit(
             sd = math.sqrt(sum((c * sd) ** 2 for _, c, sd in p.terms))
             moved[p.name] = math.log(values[p.name] / p.nominal) / sd if sd > 0.0 else 0.0
     spread = [
-        long_run_variance(target.innovations(z, run), line.kind == VALUE, line.instants)
-        for run, line in enumerate(lines)
+        long_run_variance(target.innovations(z, run), one.kind == VALUE, one.instants)
+        for run, one in enumerate(prepared)
     ]
     dispersion = max(1.0, *spread)
-    holds = dispersion < _HOLDS * max(_of_filtered_noise(line) for line in lines)
+    holds = dispersion < _HOLDS * max(_of_filtered_noise(one) for one in prepared)
     return Fit(value, noise_factor, dispersion, holds, moved, values, fit.x)
 
 
@@ -166,15 +166,15 @@ def holds_throughout(
     bool
     """
     model = car_model(car, vehicle)
-    line = prepare(recording, vehicle, model)
-    target = Posterior(space(vehicle, (line,)), (WHITE,))
+    prepared = prepare(recording, vehicle, model)
+    target = Posterior(space(vehicle, (prepared,)), (WHITE,))
     z = np.zeros(target.space.dimension)
     z[: len(fit.shared)] = fit.shared
-    innovations, use = target.innovations(z, 0), line.kind == VALUE
-    power = np.interp(line.instants, recording.time, wheel_power(recording, vehicle))
-    first, last = float(line.instants[0]), float(line.instants[-1])
+    innovations, use = target.innovations(z, 0), prepared.kind == VALUE
+    power = np.interp(prepared.instants, recording.time, wheel_power(recording, vehicle))
+    first, last = float(prepared.instants[0]), float(prepared.instants[-1])
     count = max(round((last - first) / seconds), 1)
-    edges = np.searchsorted(line.instants, np.linspace(first, last, count + 1))
+    edges = np.searchsorted(prepared.instants, np.linspace(first, last, count + 1))
     stretches = [slice(*ends) for ends in pairwise(edges)]
     powers = [float(np.mean(power[rows])) for rows in stretches]
     looked_at = [
@@ -185,8 +185,10 @@ def holds_throughout(
     # One of many stretches is beyond the bound by chance: it has to be so significantly.
     level = _CHANCE / max(len(looked_at) * use.shape[1], 1)
     return all(
-        long_run_variance(innovations[rows], use[rows], line.instants[rows])
-        < _HOLDS * _of_filtered_noise(line) * chance_factor(use[rows], line.instants[rows], level)
+        long_run_variance(innovations[rows], use[rows], prepared.instants[rows])
+        < _HOLDS
+        * _of_filtered_noise(prepared)
+        * chance_factor(use[rows], prepared.instants[rows], level)
         for rows in looked_at
     )
 
@@ -194,7 +196,7 @@ def holds_throughout(
 def _innovations(target: Posterior, z: Array) -> tuple[int, float]:
     """Count the normalised innovations of all runs, and sum their squares."""
     every = np.concatenate(
-        [target.innovations(z, run).ravel() for run in range(len(target.space.timelines))]
+        [target.innovations(z, run).ravel() for run in range(len(target.space.recordings))]
     )
     there = np.isfinite(every) & (every != 0.0)
     return int(np.count_nonzero(there)), float(np.sum(every[there] ** 2))
@@ -206,9 +208,9 @@ def _noise_factor(target: Posterior, z: Array) -> float:
     return math.sqrt(max(1.0, square / max(count, 1)))
 
 
-def _of_filtered_noise(line: PreparedRecording) -> float:
+def _of_filtered_noise(recording: PreparedRecording) -> float:
     """Long-run variance of noise that passed the outputs' filters, over that of white noise."""
-    step = float(np.median(np.diff(line.times[0])))
-    poles = line.poles[list(line.outputs)]
+    step = float(np.median(np.diff(recording.times[0])))
+    poles = recording.poles[list(recording.outputs)]
     left = np.exp(-poles[poles > 0.0] * step)
     return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))

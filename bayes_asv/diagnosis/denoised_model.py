@@ -100,7 +100,7 @@ class FixedGainFilter:
         if not 0.0 < largest < np.inf:
             return np.full(np.count_nonzero(valid), 0.0 if largest == 0.0 else np.nan)
         scale = _PERTURBATION / largest
-        moments = self.posterior.space.timelines[self.run].moments
+        moments = self.posterior.space.recordings[self.run].moments
         perturbation = Perturbation(np.zeros_like(moments), scale * change, np.zeros_like(change))
         return self.response(perturbation) / scale
 
@@ -196,8 +196,8 @@ class DenoisedModel:
 
 def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
     """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
-    recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.lines)))
-    denoised = replace(dataset, lines=recordings, quiet=True)
+    recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.recordings)))
+    denoised = replace(dataset, recordings=recordings, quiet=True)
     return update_patterns(denoised, replace(model, target=denoised.target(model.sites)))
 
 
@@ -223,7 +223,7 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
     """
     dataset = replace(dataset, patterns=model.target.patterns)
     posterior, z, count = dataset.target(model.sites), model.mode.z, model.space.shared_dimension
-    filters = tuple(fixed_gain_filter(posterior, z, run) for run in range(len(dataset.lines)))
+    filters = tuple(fixed_gain_filter(posterior, z, run) for run in range(len(dataset.recordings)))
     settled, at_mode = np.concatenate([_settled(one) for one in filters]), model.mode.slopes
     means, scales = at_mode.means.copy(), at_mode.scales.copy()
     means[:count], scales[:count] = coordinate_sensitivities(filters, count), 0.0
@@ -232,7 +232,7 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
 
 
 def _settled(one: FixedGainFilter) -> NDArray[np.bool_]:
-    recording = one.posterior.space.timelines[one.run]
+    recording = one.posterior.space.recordings[one.run]
     any_reading = np.any(recording.kind != MISSING, axis=1)
     settled = recording.instants > recording.instants[any_reading][0] + _SETTLING_TIME
     return np.broadcast_to(settled[:, None], one.has_reading.shape)[one.has_reading]

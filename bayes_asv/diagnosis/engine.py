@@ -178,7 +178,7 @@ def _remove(
     dataset: Dataset, tones: tuple[Notch, ...], fit: Callable[[Dataset], FittedModel]
 ) -> tuple[Dataset, FittedModel]:
     """Remove tones from all recordings, and fit the model to the rest."""
-    recordings = tuple(notched(recording, tones) for recording in dataset.lines)
+    recordings = tuple(notched(recording, tones) for recording in dataset.recordings)
     removed = make_dataset(dataset.vehicle, recordings)
     return removed, fit(removed)
 
@@ -195,7 +195,7 @@ def _beside(tones: Sequence[Notch], removed: Dataset, refit: FittedModel) -> tup
 def _tone_energy(dataset: Dataset, model: FittedModel, tones: Sequence[Notch]) -> float:
     """Energy of innovations that is removed with the tones, beyond what white ones lose."""
     lost = 0.0
-    for run, recording in enumerate(dataset.lines):
+    for run, recording in enumerate(dataset.recordings):
         nu = np.nan_to_num(_accelerations(dataset, model, run))
         sections = notch_filter(tones, 1.0 / recording.reading_step)
         _, response = sosfreqz(sections, 2048)
@@ -209,7 +209,7 @@ def _detect(
 ) -> DetectedTones:
     """Detect the tones of all runs; one engine excites each of them."""
     by_rate: list[tuple[float, list[Array]]] = []
-    for run, recording in enumerate(dataset.lines):
+    for run, recording in enumerate(dataset.recordings):
         if not recording.accelerations:
             continue
         nu = _accelerations(dataset, model, run)
@@ -239,7 +239,7 @@ def _detect(
 
 def _accelerations(dataset: Dataset, model: FittedModel, run: int) -> Array:
     """Normalised innovations (R, n) of the accelerations of one run, nan where one is missing."""
-    recording = dataset.lines[run]
+    recording = dataset.recordings[run]
     nu = recording.paired(model.target.innovations_and_variances(model.mode.z, run)[0])
     return nu[:, list(recording.accelerations)]
 
@@ -311,7 +311,7 @@ def _tone_bands(
 ) -> Iterator[_ToneBand]:
     tone, others = tones[0], tones[1:]
     width = _MEASURED_WIDTH * tone.half_width
-    for run, recording in enumerate(dataset.lines):
+    for run, recording in enumerate(dataset.recordings):
         rate = 1.0 / recording.reading_step
         if tone.frequency >= 0.5 * rate or not recording.accelerations:
             continue
@@ -348,7 +348,7 @@ def _analytic(signal: Array, tone: Notch, rate: float) -> Complex:
 
 def _response(model: FittedModel, run: int, frequency: float, place: str) -> Complex:
     """Return what accelerations read (n,) by a force of one newton, wheels moving as measured."""
-    recording = model.space.timelines[run]
+    recording = model.space.recordings[run]
     used = list(recording.accelerations)
     system = model.space.state_space(model.mode.z[None], run)
     by_forces = (

@@ -71,9 +71,9 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     """
     recordings = tuple(
         replace(recording, reading=free_run(one.target, one.mode.z, run).output)
-        for run, recording in enumerate(dataset.lines)
+        for run, recording in enumerate(dataset.recordings)
     )
-    predicted = replace(dataset, lines=recordings)
+    predicted = replace(dataset, recordings=recordings)
     modes = []
     for model in (one, other):
         posterior = predicted.target(model.sites, hold=True)

@@ -82,12 +82,12 @@ def localize(dataset: Dataset, model: FittedModel) -> Localization:
     """Find where the innovations of a model have too much energy or a systematic mean."""
     passes = [
         model.target.innovations_and_variances(model.mode.z, run)
-        for run in range(len(dataset.lines))
+        for run in range(len(dataset.recordings))
     ]
     outputs = [channel.name for channel in dataset.channels if not channel.is_input]
     energy, count = np.zeros(len(outputs)), np.zeros(len(outputs))
     windows: list[tuple[int, float, float]] = []
-    for run, (recording, (nu, logs, _)) in enumerate(zip(dataset.lines, passes, strict=True)):
+    for run, (recording, (nu, logs, _)) in enumerate(zip(dataset.recordings, passes, strict=True)):
         valid = logs != 0.0
         own = [outputs.index(recording.channels[c].name) for c in recording.outputs]
         energy[own] += np.where(valid, nu**2, 0.0).sum(axis=0)
@@ -122,11 +122,11 @@ def _windows(instants: Array, nu: Array, valid: NDArray[np.bool_]) -> list[tuple
 
 def _bands(dataset: Dataset, passes: Passes) -> tuple[tuple[float, float], ...]:
     """Third octaves with significantly too much energy, over all runs and channels."""
-    rate = 1.0 / dataset.lines[0].reading_step
+    rate = 1.0 / dataset.recordings[0].reading_step
     centres = 2.0 ** (np.arange(-3, 40) / 3.0)
     centres = centres[(centres < 0.42 * rate) & (centres > 1.0)]
     energy, number = np.zeros(len(centres)), np.zeros(len(centres))
-    for recording, (nu, _, _) in zip(dataset.lines, passes, strict=True):
+    for recording, (nu, _, _) in zip(dataset.recordings, passes, strict=True):
         paired = np.nan_to_num(recording.paired(nu))
         n = len(paired)
         power = np.abs(np.fft.rfft(paired, axis=0)) ** 2 / n
@@ -152,7 +152,9 @@ def _force_maps(
     car = model.space.car
     shares = np.array([car.shares(axle) for axle in car.axles])
     forces, states = [], []
-    for run, (recording, (nu, logs, state)) in enumerate(zip(dataset.lines, passes, strict=True)):
+    for run, (recording, (nu, logs, state)) in enumerate(
+        zip(dataset.recordings, passes, strict=True)
+    ):
         used = list(recording.accelerations)
         by_forces = model.space.state_space(model.mode.z[None], run).G[0][used] @ shares.T
         if np.linalg.matrix_rank(by_forces) < len(car.axles):

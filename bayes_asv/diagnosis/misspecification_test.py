@@ -143,7 +143,7 @@ def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
     """Channels whose fitted noise level is far above the given one."""
     levels = model.space.nuisance(model.mode.z[None])
     out = []
-    for run, recording in enumerate(dataset.lines):
+    for run, recording in enumerate(dataset.recordings):
         for channel, given in zip(recording.channels, recording.noise, strict=True):
             level = levels.get(f"noise {channel.name} {run}")
             if given and level is not None and float(level[0]) > EXCESS_NOISE * given:
@@ -246,7 +246,7 @@ def _loss(posterior: Posterior, mode: LaplaceFit, settled: NDArray[np.bool_]) ->
     A clipped reading does not count: its true value is unknown.
     """
     at_mode = mode.slopes
-    runs = range(len(posterior.space.timelines))
+    runs = range(len(posterior.space.recordings))
     back = sum(float(posterior.removed_band_correction(mode.z[None], run)[0]) for run in runs)
     twice = np.sum((at_mode.nu**2 + at_mode.logs)[settled]) + mode.z @ mode.z
     return 0.5 * float(twice) - back

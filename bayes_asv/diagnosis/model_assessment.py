@@ -120,8 +120,11 @@ def fit_pooled(
     own = assessed.dataset
     if holdout is None:
         return assessed.denoised, assessed.model, assessed.evidence
-    recordings, patterns = (*own.lines, *holdout.lines), (*own.patterns, *holdout.patterns)
-    pooled = replace(own, lines=recordings, patterns=patterns)
+    recordings, patterns = (
+        (*own.recordings, *holdout.recordings),
+        (*own.patterns, *holdout.patterns),
+    )
+    pooled = replace(own, recordings=recordings, patterns=patterns)
     _, denoised, model = _denoised(pooled, refit(assessed.model, pooled))
     return denoised, model, model_evidence(denoised, model)
 
@@ -172,8 +175,8 @@ def supported_by_holdout(
         Some of the named effects, tested together.
     """
     pooled, model, evidence = fit_pooled(assessed, holdout)
-    own = len(assessed.dataset.lines)  # these come first
-    fit = replace(pooled, lines=pooled.lines[:own], patterns=pooled.patterns[:own])
+    own = len(assessed.dataset.recordings)  # these come first
+    fit = replace(pooled, recordings=pooled.recordings[:own], patterns=pooled.patterns[:own])
     own_model = fit_again(fit, model, model.sites)
     own_evidence = model_evidence(fit, own_model)
     sites = tuple(e.site for e in effects)

@@ -45,7 +45,7 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
         Statistic minus its expectation, and its p-value.
     """
     statistic, freedom = 0.0, 0
-    for run, recording in enumerate(model.space.timelines):
+    for run, recording in enumerate(model.space.recordings):
         nu = model.target.innovations_and_variances(model.mode.z, run)[0]
         # the error of a coarse converter is autocorrelated where the signal moves slowly
         nu[np.any([is_slow(recording, c) for c in recording.outputs], axis=0)] = np.nan
@@ -150,8 +150,8 @@ def jitter_log_likelihood_ratio(
 
 def _groups(dataset: Dataset) -> Iterator[NDArray[np.bool_]]:
     """Yield the innovations of each output and run, as a mask of all."""
-    output = [np.nonzero(recording.kind == VALUE)[1] for recording in dataset.lines]
-    most = max(len(recording.outputs) for recording in dataset.lines)
+    output = [np.nonzero(recording.kind == VALUE)[1] for recording in dataset.recordings]
+    most = max(len(recording.outputs) for recording in dataset.recordings)
     of = np.concatenate([most * run + own for run, own in enumerate(output)])
     for group in np.unique(of):
         yield of == group
@@ -175,7 +175,7 @@ def _squared_slopes(dataset: Dataset, model: FittedModel) -> Array:
     return np.hstack(
         [
             _run_slopes(model, recording, run, channels)
-            for run, recording in enumerate(dataset.lines)
+            for run, recording in enumerate(dataset.recordings)
         ]
     )
 

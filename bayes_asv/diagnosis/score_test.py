@@ -207,14 +207,14 @@ def _quantization_drifts(
     dataset: Dataset, model: FittedModel, candidates: list[Candidate], sensitivities: Array
 ) -> Array:
     """Sensitivities (G, N) along offset drifts that coarse converters may feign, run by run."""
-    counts = [_reading_count(model, run) for run in range(len(dataset.lines))]
+    counts = [_reading_count(model, run) for run in range(len(dataset.recordings))]
     ends = np.cumsum(counts)
     out = []
     for k, candidate in enumerate(candidates):
         if candidate.site.effect.fault != "drift":
             continue
         one = candidate.values[candidate.site.effect.parameters[0].name]
-        for recording, end, count in zip(dataset.lines, ends, counts, strict=True):
+        for recording, end, count in zip(dataset.recordings, ends, counts, strict=True):
             slope = _feigned_slope(recording, candidate.site.where)
             if slope > 0.0:
                 drift = np.zeros(sensitivities.shape[1])
@@ -242,7 +242,7 @@ def _feigned_slope(recording: PreparedRecording, name: str) -> float:
 
 
 def _reading_count(model: FittedModel, run: int) -> int:
-    recording = model.space.timelines[run]
+    recording = model.space.recordings[run]
     return int(np.count_nonzero(recording.kind == VALUE))
 
 

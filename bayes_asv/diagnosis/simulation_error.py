@@ -139,7 +139,7 @@ def simulation_residuals(
     posterior, z = _frozen(dataset, model, own)
     dimension, scales = _scales(dataset)
     residuals, times, floors = [], [], []
-    for run, recording in enumerate(dataset.lines):
+    for run, recording in enumerate(dataset.recordings):
         output = free_run(posterior, z, run).output
         valid = recording.kind == VALUE
         scale = np.array([scales[recording.channels[c].name] for c in recording.outputs])
@@ -166,10 +166,10 @@ def _scales(dataset: Dataset) -> tuple[str, dict[str, float]]:
     if len(dimensions) == 1:
         return dimensions.pop(), {channel.name: 1.0 for channel in outputs}
     readings: dict[str, list[Array]] = {}
-    for line in dataset.lines:
-        for y, c in enumerate(line.outputs):
-            own = line.reading[line.kind[:, y] == VALUE, y]
-            readings.setdefault(line.channels[c].name, []).append(own)
+    for recording in dataset.recordings:
+        for y, c in enumerate(recording.outputs):
+            own = recording.reading[recording.kind[:, y] == VALUE, y]
+            readings.setdefault(recording.channels[c].name, []).append(own)
     scales = {name: float(np.std(np.concatenate(own))) for name, own in readings.items()}
     return "dimensionless", {name: scale or 1.0 for name, scale in scales.items()}
 

@@ -216,7 +216,7 @@ class OffsetPosterior(Posterior):
             part = nu[valid] ** 2 + logs[valid] + math.log(2.0 * math.pi)
             return float(self.removed_band_correction(z[w : w + 1], run)[0] - 0.5 * part.sum())
 
-        runs = range(len(self.space.timelines))
+        runs = range(len(self.space.recordings))
         work = self.pool.map if self.pool else map
         for w in np.flatnonzero(np.isfinite(value)).tolist():
             value[w] += sum(work(log_likelihood, [(w, run) for run in runs]))
@@ -229,7 +229,7 @@ def with_offset(
     """Return a model's posterior, predictions moved by offsets (K,) along sensitivities (K, N)."""
     by_run, log_variances, begin = [], [], 0
     change = offsets @ sensitivities
-    for run in range(len(model.space.timelines)):
+    for run in range(len(model.space.recordings)):
         logs = model.target.innovations_and_variances(model.mode.z, run)[1]
         valid = logs != 0.0
         offset = np.zeros_like(logs)

@@ -122,7 +122,7 @@ def unlisted_fault_sensitivities(model: DenoisedModel) -> tuple[Array, tuple[str
         A model at its mode.
     """
     dataset, posterior, z = model.dataset, model.filters[0].posterior, model.model.mode.z
-    runs = range(len(dataset.lines))
+    runs = range(len(dataset.recordings))
     motions = [_motion(dataset, posterior, z, run) for run in runs]
     travel = np.sqrt(np.mean([m.deflection.var(axis=0) for m in motions], axis=0))
     car, values = posterior.space.car, posterior.space.values(z[None])
@@ -150,7 +150,7 @@ def unlisted_fault_sensitivities(model: DenoisedModel) -> tuple[Array, tuple[str
 
 def _motion(dataset: Dataset, posterior: Posterior, z: Array, run: int) -> _Motion:
     # The filtered states follow the readings and would share their noise: a free simulation.
-    recording = dataset.lines[run]
+    recording = dataset.recordings[run]
     readings, states, _ = free_run(posterior, z, run)
     time = recording.instants - recording.instants[0]
     pole = posterior.patterns[run].pole
@@ -191,7 +191,7 @@ def _faults(
     dataset: Dataset, run: int, motion: _Motion, car: CarModel, values: Values, travel: Array
 ) -> Iterator[_Fault]:
     """Yield every unlisted fault of one run; ``travel`` (ne,) are rms deflections over all runs."""
-    recording = dataset.lines[run]
+    recording = dataset.recordings[run]
     nothing = Perturbation(
         np.zeros_like(recording.moments),
         np.zeros_like(recording.reading),
@@ -463,7 +463,9 @@ def free_damper_evidence(
         Of the same model.
     """
     posterior, z = model.filters[0].posterior, model.model.mode.z
-    motions = [_motion(model.dataset, posterior, z, k) for k in range(len(model.dataset.lines))]
+    motions = [
+        _motion(model.dataset, posterior, z, k) for k in range(len(model.dataset.recordings))
+    ]
     car, values = posterior.space.car, posterior.space.values(z[None])
     by_axle = {}
     for axle in car.axles:
@@ -489,10 +491,12 @@ def _force_sensitivities(
     def sensitivity(by_run: list[Array]) -> Array:
         responses = {}
         for run, forces in enumerate(by_run):
-            line = model.dataset.lines[run]
-            force = np.zeros((len(line.elapsed), len(line.car.elements)))
+            recording = model.dataset.recordings[run]
+            force = np.zeros((len(recording.elapsed), len(recording.car.elements)))
             force[:, elements] = forces.T
-            nudge = Perturbation(np.zeros_like(line.moments), np.zeros_like(line.reading), force)
+            nudge = Perturbation(
+                np.zeros_like(recording.moments), np.zeros_like(recording.reading), force
+            )
             responses[run] = model.filters[run].response(nudge)
         return model.concatenate(responses)
 
@@ -510,14 +514,14 @@ def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
     """
     size = _PULSE_FORCE * model.model.space.sizes.load
     shares = model.model.space.car.shares(axle)
-    runs = [(run, recording.elapsed) for run, recording in enumerate(model.dataset.lines)]
+    runs = [(run, recording.elapsed) for run, recording in enumerate(model.dataset.recordings)]
     starts = [
         (run, start) for run, time in runs for start in np.arange(time[0], time[-1], _PULSE_SPACING)
     ]
 
     def sensitivity(at: tuple[int, float]) -> Array:
         run, start = at
-        recording = model.dataset.lines[run]
+        recording = model.dataset.recordings[run]
         pulse = table_of_laws([[0, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
         time = recording.elapsed
         rest = np.zeros(len(time))

@@ -125,8 +125,8 @@ def diagnose(
         notes.append("the held-out recordings cannot be used: " + "; ".join(unusable))
         held = ()
     fit, held = (
-        _synchronised(runs, lines, vehicle, car)
-        for runs, lines in ((fit_runs, fit), (holdout_runs, held))
+        _synchronised(runs, prepared, vehicle, car)
+        for runs, prepared in ((fit_runs, fit), (holdout_runs, held))
     )
     progress(0.05, f"fitting the linear {car} car")
     dataset = make_dataset(vehicle, fit)
@@ -206,8 +206,8 @@ def _misread_channel(
     """
     target, z = given.linear.target, given.linear.mode.z
     short = [
-        explained_power_findings(line, free_run(target, z, run))
-        for run, line in enumerate(given.fit.lines)
+        explained_power_findings(recording, free_run(target, z, run))
+        for run, recording in enumerate(given.fit.recordings)
     ]
     if not any(reasons or warnings for reasons, warnings in short):
         return None
@@ -294,12 +294,12 @@ def missing_effects(
 
 
 def _synchronised(
-    runs: Sequence[Recording], lines: tuple[PreparedRecording, ...], vehicle: Vehicle, car: str
+    runs: Sequence[Recording], recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, car: str
 ) -> tuple[PreparedRecording, ...]:
     """Prepare runs again at the most probable errors of the clocks that are declared."""
-    clocks = declared_clocks(runs, vehicle) if lines else ()
+    clocks = declared_clocks(runs, vehicle) if recordings else ()
     if not clocks:
-        return lines
+        return recordings
     return prepare_runs(synchronised(runs, vehicle, clocks, car=car).recordings, vehicle, car=car)[
         0
     ]

@@ -200,7 +200,7 @@ def _log_likelihood(target: Posterior, z: Array) -> Any:
     with shared_work(target) as shared:
         values = shared.by_run(z.reshape(-1, z.shape[-1]))
     values = np.moveaxis(values.reshape(-1, *z.shape[:2]), 0, -1)
-    sources = [line.source for line in target.space.timelines]
+    sources = [recording.source for recording in target.space.recordings]
     return xarray.Dataset(
         {"recordings": ((*_DIMS, "recording"), values)},
         coords={
@@ -215,16 +215,16 @@ def _predicted(result: Estimate, target: Posterior, z: Array) -> list[Array]:
     """Draw outputs (S, E, ny) of every recording, as car and sensors make them."""
     out = []
     flat = z.reshape(-1, z.shape[-1])
-    for n, line in enumerate(target.space.timelines):
-        count, ny = line.kind.shape
+    for n, recording in enumerate(target.space.recordings):
+        count, ny = recording.kind.shape
         size = max(min(_PREDICTIVE_DRAWS, _MAX_PREDICTIVE // (ny * count)), 2)
         rng = np.random.default_rng([result.seed, n, 11])
         rows = np.empty((size, count, ny))
         for s, k in enumerate(np.linspace(0, len(flat) - 1, size).astype(int)):
-            normals = rng.standard_normal((count, 1, normals_needed(len(line.wheels), ny)))
+            normals = rng.standard_normal((count, 1, normals_needed(len(recording.wheels), ny)))
             system = target.space.state_space(flat[k][None], n)
             noise = target.space.noises(flat[k][None], n)
-            drawn = simulate_noise(system, noise, line.measurements, normals)
+            drawn = simulate_noise(system, noise, recording.measurements, normals)
             rows[s] = free_run(target, flat[k], n).output + drawn[:, 0]
         out.append(rows)
     return out
@@ -236,13 +236,13 @@ def _readings(result: Estimate, predicted: list[Array] | None) -> Any:
     variables: dict[str, Any] = {}
     coords: dict[str, Any] = {}
     for n, run in enumerate(result.runs):
-        for y, c in enumerate(run.line.outputs):
-            output, there = run.line.channels[c], run.line.kind[:, y] == VALUE
+        for y, c in enumerate(run.prepared.outputs):
+            output, there = run.prepared.channels[c], run.prepared.kind[:, y] == VALUE
             name, time = f"{output.name}_{n}", f"time_{output.name}_{n}"
             units = {"units": output.si_unit}
-            coords[time] = run.line.instants[there]
+            coords[time] = run.prepared.instants[there]
             if predicted is None:
-                variables[name] = ((time,), run.line.reading[there, y], units)
+                variables[name] = ((time,), run.prepared.reading[there, y], units)
             else:
                 shown = predicted[n][None, :, there, y]
                 variables[name] = (("chain", "draw", time), shown, units)

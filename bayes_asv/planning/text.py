@@ -115,27 +115,27 @@ def unidentified_lines(plan: Plan) -> list[str]:
     car does not have it.
     """
     car, about = plan.measured.car, plan.prior
-    lines = []
+    recordings = []
     if len(car.axles) == 1:
         other = "rear" if car.axles == ("front",) else "front"
-        lines.append(
+        recordings.append(
             f"the {other} damping rate and the pitch inertia: nothing is measured at the {other} "
             "axle"
         )
     if plan.best is None:
-        return lines
+        return recordings
     prior = {name: about.sd(name) for name in car.estimated}
     directions = {name: about.parameters[name] for name in prior}
     after = predicted_sd(plan.best.evaluation.information, plan.passes, about, directions)
     outputs = [channel for channel in plan.measured.channels if not channel.is_input]
     for name in unmeasured(prior, after):
         fix = sensor_for(car, outputs, name) or "drive over something else, or faster"
-        lines.append(
+        recordings.append(
             f"the {_label(name)} ({name}): its standard deviation stays at "
             f"{percent_text(after[name])}, and the vehicle file gives {percent_text(prior[name])}; "
             f"{fix}"
         )
-    return lines
+    return recordings
 
 
 def limit_sentence(limiting: LimitingValues, plan: Plan) -> str:
@@ -191,13 +191,13 @@ def unreachable_reason(plan: Plan, one: RatedDrive, parameter: str) -> str:
 
 def assumption_lines(plan: Plan) -> list[str]:
     """State what the plan assumes because the vehicle file does not give it."""
-    lines = []
+    recordings = []
     if plan.assumed_noise:
         every = len(plan.assumed_noise) == len(plan.measured.channels)
         which = "any sensor" if every else _join(
             [name.replace("_", " ") for name in plan.assumed_noise]
         )  # fmt: skip
-        lines.append(
+        recordings.append(
             f"the vehicle file gives no noise for {which}; the plan assumes a small 10-bit logger"
         )
     if not plan.tyres_given:
@@ -205,7 +205,7 @@ def assumption_lines(plan: Plan) -> list[str]:
         sums = [list(car.elements_at(axle)) for axle in car.axles]
         rate = [_value_text(plan.tyres.rate[own].sum(), "stiffness", plan) for own in sums]
         mass = [_mass_text(plan.tyres.mass[own].sum(), plan) for own in sums]
-        lines.append(
+        recordings.append(
             f"the plan assumes tyre rates of {_join(rate)} and unsprung masses of "
             f"{_join(mass)}, {_join(car.axles)}; give --tyre-rate and --unsprung if "
             "yours differ"
@@ -213,7 +213,7 @@ def assumption_lines(plan: Plan) -> list[str]:
     if any(element.side == "right" for element in plan.measured.car.elements):
         metric = plan.vehicle.units != "US"
         later = f"{RIGHT_LATER:g} m" if metric else f"{RIGHT_LATER / INCH:.0f} in"
-        lines.append(
+        recordings.append(
             f"the right wheels meet every obstacle {later} after the left ones; on a rough road "
             "they have a track of their own"
         )
@@ -221,17 +221,17 @@ def assumption_lines(plan: Plan) -> list[str]:
         not math.isfinite(s.low) and not math.isfinite(s.high)
         for s in plan.vehicle.sensors_of([c.name for c in plan.measured.channels])
     ):
-        lines.append(
+        recordings.append(
             "the vehicle file gives no range for some sensors; compare the largest readings of "
             "the drive with the data sheets"
         )
     travel = plan.vehicle.travel
     ends = [f"{axle}_{end}" for axle in plan.measured.car.axles for end in ("bump", "droop")]
     if any(getattr(travel, end) is None for end in ends):
-        lines.append(
+        recordings.append(
             "the vehicle file does not give every suspension travel; the missing ones are unchecked"
         )
-    return lines
+    return recordings
 
 
 def _value_text(value: float, dimension: str, plan: Plan) -> str:
@@ -261,34 +261,34 @@ def plan_lines(plan: Plan) -> list[str]:
         Lines.
     """
     units = plan.vehicle.units
-    lines = [f"Plan for {plain(plan.vehicle.name)}", ""]
+    recordings = [f"Plan for {plain(plan.vehicle.name)}", ""]
     best = plan.best
     if best is None:
-        lines += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]
-        return lines
+        recordings += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]
+        return recordings
     words = f"{times_text(plan.passes)} {drive_text(best.evaluation.drive, units)}."
     if plan.chosen is None:
-        lines += [
+        recordings += [
             f"No drive reaches every wanted standard deviation in {plan.max_passes} passes.",
             f"Nearest: drive {words}",
         ]
     else:
-        lines.append(f"Drive {words}")
-    lines += ["", *_sd_table(plan, best), ""]
-    lines += [f"- {text}" for text in limit_lines(plan)]
-    lines += [f"- {note}" for note in best.evaluation.notes]
-    lines += [f"- {text}" for text in assumption_lines(plan)]
+        recordings.append(f"Drive {words}")
+    recordings += ["", *_sd_table(plan, best), ""]
+    recordings += [f"- {text}" for text in limit_lines(plan)]
+    recordings += [f"- {note}" for note in best.evaluation.notes]
+    recordings += [f"- {text}" for text in assumption_lines(plan)]
     unidentified = unidentified_lines(plan)
     if unidentified:
-        lines += [
+        recordings += [
             "",
             "Not identifiable with these sensors:",
             *(f"- {text}" for text in unidentified),
         ]
-    lines += _unidentifiable_section(plan, best)
-    lines += ["", *_roads_table(plan, best)]
+    recordings += _unidentifiable_section(plan, best)
+    recordings += ["", *_roads_table(plan, best)]
     rates = _rates_table(plan, best)
-    return [*lines, "", *rates] if rates else lines
+    return [*recordings, "", *rates] if rates else recordings
 
 
 def common_reasons(rated: Sequence[RatedDrive]) -> list[str]:
@@ -317,21 +317,21 @@ def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
 
 def _unidentifiable_section(plan: Plan, one: RatedDrive) -> list[str]:
     """List what no drive, and what this drive, cannot separate."""
-    lines = ["", "No drive can separate:"]
-    lines += [f"- {words}" for words in unidentifiable_lines(plan)]
+    recordings = ["", "No drive can separate:"]
+    recordings += [f"- {words}" for words in unidentifiable_lines(plan)]
     limited = [name for name in plan.answers if plan.sd_floor[name] > 1e-5]
     for floor in dict.fromkeys(percent_text(plan.sd_floor[name]) for name in limited):
         same = [name for name in limited if percent_text(plan.sd_floor[name]) == floor]
-        lines.append(f"- so {_join(same)} cannot be determined to better than {floor}")
+        recordings.append(f"- so {_join(same)} cannot be determined to better than {floor}")
     strongest = correlated_pairs(one.evaluation.information, plan.prior)
     if strongest:
-        lines += [
+        recordings += [
             "This drive hardly separates:",
             *(f"- {pair_text(p)}" for p in strongest[:_MAX_PAIRS]),
         ]
     if len(strongest) > _MAX_PAIRS:
-        lines.append(f"- and {len(strongest) - _MAX_PAIRS} more pairs")
-    return lines
+        recordings.append(f"- and {len(strongest) - _MAX_PAIRS} more pairs")
+    return recordings
 
 
 def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
@@ -387,12 +387,12 @@ def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Align the first column to the left and the others to the right."""
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = []
+    recordings = []
     for row in rows:
         cells = [row[0].ljust(width[0])]
         cells += [cell.rjust(w) for cell, w in zip(row[1:], width[1:], strict=True)]
-        lines.append(("  " + "  ".join(cells)).rstrip())
-    return lines
+        recordings.append(("  " + "  ".join(cells)).rstrip())
+    return recordings
 
 
 def _given_text(plan: Plan, parameter: str) -> str:

@@ -87,8 +87,8 @@ def share(target: Posterior, mode: Mode, run: int, slowest: float) -> float | No
     float or None
         None when the recording has not :data:`FEWEST_PARTS` parts of :data:`PERIODS` periods.
     """
-    line = target.space.timelines[run]
-    time = line.instants[line.pairs.max(axis=1)]
+    recording = target.space.recordings[run]
+    time = recording.instants[recording.pairs.max(axis=1)]
     span = float(time[-1] - time[0])
     count = int(span * slowest / PERIODS)
     if count < FEWEST_PARTS:
@@ -98,7 +98,7 @@ def share(target: Posterior, mode: Mode, run: int, slowest: float) -> float | No
 
     steps = _STEP * np.eye(n, len(mode.z)) * mode.sd
     points = mode.z + np.concatenate([np.zeros((1, len(mode.z))), steps, -steps])
-    found = [np.nan_to_num(line.paired(one)) for one in target.innovations(points, run)]
+    found = [np.nan_to_num(recording.paired(one)) for one in target.innovations(points, run)]
     # in units of the posterior's deviations
     slope = np.stack([(found[1 + k] - found[1 + n + k]) / (2.0 * _STEP) for k in range(n)], axis=2)
     information = np.einsum("tak,tal->kl", slope, slope)
@@ -137,12 +137,12 @@ class BandFit(NamedTuple):
     shares: tuple[float | None, ...] = ()
 
 
-def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> BandFit:
+def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> BandFit:
     """Climb to the mode of recordings of which a band is left.
 
     Parameters
     ----------
-    lines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         From :func:`bayes_asv.preprocessing.band.low_pass_recording`.
     vehicle : Vehicle
         Gives the priors.
@@ -151,20 +151,24 @@ def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> BandF
     -------
     BandFit
     """
-    if all(noise is not None for line in lines for noise in line.noise):
-        mode, target = _climb(Posterior(space(vehicle, lines), (WHITE,) * len(lines)), None)
+    if all(noise is not None for recording in recordings for noise in recording.noise):
+        mode, target = _climb(
+            Posterior(space(vehicle, recordings), (WHITE,) * len(recordings)), None
+        )
         if _sensors_explain(target, mode):
             return BandFit(mode, target)
-    mode, target = _climb(Posterior(space(vehicle, lines, "coloured"), (WHITE,) * len(lines)), None)
+    mode, target = _climb(
+        Posterior(space(vehicle, recordings, "coloured"), (WHITE,) * len(recordings)), None
+    )
     # The colour has the scale of what is left, so that the noise levels are but units.
-    where = space(vehicle, lines, "coloured", frozenset(range(len(lines))))
+    where = space(vehicle, recordings, "coloured", frozenset(range(len(recordings))))
     for _ in range(_ROUNDS):
-        colours = tuple(_colour(target, mode.z, run) for run in range(len(lines)))
+        colours = tuple(_colour(target, mode.z, run) for run in range(len(recordings)))
         start = where.origin
         start[: where.car_dimension] = mode.z[: where.car_dimension]
         mode, target = _climb(Posterior(where, colours), start)
-    slowest = _slowest(lines[0])
-    shares = tuple(share(target, mode, run, slowest) for run in range(len(lines)))
+    slowest = _slowest(recordings[0])
+    shares = tuple(share(target, mode, run, slowest) for run in range(len(recordings)))
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
         for colour, part in zip(target.colours, shares, strict=True)
@@ -173,12 +177,12 @@ def fit_in_band(lines: tuple[PreparedRecording, ...], vehicle: Vehicle) -> BandF
     return BandFit(mode, target, shares)
 
 
-def notes(line: PreparedRecording, part: float | None) -> list[str]:
+def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     """Say how much wider the intervals are for what the parts of a recording say.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         The recording.
     part : float or None
         Its share.
@@ -188,17 +192,17 @@ def notes(line: PreparedRecording, part: float | None) -> list[str]:
     list of str
     """
     if part is None:
-        needed = FEWEST_PARTS * PERIODS / _slowest(line)
+        needed = FEWEST_PARTS * PERIODS / _slowest(recording)
         return [
-            f"what is left over in {line.source} is not the sensors' noise, and the recording is "
-            f"too short to tell from its parts whether the intervals are wide enough; that takes "
-            f"{math.ceil(needed)} s"
+            f"what is left over in {recording.source} is not the sensors' noise, and the recording "
+            f"is too short to tell from its parts whether the intervals are wide enough; that "
+            f"takes {math.ceil(needed)} s"
         ]
     if part >= _TOLD:
         return []
     return [
-        f"the parts of {line.source} differ {1.0 / math.sqrt(part):.1f} times as much as what is "
-        "left over lets expect, and the intervals are wider by as much"
+        f"the parts of {recording.source} differ {1.0 / math.sqrt(part):.1f} times as much as what "
+        "is left over lets expect, and the intervals are wider by as much"
     ]
 
 
@@ -210,17 +214,17 @@ def _climb(target: Posterior, start: Array | None) -> tuple[Mode, Posterior]:
 def _sensors_explain(target: Posterior, mode: Mode) -> bool:
     """Whether what is left is as white and as small as the sensors' noise that was given."""
     noise = {n: float(x[0]) for n, x in target.space.nuisance(mode.z[None]).items()}
-    for run, line in enumerate(target.space.timelines):
-        nu = line.paired(target.innovations(mode.z, run))
-        if excess_noise_sentence(line, noise, run) or fit_residual_ar(nu).order > 0:
+    for run, recording in enumerate(target.space.recordings):
+        nu = recording.paired(target.innovations(mode.z, run))
+        if excess_noise_sentence(recording, noise, run) or fit_residual_ar(nu).order > 0:
             return False
     return mode.converged
 
 
 def _colour(target: Posterior, z: Array, run: int) -> ResidualAR:
     """Colour and scale of what one run leaves."""
-    line = target.space.timelines[run]
-    nu = line.paired(target.innovations(z, run, WHITE))
+    recording = target.space.recordings[run]
+    nu = recording.paired(target.innovations(z, run, WHITE))
     found = fit_residual_ar(nu, 1, _MOST_LAGS)
     if found.order > 0:
         return found
@@ -229,6 +233,6 @@ def _colour(target: Posterior, z: Array, run: int) -> ResidualAR:
     return ResidualAR(np.zeros((1, nu.shape[1], nu.shape[1])), np.ascontiguousarray(root))
 
 
-def _slowest(line: PreparedRecording) -> float:
+def _slowest(recording: PreparedRecording) -> float:
     """Natural frequency of the slowest nominal mode, Hz."""
-    return nominal_modes(line.car)[0].natural
+    return nominal_modes(recording.car)[0].natural

@@ -89,7 +89,7 @@ class Synchronised:
 
     Parameters
     ----------
-    lines : tuple of PreparedRecording
+    prepared : tuple of PreparedRecording
         Ready for a fit with the errors of the clocks among its parameters.
     recordings : tuple of Recording
         The same with the errors at the mode declared in their metadata.
@@ -100,19 +100,20 @@ class Synchronised:
     """
 
     jobs: tuple[_Job, ...]
-    lines: tuple[PreparedRecording, ...]
+    prepared: tuple[PreparedRecording, ...]
     recordings: tuple[Recording, ...]
     modes: tuple[tuple[OffsetMode, ...], ...]
 
     @property
     def ambiguity(self) -> str | None:
         """Sentence about runs with more than one possible offset; None where there are none."""
-        for line, modes in zip(self.lines, self.modes, strict=True):
+        for recording, modes in zip(self.prepared, self.modes, strict=True):
             rivals = [m for m in modes[1:] if m.probability > _REPORTED]
             if rivals:
                 found = [_words(m) for m in (modes[0], *rivals)]
                 return (
-                    f"the offset of a clock in {line.source} is ambiguous: {' or '.join(found)}; "
+                    f"the offset of a clock in {recording.source} is ambiguous: "
+                    f"{' or '.join(found)}; "
                     "the estimate uses the first; give the offset in [clocks] with its sd, or "
                     "record a single sharp bump"
                 )
@@ -161,8 +162,8 @@ class _Job:
     def prepared(self, points: Sequence[Array]) -> list[PreparedRecording]:
         """Prepare the run at several errors, with the same readings at all of them."""
         copies = self._inside([self.at(x) for x in points])
-        lines, _, _ = prepare_runs(copies, self.vehicle, self.below, self.car)
-        return common_readings(lines)
+        recordings, _, _ = prepare_runs(copies, self.vehicle, self.below, self.car)
+        return common_readings(recordings)
 
     def _inside(self, copies: list[Recording]) -> list[Recording]:
         """Leave out outputs that lie outside the time of the inputs in one of the copies.
@@ -219,11 +220,11 @@ def synchronised(
     ]  # fmt: skip
     modes = tuple(_modes(job) if job.errors else () for job in jobs)
     drift = _common_drift(modes)
-    lines, timed = [], []
+    prepared, timed = [], []
     for job, found in zip(jobs, modes, strict=True):
         if not found:
-            line, *_ = job.prepared([job.centre])
-            lines.append(line)
+            one, *_ = job.prepared([job.centre])
+            prepared.append(one)
             timed.append(job.at(job.centre))
             continue
         best = found[0]
@@ -233,9 +234,9 @@ def synchronised(
                 for e, v in zip(job.errors, best.value, strict=True)
             ]
         )
-        lines.append(job.expanded(x, _STEP * best.sd))
+        prepared.append(job.expanded(x, _STEP * best.sd))
         timed.append(job.at(x))
-    return Synchronised(tuple(jobs), tuple(lines), tuple(timed), modes)
+    return Synchronised(tuple(jobs), tuple(prepared), tuple(timed), modes)
 
 
 def fitted(timed: Synchronised, sites: tuple[Site, ...] = ()) -> MapFit:
@@ -251,19 +252,21 @@ def fitted(timed: Synchronised, sites: tuple[Site, ...] = ()) -> MapFit:
     first = timed.jobs[0]
     if len(timed.jobs) == 1 and timed.modes[0] and not sites:
         return timed.modes[0][0].fit
-    lines = timed.lines
+    recordings = timed.prepared
     for _ in range(_ROUNDS):
-        fit = best_fit(lines, first.vehicle, first.likelihood, sites)
+        fit = best_fit(recordings, first.vehicle, first.likelihood, sites)
         settled, out = True, []
-        for run, (job, line) in enumerate(zip(timed.jobs, lines, strict=True)):
-            if line.retimed is not None:
-                x, step, good = _moved(line.retimed.middle, line.retimed.step, *_at_mode(fit, run))
+        for run, (job, recording) in enumerate(zip(timed.jobs, recordings, strict=True)):
+            if recording.retimed is not None:
+                x, step, good = _moved(
+                    recording.retimed.middle, recording.retimed.step, *_at_mode(fit, run)
+                )
                 settled &= good
-                line = job.expanded(x, step)
-            out.append(line)
+                recording = job.expanded(x, step)
+            out.append(recording)
         if settled:
             break
-        lines = tuple(out)
+        recordings = tuple(out)
     return fit
 
 
@@ -325,14 +328,14 @@ def _apart(one: OffsetMode, other: OffsetMode) -> bool:
 def _profile(job: _Job, points: Sequence[Array]) -> Array:
     """Profile ℓ of one run at errors."""
     squares, dispersion = [], []
-    lines = job.lively.prepared(points)
-    for line in lines:
-        fit = _least_squares(job, line, ())
+    recordings = job.lively.prepared(points)
+    for recording in recordings:
+        fit = _least_squares(job, recording, ())
         squares.append(fit.squares)
         dispersion.append(fit.dispersion)
     best = int(np.argmin(squares))
     z = (np.array(points) - job.centre) / job.sd
-    weight = 0.5 * lines[best].readings / max(dispersion[best], 1.0)
+    weight = 0.5 * recordings[best].readings / max(dispersion[best], 1.0)
     return np.asarray(-weight * np.log(squares) - 0.5 * np.sum(z**2, axis=1))
 
 
@@ -355,12 +358,12 @@ class _Fit(NamedTuple):
     error_sd: Array
 
 
-def _least_squares(job: _Job, line: PreparedRecording, clocks: Sequence[int]) -> _Fit:
+def _least_squares(job: _Job, recording: PreparedRecording, clocks: Sequence[int]) -> _Fit:
     """Fit the car, and errors of clocks by their numbers, to one run."""
     kind = job.likelihood
-    if kind == "innovations" and any(noise is None for noise in line.noise):
+    if kind == "innovations" and any(noise is None for noise in recording.noise):
         kind = "coloured"  # what is left is not the sensors' noise where that is not known
-    target = Posterior(space(job.vehicle, (line,), kind), (WHITE,))
+    target = Posterior(space(job.vehicle, (recording,), kind), (WHITE,))
     where = target.space
     every = where.clock_coordinates(0)
     free = [*range(where.shared_dimension), *(every[k] for k in clocks)]
@@ -381,10 +384,10 @@ def _least_squares(job: _Job, line: PreparedRecording, clocks: Sequence[int]) ->
         max_nfev=_EVALUATIONS,
     )  # fmt: skip
     z = at(fit.x)
-    use = line.kind == VALUE
+    use = recording.kind == VALUE
     nu = target.innovations(z, 0)
     variance = float(np.mean(nu[use] ** 2))
-    spread = long_run_variance(nu, use, line.instants)
+    spread = long_run_variance(nu, use, recording.instants)
     covariance = np.linalg.pinv(np.asarray(fit.jac).T @ np.asarray(fit.jac))
     sd = scale * np.sqrt(max(variance, spread) * np.diag(covariance))
     return _Fit(

@@ -61,40 +61,42 @@ def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
     PreparedRecording
         With other :attr:`wheels`; their moments are as they were.
     """
-    line = target.space.timelines[run]
-    time = np.arange(line.instants[0], line.instants[-1], line.reading_step / _FINER)
+    recording = target.space.recordings[run]
+    time = np.arange(recording.instants[0], recording.instants[-1], recording.reading_step / _FINER)
     added = _noise(target, z, run, time)
     wheels = []
-    for wheel, noise in zip(line.wheels, added, strict=True):
+    for wheel, noise in zip(recording.wheels, added, strict=True):
         value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
         wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
-    return replace(line, wheels=tuple(wheels))
+    return replace(recording, wheels=tuple(wheels))
 
 
 def _noise(target: Posterior, z: Array, run: int, time: Array) -> Array:
     """Mean noise (nu, T) of the inputs' sensors at even instants (T,), m/s²."""
-    line = target.space.timelines[run]
-    left = line.reading - free_run(target, z, run)[0]
+    recording = target.space.recordings[run]
+    left = recording.reading - free_run(target, z, run)[0]
     ny = left.shape[1]
-    there = [line.kind[:, y] == VALUE for y in range(ny)]
-    even = np.stack([np.interp(time, line.instants[t], left[t, y]) for y, t in enumerate(there)])
+    there = [recording.kind[:, y] == VALUE for y in range(ny)]
+    even = np.stack(
+        [np.interp(time, recording.instants[t], left[t, y]) for y, t in enumerate(there)]
+    )
     even -= even.mean(axis=1, keepdims=True)
     n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
     frequency = np.fft.rfftfreq(n, time[1] - time[0])
     spectrum = np.fft.rfft(even, n).T[..., None]
     # A body rate answers a constant input without bound; at rest nothing is left of it.
-    response = np.zeros((len(frequency), ny, len(line.wheels)), complex)
+    response = np.zeros((len(frequency), ny, len(recording.wheels)), complex)
     response[1:] = frequency_response(target.space.state_space(z[None], run), frequency[1:])
     response[0] = response[1].real
     back = np.conj(np.swapaxes(response, 1, 2))
     noise = target.space.noises(z[None], run)
-    power = _power(noise, frequency, line.reading_step)
-    nu = len(line.wheels)
+    power = _power(noise, frequency, recording.reading_step)
+    nu = len(recording.wheels)
     inputs, outputs = power[:, :nu], power[:, nu:]
     density = outputs[:, :, None] * np.eye(ny) + (response * inputs[:, None]) @ back
     whitened = np.linalg.solve(density, spectrum)
     # A straight line between two samples has less power than a reading.
-    share = _FINER * np.cos(0.5 * np.pi * frequency * line.reading_step) ** 4 * len(time)
+    share = _FINER * np.cos(0.5 * np.pi * frequency * recording.reading_step) ** 4 * len(time)
     loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (ny * share + 1e-3 * n)
     louder = np.maximum(1.0, uniform_filter1d(loud, _LINES) / _CHANCE)
     found = -inputs[..., None] * (back @ whitened) / louder[:, None, None]
@@ -118,14 +120,14 @@ class DenoisedInputs(NamedTuple):
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         With moments of quiet wheels, and wheels that have lost what the chassis show to be noise.
     before, after : (E, ny) arrays
         What sensors as declared would have read of the chassis above the wheels as they are, and
         above quiet ones, m/s².
     """
 
-    line: PreparedRecording
+    recording: PreparedRecording
     before: Array
     after: Array
 
@@ -144,17 +146,19 @@ def denoise_and_predict(target: Posterior, z: Array, run: int, vehicle: Vehicle)
     vehicle : Vehicle
         Gives declared bandwidths.
     """
-    line = without_noise(target, z, run)
-    driven = line.moments.copy()
-    for u, (wheel, c) in enumerate(zip(line.wheels, line.inputs, strict=True)):
-        knots, signal = denoise_wheel(line, u, vehicle.sensor(line.channels[c].name).bandwidth)
+    recording = without_noise(target, z, run)
+    driven = recording.moments.copy()
+    for u, (wheel, c) in enumerate(zip(recording.wheels, recording.inputs, strict=True)):
+        knots, signal = denoise_wheel(
+            recording, u, vehicle.sensor(recording.channels[c].name).bandwidth
+        )
         quiet = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
-        driven[:, u] = moments(quiet, line.instants, ORDER)
-    still = replace(line, moments=driven)
+        driven[:, u] = moments(quiet, recording.instants, ORDER)
+    still = replace(recording, moments=driven)
     begin = free_run(target, z, run)[2]
     before, after = (
         simulated(target, z, run, target.as_declared(z, run, one), begin)[0]
-        for one in (line, still)
+        for one in (recording, still)
     )
     return DenoisedInputs(still, before, after)
 

@@ -73,7 +73,7 @@ def _used(stage: FittedModel) -> Array:
     All positive.
     """
     used = np.zeros((len(stage.space.car.elements), 3))
-    for run in range(len(stage.space.timelines)):
+    for run in range(len(stage.space.recordings)):
         _, states, _ = free_run(stage.target, stage.mode.z, run)
         for e in range(len(used)):
             travel, speed = states[:, 2 * e], states[:, 2 * e + 1]
@@ -148,7 +148,7 @@ def _edges(effect: Effect, where: str, stage: FittedModel) -> list[Candidate]:
     of questions has a price.
     """
     load = stage.space.sizes.load
-    spans = [line.elapsed[[0, -1]] for line in stage.space.timelines]
+    spans = [recording.elapsed[[0, -1]] for recording in stage.space.recordings]
     grid = max(_GRID, float(np.sum(np.diff(spans))) / _EDGES)
     out = []
     for run, span in enumerate(spans):
@@ -163,7 +163,7 @@ def _possible(site: Site, stage: FittedModel, vehicle: Vehicle) -> bool:
     """Whether a car and its sensors can have an effect."""
     car = stage.space.car
     if site.effect.acts == "reading":
-        names = {channel.name for run in stage.space.timelines for channel in run.channels}
+        names = {channel.name for run in stage.space.recordings for channel in run.channels}
         affected = site.channels(sorted(names))
         corner = site.effect.fault == "bandwidth"
         return 0 < len(affected) < len(names) and not (
@@ -264,7 +264,7 @@ def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candida
         return [[Candidate(site, values, False, True) for values in site.effect.begins]]
     if not site.effect.in_one_run:
         return [[c for c in candidates(stage, where.vehicle) if str(c.site) == str(site)]]
-    runs = range(len(where.lines)) if site.run is None else (site.run,)
+    runs = range(len(where.recordings)) if site.run is None else (site.run,)
     edges = [
         c
         for c in candidates(stage, where.vehicle)

@@ -132,12 +132,14 @@ class SensorPatterns:
     ramp: tuple[Array, ...]
     level: Array
 
-    def corrected(self, line: PreparedRecording, values: Values, zeros: Array) -> NominalReadings:
+    def corrected(
+        self, recording: PreparedRecording, values: Values, zeros: Array
+    ) -> NominalReadings:
         """Return what sensors that are as declared would have read.
 
         Parameters
         ----------
-        line : PreparedRecording
+        recording : PreparedRecording
             The recording.
         values : mapping
             Effects and their values.
@@ -150,14 +152,14 @@ class SensorPatterns:
             Taken off a wheel and off the body above it, a level moves the suspension and nothing
             else.  The arrays are kept for the next call, and are not to be written to.
         """
-        names = [channel.name for channel in line.channels]
+        names = [channel.name for channel in recording.channels]
         known = tuple(
             (names.index(name), site.effect.fault, next(iter(value.values())))
             for site, value in values.items()
             if site.effect.fault
             for name in site.channels(names)
         )
-        return _corrected(self, line, known, tuple(float(x) for x in zeros))
+        return _corrected(self, recording, known, tuple(float(x) for x in zeros))
 
     def undo_sensor_effects(self, c: int, fault: str, value: float) -> Array:
         """Return what to add to one channel to undo one fault of its sensor."""
@@ -182,19 +184,19 @@ class SensorPatterns:
 @lru_cache(maxsize=8)  # along all coordinates but a sensor's own and an input's bias it stays
 def _corrected(
     known: SensorPatterns,
-    line: PreparedRecording,
+    recording: PreparedRecording,
     faults: tuple[tuple[int, str, float], ...],
     zeros: tuple[float, ...],
 ) -> NominalReadings:
     """Return what sensors as declared would have read; faults by channel, kind and value."""
     level = np.array(zeros)
-    driven = line.moments - level[:, None] * known.level[:, None]
-    reading = line.reading - line.rigid_gain @ level
+    driven = recording.moments - level[:, None] * known.level[:, None]
+    reading = recording.reading - recording.rigid_gain @ level
     for c, fault, value in faults:
-        if c in line.inputs:
-            driven[:, line.inputs.index(c)] += known.undo_sensor_effects(c, fault, value)
+        if c in recording.inputs:
+            driven[:, recording.inputs.index(c)] += known.undo_sensor_effects(c, fault, value)
         else:
-            reading[:, line.outputs.index(c)] += known.undo_sensor_effects(c, fault, value)
+            reading[:, recording.outputs.index(c)] += known.undo_sensor_effects(c, fault, value)
     return NominalReadings(driven, reading, known.wheel - level)
 
 
@@ -208,36 +210,36 @@ def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
     return np.asarray(change if of_reading else -change)
 
 
-def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> SensorPatterns:
+def patterns(recording: PreparedRecording, vehicle: Vehicle, declared: Array) -> SensorPatterns:
     """Work out the patterns of a recording once.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         The recording.
     vehicle : Vehicle
         Gives declared bandwidths.
     declared : (E, ny) array
         Simulated outputs of sensors that are as declared.
     """
-    begin = line.instants[0] - line.elapsed[0]
+    begin = recording.instants[0] - recording.elapsed[0]
     moved, ramp, later = [], [], []
     sharper: list[Array | None] = []
     above: list[Above | None] = []
-    for c, channel in enumerate(line.channels):
+    for c, channel in enumerate(recording.channels):
         corner = vehicle.sensor(channel.name).bandwidth
-        if c in line.inputs:
-            u = line.inputs.index(c)
-            time, signal = denoise_wheel(line, u, corner)
-            laid = partial(_moments, line, time, line.wheels[u].deviation)
+        if c in recording.inputs:
+            u = recording.inputs.index(c)
+            time, signal = denoise_wheel(recording, u, corner)
+            laid = partial(_moments, recording, time, recording.wheels[u].deviation)
             through = CubicSpline(time, signal)
             slow = signal if corner is None else low_passed(time, through.c, 2.0 * math.pi * corner)
             sharper.append(laid(signal - slow))
             above.append(None)
         else:
-            y = line.outputs.index(c)
-            there = line.kind[:, y] != MISSING
-            time, signal = line.instants[there], declared[there, y]
+            y = recording.outputs.index(c)
+            there = recording.kind[:, y] != MISSING
+            time, signal = recording.instants[there], declared[there, y]
             laid = partial(_laid, there)
             through = CubicSpline(time, signal)
             above.append(Above(there, through, 2.0 * math.pi * (corner or math.inf)))
@@ -245,13 +247,15 @@ def patterns(line: PreparedRecording, vehicle: Vehicle, declared: Array) -> Sens
         smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
         moved.append(np.stack([laid(x) for x in found]))
-        later.append(partial(_shift, smooth, time, signal, laid, -1.0 if c in line.inputs else 1.0))
+        later.append(
+            partial(_shift, smooth, time, signal, laid, -1.0 if c in recording.inputs else 1.0)
+        )
         ramp.append(laid(relative_offset(channel.quantity) * (time - begin)))
-    pole = float(np.max(line.poles)) or 2.0 * math.pi * NO_FILTER / line.reading_step
-    wheel_at = np.stack([w.spline(line.instants) for w in line.wheels], axis=1)
+    pole = float(np.max(recording.poles)) or 2.0 * math.pi * NO_FILTER / recording.reading_step
+    wheel_at = np.stack([w.spline(recording.instants) for w in recording.wheels], axis=1)
     return SensorPatterns(
-        pole, wheel_at, tuple(moved), tuple(later), line.reading_step, tuple(sharper), tuple(above),
-        tuple(ramp), unit_input_moments(line),
+        pole, wheel_at, tuple(moved), tuple(later), recording.reading_step, tuple(sharper),
+        tuple(above), tuple(ramp), unit_input_moments(recording),
     )  # fmt: skip
 
 
@@ -272,10 +276,10 @@ def _shift(
     return -sign * laid(moved - signal)
 
 
-def _moments(line: PreparedRecording, time: Array, deviation: Array, samples: Array) -> Array:
+def _moments(recording: PreparedRecording, time: Array, deviation: Array, samples: Array) -> Array:
     """Moments (E, ORDER) of what runs through an input's samples."""
     through = WheelSignal(CubicSpline(time, samples), time, deviation)
-    return np.asarray(moments(through, line.instants, ORDER))
+    return np.asarray(moments(through, recording.instants, ORDER))
 
 
 def _laid(there: NDArray[np.bool_], samples: Array) -> Array:

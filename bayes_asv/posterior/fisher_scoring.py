@@ -139,7 +139,7 @@ def slopes(
     ScoreAndInformation
     """
     space = target.space
-    runs = range(len(space.timelines))
+    runs = range(len(space.recordings))
     last = len(z) if last is None else last
     seen = [space.coordinates_of_run(run) for run in runs]
     along = [own[(own >= first) & (own < last)] for own in seen]
@@ -164,7 +164,7 @@ def slopes(
         scales[own] = (logs[1:] - logs[0]) / _STEP
         means[own] = -((nu[1:] - nu[0]) / _STEP + 0.5 * nu[0] * scales[own])
         parts.append((nu[0], logs[0], means, scales))
-        if space.timelines[run].cut is not None:
+        if space.recordings[run].cut is not None:
             corrections = target.removed_band_correction(moved[run], run)
             returned[own] += (corrections[1:] - corrections[0]) / _STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

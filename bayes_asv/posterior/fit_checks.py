@@ -18,13 +18,13 @@ _EXCESS_NOISE = 3.0  # times the given noise beyond which something else hides i
 
 
 def explained_power_findings(
-    line: PreparedRecording, free: FreeRun, widened: bool = False
+    recording: PreparedRecording, free: FreeRun, widened: bool = False
 ) -> tuple[list[str], list[str]]:
     """Check that the fitted car explains the motion that it is meant for.
 
     Parameters
     ----------
-    line, free : PreparedRecording and FreeRun
+    recording, free : PreparedRecording and FreeRun
         One recording and its best simulation.
     widened : bool
         Whether the intervals account for what is left over.
@@ -35,12 +35,12 @@ def explained_power_findings(
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    top = model_bandwidth(line)
-    for c, left in zip(line.outputs, left_in_band(line, free, top), strict=True):
+    top = model_bandwidth(recording)
+    for c, left in zip(recording.outputs, left_in_band(recording, free, top), strict=True):
         share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
         words = (
-            f"the fitted {line.car.name} car explains only {share:.0f} % of the "
-            f"{line.channels[c].words} signal below {top:.0f} Hz in {line.source}"
+            f"the fitted {recording.car.name} car explains only {share:.0f} % of the "
+            f"{recording.channels[c].words} signal below {top:.0f} Hz in {recording.source}"
         )
         if left > _NOT_EXPLAINED:
             reasons.append(
@@ -53,27 +53,29 @@ def explained_power_findings(
             warnings.append(
                 words if widened else f"{words}, and the intervals do not account for it"
             )
-    travel = float(np.max(np.abs(free.states[:, 0 : 2 * len(line.car.elements) : 2])))
+    travel = float(np.max(np.abs(free.states[:, 0 : 2 * len(recording.car.elements) : 2])))
     if travel > _FARTHEST:
         warnings.append(
-            f"{line.source} would mean {travel:.1f} m of suspension travel; check the units and "
-            "scales of the sensors"
+            f"{recording.source} would mean {travel:.1f} m of suspension travel; check the units "
+            "and scales of the sensors"
         )
     return reasons, warnings
 
 
-def model_bandwidth(line: PreparedRecording) -> float:
+def model_bandwidth(recording: PreparedRecording) -> float:
     """Frequency (Hz) up to which the car has to explain a recording."""
-    top = _BAND * nominal_modes(line.car)[-1].natural
-    return top if line.below is None else min(top, line.below)
+    top = _BAND * nominal_modes(recording.car)[-1].natural
+    return top if recording.below is None else min(top, recording.below)
 
 
-def excess_noise_sentence(line: PreparedRecording, found: dict[str, float], run: int) -> list[str]:
+def excess_noise_sentence(
+    recording: PreparedRecording, found: dict[str, float], run: int
+) -> list[str]:
     """Warn where noise had to grow far beyond what is given for the sensor.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         One recording.
     found : dict of str to float
         Noise deviations by name, m/s².
@@ -85,12 +87,12 @@ def excess_noise_sentence(line: PreparedRecording, found: dict[str, float], run:
     list of str
     """
     out = []
-    for c, channel in enumerate(line.channels):
-        given = line.noise[c]
+    for c, channel in enumerate(recording.channels):
+        given = recording.noise[c]
         level = found.get(f"noise {channel.name} {run}")
         if given is not None and level is not None and level > _EXCESS_NOISE * given:
             out.append(
-                f"the noise of the {channel.words} sensor in {line.source} came out "
+                f"the noise of the {channel.words} sensor in {recording.source} came out "
                 f"{level / given:.0f} times what the vehicle file says: a value given as exact is "
                 "off, or something moves that the model does not know; give mass, springs and "
                 "weight fraction an sd"

@@ -47,7 +47,7 @@ class Dataset:
     ----------
     vehicle : Vehicle
         As given.
-    lines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         Recordings.
     patterns : tuple of SensorPatterns
         What sensors that are not as declared would change in each.
@@ -56,29 +56,37 @@ class Dataset:
     """
 
     vehicle: Vehicle
-    lines: tuple[PreparedRecording, ...]
+    recordings: tuple[PreparedRecording, ...]
     patterns: tuple[SensorPatterns, ...]
     quiet: bool = False
 
     @property
     def channels(self) -> tuple[Channel, ...]:
         """Channels that any of the recordings has."""
-        return tuple(dict.fromkeys(channel for line in self.lines for channel in line.channels))
+        return tuple(
+            dict.fromkeys(
+                channel for recording in self.recordings for channel in recording.channels
+            )
+        )
 
     def target(self, sites: tuple[Site, ...], hold: bool = False) -> Posterior:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
-        held = frozenset(range(len(self.lines))) if hold else frozenset()
-        where = space(self.vehicle, self.lines, hold=held, sites=sites, near=True)
-        return Posterior(where, (WHITE,) * len(self.lines), patterns=self.patterns)
+        held = frozenset(range(len(self.recordings))) if hold else frozenset()
+        where = space(self.vehicle, self.recordings, hold=held, sites=sites, near=True)
+        return Posterior(where, (WHITE,) * len(self.recordings), patterns=self.patterns)
 
 
-def make_dataset(vehicle: Vehicle, lines: tuple[PreparedRecording, ...]) -> Dataset:
+def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Dataset:
     """Set recordings up, with patterns that stand on the readings themselves."""
-    lines = tuple(without_mean_input(with_noise_of_still_wheels(line)) for line in lines)
-    found = tuple(patterns(line, vehicle, line.reading) for line in lines)
-    where = Dataset(vehicle, lines, found)
-    begun = [_begun(where, run) for run in range(len(lines))]  # a wait tells where a car begins
-    return replace(where, lines=tuple(without_standstill(line) for line in begun))
+    recordings = tuple(
+        without_mean_input(with_noise_of_still_wheels(recording)) for recording in recordings
+    )
+    found = tuple(patterns(recording, vehicle, recording.reading) for recording in recordings)
+    where = Dataset(vehicle, recordings, found)
+    begun = [
+        _begun(where, run) for run in range(len(recordings))
+    ]  # a wait tells where a car begins
+    return replace(where, recordings=tuple(without_standstill(recording) for recording in begun))
 
 
 def _begun(where: Dataset, run: int) -> PreparedRecording:
@@ -90,12 +98,12 @@ def _begun(where: Dataset, run: int) -> PreparedRecording:
     """
     target = where.target(())
     begin, sd = initial_state(target, np.zeros(target.space.dimension), run)
-    start = where.lines[run].start
-    states = 2 * len(where.lines[run].car.elements)
+    start = where.recordings[run].start
+    states = 2 * len(where.recordings[run].car.elements)
     shrink = np.ones(len(start))
     variance = _START * (begin**2 + sd**2)
     shrink[:states] = np.sqrt(np.minimum(1.0, variance / np.diag(start))[:states])
-    return replace(where.lines[run], start=shrink[:, None] * start * shrink)
+    return replace(where.recordings[run], start=shrink[:, None] * start * shrink)
 
 
 def update_patterns(where: Dataset, stage: FittedModel) -> Dataset:
@@ -112,11 +120,11 @@ def update_patterns_at(where: Dataset, target: Posterior, z: Array) -> Dataset:
             if where.quiet
             else denoise_and_predict(target, z, run, where.vehicle).after
         )
-        return patterns(where.lines[run], where.vehicle, declared)
+        return patterns(where.recordings[run], where.vehicle, declared)
 
     with shared_work(target) as shared:
         assert shared.pool is not None
-        found = list(shared.pool.map(one, range(len(where.lines))))
+        found = list(shared.pool.map(one, range(len(where.recordings))))
     return replace(where, patterns=tuple(found))
 
 

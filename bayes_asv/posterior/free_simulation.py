@@ -62,7 +62,7 @@ def free_run(target: Posterior, z: Array, run: int) -> FreeRun:
     run : int
         Which recording.
     """
-    recording = target.space.timelines[run]
+    recording = target.space.recordings[run]
     nominal = target.as_declared(z, run)
     found, _ = _of_posterior(target, z, run, nominal)
     # The simulation is of sensors as declared; what the real ones added is put back.
@@ -81,7 +81,7 @@ def initial_state(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
 def _of_posterior(
     target: Posterior, z: Array, run: int, nominal: NominalReadings
 ) -> tuple[FreeRun, Array]:
-    recording = target.space.timelines[run]
+    recording = target.space.recordings[run]
     return _regressed(
         recording,
         target.space.state_space(z[None], run),
@@ -127,7 +127,7 @@ def simulated(
     output, states : (E, ny) and (E, nx + ne) arrays
         As there, the output of sensors as declared.
     """
-    data = target.space.timelines[run].measurements._replace(moments=inputs.moments)
+    data = target.space.recordings[run].measurements._replace(moments=inputs.moments)
     system = target.space.state_space(z[None], run)
     output, states = _responses(system, data, begin[None], _laws(target, z, run, inputs))
     return output[0], states[0]
@@ -137,7 +137,7 @@ def _laws(target: Posterior, z: Array, run: int, nominal: NominalReadings) -> La
     table = law_table(target.space.car, target.space.effects(z), run)[None]
     if table.shape[1] == 0:
         return None
-    recording = target.space.timelines[run]
+    recording = target.space.recordings[run]
     none = np.zeros((len(recording.step), len(target.space.car.elements)))
     pole = target.patterns[run].pole
     return Laws(table, pole, nominal.wheel, recording.elapsed, none)

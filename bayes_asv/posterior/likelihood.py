@@ -145,7 +145,7 @@ class Posterior:
 
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
-        recording = self.space.timelines[run]
+        recording = self.space.recordings[run]
         if recording.retimed is None:
             value = self._log_likelihood(z, run, recording)
         else:
@@ -156,9 +156,10 @@ class Posterior:
                 value = self._log_likelihood(z, run, recording) + expansion.change(z, u)
             else:
                 weights = recording.retimed.weights(errors)
-                lines = (recording, *recording.retimed.lines)
+                recordings = (recording, *recording.retimed.recordings)
                 value = np.sum(
-                    [w * self._log_likelihood(z, run, x) for w, x in _used(weights, lines)], axis=0
+                    [w * self._log_likelihood(z, run, x) for w, x in _used(weights, recordings)],
+                    axis=0,
                 )
         return np.where(np.isfinite(value), value, -np.inf)
 
@@ -174,7 +175,7 @@ class Posterior:
         return replace(self, expansions=tuple(self._expansion(z, covariance, r) for r in runs))
 
     def _expansion(self, z: Array, covariance: Array, run: int) -> ClockExpansion | None:
-        recording = self.space.timelines[run]
+        recording = self.space.recordings[run]
         retimed = recording.retimed
         if retimed is None:
             return None
@@ -185,7 +186,10 @@ class Posterior:
         way[own] = axes * np.sqrt(np.maximum(variance, 0.0))
         away = np.vstack([np.zeros(len(own)), Retimed.points(len(own))])
         values = np.stack(
-            [self._log_likelihood(z + away @ way.T, run, x) for x in (recording, *retimed.lines)]
+            [
+                self._log_likelihood(z + away @ way.T, run, x)
+                for x in (recording, *retimed.recordings)
+            ]
         )
         slopes, curvatures = _derivatives(values, len(clocks))
         size = np.trace(np.linalg.solve(curvatures[0], curvatures), axis1=1, axis2=2)
@@ -250,10 +254,10 @@ class Posterior:
 
     def _patterns(self, run: int, recording: PreparedRecording) -> SensorPatterns:
         """Patterns of a run, prepared for certain errors of its clocks."""
-        retimed = self.space.timelines[run].retimed
-        if retimed is None or recording not in retimed.lines:
+        retimed = self.space.recordings[run].retimed
+        if retimed is None or recording not in retimed.recordings:
             return self.patterns[run]
-        return self.retimed_patterns[run][retimed.lines.index(recording)]
+        return self.retimed_patterns[run][retimed.recordings.index(recording)]
 
     def _declared(
         self,
@@ -276,7 +280,7 @@ class Posterior:
 
     def removed_band_correction(self, z: Array, run: int) -> Array:
         """½ log det of a band that was cut out of a run (W,), at coordinates (W, D)."""
-        cut = self.space.timelines[run].cut
+        cut = self.space.recordings[run].cut
         if cut is None:
             return np.zeros(len(z))
         return log_determinant(cut, self.space.noises(z, run))
@@ -320,13 +324,13 @@ class Posterior:
         """Normalised innovations (W, E, ny) of one run at coordinates (W, D)."""
         if self.space.sites:
             return self.filter_passes(z, run)[0]
-        recording = self.space.timelines[run]
+        recording = self.space.recordings[run]
         retimed = recording.retimed
         if retimed is None:
             return self._of_recording(z, run, recording, colour)
         weights = retimed.weights(self.space.clock_errors(z, run))
         out = np.zeros((len(z), *recording.reading.shape))
-        for weight, one in _used(weights, (recording, *retimed.lines)):
+        for weight, one in _used(weights, (recording, *retimed.recordings)):
             nu = self._of_recording(z, run, one, colour)
             for y in range(nu.shape[2]):  # the same readings, at other instants
                 here, there = recording.kind[:, y] != MISSING, one.kind[:, y] != MISSING
@@ -365,7 +369,7 @@ class Posterior:
         """
         passes = []
         order: list[int] = []
-        for sets, model in self._models(z, run, self.space.timelines[run], nudge):
+        for sets, model in self._models(z, run, self.space.recordings[run], nudge):
             found = kalman.filter_pass(*model)
             states = found.states
             if model[-1] is None:
@@ -382,25 +386,25 @@ class Posterior:
         return innovations, log_variances, states
 
     def as_declared(
-        self, z: Array, run: int, line: PreparedRecording | None = None
+        self, z: Array, run: int, recording: PreparedRecording | None = None
     ) -> NominalReadings:
         """Return what sensors as declared would have read in a run, at coordinates (D,).
 
-        With ``line``, from its readings in place of the run's own.
+        With ``recording``, from its readings in place of the run's own.
         """
-        line = self.space.timelines[run] if line is None else line
+        recording = self.space.recordings[run] if recording is None else recording
         if not self.patterns:
-            return NominalReadings(line.moments, line.reading, np.zeros((0, 0)))
+            return NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
         return self.patterns[run].corrected(
-            line, self.space.effects(z), self.space.zeros(z[None], run)[0]
+            recording, self.space.effects(z), self.space.zeros(z[None], run)[0]
         )
 
 
 def _used(
-    weights: Array, lines: Sequence[PreparedRecording]
+    weights: Array, recordings: Sequence[PreparedRecording]
 ) -> Iterator[tuple[Array, PreparedRecording]]:
     """Pair recordings with their weights (W,), but those that have none."""
-    return ((w, line) for w, line in zip(weights.T, lines, strict=True) if np.any(w))
+    return ((w, recording) for w, recording in zip(weights.T, recordings, strict=True) if np.any(w))
 
 
 def _derivatives(values: Array, count: int) -> tuple[Array, Array]:

@@ -130,7 +130,7 @@ def prepare_runs(
 
     Returns
     -------
-    lines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         Empty when a channel has nothing to lay out, or readings that are not its own.
     reasons, warnings : tuple of str
         Any reason means that the data cannot answer.
@@ -152,22 +152,22 @@ def prepare_runs(
     warnings = [w for recording in recordings for w in recording.warnings]
     if reasons:
         return (), tuple(reasons), tuple(warnings)
-    lines = tuple(prepare(recording, vehicle, model) for recording in recordings)
-    for line in lines:
-        why, notes = preflight(vehicle, line)
+    prepared = tuple(prepare(recording, vehicle, model) for recording in recordings)
+    for one in prepared:
+        why, notes = preflight(vehicle, one)
         reasons += why
         warnings += notes
     if below is not None and not reasons:
-        short = [too_short(line, below) for line in lines]
+        short = [too_short(one, below) for one in prepared]
         reasons += [why for why in short if why is not None]
         if not reasons:
-            lines = tuple(low_pass_recording(line, below) for line in lines)
+            prepared = tuple(low_pass_recording(one, below) for one in prepared)
             warnings.append(f"only the motion below {below:g} Hz was used")
-    return lines, tuple(reasons), tuple(warnings)
+    return prepared, tuple(reasons), tuple(warnings)
 
 
 def best_fit(
-    lines: tuple[PreparedRecording, ...],
+    recordings: tuple[PreparedRecording, ...],
     vehicle: Vehicle,
     likelihood: str = "innovations",
     sites: tuple[Site, ...] = (),
@@ -176,7 +176,7 @@ def best_fit(
 
     Parameters
     ----------
-    lines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         Recordings that passed :func:`prepare_runs`.
     vehicle : Vehicle
         Gives the priors.
@@ -192,12 +192,12 @@ def best_fit(
     """
     shares: tuple[float | None, ...] = ()
     near = None
-    if likelihood == "innovations" and lines[0].below is not None:
-        mode, target, shares = fit_in_band(lines, vehicle)
+    if likelihood == "innovations" and recordings[0].below is not None:
+        mode, target, shares = fit_in_band(recordings, vehicle)
     elif sites:
-        mode, target, near = _with_sites(lines, vehicle, sites)
+        mode, target, near = _with_sites(recordings, vehicle, sites)
     else:
-        mode, target = _at_full_band(lines, vehicle, likelihood)
+        mode, target = _at_full_band(recordings, vehicle, likelihood)
     return replace(_judged(target, mode, shares), near=near)
 
 
@@ -215,7 +215,7 @@ def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
     vehicle : Vehicle
         Gives the priors.
     """
-    near = found.near or base(make_dataset(vehicle, found.space.timelines))
+    near = found.near or base(make_dataset(vehicle, found.space.recordings))
     top = near.mode
     mode = Mode(top.z, top.covariance, top.log_posterior, top.converged)
     return replace(_judged(near.target, mode, ()), near=near)
@@ -228,24 +228,24 @@ def _judged(target: Posterior, mode: Mode, shares: tuple[float | None, ...]) -> 
     reasons, warnings = _unmeasured(where, mode) if mode.converged else ([], [])
     faults: list[str] = []
     noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
-    for run, line in enumerate(where.timelines):
+    for run, recording in enumerate(where.recordings):
         free = free_run(target, mode.z, run)
-        why, notes = explained_power_findings(line, free, bool(shares))
-        if line.below is None and (why or notes):
-            top = model_bandwidth(line)
-            why += suggest_band(line, left_in_band(line, free, top) ** 2, top)
+        why, notes = explained_power_findings(recording, free, bool(shares))
+        if recording.below is None and (why or notes):
+            top = model_bandwidth(recording)
+            why += suggest_band(recording, left_in_band(recording, free, top) ** 2, top)
         faults += why
-        warnings += notes + excess_noise_sentence(line, noise, run) + _cut_out(line)
+        warnings += notes + excess_noise_sentence(recording, noise, run) + _cut_out(recording)
         if shares:
-            warnings += band_notes(line, shares[run])
+            warnings += band_notes(recording, shares[run])
     return MapFit(target, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
 
 
 def _at_full_band(
-    lines: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
+    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
 ) -> tuple[Mode, Posterior]:
     """Climb to the mode, cut tones out, and climb again with the colour that is left."""
-    mode, target = _climb(space(vehicle, lines, likelihood), None)
+    mode, target = _climb(space(vehicle, recordings, likelihood), None)
     if likelihood != "innovations":
         return mode, target
     quiet = _without_tones(target, mode, vehicle)
@@ -255,18 +255,18 @@ def _at_full_band(
 
 
 def _with_sites(
-    lines: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
+    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
 ) -> tuple[Mode, Posterior, FittedModel]:
     """Climb to the mode of a model with effects, its noise levels free.
 
     Returns the model with noise levels near the declared ones as well.
     """
-    alone = tuple(replace(line, retimed=None) for line in lines)
+    alone = tuple(replace(recording, retimed=None) for recording in recordings)
     where, stage = with_effects(make_dataset(vehicle, alone), sites)
-    whole = space(vehicle, lines, sites=stage.sites)
-    others = _retimed_patterns(lines, vehicle, stage)
+    whole = space(vehicle, recordings, sites=stage.sites)
+    others = _retimed_patterns(recordings, vehicle, stage)
     target = Posterior(
-        whole, (WHITE,) * len(lines), patterns=where.patterns, retimed_patterns=others
+        whole, (WHITE,) * len(recordings), patterns=where.patterns, retimed_patterns=others
     )
     start = stage.transfer(whole)
     start[whole.shared_dimension :] = whole.origin[whole.shared_dimension :]
@@ -275,14 +275,18 @@ def _with_sites(
 
 
 def _retimed_patterns(
-    lines: tuple[PreparedRecording, ...], vehicle: Vehicle, stage: FittedModel
+    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, stage: FittedModel
 ) -> tuple[tuple[SensorPatterns, ...], ...]:
     """Patterns of each run at other errors of its clocks, by what a fitted model predicts."""
-    count = max(len(line.retimed.lines) if line.retimed is not None else 0 for line in lines)
+    count = max(
+        len(recording.retimed.recordings) if recording.retimed is not None else 0
+        for recording in recordings
+    )
     found = []
     for k in range(count):
         there = tuple(
-            replace(x, retimed=None) if x.retimed is None else x.retimed.lines[k] for x in lines
+            replace(x, retimed=None) if x.retimed is None else x.retimed.recordings[k]
+            for x in recordings
         )
         where = make_dataset(vehicle, there)
         target = where.target(stage.sites)
@@ -291,21 +295,21 @@ def _retimed_patterns(
     return tuple(zip(*found, strict=True)) if found else ()
 
 
-def _cut_out(line: PreparedRecording) -> list[str]:
+def _cut_out(recording: PreparedRecording) -> list[str]:
     """Say which tones were cut out of a run."""
-    if not line.notches:
+    if not recording.notches:
         return []
-    tones = [f"{frequency:.0f}" for frequency in main_tones(line.notches)]
+    tones = [f"{frequency:.0f}" for frequency in main_tones(recording.notches)]
     several = " and ".join([", ".join(tones[:-1]), tones[-1]] if len(tones) > 1 else tones)
     return [
-        f"something shakes the frame at {several} Hz in {line.source}, an engine perhaps; the "
+        f"something shakes the frame at {several} Hz in {recording.source}, an engine perhaps; the "
         "motion at these frequencies was cut out of all channels"
     ]
 
 
 def _climb(where: ParameterSpace, start: Array | None) -> tuple[Mode, Posterior]:
     """Climb to the mode of a space, all innovations taken to be white."""
-    with shared_work(Posterior(where, (WHITE,) * len(where.timelines))) as target:
+    with shared_work(Posterior(where, (WHITE,) * len(where.recordings))) as target:
         return find_mode(target, start), replace(target, pool=None)
 
 
@@ -320,13 +324,13 @@ def _without_tones(
     20 Hz, and a line on that slope stands out of the median of its neighbours as a tone does.
     """
     out, any_found = [], False
-    for run, line in enumerate(target.space.timelines):
-        nu = line.paired(target.innovations(mode.z, run))
-        used, rate = nu[:, list(line.accelerations)], 1.0 / line.reading_step
-        modes = own_modes(line.car, vehicle.unsprung)
+    for run, recording in enumerate(target.space.recordings):
+        nu = recording.paired(target.innovations(mode.z, run))
+        used, rate = nu[:, list(recording.accelerations)], 1.0 / recording.reading_step
+        modes = own_modes(recording.car, vehicle.unsprung)
         tones = engine_tones(find_tones(used, rate), [used], rate, modes)
         any_found |= bool(tones)
-        out.append(changed(line, partial(notched, notches=tones)) if tones else line)
+        out.append(changed(recording, partial(notched, notches=tones)) if tones else recording)
     return tuple(out) if any_found else None
 
 
@@ -339,12 +343,12 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
     whole = target.space
     colours: tuple[ResidualAR, ...] = target.colours
     for _ in range(_COLOUR_ROUNDS):
-        found = tuple(_colour_of(target, mode, run) for run in range(len(target.space.timelines)))
+        found = tuple(_colour_of(target, mode, run) for run in range(len(target.space.recordings)))
         if all(c.order == 0 for c in (*found, *colours)):
             break
         colours = found
         hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
-        where = space(vehicle, whole.timelines, whole.likelihood, hold)
+        where = space(vehicle, whole.recordings, whole.likelihood, hold)
         start = where.origin
         start[: where.shared_dimension] = mode.z[: where.shared_dimension]
         with shared_work(Posterior(where, found)) as shared:
@@ -355,22 +359,22 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
 
 def _colour_of(target: Posterior, mode: Mode, run: int) -> ResidualAR:
     """Colour of one run's innovations, scaled for what a filter took out of them."""
-    line = target.space.timelines[run]
-    found = fit_residual_ar(line.paired(target.innovations(mode.z, run, WHITE)))
+    recording = target.space.recordings[run]
+    found = fit_residual_ar(recording.paired(target.innovations(mode.z, run, WHITE)))
     if found.order == 0:
         return WHITE
-    left = 1.0 if line.cut is None else line.cut.left
+    left = 1.0 if recording.cut is None else recording.cut.left
     return found._replace(root=found.root * math.sqrt(left))
 
 
 def unidentified_before_fit(
-    lines: tuple[PreparedRecording, ...], vehicle: Vehicle
+    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle
 ) -> tuple[str, ...]:
     """Say, before anything is fitted, which answers recordings cannot give.
 
     Parameters
     ----------
-    lines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         Recordings that passed :func:`prepare_runs`.
     vehicle : Vehicle
         Gives the priors, and the values at which the information is computed.
@@ -381,10 +385,12 @@ def unidentified_before_fit(
         A sentence for each answer of which the recordings say next to nothing by their Fisher
         information (:mod:`bayes_asv.posterior.information`).
     """
-    outputs = tuple(dict.fromkeys(output for line in lines for output in line.output_models))
-    about = unknowns(lines[0].car, outputs)
+    outputs = tuple(
+        dict.fromkeys(output for recording in recordings for output in recording.output_models)
+    )
+    about = unknowns(recordings[0].car, outputs)
     information = sum(
-        (fisher_information(line, vehicle, about) for line in lines),
+        (fisher_information(recording, vehicle, about) for recording in recordings),
         np.zeros((len(about.names), len(about.names))),
     )
     asked = {name: about.parameters[name] for name in about.car.estimated}
@@ -401,7 +407,7 @@ def _unmeasured(where: ParameterSpace, mode: Mode) -> tuple[list[str], list[str]
     """Refuse when the drive taught next to nothing about an answer; warn where a prior is one."""
     prior = {name: where.log_prior_of(name)[1] for name in where.car.estimated}
     after = {name: where.log_deviation(mode.covariance, name) for name in prior}
-    measured = [o.channel for line in where.timelines for o in line.output_models]
+    measured = [o.channel for recording in where.recordings for o in recording.output_models]
     reasons: list[str] = []
     warnings: list[str] = []
     for name in unmeasured(prior, after):

@@ -122,13 +122,13 @@ def _by_band(fit: FittedModel) -> list[_Band]:
     bands: dict[int, _Band] = {}
     nothing = _Band(np.zeros(len(fit.mode.z)), np.zeros((len(fit.mode.z),) * 2), 0.0, 0)
     begin = 0
-    for run, line in enumerate(space.timelines):
+    for run, recording in enumerate(space.recordings):
         there = fit.target.innovations_and_variances(fit.mode.z, run)[1] != 0.0
         row, channel = np.nonzero(there)
         inside = slice(begin, begin + len(row))
         begin += len(row)
         nu, means = slopes.nu[inside], slopes.means[:, inside]
-        spans = [np.ptp(line.instants[row[channel == y]]) for y in range(there.shape[1])]
+        spans = [np.ptp(recording.instants[row[channel == y]]) for y in range(there.shape[1])]
         for y, span in enumerate(spans):
             own = channel == y
             n = int(np.count_nonzero(own))

@@ -86,8 +86,8 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         (k, one.run, [c.name for c in outputs].index(one.channel))
         for k, one in enumerate(space.coordinates)
         if one.kind == "noise" and one.run is not None
-        for line in [space.timelines[one.run]]
-        for outputs in [[line.channels[c] for c in line.outputs]]
+        for recording in [space.recordings[one.run]]
+        for outputs in [[recording.channels[c] for c in recording.outputs]]
         if one.channel in [c.name for c in outputs]
     ]
 
@@ -145,7 +145,7 @@ def residual_functions(
         From values (F,) the normalised innovations of all runs with the values behind them (their
         prior is a standard normal), and the derivatives of these by forward differences.
     """
-    runs, free = range(len(target.space.timelines)), list(free)
+    runs, free = range(len(target.space.recordings)), list(free)
 
     def residuals(values: Array) -> Array:
         z = np.repeat(origin[None], len(values), axis=0)
@@ -176,7 +176,7 @@ def derivatives(target: Posterior, z: Array, scale: Array) -> tuple[float, Array
     value = float(target.space.log_prior(z[None])[0])
     gradient = -z * scale
     hessian = -np.diag(scale**2)
-    for run in range(len(target.space.timelines)):
+    for run in range(len(target.space.recordings)):
         own = target.space.coordinates_of_run(run)
         d = len(own)
         steps = np.zeros((d, len(z)))

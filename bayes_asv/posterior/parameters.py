@@ -214,7 +214,7 @@ class ParameterSpace:
         Block after block: car, gains, effects, single runs.
     prior : CarPrior
         Prior of the car.
-    timelines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         The recordings.
     likelihood : str
         ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
@@ -233,7 +233,7 @@ class ParameterSpace:
 
     coordinates: tuple[Coordinate, ...]
     prior: CarPrior
-    timelines: tuple[PreparedRecording, ...]
+    recordings: tuple[PreparedRecording, ...]
     likelihood: str
     held: tuple[Array, ...]
     sites: tuple[Site, ...] = ()
@@ -272,7 +272,7 @@ class ParameterSpace:
     def scales(self, usual: float) -> Array:
         """Return steps (D,) that a search begins with: for clocks those of the recordings."""
         out = np.full(self.dimension, usual)
-        for run, recording in enumerate(self.timelines):
+        for run, recording in enumerate(self.recordings):
             if recording.retimed is not None:
                 for k, step in zip(
                     self.clock_coordinates(run), recording.retimed.step, strict=True
@@ -282,7 +282,7 @@ class ParameterSpace:
 
     def _clocks(self) -> Iterator[tuple[int, Coordinate, float]]:
         """Coordinates of clocks, and the errors with which their recordings were prepared."""
-        for run, recording in enumerate(self.timelines):
+        for run, recording in enumerate(self.recordings):
             if recording.retimed is not None:
                 for k, error in zip(
                     self.clock_coordinates(run), recording.retimed.middle, strict=True
@@ -291,7 +291,7 @@ class ParameterSpace:
 
     def clock_coordinates(self, run: int) -> list[int]:
         """Coordinates of the errors of a run's clocks."""
-        retimed = self.timelines[run].retimed
+        retimed = self.recordings[run].retimed
         return [] if retimed is None else [self.index[_clock_name(e, run)] for e in retimed.errors]
 
     def clock_errors(self, z: Array, run: int) -> Array:
@@ -389,7 +389,7 @@ class ParameterSpace:
 
     def gains(self, z: Array, run: int) -> tuple[Array, Array]:
         """Return readings over truth (W, nu) of a run's inputs and (W, ny) of its outputs."""
-        recording = self.timelines[run]
+        recording = self.recordings[run]
         gains = np.ones((len(z), len(recording.channels)))
         for k, coordinate in enumerate(self.coordinates):
             if coordinate.kind != "gain":
@@ -406,7 +406,7 @@ class ParameterSpace:
 
     def state_space(self, z: Array, run: int) -> StateSpace:
         """State-space models of one run at coordinates (W, D)."""
-        recording = self.timelines[run]
+        recording = self.recordings[run]
         return state_space(
             self.car, self.values(z), recording.output_models, self.gains(z, run),
             recording.bias_directions,
@@ -414,7 +414,7 @@ class ParameterSpace:
 
     def noises(self, z: Array, run: int) -> SensorNoise:
         """Noise of one run's sensors at coordinates (W, D)."""
-        recording = self.timelines[run]
+        recording = self.recordings[run]
         order = recording.order
         white, filtered, poles = (np.zeros((len(z), len(order))) for _ in range(3))
         share = self._share(z, run)
@@ -454,7 +454,7 @@ class ParameterSpace:
         if k is not None:
             one = self.coordinates[k]
             return np.asarray(ndtr(one.centre + one.scale * z[:, k]))
-        filtered = self.likelihood == "innovations" and np.any(self.timelines[run].poles > 0.0)
+        filtered = self.likelihood == "innovations" and np.any(self.recordings[run].poles > 0.0)
         return np.full(len(z), _SHARE_HELD if filtered else 0.0)
 
     def zeros(self, z: Array, run: int) -> Array:
@@ -484,7 +484,7 @@ class ParameterSpace:
 
     def _with_sensors(self, owner: int | None) -> list[int]:
         """Return the runs whose sensors' noise is that of a run."""
-        return [run for run in range(len(self.timelines)) if self._sensors_of(run) == owner]
+        return [run for run in range(len(self.recordings)) if self._sensors_of(run) == owner]
 
     def log_prior(self, z: Array) -> Array:
         """Log density (W,) of the prior; −inf where no car can be."""
@@ -584,7 +584,7 @@ def _clock_name(error: ClockError, run: int) -> str:
 
 def space(
     vehicle: Vehicle,
-    timelines: tuple[PreparedRecording, ...],
+    recordings: tuple[PreparedRecording, ...],
     likelihood: str = "innovations",
     hold: frozenset[int] = frozenset(),
     sites: tuple[Site, ...] = (),
@@ -596,7 +596,7 @@ def space(
     ----------
     vehicle : Vehicle
         Gives the priors of the car, and the sizes that those of effects are given in.
-    timelines : tuple of PreparedRecording
+    recordings : tuple of PreparedRecording
         The recordings, in order, all of one car.
     likelihood : str
         ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
@@ -612,8 +612,8 @@ def space(
     -------
     ParameterSpace
     """
-    outputs = tuple(dict.fromkeys(o for one in timelines for o in one.output_models))
-    prior = _prior_of_vehicle(timelines[0].car.name, vehicle, outputs)
+    outputs = tuple(dict.fromkeys(o for one in recordings for o in one.output_models))
+    prior = _prior_of_vehicle(recordings[0].car.name, vehicle, outputs)
     car = prior.car
     coordinates = [Coordinate("car", f"car-{k}") for k in range(prior.identified.shape[1])]
     coordinates += [
@@ -622,7 +622,7 @@ def space(
         if p.kind == "fraction" and p.terms[0][2] > 0.0
     ]
     scale_sd: dict[str, float] = {}
-    for recording in timelines:  # one sensor, one scale, whatever the run
+    for recording in recordings:  # one sensor, one scale, whatever the run
         for c, channel in enumerate(recording.channels):
             known = scale_sd.get(channel.name, 0.0)
             scale_sd[channel.name] = max(known, float(recording.scale_sd[c]))
@@ -641,7 +641,7 @@ def space(
             "clock", _clock_name(error, run), error.centre, error.sd, error.clock,
             run if error.kind == "offset" else None,
         )
-        for run, recording in enumerate(timelines)
+        for run, recording in enumerate(recordings)
         if recording.retimed is not None
         for error in recording.retimed.errors
     }  # fmt: skip
@@ -652,8 +652,8 @@ def space(
         if any(site.effect.travel and element.carries(site.where) for site in sites)
     ]
     held = []
-    sensors = _sensors(timelines, hold)
-    for run, recording in enumerate(timelines):
+    sensors = _sensors(recordings, hold)
+    for run, recording in enumerate(recordings):
         levels = np.zeros(len(recording.channels))
         own = run not in hold and sensors[run] == run
         for c, channel in enumerate(recording.channels):
@@ -691,7 +691,7 @@ def space(
     return ParameterSpace(
         coordinates=tuple(coordinates),
         prior=prior,
-        timelines=timelines,
+        recordings=recordings,
         likelihood=likelihood,
         held=tuple(held),
         sites=sites,
@@ -701,10 +701,10 @@ def space(
     )
 
 
-def _sensors(timelines: tuple[PreparedRecording, ...], hold: frozenset[int]) -> tuple[int, ...]:
+def _sensors(recordings: tuple[PreparedRecording, ...], hold: frozenset[int]) -> tuple[int, ...]:
     """Find the first run of each run's log, among those whose noise levels are not held."""
     first: dict[str, int] = {}
     return tuple(
         run if run in hold or not one.log else first.setdefault(one.log, run)
-        for run, one in enumerate(timelines)
+        for run, one in enumerate(recordings)
     )

@@ -270,7 +270,7 @@ def sample_runs(
     for them afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  Parameters are those of
     :func:`run_ensembles`.
     """
-    if len(target.space.timelines) == 1:
+    if len(target.space.recordings) == 1:
         return _sampled(target, mode, seed, progress, most)
     shared = SharedPosterior(target, mode)
     found = _sampled(shared, shared.mode, seed, progress, most)

@@ -90,33 +90,33 @@ def low_pass(below: float, rate: float) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def too_short(line: PreparedRecording, below: float) -> str | None:
+def too_short(recording: PreparedRecording, below: float) -> str | None:
     """Say that too little of a recording is left once the filter has been fed, or None.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         A recording, laid out at full band.
     below : float
         Upper edge of the band, Hz.
     """
-    span = float(line.times[0, -1] - line.times[0, 0])
+    span = float(recording.times[0, -1] - recording.times[0, 0])
     lost = 2.0 * _REACH / below
     needed = lost + _FEWEST / (2.0 * below)
     if span >= needed:
         return None
     return (
-        f"{line.source} is too short for the motion below {below:g} Hz alone: {span:.1f} s, of "
-        f"which the filter takes {lost:.1f}; record {needed:.1f} s or more, or take a wider band"
+        f"{recording.source} is too short for the motion below {below:g} Hz alone: {span:.1f} s, "
+        f"of which the filter takes {lost:.1f}; record {needed:.1f} s or more, or take a wider band"
     )
 
 
-def low_pass_recording(line: PreparedRecording, below: float) -> PreparedRecording:
+def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRecording:
     """Keep the motion below a frequency.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         A recording, laid out at full band, not :func:`too_short`.
     below : float
         Upper edge of the band, Hz.
@@ -134,59 +134,63 @@ def low_pass_recording(line: PreparedRecording, below: float) -> PreparedRecordi
     InputError
         When the recording has fewer than four samples in a period of the band's upper edge.
     """
-    rate = 1.0 / float(np.median(np.diff(line.times[0])))
+    rate = 1.0 / float(np.median(np.diff(recording.times[0])))
     if below > rate / _SAMPLES_A_PERIOD:
         raise InputError(
             f"--below {below:g}",
-            f"is too near the sampling rate of {line.source}, {rate:.4g} Hz",
+            f"is too near the sampling rate of {recording.source}, {rate:.4g} Hz",
             f"give at most {math.floor(rate / _SAMPLES_A_PERIOD):g}, or leave --below out",
         )
     weights = low_pass(below, rate)
     reach = len(weights) // 2
-    usable = np.isfinite(line.values) & ~line.clipped
-    channels = range(len(line.channels))
-    first = max(line.times[c, usable[c]][0] for c in channels)
-    last = min(line.times[c, usable[c]][-1] for c in channels)
+    usable = np.isfinite(recording.values) & ~recording.clipped
+    channels = range(len(recording.channels))
+    first = max(recording.times[c, usable[c]][0] for c in channels)
+    last = min(recording.times[c, usable[c]][-1] for c in channels)
     grid = first + np.arange(math.floor((last - first) * rate + 1e-6) + 1) / rate
     time = grid[reach : len(grid) - reach]
     values = np.empty((len(channels), len(time)))
     mixed = np.empty(values.shape, bool)
     for c in channels:
-        at = line.times[c, usable[c]]
-        if c in line.inputs:
-            curve = line.wheels[line.inputs.index(c)].spline
+        at = recording.times[c, usable[c]]
+        if c in recording.inputs:
+            curve = recording.wheels[recording.inputs.index(c)].spline
         else:
-            curve = CubicSpline(at, line.values[c, usable[c]])
+            curve = CubicSpline(at, recording.values[c, usable[c]])
         values[c] = np.convolve(curve(grid), weights, "valid")
         longest = max(_SHORT / below, _NO_GAP / rate)
-        guessed = _guessed(grid, at, line.times[c, line.clipped[c]], longest)
+        guessed = _guessed(grid, at, recording.times[c, recording.clipped[c]], longest)
         mixed[c] = np.convolve(guessed, np.ones(len(weights)), "valid") > 0.5
-    left_out = mixed | np.any(mixed[list(line.inputs)], axis=0)
+    left_out = mixed | np.any(mixed[list(recording.inputs)], axis=0)
     kept = np.arange(0, len(time), max(int(rate / (2.0 * below) + 1e-6), 1))
     left_out[:, np.setdiff1d(np.arange(len(time)), kept)] = True
     step = 1.0 / (_STEPS * below)
     wheels = tuple(
         _wheel(wheel, time, values[c], step)
-        for wheel, c in zip(line.wheels, line.inputs, strict=True)
+        for wheel, c in zip(recording.wheels, recording.inputs, strict=True)
     )
     times = np.tile(time, (len(channels), 1))
     railed = np.zeros(values.shape, bool)
     reading = np.where(left_out, np.nan, values)
-    plan = schedule(reading, times, (railed, railed), wheels, line.outputs, line.car, step)
+    plan = schedule(
+        reading, times, (railed, railed), wheels, recording.outputs, recording.car, step
+    )
     # The wheels keep every sample and with it the density of their noise; a filtered chassis
     # reading has what is left of it.
     passed = float(np.sqrt(np.sum(weights**2)))
-    share = np.array([1.0 if channel.is_input else passed for channel in line.channels])
-    level = share * _at_rest(line.poles, rate)
+    share = np.array([1.0 if channel.is_input else passed for channel in recording.channels])
+    level = share * _at_rest(recording.poles, rate)
     return replace(
-        line,
+        recording,
         **plan._asdict(),
         wheels=wheels,
         values=values,
         times=times,
         clipped=railed,
-        noise=tuple(None if n is None else n * s for n, s in zip(line.noise, level, strict=True)),
-        steps=line.steps * share,
+        noise=tuple(
+            None if n is None else n * s for n, s in zip(recording.noise, level, strict=True)
+        ),
+        steps=recording.steps * share,
         poles=np.zeros(len(channels)),
         below=below,
         quiet=_LEFT * np.std(values, axis=1) / passed * share,

@@ -139,14 +139,14 @@ def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list
     return reasons
 
 
-def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], list[str]]:
+def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str], list[str]]:
     """Look for what would make an answer worthless.
 
     Parameters
     ----------
     vehicle : Vehicle
         Gives the sensors.
-    line : PreparedRecording
+    recording : PreparedRecording
         One recording; the modes of its nominal car say how long and how fast one must measure.
 
     Returns
@@ -156,87 +156,87 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    found = nominal_modes(line.car)
+    found = nominal_modes(recording.car)
     slowest, fastest = found[0].natural, found[-1].natural
-    times = line.times[0]
+    times = recording.times[0]
     rows = len(times)
     duration = float(times[-1] - times[0])
-    rate = min(1.0 / _own_step(line, c) for c in range(len(line.channels)))
+    rate = min(1.0 / _own_step(recording, c) for c in range(len(recording.channels)))
     needed = max(_PERIODS / slowest, 0.3)
     if duration < needed or rows < _FEWEST:
         reasons.append(
-            f"{line.source} is too short: {duration:.2f} s in {rows} rows, and this car needs at "
-            f"least {needed:.2f} s and {_FEWEST} rows; start the recording a second before the "
+            f"{recording.source} is too short: {duration:.2f} s in {rows} rows, and this car needs "
+            f"at least {needed:.2f} s and {_FEWEST} rows; start the recording a second before the "
             "bump and let it run until the car has stopped bouncing"
         )
-    mistaken = mistaken_time_unit(line.source, rate, min_sampling_rate(found))
+    mistaken = mistaken_time_unit(recording.source, rate, min_sampling_rate(found))
     if mistaken:
         return [*reasons, mistaken], warnings
     if rate < min_sampling_rate(found):
         reasons.append(
-            f"{line.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at up "
-            f"to {fastest:.1f} Hz; record at {_round_rate(min_sampling_rate(found))} Hz or more"
+            f"{recording.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at "
+            f"up to {fastest:.1f} Hz; record at {_round_rate(min_sampling_rate(found))} Hz or more"
         )
-    for c, channel in enumerate(line.channels):
-        clipped = int(np.count_nonzero(line.clipped[c]))
-        missing = _missing(line, c)
-        due = int(np.count_nonzero(np.isfinite(line.values[c]))) + missing
-        if _beyond_range(line.values[c], vehicle.sensor(channel.name)):
+    for c, channel in enumerate(recording.channels):
+        clipped = int(np.count_nonzero(recording.clipped[c]))
+        missing = _missing(recording, c)
+        due = int(np.count_nonzero(np.isfinite(recording.values[c]))) + missing
+        if _beyond_range(recording.values[c], vehicle.sensor(channel.name)):
             reasons.append(
-                f"the {channel.words} sensor of {line.source} reads beyond the range that the "
+                f"the {channel.words} sensor of {recording.source} reads beyond the range that the "
                 "vehicle file gives for it, which no sensor does; check the unit of the column, "
                 "the scale of the sensor and its range"
             )
         elif clipped > clipping_limit(due):
             reasons.append(
-                f"the {channel.words} sensor of {line.source} was at the end of its range in "
+                f"the {channel.words} sensor of {recording.source} was at the end of its range in "
                 f"{clipped} of {due} samples; drive slower, take a lower bump or use a sensor "
                 "with a wider range"
             )
         elif clipped:
             warnings.append(
-                f"{clipped} samples of the {channel.words} sensor of {line.source} were at the end "
-                "of its range and are used as bounds"
+                f"{clipped} samples of the {channel.words} sensor of {recording.source} were at "
+                "the end of its range and are used as bounds"
             )
         if missing > 0.2 * due:
             reasons.append(
-                f"{missing} of {due} readings of the {channel.words} sensor of {line.source} are "
-                "missing; check its wiring and the transfer"
+                f"{missing} of {due} readings of the {channel.words} sensor of {recording.source} "
+                "are missing; check its wiring and the transfer"
             )
         elif missing:
             warnings.append(
                 f"{missing} reading{'s' * (missing > 1)} of the {channel.words} sensor of "
-                f"{line.source} {'are' if missing > 1 else 'is'} missing"
+                f"{recording.source} {'are' if missing > 1 else 'is'} missing"
             )
-    for wheel, c in zip(line.wheels, line.inputs, strict=True):
-        name = line.channels[c].words
-        signal = line.values[c][np.isfinite(line.values[c])]
+    for wheel, c in zip(recording.wheels, recording.inputs, strict=True):
+        name = recording.channels[c].words
+        signal = recording.values[c][np.isfinite(recording.values[c])]
         shaken = float(np.std(signal))
-        floor = max(line.noise[c] or 0.0, line.steps[c] / np.sqrt(12.0))
+        floor = max(recording.noise[c] or 0.0, recording.steps[c] / np.sqrt(12.0))
         if shaken < MIN_EXCITATION * floor or shaken < 0.05:
-            moving = [float(np.std(values[np.isfinite(values)])) for values in line.values]
-            reasons.append(still_wheel(line.source, line.channels, c, moving))
+            moving = [float(np.std(values[np.isfinite(values)])) for values in recording.values]
+            reasons.append(still_wheel(recording.source, recording.channels, c, moving))
         elif shaken > _MAX_WHEEL_RMS:
             reasons.append(
-                f"the {name} moves at {shaken:.0f} m/s² rms in {line.source}, which no car "
+                f"the {name} moves at {shaken:.0f} m/s² rms in {recording.source}, which no car "
                 "takes; check the unit of the column and the scale of the sensor"
             )
         largest = float(np.diff(wheel.knots).max())
         if largest > LONGEST_GAP / fastest:
             reasons.append(
-                f"the {name} of {line.source} has a gap of {largest * 1e3:.0f} ms, longer "
+                f"the {name} of {recording.source} has a gap of {largest * 1e3:.0f} ms, longer "
                 "than this car's motion can be followed across; cut the recording there and give "
                 "both parts"
             )
-    sides = [e for e, element in enumerate(line.car.elements) if element.side == "left"]
-    if sides and not reasons and all(_alike(line, e) for e in sides):
+    sides = [e for e, element in enumerate(recording.car.elements) if element.side == "left"]
+    if sides and not reasons and all(_alike(recording, e) for e in sides):
         reasons.append(
-            f"left and right wheels of {line.source} move alike, so roll is not excited; drive "
-            "one side over something before the other, or choose the half car"
+            f"left and right wheels of {recording.source} move alike, so roll is not excited; "
+            "drive one side over something before the other, or choose the half car"
         )
     given = [
         vehicle.sensor(channel.name).bandwidth
-        for channel in line.channels
+        for channel in recording.channels
         if channel.quantity == "acceleration"
     ]
     if any(b is None for b in given) and any(b is not None for b in given):
@@ -244,20 +244,20 @@ def preflight(vehicle: Vehicle, line: PreparedRecording) -> tuple[list[str], lis
             "the vehicle file gives a bandwidth for some sensors only; the others are taken to "
             "be like the slowest of those"
         )
-    for c, channel in enumerate(line.channels):
+    for c, channel in enumerate(recording.channels):
         sensor = vehicle.sensor(channel.name)
         if not np.isfinite([sensor.low, sensor.high]).any():
-            stuck = _stuck_at_extreme(line.values[c])
+            stuck = _stuck_at_extreme(recording.values[c])
             if stuck:
                 warnings.append(
-                    f"the {channel.words} sensor of {line.source} stays at its extreme for {stuck} "
-                    "samples in a row, as a sensor at the end of its range does; give its range "
-                    "in the vehicle file"
+                    f"the {channel.words} sensor of {recording.source} stays at its extreme for "
+                    f"{stuck} samples in a row, as a sensor at the end of its range does; give its "
+                    "range in the vehicle file"
                 )
-        if sensor.counts_scale_sd > 0.0 and line.scale_sd[c] == 0.0:
+        if sensor.counts_scale_sd > 0.0 and recording.scale_sd[c] == 0.0:
             warnings.append(
                 f"the deviation given for the scale of the {channel.words} sensor is not used: "
-                f"{line.source} is not in counts, and the intervals take its scale as exact"
+                f"{recording.source} is not in counts, and the intervals take its scale as exact"
             )
     return reasons, warnings
 
@@ -288,15 +288,15 @@ def min_sampling_rate(found: list[Mode]) -> float:
     return _SAMPLES_A_PERIOD * max(m.natural * (1.0 if m.damped else _REAL) for m in found)
 
 
-def _alike(line: PreparedRecording, left: int) -> bool:
+def _alike(recording: PreparedRecording, left: int) -> bool:
     """Whether the wheels of an axle differ by little more than their noise."""
-    one, other = line.inputs[left], line.inputs[left + 1]
-    apart = line.values[one] - line.values[other]
+    one, other = recording.inputs[left], recording.inputs[left + 1]
+    apart = recording.values[one] - recording.values[other]
     rms = float(np.std(apart[np.isfinite(apart)]))
     noise = [
         np.hypot(
-            noise_level(line, c) if (given := line.noise[c]) is None else given,
-            line.steps[c] / np.sqrt(12.0),
+            noise_level(recording, c) if (given := recording.noise[c]) is None else given,
+            recording.steps[c] / np.sqrt(12.0),
         )
         for c in (one, other)
     ]
@@ -313,19 +313,19 @@ def _beyond_range(readings: NDArray[np.float64], sensor: Sensor) -> bool:
     )
 
 
-def _own_step(line: PreparedRecording, c: int) -> float:
+def _own_step(recording: PreparedRecording, c: int) -> float:
     """Usual time between two readings of a channel, s; rows of other channels do not count."""
-    return float(np.median(np.diff(line.times[c][np.isfinite(line.values[c])])))
+    return float(np.median(np.diff(recording.times[c][np.isfinite(recording.values[c])])))
 
 
-def _missing(line: PreparedRecording, c: int) -> int:
+def _missing(recording: PreparedRecording, c: int) -> int:
     """Count the readings that a channel lacks at its own rate, where there are rows for them."""
-    there = np.flatnonzero(np.isfinite(line.values[c]))
-    edges = np.concatenate([[-1], there, [line.values.shape[1]]])
+    there = np.flatnonzero(np.isfinite(recording.values[c]))
+    edges = np.concatenate([[-1], there, [recording.values.shape[1]]])
     empty = np.diff(edges) - 1
-    times = line.times[c]
+    times = recording.times[c]
     known = np.concatenate([[times[0]], times[there], [times[-1]]])
-    steps = np.diff(known) / _own_step(line, c)
+    steps = np.diff(known) / _own_step(recording, c)
     # between two readings one step is no gap; a channel that begins or ends a part of a step apart
     # from the others lacks nothing
     lacking = np.floor(steps + 1e-6)
@@ -391,12 +391,12 @@ class Coherence:
         return np.asarray(1.0 - self.left[band].sum(axis=0) / self.power[band].sum(axis=0))
 
 
-def coherence(line: PreparedRecording, window: float) -> Coherence | None:
+def coherence(recording: PreparedRecording, window: float) -> Coherence | None:
     """Multiple coherence of all wheels with each chassis channel.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         A recording.
     window : float
         Length of a window, s: its inverse is the resolution.
@@ -406,20 +406,20 @@ def coherence(line: PreparedRecording, window: float) -> Coherence | None:
     Coherence or None
         None when the recording has not :data:`FEWEST_WINDOWS` windows.
     """
-    first = max(w.knots[0] for w in line.wheels)
-    last = min(w.knots[-1] for w in line.wheels)
-    rate = 1.0 / line.reading_step
+    first = max(w.knots[0] for w in recording.wheels)
+    last = min(w.knots[-1] for w in recording.wheels)
+    rate = 1.0 / recording.reading_step
     time = np.arange(first, last, 1.0 / rate)
     n = int(window * rate)
     starts = np.arange(0, len(time) - n + 1, max(n // 2, 1))
     windows = 0.5 * (len(starts) + 1)  # overlapping halves are worth about that many
     if n < 8 or windows < FEWEST_WINDOWS:
         return None
-    signals = [w.spline(time) for w in line.wheels]
-    for y in range(len(line.outputs)):
-        use = line.kind[:, y] == VALUE
-        signals.append(np.interp(time, line.instants[use], line.reading[use, y]))
-    nu = len(line.wheels)
+    signals = [w.spline(time) for w in recording.wheels]
+    for y in range(len(recording.outputs)):
+        use = recording.kind[:, y] == VALUE
+        signals.append(np.interp(time, recording.instants[use], recording.reading[use, y]))
+    nu = len(recording.wheels)
     pieces = np.stack([np.stack(signals)[:, s : s + n] for s in starts])  # (K, nu + ny, n)
     pieces = pieces - pieces.mean(axis=2, keepdims=True)
     taper = np.hanning(n + 2)[1:-1]
@@ -436,12 +436,12 @@ def coherence(line: PreparedRecording, window: float) -> Coherence | None:
     return Coherence(frequency, power, left, windows)
 
 
-def suggest_band(line: PreparedRecording, left: Array, top: float) -> list[str]:
+def suggest_band(recording: PreparedRecording, left: Array, top: float) -> list[str]:
     """Say why a fit at full band explains too little, where a band would explain more.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         A recording, laid out at full band.
     left : (ny,) array
         Share of the power of each output below ``top`` that the fitted car leaves.
@@ -454,31 +454,31 @@ def suggest_band(line: PreparedRecording, left: Array, top: float) -> list[str]:
         Empty when the fit leaves little more than any linear relation would, when no band is
         worth a try, or when the recording is too short to tell.
     """
-    found = nominal_modes(line.car)  # where to look: from twice the fastest one downwards
+    found = nominal_modes(recording.car)  # where to look: from twice the fastest one downwards
     slowest, fastest = found[0].natural, found[-1].natural
-    span = float(line.times[0, -1] - line.times[0, 0])
+    span = float(recording.times[0, -1] - recording.times[0, 0])
     window = min(span / _WINDOWS, _LONGEST / slowest)
-    seen = coherence(line, window) if window * slowest >= _SHORTEST else None
+    seen = coherence(recording, window) if window * slowest >= _SHORTEST else None
     if seen is None:
         return []
     bound = 1.0 - seen.explained(0.0, top)
     if not np.any((left > MAX_UNEXPLAINED**2) & (left > _DRAWN * bound)):
         return []
     for below in range(int(_HIGHEST * fastest), 0, -1):
-        if below < ABOVE_MODES * fastest or too_short(line, below) is not None:
+        if below < ABOVE_MODES * fastest or too_short(recording, below) is not None:
             break
         share = 100.0 * seen.explained(0.0, below)
         if np.all(share >= 100.0 * _WORTH):
-            names = _listed([line.channels[c].words for c in line.outputs])
+            names = _listed([recording.channels[c].words for c in recording.outputs])
             fitted, best, in_band = (
                 _listed([f"{100.0 * x:.0f}" for x in values])
                 for values in (np.clip(1.0 - left, 0.0, 1.0), 1.0 - bound, share / 100.0)
             )
             return [
-                f"the fitted {line.car.name} car explains only {fitted} % of {names} below "
-                f"{top:.2g} Hz in {line.source}, where a linear relation with the wheels explains "
-                f"{best} %: what is above drew the fit away; below {below} Hz the wheels explain "
-                f"{in_band} %: try --below {below}"
+                f"the fitted {recording.car.name} car explains only {fitted} % of {names} below "
+                f"{top:.2g} Hz in {recording.source}, where a linear relation with the wheels "
+                f"explains {best} %: what is above drew the fit away; below {below} Hz the wheels "
+                f"explain {in_band} %: try --below {below}"
             ]
     return []
 

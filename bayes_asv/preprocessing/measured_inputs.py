@@ -40,27 +40,27 @@ INPUT_BIAS_SD = 0.15
 """How well the mean reading gives a bias, m/s²: the wheel's speed at both ends over the time."""
 
 
-def unit_input_moments(line: PreparedRecording) -> Array:
+def unit_input_moments(recording: PreparedRecording) -> Array:
     """Moments (E, ORDER) of an input of 1 m/s²."""
-    time = line.wheels[0].knots
-    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, line.wheels[0].deviation)
-    return moments(one, line.instants, ORDER)
+    time = recording.wheels[0].knots
+    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, recording.wheels[0].deviation)
+    return moments(one, recording.instants, ORDER)
 
 
-def without_mean_input(line: PreparedRecording) -> PreparedRecording:
+def without_mean_input(recording: PreparedRecording) -> PreparedRecording:
     """Return a recording whose inputs have mean zero; the body above them reads as much less.
 
     Beginning and end count little: what a wheel's speed is there does not average out.
     """
-    rest = np.array([_mean(wheel) for wheel in line.wheels])
+    rest = np.array([_mean(wheel) for wheel in recording.wheels])
     wheels = tuple(
         wheel._replace(spline=CubicSpline(wheel.knots, wheel.spline(wheel.knots) - level))
-        for wheel, level in zip(line.wheels, rest, strict=True)
+        for wheel, level in zip(recording.wheels, rest, strict=True)
     )
     return replace(
-        line,
-        moments=line.moments - rest[:, None] * unit_input_moments(line)[:, None],
-        reading=line.reading - line.rigid_gain @ rest,
+        recording,
+        moments=recording.moments - rest[:, None] * unit_input_moments(recording)[:, None],
+        reading=recording.reading - recording.rigid_gain @ rest,
         wheels=wheels,
     )
 
@@ -74,28 +74,31 @@ _LINES = 9  # of a spectrum that are averaged
 _CERTAIN = 2.0  # times the noise that a line has to hold before any of it passes
 
 
-def denoise_wheel(line: PreparedRecording, axle: int, corner: float | None) -> tuple[Array, Array]:
+def denoise_wheel(
+    recording: PreparedRecording, axle: int, corner: float | None
+) -> tuple[Array, Array]:
     """Knots (K,) of a wheel's signal, s, and its readings there without most of their noise.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         A recording.
     axle : int
         Number of the input.
     corner : float or None
         Of the wheel's sensor, Hz.
     """
-    wheel = line.wheels[axle]
-    noise = sample_noise(line, line.inputs[axle])
+    wheel = recording.wheels[axle]
+    noise = sample_noise(recording, recording.inputs[axle])
     return wheel.knots, denoised(wheel.knots, wheel.spline(wheel.knots), noise, corner)
 
 
-def sample_noise(line: PreparedRecording, c: int) -> float:
+def sample_noise(recording: PreparedRecording, c: int) -> float:
     """Deviation of one sample of a channel, m/s²: noise as given, or heard, and its steps."""
-    given = line.noise[c]
+    given = recording.noise[c]
     return math.hypot(
-        noise_level(line, c) if given is None else given, float(line.steps[c]) / math.sqrt(12.0)
+        noise_level(recording, c) if given is None else given,
+        float(recording.steps[c]) / math.sqrt(12.0),
     )
 
 

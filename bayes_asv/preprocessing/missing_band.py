@@ -69,13 +69,13 @@ def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> 
         For the transfer of the inputs' noise; above the car's own modes little of it arrives, so
         the nominal one will do.
     """
-    lines = len(power)
-    frequency = (np.arange(lines) + 0.5) / (2.0 * lines * step)
+    recordings = len(power)
+    frequency = (np.arange(recordings) + 0.5) / (2.0 * recordings * step)
     gone = 1.0 - np.minimum(power, 1.0)
     some = gone > 1e-3
     return MissingBand(
         np.asarray(frequency[some]),
-        np.asarray(groups * gone[some] / lines),
+        np.asarray(groups * gone[some] / recordings),
         frequency_response(system, np.asarray(frequency[some], np.float64)),
         step,
         float(1.0 - gone.mean()),

@@ -67,44 +67,44 @@ def offset(step: float, noise: float) -> float:
     return step * min(float(np.abs(mean).max()), 0.5)
 
 
-def with_noise_of_still_wheels(line: PreparedRecording) -> PreparedRecording:
+def with_noise_of_still_wheels(recording: PreparedRecording) -> PreparedRecording:
     """Increase the noise of wheels at rest by the errors of their converters.
 
     The outputs do not need this: 40 drives of the 2008 car without a fault, with its ten bits and
     the noise of its data sheets, gave 22 false alarms before, and one with the noise increased at
     the wheels.
     """
-    beyond = [_beyond(line, c) * is_stationary(line, c) for c in line.inputs]
-    doubt = np.stack(beyond, axis=1) * line.spread[:, : len(beyond)]
-    spread = line.noise_spread + np.hstack([np.zeros_like(doubt), doubt])
-    return replace(line, spread=spread, doubt=doubt)
+    beyond = [_beyond(recording, c) * is_stationary(recording, c) for c in recording.inputs]
+    doubt = np.stack(beyond, axis=1) * recording.spread[:, : len(beyond)]
+    spread = recording.noise_spread + np.hstack([np.zeros_like(doubt), doubt])
+    return replace(recording, spread=spread, doubt=doubt)
 
 
-def without_standstill(line: PreparedRecording) -> PreparedRecording:
+def without_standstill(recording: PreparedRecording) -> PreparedRecording:
     """Leave out the readings of a car at rest before and after its drive.
 
     At rest a coarse converter shows nothing but a zero that is off by up to a step; the longer the
     rest, the smaller its standard deviation would seem to be.
     """
-    still = np.all([is_stationary(line, c) for c in range(len(line.channels))], axis=0)
+    still = np.all([is_stationary(recording, c) for c in range(len(recording.channels))], axis=0)
     if still.all() or not still.any():
-        return line
-    moving = line.instants[~still]
-    waits = (line.instants < moving[0] - _LEAD) | (line.instants > moving[-1] + _LEAD)
-    return replace(line, kind=np.where(waits[:, None], MISSING, line.kind))
+        return recording
+    moving = recording.instants[~still]
+    waits = (recording.instants < moving[0] - _LEAD) | (recording.instants > moving[-1] + _LEAD)
+    return replace(recording, kind=np.where(waits[:, None], MISSING, recording.kind))
 
 
-def is_stationary(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
+def is_stationary(recording: PreparedRecording, c: int) -> NDArray[np.bool_]:
     """Whether a channel stands still on a coarse converter at each instant (E,)."""
-    return _covers_less(line, c, lambda readings: STILL_STEPS)
+    return _covers_less(recording, c, lambda readings: STILL_STEPS)
 
 
-def is_slow(line: PreparedRecording, c: int) -> NDArray[np.bool_]:
+def is_slow(recording: PreparedRecording, c: int) -> NDArray[np.bool_]:
     """Whether a channel crosses so few steps of a converter that its errors are autocorrelated.
 
     What moves by a part of a step from reading to reading errs in saw teeth of several readings.
     """
-    return _covers_less(line, c, slow_steps)
+    return _covers_less(recording, c, slow_steps)
 
 
 def slow_steps(readings: int) -> float:
@@ -113,38 +113,43 @@ def slow_steps(readings: int) -> float:
 
 
 def _covers_less(
-    line: PreparedRecording, c: int, steps: Callable[[int], float]
+    recording: PreparedRecording, c: int, steps: Callable[[int], float]
 ) -> NDArray[np.bool_]:
     """Whether a channel covers fewer steps than that in a window of some readings (E,)."""
-    if _beyond(line, c) == 0.0:
-        return np.zeros(len(line.instants), bool)
-    there = np.isfinite(line.values[c])
-    time, signal = line.times[c, there], line.values[c, there]
+    if _beyond(recording, c) == 0.0:
+        return np.zeros(len(recording.instants), bool)
+    there = np.isfinite(recording.values[c])
+    time, signal = recording.times[c, there], recording.values[c, there]
     n = max(round(STILL_WINDOW / float(np.median(np.diff(time)))), 3)
     span = maximum_filter1d(signal, n) - minimum_filter1d(signal, n)
-    less = (span < steps(n) * line.steps[c]).astype(float)
-    return np.asarray(np.interp(line.instants, time, less) > 0.5)
+    less = (span < steps(n) * recording.steps[c]).astype(float)
+    return np.asarray(np.interp(recording.instants, time, less) > 0.5)
 
 
-def spurious_drift(line: PreparedRecording, c: int) -> float:
+def spurious_drift(recording: PreparedRecording, c: int) -> float:
     """Slope (m/s³) of a channel's zero that its converter alone can cause over a recording.
 
     A zero that moves by as much as a converter's offset, between the beginning and the end of a
     run, is no fault.
     """
-    still = float(np.mean(is_stationary(line, c)))
-    largest = offset(float(line.steps[c]), float(line.noise[c] or 0.0))
-    return 2.0 * largest * still / float(np.ptp(line.times[c, np.isfinite(line.values[c])]))
+    still = float(np.mean(is_stationary(recording, c)))
+    largest = offset(float(recording.steps[c]), float(recording.noise[c] or 0.0))
+    return (
+        2.0 * largest * still / float(np.ptp(recording.times[c, np.isfinite(recording.values[c])]))
+    )
 
 
-def _beyond(line: PreparedRecording, c: int) -> float:
+def _beyond(recording: PreparedRecording, c: int) -> float:
     """Variance (m²/s⁴) of white noise as strong as the quantization error of a channel at rest."""
-    time = line.times[c, np.isfinite(line.values[c])]
+    time = recording.times[c, np.isfinite(recording.values[c])]
     if len(time) < 3:
         return 0.0
     every = float(np.median(np.diff(time)))
     return still_variance(
-        float(line.steps[c]), float(line.noise[c] or 0.0), float(line.poles[c]), every
+        float(recording.steps[c]),
+        float(recording.noise[c] or 0.0),
+        float(recording.poles[c]),
+        every,
     )
 
 
@@ -192,8 +197,8 @@ def quiet_level(a: Array, step: float) -> float:
     return max(quiet, 0.01 * float(np.std(a)), step / math.sqrt(12.0), 1e-6)
 
 
-def noise_level(line: PreparedRecording, c: int) -> float:
+def noise_level(recording: PreparedRecording, c: int) -> float:
     """Noise of one sample of a channel, m/s², from its quiet quarter."""
-    if line.quiet is not None:
-        return float(line.quiet[c])
-    return quiet_level(line.values[c], float(line.steps[c]))
+    if recording.quiet is not None:
+        return float(recording.quiet[c])
+    return quiet_level(recording.values[c], float(recording.steps[c]))

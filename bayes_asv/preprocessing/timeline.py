@@ -105,14 +105,14 @@ class Retimed:
         What is unknown.
     middle, step : (K,) arrays
         x₀ and h.
-    lines : tuple of M − 1 PreparedRecording
+    recordings : tuple of M − 1 PreparedRecording
         The recording at the other points, in the order of :meth:`points`, with the same readings.
     """
 
     errors: tuple[ClockError, ...]
     middle: Array
     step: Array
-    lines: tuple[PreparedRecording, ...]
+    recordings: tuple[PreparedRecording, ...]
 
     @staticmethod
     def points(count: int) -> Array:
@@ -305,37 +305,41 @@ class PreparedRecording:
 
 
 def changed(
-    line: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
+    recording: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
 ) -> PreparedRecording:
     """Change a recording, and with it what it would be with other errors of its clocks."""
-    if line.retimed is None:
-        return change(line)
-    alone = replace(line, retimed=None)
-    first, *others = common_readings([change(one) for one in (alone, *line.retimed.lines)])
-    return replace(first, retimed=replace(line.retimed, lines=tuple(others)))
+    if recording.retimed is None:
+        return change(recording)
+    alone = replace(recording, retimed=None)
+    first, *others = common_readings(
+        [change(one) for one in (alone, *recording.retimed.recordings)]
+    )
+    return replace(first, retimed=replace(recording.retimed, recordings=tuple(others)))
 
 
-def common_readings(lines: Sequence[PreparedRecording]) -> list[PreparedRecording]:
+def common_readings(recordings: Sequence[PreparedRecording]) -> list[PreparedRecording]:
     """Leave those readings that one recording has whatever the errors of its clocks.
 
     At either end a shift moves readings out of the time in which all channels were sampled, and
     likelihoods of different readings cannot be compared.
     """
-    rows = [[_rows(line, y) for y in range(len(line.outputs))] for line in lines]
+    rows = [
+        [_rows(recording, y) for y in range(len(recording.outputs))] for recording in recordings
+    ]
     out = []
-    for line, own in zip(lines, rows, strict=True):
-        kind = line.kind.copy()
+    for recording, own in zip(recordings, rows, strict=True):
+        kind = recording.kind.copy()
         for y, mine in enumerate(own):
             lost = ~np.logical_and.reduce([np.isin(mine, other[y]) for other in rows])
-            kind[np.flatnonzero(line.kind[:, y] != MISSING)[lost], y] = MISSING
-        out.append(replace(line, kind=kind))
+            kind[np.flatnonzero(recording.kind[:, y] != MISSING)[lost], y] = MISSING
+        out.append(replace(recording, kind=kind))
     return out
 
 
-def _rows(line: PreparedRecording, output: int) -> NDArray[np.int64]:
+def _rows(recording: PreparedRecording, output: int) -> NDArray[np.int64]:
     """Rows of the recording in which the readings of an output stand."""
-    times = line.times[line.outputs[output]]
-    at = line.instants[line.kind[:, output] != MISSING]
+    times = recording.times[recording.outputs[output]]
+    at = recording.instants[recording.kind[:, output] != MISSING]
     after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
     return np.asarray(after - (at - times[after - 1] < times[after] - at), np.int64)
 

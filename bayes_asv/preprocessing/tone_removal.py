@@ -179,15 +179,17 @@ def engine_tones(
     """
     signals = [np.nan_to_num(run) for run in runs]
     longest = max((len(run) for run in signals), default=1)
-    line = rate / longest
+    recording = rate / longest
 
     def plain(tone: Notch) -> bool:
         f = tone.frequency
         if f < _IDLE or f > _NEAR_HALF_RATE * 0.5 * rate:
             return False
-        if any(abs(f - rate / rows) < 1.5 * line for rows in range(2, _MOST_ROWS + 1)):
+        if any(abs(f - rate / rows) < 1.5 * recording for rows in range(2, _MOST_ROWS + 1)):
             return False
-        beside = [t for t in tones if _harmonic(t, tone, line) and not _at_mode(t.frequency, modes)]
+        beside = [
+            t for t in tones if _harmonic(t, tone, recording) and not _at_mode(t.frequency, modes)
+        ]
         if _at_mode(f, modes) and not beside:
             return False
         return is_persistent(signals, tone, rate)
@@ -200,7 +202,7 @@ def engine_tones(
         for tone in tones
         if any(
             abs(tone.frequency - one.frequency) < _ADJACENT * one.half_width
-            or _harmonic(tone, one, line)
+            or _harmonic(tone, one, recording)
             for one in own
         )
     )
@@ -227,13 +229,13 @@ def _at_mode(frequency: float, modes: Sequence[tuple[float, float]]) -> bool:
     return any(abs(frequency - f) < ratio * f for f, ratio in modes)
 
 
-def _harmonic(tone: Notch, other: Notch, line: float) -> bool:
+def _harmonic(tone: Notch, other: Notch, recording: float) -> bool:
     """Whether two tones are different multiples of half a speed, as far as lines (Hz) tell."""
     orders = range(1, round(2.0 * _MOST_ORDER) + 1)
     return any(
         i != j
         and abs(tone.frequency - other.frequency * i / j)
-        < _ORDERS_OFF * tone.frequency + 0.5 * line
+        < _ORDERS_OFF * tone.frequency + 0.5 * recording
         for i in orders
         for j in orders
         if other.frequency * 2.0 / j >= _IDLE
@@ -299,12 +301,12 @@ def main_tones(notches: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     return tuple(sorted(kept))
 
 
-def notched(line: PreparedRecording, notches: Sequence[Notch]) -> PreparedRecording:
+def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedRecording:
     """Cut bands out of all channels of a recording.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         A recording, laid out at full band.
     notches : sequence of Notch
         Bands to cut out.
@@ -318,40 +320,42 @@ def notched(line: PreparedRecording, notches: Sequence[Notch]) -> PreparedRecord
     """
     from scipy.signal import sosfreqz
 
-    values = np.full_like(line.values, np.nan)
-    rate = 1.0 / float(np.median(np.diff(line.times[0])))
+    values = np.full_like(recording.values, np.nan)
+    rate = 1.0 / float(np.median(np.diff(recording.times[0])))
     sections = notch_filter(notches, rate)
-    usable = np.isfinite(line.values) & ~line.clipped
-    for c in range(len(line.channels)):
-        if c in line.inputs:
-            wheel = line.wheels[line.inputs.index(c)]
+    usable = np.isfinite(recording.values) & ~recording.clipped
+    for c in range(len(recording.channels)):
+        if c in recording.inputs:
+            wheel = recording.wheels[recording.inputs.index(c)]
             curve, at = wheel.spline, wheel.knots
         else:
-            at = line.times[c, usable[c]]
-            curve = CubicSpline(at, line.values[c, usable[c]])
-        values[c, np.isin(line.times[c], at)] = _cut(curve, at, rate, sections)
+            at = recording.times[c, usable[c]]
+            curve = CubicSpline(at, recording.values[c, usable[c]])
+        values[c, np.isin(recording.times[c], at)] = _cut(curve, at, rate, sections)
     narrowest = min(notch.half_width for notch in notches)
-    settled = max(line.times[:, 0]) + _SETTLES / (2.0 * math.pi * narrowest)
+    settled = max(recording.times[:, 0]) + _SETTLES / (2.0 * math.pi * narrowest)
     wheels = tuple(
-        _wheel(wheel, values[c], line.times[c], line.clipped[c], settled)
-        for wheel, c in zip(line.wheels, line.inputs, strict=True)
+        _wheel(wheel, values[c], recording.times[c], recording.clipped[c], settled)
+        for wheel, c in zip(recording.wheels, recording.inputs, strict=True)
     )
     railed = np.zeros(values.shape, bool)
-    values[:, np.all(line.times < settled, axis=0)] = np.nan
-    plan = schedule(values, line.times, (railed, railed), wheels, line.outputs, line.car)
+    values[:, np.all(recording.times < settled, axis=0)] = np.nan
+    plan = schedule(
+        values, recording.times, (railed, railed), wheels, recording.outputs, recording.car
+    )
     step = 1.0 / rate
-    lines = (np.arange(_LINES) + 0.5) * math.pi / _LINES
-    _, response = sosfreqz(sections, lines)
-    system = state_space(line.car, line.car.nominal, line.output_models)
+    recordings = (np.arange(_LINES) + 0.5) * math.pi / _LINES
+    _, response = sosfreqz(sections, recordings)
+    system = state_space(recording.car, recording.car.nominal, recording.output_models)
     return replace(
-        line,
+        recording,
         **plan._asdict(),
         wheels=wheels,
         values=values,
         cut=missing_band(np.abs(response) ** 2, len(plan.pairs), step, system),
         notches=tuple(notches),
         doubt=None,
-        began=line.instants[0] if line.began is None else line.began,
+        began=recording.instants[0] if recording.began is None else recording.began,
     )
 
 
@@ -365,16 +369,16 @@ def _peak(left: Array, rate: float, alarm: float) -> float | None:
     # Half of a segment is the next one's: a Hann window makes that 0.55 of an independent one.
     segments = max(1.0, 0.55 * (2.0 * len(left) / n - 1.0))
     frequency, power = welch(left, rate, nperseg=n, noverlap=n // 2, axis=0)
-    lines = min(_NEIGHBOURS, len(power) // 2 * 2 - 1)
-    floor = median_filter(power, size=(lines, 1))
-    half = lines // 2  # near its ends a spectrum has neighbours on one side only
+    recordings = min(_NEIGHBOURS, len(power) // 2 * 2 - 1)
+    floor = median_filter(power, size=(recordings, 1))
+    half = recordings // 2  # near its ends a spectrum has neighbours on one side only
     floor[:half], floor[-half:] = floor[half], floor[-half - 1]
     ratio = power / np.maximum(floor, 1e-12) * gamma(segments).median() / segments
     ratio[(frequency < _LOWEST) | (frequency > 0.5 * rate - 1.0)] = 0.0
     best, axle = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     # The floor is uncertain as well: a median is worth 0.64, Hann lines 0.67 of as many lines.
     degrees = 2.0 * segments
-    limit = float(f(degrees, 0.4 * lines * degrees).isf(alarm / power.size))
+    limit = float(f(degrees, 0.4 * recordings * degrees).isf(alarm / power.size))
     return float(frequency[best]) if ratio[best, axle] > limit else None
 
 

@@ -68,9 +68,9 @@ def match_bandwidths(time: Array, signal: Array, bandwidth: float, target: float
     """
     if bandwidth <= target * (1.0 + 1e-9):
         return signal
-    lines = np.zeros((4, len(signal) - 1))
-    lines[2], lines[3] = np.diff(signal) / np.diff(time), signal[:-1]
-    slow = low_passed(time, lines, 2.0 * math.pi * target)
+    recordings = np.zeros((4, len(signal) - 1))
+    recordings[2], recordings[3] = np.diff(signal) / np.diff(time), signal[:-1]
+    slow = low_passed(time, recordings, 2.0 * math.pi * target)
     share = target / bandwidth
     return np.asarray(share * signal + (1.0 - share) * slow)
 

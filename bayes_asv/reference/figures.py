@@ -179,9 +179,9 @@ def _states(
     grid[0, 0].set_title("inputs")
     grid[0, 1].set_title("outputs")
     if estimate is not None:
-        lines = grid[0, 1].get_lines()
+        recordings = grid[0, 1].get_lines()
         names = ("integrated", "model")
-        figure.legend(lines, names, loc="outside lower center", ncols=2)
+        figure.legend(recordings, names, loc="outside lower center", ncols=2)
     figure.align_ylabels()
     return panel(figure, key, alt, wide=True)
 

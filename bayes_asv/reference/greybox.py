@@ -155,7 +155,7 @@ def grey_box(
         if value not in known:
             raise ValueError(f"{value!r} is none of {', '.join(known)}")
     recording = at_own_rate(recording)
-    lines, reasons, warnings = prepare_runs((recording,), vehicle)
+    recordings, reasons, warnings = prepare_runs((recording,), vehicle)
     if reasons:
         nothing = np.zeros((0, 2))
         return PointEstimate(
@@ -163,7 +163,7 @@ def grey_box(
             np.zeros(0), nothing, nothing, nothing, {}, {}, {}, nothing,
         )  # fmt: skip
     if coordinates == "deflection":
-        return fit_deflections(lines[0], vehicle, initial=initial, warnings=warnings)
+        return fit_deflections(recordings[0], vehicle, initial=initial, warnings=warnings)
     data = integrate(recording, vehicle, detrending)
     return fit_states(
         data.time, data.u, data.y, vehicle, initial=initial, hold=hold, detrending=detrending,
@@ -177,7 +177,7 @@ def nominal_car(vehicle: Vehicle) -> HalfCar:
 
 
 def fit_deflections(
-    line: PreparedRecording,
+    recording: PreparedRecording,
     vehicle: Vehicle,
     *,
     initial: str = "estimated",
@@ -190,12 +190,12 @@ def fit_deflections(
     """
     nominal = nominal_car(vehicle)
     starts = np.eye(6)[: 4 if initial == "estimated" else 0]
-    driven = line.measurements
+    driven = recording.measurements
     still = driven._replace(moments=np.zeros_like(driven.moments))
 
     def run(theta: Array) -> tuple[Array, Array]:
         values = {n: np.array([x]) for n, x in _car(nominal, theta)._asdict().items()}
-        system = state_space(line.car, values, line.output_models)
+        system = state_space(recording.car, values, recording.output_models)
         responses = [free_response(system, driven, np.zeros((1, 6)))]
         if len(starts):
             responses.append(free_response(system, still, starts))
@@ -207,22 +207,22 @@ def fit_deflections(
     def model(theta: Array) -> tuple[Array, Array]:
         outputs = run(theta)[1]
         paired = np.stack(
-            [_paired(line, outputs[:, :, c]) for c in range(outputs.shape[2])], axis=2
+            [_paired(recording, outputs[:, :, c]) for c in range(outputs.shape[2])], axis=2
         )
         biases = np.zeros((len(paired), 2, 2))
         biases[:, 0, 0] = biases[:, 1, 1] = 1.0
         return paired[:, :, 0], np.concatenate([paired[:, :, 1:], biases], axis=2)
 
-    measured = line.paired(line.reading)
+    measured = recording.paired(recording.reading)
     minimum = minimise(model, measured, _start(nominal))
     base, design = model(minimum.theta)
     states = run(minimum.theta)[0]
     free = states[:, :, 0] + states[:, :, 1:] @ minimum.beta[:-2]
-    at = line.pairs.max(axis=1)
-    time = line.instants[at]
+    at = recording.pairs.max(axis=1)
+    time = recording.instants[at]
     return _point_estimate(
         minimum, nominal, ("deflection", initial, "bias estimated", "spline"), time, measured,
-        base + design @ minimum.beta, _wheels(line, time), free[at][:, [0, 2]], warnings,
+        base + design @ minimum.beta, _wheels(recording, time), free[at][:, [0, 2]], warnings,
     )  # fmt: skip
 
 
@@ -288,13 +288,13 @@ def _start(nominal: HalfCar) -> Array:
     return np.log([nominal.c_f, nominal.c_r, nominal.i])
 
 
-def _paired(line: PreparedRecording, values: Array) -> Array:
+def _paired(recording: PreparedRecording, values: Array) -> Array:
     """Arrange model outputs (E, 2) by pairs of readings; missing ones become zero."""
-    return np.asarray(np.nan_to_num(line.paired(values)))
+    return np.asarray(np.nan_to_num(recording.paired(values)))
 
 
-def _wheels(line: PreparedRecording, time: Array) -> Array:
-    return np.stack([wheel.spline(time) for wheel in line.wheels], axis=1)
+def _wheels(recording: PreparedRecording, time: Array) -> Array:
+    return np.stack([wheel.spline(time) for wheel in recording.wheels], axis=1)
 
 
 def _point_estimate(

@@ -95,7 +95,7 @@ def _as_recording(recording: Recording, line: PreparedRecording, readings: Array
 
 
 def chassis_readings(
-    line: PreparedRecording, car: Array, noise: Array, rng: np.random.Generator
+    recording: PreparedRecording, car: Array, noise: Array, rng: np.random.Generator
 ) -> Array:
     """Draw both chassis readings (E, 2), m/s², at every instant of a timeline.
 
@@ -110,16 +110,16 @@ def chassis_readings(
         Where chance comes from.
     """
     _, C = suspension(car)
-    x = driven_states(line, car) + noisy_states(line, car, noise, rng)
-    bias = np.sqrt(np.diag(line.start)[4:]) * rng.standard_normal(2)
+    x = driven_states(recording, car) + noisy_states(recording, car, noise, rng)
+    bias = np.sqrt(np.diag(recording.start)[4:]) * rng.standard_normal(2)
     y = x @ C.T + bias
     for axle in range(2):
-        white = np.sqrt(noise[2 + axle] + line.extra[:, axle]) * rng.standard_normal(len(y))
-        y[:, axle] += white + _remembered(noise[6 + axle], noise[10 + axle], line.step, rng)
+        white = np.sqrt(noise[2 + axle] + recording.extra[:, axle]) * rng.standard_normal(len(y))
+        y[:, axle] += white + _remembered(noise[6 + axle], noise[10 + axle], recording.step, rng)
     return np.asarray(y)
 
 
-def driven_states(line: PreparedRecording, car: Array) -> Array:
+def driven_states(recording: PreparedRecording, car: Array) -> Array:
     """States (E, 4) of a car that starts at rest and follows the wheels' splines, exactly.
 
     On each piece of the splines the input is a cubic; with its derivatives as further states the
@@ -130,20 +130,20 @@ def driven_states(line: PreparedRecording, car: Array) -> Array:
     big[:4, :4] = A
     big[1, 4] = big[3, 5] = -1.0
     big[4:10, 6:12] = np.eye(6)  # u, u', u'', u''' of both wheels
-    inside = [w.knots[(w.knots > line.instants[0]) & (w.knots < line.instants[-1])]
-              for w in line.wheels]  # fmt: skip
-    edges = np.union1d(line.instants, np.concatenate(inside))
+    inside = [w.knots[(w.knots > recording.instants[0]) & (w.knots < recording.instants[-1])]
+              for w in recording.wheels]  # fmt: skip
+    edges = np.union1d(recording.instants, np.concatenate(inside))
     middle = 0.5 * (edges[:-1] + edges[1:])
     # derivatives at a piece's beginning, from within the piece: the third one jumps at knots
     taylor = np.zeros((len(middle), 4, 2))
-    for axle, wheel in enumerate(line.wheels):
+    for axle, wheel in enumerate(recording.wheels):
         back = edges[:-1] - middle
         value = [np.asarray(wheel.spline(middle, order)) for order in range(4)]
         for order in range(4):
             for j in range(order, 4):
                 taylor[:, order, axle] += value[j] * back ** (j - order) / factorial(j - order)
-    out = np.zeros((len(line.instants), 4))
-    wanted = np.searchsorted(edges, line.instants)
+    out = np.zeros((len(recording.instants), 4))
+    wanted = np.searchsorted(edges, recording.instants)
     x = np.zeros(4)
     flows: dict[int, Array] = {}
     states = np.zeros((len(edges), 4))
@@ -159,7 +159,7 @@ def driven_states(line: PreparedRecording, car: Array) -> Array:
 
 
 def noisy_states(
-    line: PreparedRecording, car: Array, noise: Array, rng: np.random.Generator
+    recording: PreparedRecording, car: Array, noise: Array, rng: np.random.Generator
 ) -> Array:
     """States (E, 4) that initial state and the wheels' noise add.
 
@@ -171,13 +171,13 @@ def noisy_states(
     held[:4, :4] = A
     held[1, 4] = held[3, 5] = 1.0
     w = np.stack(
-        [_remembered(noise[4 + a], noise[8 + a], line.step, rng) for a in range(2)], axis=1
+        [_remembered(noise[4 + a], noise[8 + a], recording.step, rng) for a in range(2)], axis=1
     )
-    intensity = noise[:2] * line.spread[:, :2] + line.spread[:, 2:]
-    x = np.sqrt(np.diag(line.start)[:4]) * rng.standard_normal(4)
-    out = np.empty((len(line.step), 4))
+    intensity = noise[:2] * recording.spread[:, :2] + recording.spread[:, 2:]
+    x = np.sqrt(np.diag(recording.start)[:4]) * rng.standard_normal(4)
+    out = np.empty((len(recording.step), 4))
     flows: dict[int, tuple[Array, tuple[Array, Array]]] = {}
-    for k, h in enumerate(line.step):
+    for k, h in enumerate(recording.step):
         if h > 0.0:
             key = round(h * 1e12)
             if key not in flows:

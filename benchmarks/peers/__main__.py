@@ -60,7 +60,7 @@ def _fastest(work: Callable[[], object]) -> float:
 def likelihoods(problem: Problem, folder: Path) -> dict[str, float]:
     """Time the likelihood of a batch of sets, nanoseconds a step and a set."""
     space, sets = problem.target.space, problem.points
-    data = space.timelines[0].measurements
+    data = space.recordings[0].measurements
     system, noise = space.state_space(sets, 0), space.noises(sets, 0)
     per = 1e9 / len(sets) / len(data.step)
     out = {
@@ -219,7 +219,7 @@ def main() -> int:
                       f"{one['cpu_seconds']:.1f} s", file=sys.stderr, flush=True)  # fmt: skip
     kinds = [name for name in times[0] if name != "largest difference"]
     figures = ("effective", "cpu_seconds", "effective_a_second", "effective_an_evaluation")
-    steps = len(problem.target.space.timelines[0].measurements.step)
+    steps = len(problem.target.space.recordings[0].measurements.step)
     result: dict[str, Any] = {
         "commit": current_commit() or "unknown", "seed": arguments.seed,
         "rounds": arguments.rounds,

@@ -47,27 +47,29 @@ class Problem(NamedTuple):
 
     def data(self) -> dict[str, Any]:
         """Return arrays for :func:`numpy.savez`."""
-        space, line = self.target.space, self.target.space.timelines[0]
+        space, recording = self.target.space, self.target.space.recordings[0]
         d = space.dimension
         here = _logs(space.values(np.zeros((1, d))))
         there = _logs(space.values(np.eye(d)))
-        levels = [space.index[f"noise {line.channels[c].name} 0"] for c in line.order]
+        levels = [space.index[f"noise {recording.channels[c].name} 0"] for c in recording.order]
         share = space.coordinates[space.index["filtered share 0"]]
         noisy = [space.coordinates[k] for k in levels]
-        m = line.measurements
+        m = recording.measurements
         return {
             "first": here[0], "slopes": there - here, "levels": levels,
             "level_centre": [one.centre for one in noisy],
             "level_scale": [one.scale for one in noisy],
             "share": space.index["filtered share 0"],
             "share_centre": share.centre, "share_scale": share.scale,
-            "poles": line.poles[list(line.order)], "steps": line.steps[list(line.order)],
+            "poles": recording.poles[list(recording.order)],
+            "steps": recording.steps[list(recording.order)],
             "step": m.step, "moments": m.moments, "spread": m.spread, "kind": m.kind,
             "reading": m.reading, "extra": m.extra, "start": m.start,
             "mode": self.fit.mode.z, "covariance": self.fit.mode.covariance,
             "points": self.points, "values": self.target.log_posterior(self.points),
-            "time": line.times[line.outputs[0]], "wheels": line.values[list(line.inputs)],
-            "chassis": line.values[list(line.outputs)],
+            "time": recording.times[recording.outputs[0]],
+            "wheels": recording.values[list(recording.inputs)],
+            "chassis": recording.values[list(recording.outputs)],
         }  # fmt: skip
 
 

@@ -112,18 +112,18 @@ def measure(drives: dict[str, Recording], vehicle: Vehicle, seed: int) -> Row:
     return out
 
 
-def _shown(line: PreparedRecording, learnt: Learnt) -> Row:
+def _shown(recording: PreparedRecording, learnt: Learnt) -> Row:
     """Take a few seconds of a drive and of its prediction, for the picture."""
-    outputs = np.stack([simulate_free(line, car).output for car in learnt.cars])
-    time = line.instants - line.instants[0]
+    outputs = np.stack([simulate_free(recording, car).output for car in learnt.cars])
+    time = recording.instants - recording.instants[0]
     here = (time >= SHOWN[2]) & (time <= SHOWN[3])
     row: Row = {"from": SHOWN[0], "drive": SHOWN[1], "time": time[here].round(3).tolist()}
     for axle, name in enumerate(("front", "rear")):
         made = outputs[:, here, axle]
-        read = here & (line.kind[:, axle] == VALUE)
+        read = here & (recording.kind[:, axle] == VALUE)
         row[name] = {
             "read_at": time[read].round(3).tolist(),
-            "measured": line.reading[read, axle].round(3).tolist(),
+            "measured": recording.reading[read, axle].round(3).tolist(),
             "mean": made.mean(axis=0).round(3).tolist(),
             "sd": np.sqrt(made.var(axis=0) + learnt.left[axle] ** 2).round(3).tolist(),
         }

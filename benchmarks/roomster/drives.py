@@ -53,10 +53,10 @@ def run_of(
     recording: Recording, vehicle: Vehicle, seed: int, below: float = BELOW
 ) -> tuple[PreparedRecording, SingleRunFit]:
     """Lay a drive out below a frequency and ask it alone."""
-    lines, reasons, _ = prepare_runs([recording], vehicle, below)
+    recordings, reasons, _ = prepare_runs([recording], vehicle, below)
     if reasons:
         raise SystemExit("\n".join(reasons))
-    return lines[0], fit_single_run(lines[0], vehicle, seed)
+    return recordings[0], fit_single_run(recordings[0], vehicle, seed)
 
 
 def ratios(run: SingleRunFit) -> Array:
@@ -66,18 +66,18 @@ def ratios(run: SingleRunFit) -> Array:
     return np.stack([*over_mass, car["wdf"]], axis=1)
 
 
-def left_over(line: PreparedRecording, car: Array) -> Array:
+def left_over(recording: PreparedRecording, car: Array) -> Array:
     """Root mean square of what a free-running car leaves of each chassis channel, a share (2,)."""
-    output = simulate_free(line, car).output
+    output = simulate_free(recording, car).output
     out = np.empty(2)
     for axle in range(2):
-        use = line.kind[:, axle] == VALUE
-        y = line.reading[use, axle]
+        use = recording.kind[:, axle] == VALUE
+        y = recording.reading[use, axle]
         out[axle] = np.sqrt(np.mean((y - output[use, axle]) ** 2) / np.var(y))
     return out
 
 
-def posterior_row(line: PreparedRecording, run: SingleRunFit) -> Row:
+def posterior_row(recording: PreparedRecording, run: SingleRunFit) -> Row:
     """Tell one drive's posterior and how much its car leaves unexplained."""
     draws = ratios(run)
     names = ("c_f/m", "c_r/m", "i/m", "k_f/m", "k_r/m", "wdf")
@@ -89,12 +89,12 @@ def posterior_row(line: PreparedRecording, run: SingleRunFit) -> Row:
         if name in ("c_f", "c_r", "i"):
             row[name] = {"mean": float(x.mean()), "sd": float(x.std()), "eti95": _eti(x)}
     best = run.fit.space.cars(run.fit.mode.z[None])[0]
-    row["nrmse"] = left_over(line, best).tolist()
+    row["nrmse"] = left_over(recording, best).tolist()
     row["share"] = run.fit.shares[0] if run.fit.shares else None
     row["colour_order"] = run.fit.target.colours[0].order
     row["effective_draws"] = run.effective
     row["refused"] = list(run.fit.reasons)
-    row["seconds"] = float(line.instants[-1] - line.instants[0])
+    row["seconds"] = float(recording.instants[-1] - recording.instants[0])
     return row
 
 
@@ -117,17 +117,17 @@ def coherence_row(recording: Recording, vehicle: Vehicle, car: Array) -> Row:
 
 
 def _left_by_car(
-    line: PreparedRecording, car: Array, bands: Sequence[tuple[float, float]]
+    recording: PreparedRecording, car: Array, bands: Sequence[tuple[float, float]]
 ) -> list[Array]:
     """Shares (2,) of the power in each band that a free-running car leaves over."""
     from scipy.signal import welch
 
-    output = simulate_free(line, car).output
+    output = simulate_free(recording, car).output
     shares = []
     for axle in range(2):
-        use = line.kind[:, axle] == VALUE
-        y = line.reading[use, axle]
-        rate = 1.0 / line.reading_step
+        use = recording.kind[:, axle] == VALUE
+        y = recording.reading[use, axle]
+        rate = 1.0 / recording.reading_step
         f, whole = welch(y, rate, nperseg=int(WINDOW * rate))
         _, left = welch(y - output[use, axle], rate, nperseg=int(WINDOW * rate))
         inside = [(f > low) & (f <= high) for low, high in bands]

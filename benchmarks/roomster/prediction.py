@@ -65,49 +65,49 @@ class Reference:
     left: dict[str, Array]
 
 
-def _scored(line: PreparedRecording) -> NDArray[np.int64]:
+def _scored(recording: PreparedRecording) -> NDArray[np.int64]:
     """Instants (R,) of the pairs of readings that every predictor can tell.
 
     The filter needs readings before and after; and at its ends a drive has the transients of
     the filters that it went through before it was published.
     """
-    both = line.pairs[np.all(line.pairs >= 0, axis=1), 0]
-    both = both[np.all(line.kind[both] == VALUE, axis=1)]
-    ends = max(round(_ENDS / line.reading_step), _BEFORE, _AFTER)
+    both = recording.pairs[np.all(recording.pairs >= 0, axis=1), 0]
+    both = both[np.all(recording.kind[both] == VALUE, axis=1)]
+    ends = max(round(_ENDS / recording.reading_step), _BEFORE, _AFTER)
     return np.asarray(both[ends : len(both) - ends], np.int64)
 
 
-def _wheels(line: PreparedRecording, shift: float = 0.0) -> Array:
+def _wheels(recording: PreparedRecording, shift: float = 0.0) -> Array:
     """Both wheels (R, 2) at the scored instants, or so much (s) before them."""
-    time = line.instants[_scored(line)] - shift
-    return np.stack([wheel.spline(time) for wheel in line.wheels], axis=1)
+    time = recording.instants[_scored(recording)] - shift
+    return np.stack([wheel.spline(time) for wheel in recording.wheels], axis=1)
 
 
-def _taps(line: PreparedRecording) -> Array:
+def _taps(recording: PreparedRecording) -> Array:
     """Wheels around each scored reading (R, 30)."""
     shifts = range(-_AFTER, _BEFORE + 1)
-    return np.concatenate([_wheels(line, k * line.reading_step) for k in shifts], axis=1)
+    return np.concatenate([_wheels(recording, k * recording.reading_step) for k in shifts], axis=1)
 
 
-def learn(line: PreparedRecording, cars: Array, best: Array) -> Learnt:
+def learn(recording: PreparedRecording, cars: Array, best: Array) -> Learnt:
     """Take cars of a drive's posterior, and the size of what its best car left."""
     picked = cars[np.linspace(0, len(cars) - 1, CARS).astype(int)]
-    error = (line.reading - simulate_free(line, best).output)[_scored(line)]
+    error = (recording.reading - simulate_free(recording, best).output)[_scored(recording)]
     return Learnt(picked, np.asarray(error.std(axis=0), np.float64))
 
 
-def learn_reference(line: PreparedRecording) -> Reference:
+def learn_reference(recording: PreparedRecording) -> Reference:
     """Fit the predictors that know no car to a drive."""
-    y, taps = line.reading[_scored(line)], _taps(line)
+    y, taps = recording.reading[_scored(recording)], _taps(recording)
     weights, *_ = np.linalg.lstsq(taps, y, rcond=None)
     spare = len(taps) - taps.shape[1]
     filtered = np.sqrt(np.sum((y - taps @ weights) ** 2, axis=0) / spare)
-    stiff = (y - _wheels(line)).std(axis=0)
+    stiff = (y - _wheels(recording)).std(axis=0)
     left = {"nothing": y.std(axis=0), "stiff": stiff, "filter": filtered}
     return Reference(np.asarray(weights.T, np.float64), left)
 
 
-def predict(line: PreparedRecording, learnt: Learnt, reference: Reference) -> Row:
+def predict(recording: PreparedRecording, learnt: Learnt, reference: Reference) -> Row:
     """Score the prediction of a drive.
 
     Parameters
@@ -124,17 +124,17 @@ def predict(line: PreparedRecording, learnt: Learnt, reference: Reference) -> Ro
         and ``cover95`` of the predictive bands, ``gain`` in log predictive density a reading
         over each reference, nats.
     """
-    rows = _scored(line)
-    outputs = np.stack([simulate_free(line, car).output[rows] for car in learnt.cars])
+    rows = _scored(recording)
+    outputs = np.stack([simulate_free(recording, car).output[rows] for car in learnt.cars])
     plain = {
         "nothing": np.zeros((len(rows), 2)),
-        "stiff": _wheels(line),
-        "filter": _taps(line) @ reference.weights.T,
+        "stiff": _wheels(recording),
+        "filter": _taps(recording) @ reference.weights.T,
     }
     row: Row = {"nrmse": [], "cover50": [], "cover95": [], "gain": {n: [] for n in plain}}
     row |= {f"nrmse_{name}": [] for name in plain}
     for axle in range(2):
-        y = line.reading[rows, axle]
+        y = recording.reading[rows, axle]
         made = outputs[:, :, axle]
         error = y - made.mean(axis=0)
         spread = np.sqrt(made.var(axis=0) + learnt.left[axle] ** 2)

@@ -67,7 +67,7 @@ def test_of_the_model_itself_the_probabilities_are_uniform(
     monkeypatch.setattr("bayes_asv.analysis.predictive_checks._CARS", 8)
     _, _, recording = case("stops", 8, EXACT, rate=100.0)
     plain = alone(recording)
-    line = plain.fit.space.timelines[0]
+    line = plain.fit.space.recordings[0]
     truth = np.repeat(plain.fit.mode.z[None], 50, axis=0)
     car = plain.fit.space.cars(truth[:1])[0]
     system = plain.fit.space.state_space(truth[:1], 0)
@@ -79,7 +79,7 @@ def test_of_the_model_itself_the_probabilities_are_uniform(
     found = []
     for k in range(60):
         fresh = replace(line, reading=output + made[:, k])
-        where = replace(plain.fit.space, timelines=(fresh,))
+        where = replace(plain.fit.space, recordings=(fresh,))
         found.append(predictive_checks(Posterior(where, plain.fit.target.colours), truth, 0, k))
     for column, check in enumerate(found[0]):
         p = [checks[column].p_larger for checks in found]
@@ -102,10 +102,10 @@ def test_a_half_car_passes(plain: SingleRunFit) -> None:
 
 
 def test_statistics_of_the_reading_are_those_of_the_record(plain: SingleRunFit) -> None:
-    line = plain.fit.space.timelines[0]
+    recording = plain.fit.space.recordings[0]
     checks = checks_of(plain)
     for check in checks:
-        y = line.reading[line.kind[:, check.axle] == 1, check.axle]
+        y = recording.reading[recording.kind[:, check.axle] == 1, check.axle]
         if check.of == "reading" and check.band is None:
             wanted = np.abs(y - y.mean()).max() if check.quantity == "peak" else y.std()
             assert check.observed == pytest.approx(float(wanted))

@@ -117,7 +117,7 @@ def _target(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
 def _innovations(target: Posterior, car: Array) -> Array:
     """Normalised innovations (N,) of a car, with noise as given."""
     z = np.concatenate([car, _levels(target.space)])
-    runs = range(len(target.space.timelines))
+    runs = range(len(target.space.recordings))
     return np.concatenate([target.innovations(z, run).ravel() for run in runs])
 
 

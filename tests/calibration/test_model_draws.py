@@ -38,7 +38,7 @@ def drawn() -> tuple[PreparedRecording, ParameterSpace]:
 
 
 def _targets(
-    line: PreparedRecording, where: ParameterSpace, truth: Array, runs: int, seed: int
+    recording: PreparedRecording, where: ParameterSpace, truth: Array, runs: int, seed: int
 ) -> list[Posterior]:
     """Posteriors of recordings drawn at a truth."""
     rng = np.random.default_rng(seed)
@@ -46,8 +46,8 @@ def _targets(
     noise = np.concatenate([x[0] for x in where.noises(truth[None], 0)])
     out = []
     for _ in range(runs):
-        mine = replace(line, reading=chassis_readings(line, car, noise, rng))
-        out.append(Posterior(replace(where, timelines=(mine,)), (WHITE,)))
+        mine = replace(recording, reading=chassis_readings(recording, car, noise, rng))
+        out.append(Posterior(replace(where, recordings=(mine,)), (WHITE,)))
     return out
 
 
@@ -63,15 +63,17 @@ def test_innovations_of_draws_are_as_large_as_the_kernel_says(
     And with any one source of noise taken half or twice as strong, or filtered the other way, their
     density is smaller.
     """
-    line, where = drawn
-    line = replace(line, steps=np.zeros(4))  # a converter's steps would hide the wheels' noise
-    where = replace(where, timelines=(line,))
+    recording, where = drawn
+    recording = replace(
+        recording, steps=np.zeros(4)
+    )  # a converter's steps would hide the wheels' noise
+    where = replace(where, recordings=(recording,))
     # Seed 8 draws 8.6 times the nominal front damping, where the power series of a step, whose
     # length the nominal car sets, no longer holds.
     truth = np.random.default_rng(9).normal(size=where.dimension)
     truth[where.names.index("filtered share 0")] = 0.0  # where both kinds of noise count
-    targets = _targets(line, where, truth, RUNS, 6)
-    count = RUNS * line.readings
+    targets = _targets(recording, where, truth, RUNS, 6)
+    count = RUNS * recording.readings
     assert chi2.cdf(_squares(targets, truth), count) == pytest.approx(0.5, abs=0.4999)
     sources = [k for k, name in enumerate(where.names) if name.startswith("noise")]
     assert len(sources) == 4
@@ -107,13 +109,15 @@ def test_driven_states_are_the_exact_response_to_the_splines(
     drawn: tuple[PreparedRecording, ParameterSpace],
 ) -> None:
     """Against the exact response to straight pieces so short that they are the spline."""
-    line, where = drawn
+    recording, where = drawn
     car = where.cars(np.zeros((1, where.dimension)))[0]
-    fine = np.union1d(line.instants, np.linspace(line.instants[0], line.instants[-1], 6000))
-    u = np.stack([np.asarray(w.spline(fine)) for w in line.wheels], axis=1)
+    fine = np.union1d(
+        recording.instants, np.linspace(recording.instants[0], recording.instants[-1], 6000)
+    )
+    u = np.stack([np.asarray(w.spline(fine)) for w in recording.wheels], axis=1)
     system = deflection_form(HalfCar(*(float(v) for v in car)))
-    wanted = simulate_linear(system, fine, u)[np.searchsorted(fine, line.instants)]
-    found = driven_states(line, car)
+    wanted = simulate_linear(system, fine, u)[np.searchsorted(fine, recording.instants)]
+    found = driven_states(recording, car)
     scale = np.abs(wanted).max(axis=0)
     np.testing.assert_allclose(found / scale, wanted / scale, atol=1e-5)
 

@@ -58,7 +58,7 @@ def test_denoising_leaves_the_innovations_unchanged(car: Vehicle) -> None:
     before, _, _ = model.target.innovations_and_variances(model.mode.z, 0)
     after, _, _ = denoised.target(()).innovations_and_variances(model.mode.z, 0)
     np.testing.assert_allclose(after, before, atol=1e-9)
-    change = denoised.lines[0].moments[:, :, 0] - dataset.lines[0].moments[:, :, 0]
+    change = denoised.recordings[0].moments[:, :, 0] - dataset.recordings[0].moments[:, :, 0]
     assert np.std(change) > 0.0
 
 
@@ -74,7 +74,7 @@ def test_denoising_removes_the_noise_of_a_wheel(car: Vehicle) -> None:
     for seed in range(20, 32):
         _, model = _linear(car, seed)
         posterior, z = model.target, model.mode.z
-        recording = posterior.space.timelines[0]
+        recording = posterior.space.recordings[0]
         residuals = recording.reading - free_run(posterior, z, 0).output
         denoised = without_noise(posterior, z, 0)
         for axle in range(2):
@@ -140,11 +140,11 @@ def _fitted(law: str | None) -> tuple[Dataset, FittedModel]:
 def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
     """A model on readings that it predicts exactly, from rest."""
     dataset, model = _fitted(law)
-    z, recording = model.mode.z, model.space.timelines[0]
+    z, recording = model.mode.z, model.space.recordings[0]
     inputs = model.target.as_declared(z, 0)
     output, _ = simulated(model.target, z, 0, inputs, np.zeros(6))
     reading = output + recording.reading - inputs.reading
-    exact = replace(dataset, lines=(replace(recording, reading=reading),))
+    exact = replace(dataset, recordings=(replace(recording, reading=reading),))
     posterior = replace(exact.target(model.sites), patterns=model.target.patterns)
     return posterior, z, model.space.shared_dimension
 
@@ -171,10 +171,10 @@ def test_without_innovations_the_gain_does_not_matter(law: str | None) -> None:
 def test_sensitivities_at_fixed_gain_do_not_depend_on_the_noise() -> None:
     posterior, z, n = _on_own_prediction(None)
     rng = np.random.default_rng(0)
-    recording = posterior.space.timelines[0]
+    recording = posterior.space.recordings[0]
     noise = 5.0 * INCH * rng.standard_normal((len(recording.step), 2))
     noisy = replace(recording, reading=recording.reading + noise)
-    with_noise = replace(posterior, space=replace(posterior.space, timelines=(noisy,)))
+    with_noise = replace(posterior, space=replace(posterior.space, recordings=(noisy,)))
     before, after = _sensitivities(posterior, z, n), _sensitivities(with_noise, z, n)
     assert np.all(_relative_difference(before, after) < 0.006)
     free = slopes(with_noise, z).means[:n]

@@ -114,7 +114,7 @@ def test_an_engine_does_not_hide_what_effects_do_to_the_error() -> None:
     fit, holdout = (prepared(runs, one.vehicle) for runs in (one.recordings, one.holdout))
     given = Split(fit, holdout, base(fit))
     dataset, linear, engine, held = remove_engine_tones(
-        fit, given.linear, holdout.lines, base, base
+        fit, given.linear, holdout.recordings, base, base
     )
     assert isinstance(engine, Engine)
     assessed = assess(dataset, linear, 1)

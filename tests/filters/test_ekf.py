@@ -65,14 +65,14 @@ def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
     rng = np.random.default_rng(4)
     where = {site("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}
     table = law_table(target.space.car, where, 0)[None]
-    line, known = target.space.timelines[0], target.patterns[0]
+    recording, known = target.space.recordings[0], target.patterns[0]
     z = rng.normal(0.0, 0.3, (1, target.space.dimension))
-    added = rng.normal(0.0, 5.0, line.reading.shape)
+    added = rng.normal(0.0, 5.0, recording.reading.shape)
     system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
     found = [
         filter_pass(
-            system, noise, line.measurements,
-            Laws(laws, known.pole, known.wheel, line.elapsed, added),
+            system, noise, recording.measurements,
+            Laws(laws, known.pole, known.wheel, recording.elapsed, added),
         )
         for laws in (table, table[:, :0])
     ]  # fmt: skip
@@ -146,21 +146,21 @@ def test_innovations_of_a_series_damper_do_not_depend_on_their_lanes(target: Pos
 
 
 def _laws(target: Posterior, values: Values) -> Laws:
-    line, known = target.space.timelines[0], target.patterns[0]
+    recording, known = target.space.recordings[0], target.patterns[0]
     table = law_table(target.space.car, values, 0)[None]
-    return Laws(table, known.pole, known.wheel, line.elapsed, np.zeros_like(line.reading))
+    return Laws(table, known.pole, known.wheel, recording.elapsed, np.zeros_like(recording.reading))
 
 
 def _filtered(target: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
     system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
-    line = target.space.timelines[0]
-    return filter_pass(system, noise, line.measurements, _laws(target, values)).innovations
+    recording = target.space.recordings[0]
+    return filter_pass(system, noise, recording.measurements, _laws(target, values)).innovations
 
 
 def _log_likelihood(target: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
     system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
-    line = target.space.timelines[0]
-    return log_likelihood(system, noise, line.measurements, _laws(target, values))
+    recording = target.space.recordings[0]
+    return log_likelihood(system, noise, recording.measurements, _laws(target, values))
 
 
 def _simulated(
@@ -175,19 +175,19 @@ def _simulated(
     ``force`` is what is added to an axle (N), from the true motion, the share of the recording,
     damping and spring rate; ``further`` the rate of a further state behind the others.
     """
-    line, known = target.space.timelines[0], target.patterns[0]
+    recording, known = target.space.recordings[0], target.patterns[0]
     centre = np.zeros((1, target.space.dimension))
     c_f, c_r, i, m, l, wdf, k_f, k_r = target.space.cars(centre)[0]
     l_f, l_r = l * (1.0 - wdf), l * wdf
     give = np.array([[1 / m + l_f**2 / i, 1 / m - l_f * l_r / i], [0.0, 1 / m + l_r**2 / i]])
     give[1, 0] = give[0, 1]
-    begin_t, end_t = line.instants[0], line.instants[-1]
+    begin_t, end_t = recording.instants[0], recording.instants[-1]
     pole = known.pole
     own = (c_f, k_f) if axle == 0 else (c_r, k_r)
 
     def wheels(t: float) -> np.ndarray:
         """What the wheels did before the filter: û + û'/λ."""
-        return np.array([w.spline(t) + w.spline(t, 1) / pole for w in line.wheels])
+        return np.array([w.spline(t) + w.spline(t, 1) / pole for w in recording.wheels])
 
     def slope(t: float, x: np.ndarray) -> np.ndarray:
         forces = np.array([-k_f * x[0] - c_f * x[1], -k_r * x[2] - c_r * x[3]])
@@ -200,13 +200,13 @@ def _simulated(
     n = 400
     first = np.zeros(7)
     # the kernel's states are filtered motions at rest: true ones lie δ + δ̇/λ and δ̇ + δ̈/λ away
-    first[[1, 3]] = [-w.spline(begin_t) / pole for w in line.wheels]
+    first[[1, 3]] = [-w.spline(begin_t) / pole for w in recording.wheels]
     solved = solve_ivp(
-        slope, (begin_t, line.instants[n]), first, t_eval=line.instants[: n + 1], rtol=1e-8,
-        atol=1e-10, max_step=5e-4,
+        slope, (begin_t, recording.instants[n]), first, t_eval=recording.instants[: n + 1],
+        rtol=1e-8, atol=1e-10, max_step=5e-4,
     )  # fmt: skip
     begin, laws = np.zeros((1, 6)), _laws(target, values)
     (output,), _ = free_response(
-        target.space.state_space(centre, 0), line.measurements, begin, laws
+        target.space.state_space(centre, 0), recording.measurements, begin, laws
     )
     return output[: n + 1], solved.y[4:6].T

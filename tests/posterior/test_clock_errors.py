@@ -89,7 +89,7 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
     recording = recorded(car, "bump", 2.0, 400.0, 0.012, 0.0, 7)
     timed = synchronised([recording], vehicle, (CLOCK,))
     fit = fitted(timed)
-    line = fit.space.timelines[0]
+    line = fit.space.recordings[0]
     assert line.retimed is not None
     job = timed.jobs[0]
     between = line.retimed.middle + (0.7, -0.4) * line.retimed.step
@@ -100,7 +100,7 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
         one = fit.space.coordinates[k]
         z[k] = (error - one.centre) / one.scale
     value = float(fit.target.by_run(z[None])[0, 0])
-    there = replace(fit.space, timelines=(exact,))
+    there = replace(fit.space, recordings=(exact,))
     alone = float(Posterior(there, (WHITE,)).by_run(z[None])[0, 0])
     assert abs(value - alone) < 0.02
     sampled = fit.target.expanded(fit.mode.z, fit.mode.covariance)
@@ -111,11 +111,11 @@ def test_a_drift_of_some_ppm_does_not_change_the_steps_of_the_filter() -> None:
     """At 200 Hz the step is the longest that a filter may take."""
     car, vehicle = drawn(10)
     recording = recorded(car, "bump", 2.0, 200.0, 0.0, 0.0, 7)
-    lines = [
+    recordings = [
         prepare(retimed(recording, vehicle, CLOCK, 0.0, drift), vehicle, car_model("half", vehicle))
         for drift in (-20e-6, 0.0, 20e-6)
     ]
-    assert len({len(line.instants) for line in lines}) == 1
+    assert len({len(line.instants) for line in recordings}) == 1
 
 
 def test_weights_interpolate_polynomials_of_second_degree() -> None:
@@ -161,7 +161,7 @@ def test_a_clock_of_all_channels_or_of_none_is_no_unknown() -> None:
     clocks = (Clock("all", recording.channels), Clock("none", ("body_pitch_rate",)))
     timed = synchronised([recording], vehicle, clocks[:1])
     assert timed.modes == ((),)
-    assert timed.lines[0].retimed is None
+    assert timed.prepared[0].retimed is None
     assert synchronised([recording], vehicle, clocks[1:]).modes == ((),)
     line = prepare(recording, vehicle, car_model("half", vehicle))
     assert not np.any(space(vehicle, (line,)).origin)

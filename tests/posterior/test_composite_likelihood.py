@@ -80,7 +80,7 @@ def test_a_car_that_changes_on_the_way_counts_for_less_than_one_that_does_not() 
     (share,) = found["changing"].shares
     assert share is not None
     assert share < 0.5
-    (line,) = found["changing"].target.space.timelines
+    (line,) = found["changing"].target.space.recordings
     assert "times as much as what is left over lets expect" in notes(line, share)[0]
 
 

@@ -27,7 +27,7 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
     lines, reasons, _ = prepare_runs([run], vehicle)
     assert not reasons
     where = make_dataset(vehicle, lines)
-    where.lines[0].kind[:silent] = MISSING
+    where.recordings[0].kind[:silent] = MISSING
     linear = base(where)
     group = [c for c in candidates(linear, vehicle) if str(c.site) == "bound_rebound@front"]
     found = added(where, linear, group)

@@ -62,13 +62,17 @@ def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:
     gain = math.exp(1.5 * 0.01)
     level = fit.space.coordinates[fit.space.names.index("noise front_wheel 0")]
     plain[fit.space.names.index(level.name)] -= math.log(gain) / level.scale
-    line = fit.space.timelines[0]
-    moments, spread, steps = line.moments.copy(), line.spread.copy(), line.steps.copy()
+    recording = fit.space.recordings[0]
+    moments, spread, steps = (
+        recording.moments.copy(),
+        recording.spread.copy(),
+        recording.steps.copy(),
+    )
     moments[:, 0] /= gain
-    spread[:, len(line.inputs)] /= gain**2  # what the wheel did between its samples
+    spread[:, len(recording.inputs)] /= gain**2  # what the wheel did between its samples
     steps[0] /= gain
-    shrunk_line = replace(line, moments=moments, spread=spread, steps=steps)
-    shrunk = replace(fit.space, timelines=(shrunk_line,))
+    shrunk_line = replace(recording, moments=moments, spread=spread, steps=steps)
+    shrunk = replace(fit.space, recordings=(shrunk_line,))
     np.testing.assert_allclose(
         fit.target.innovations(z, 0),
         replace(fit.target, space=shrunk).innovations(plain, 0),

@@ -95,7 +95,7 @@ def test_the_spectrum_of_the_motion_is_no_engine(seed: int) -> None:
     assert not reasons
     found = best_fit(lines, given)
     assert not [text for text in found.warnings if "shakes" in text]
-    assert found.space.timelines[0].notches == ()
+    assert found.space.recordings[0].notches == ()
 
 
 def test_accelerations_identify_five_of_seven_logarithms() -> None:

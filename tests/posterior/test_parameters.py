@@ -19,11 +19,11 @@ def line() -> PreparedRecording:
     return prepared(recording, vehicle(DECLARED))
 
 
-def test_the_prior_is_the_one_that_is_promised(line: PreparedRecording) -> None:
+def test_the_prior_is_the_one_that_is_promised(recording: PreparedRecording) -> None:
     """Log-normal, independent, a factor 3 on damping and 2 on inertia at one deviation."""
     car = vehicle(DECLARED)
     car = replace(car, l=Given(car.l.value, 0.02 * car.l.value))
-    where = space(car, (line,))
+    where = space(car, (recording,))
     rng = np.random.default_rng(0)
     z = rng.normal(size=(200_000, where.dimension))
     cars = np.log(where.cars(z, rng.normal(size=(len(z), where.prior.unidentified.shape[1]))))
@@ -40,26 +40,28 @@ def test_the_prior_is_the_one_that_is_promised(line: PreparedRecording) -> None:
 
 
 @pytest.mark.parametrize("sds", [EXACT, DECLARED, DECLARED | {"l": 0.02}])
-def test_what_is_called_unseen_is_not_seen(line: PreparedRecording, sds: dict[str, float]) -> None:
+def test_what_is_called_unseen_is_not_seen(
+    recording: PreparedRecording, sds: dict[str, float]
+) -> None:
     """Mass and wheel base scale the answer; the accelerations do not know them."""
-    where = space(vehicle(sds), (line,))
+    where = space(vehicle(sds), (recording,))
     rng = np.random.default_rng(1)
     z = np.repeat(0.3 * rng.normal(size=(1, where.dimension)), 6, axis=0)
     unseen = rng.normal(size=(6, where.prior.unidentified.shape[1]))
-    system = state_space(where.car, where.values(z, unseen), line.output_models)
-    out = log_likelihood(system, where.noises(z, 0), line.measurements)
+    system = state_space(where.car, where.values(z, unseen), recording.output_models)
+    out = log_likelihood(system, where.noises(z, 0), recording.measurements)
     np.testing.assert_allclose(out, out[0], rtol=1e-9)
 
 
-def test_only_what_has_a_deviation_is_sampled(line: PreparedRecording) -> None:
-    assert space(vehicle(EXACT), (line,)).car_dimension == 3
-    assert space(vehicle(DECLARED), (line,)).car_dimension == 6
-    assert "wdf" in space(vehicle(DECLARED), (line,)).names
-    assert not any("wheel" in n for n in space(vehicle(EXACT), (line,), "output-error").names)
+def test_only_what_has_a_deviation_is_sampled(recording: PreparedRecording) -> None:
+    assert space(vehicle(EXACT), (recording,)).car_dimension == 3
+    assert space(vehicle(DECLARED), (recording,)).car_dimension == 6
+    assert "wdf" in space(vehicle(DECLARED), (recording,)).names
+    assert not any("wheel" in n for n in space(vehicle(EXACT), (recording,), "output-error").names)
 
 
-def test_shifted_logs_come_back(line: PreparedRecording) -> None:
-    where = space(vehicle(EXACT), (line,))
+def test_shifted_logs_come_back(recording: PreparedRecording) -> None:
+    where = space(vehicle(EXACT), (recording,))
     z = where.from_logs({"c_f": 0.4, "i": -0.2})
     car = where.cars(z[None])[0]
     nominal = vehicle(EXACT)
@@ -67,8 +69,8 @@ def test_shifted_logs_come_back(line: PreparedRecording) -> None:
     assert car[2] == pytest.approx(nominal.i.value * np.exp(-0.2))
 
 
-def test_impossible_places_have_no_density(line: PreparedRecording) -> None:
-    where = space(vehicle(DECLARED), (line,))
+def test_impossible_places_have_no_density(recording: PreparedRecording) -> None:
+    where = space(vehicle(DECLARED), (recording,))
     z = np.zeros((3, where.dimension))
     z[0, 0] = 50.0
     z[1, 0] = np.nan
@@ -76,8 +78,8 @@ def test_impossible_places_have_no_density(line: PreparedRecording) -> None:
     assert np.isfinite(where.log_prior(z)[2])
 
 
-def test_deviation_of_a_logarithm_includes_what_is_unseen(line: PreparedRecording) -> None:
-    where = space(vehicle(DECLARED), (line,))
+def test_deviation_of_a_logarithm_includes_what_is_unseen(recording: PreparedRecording) -> None:
+    where = space(vehicle(DECLARED), (recording,))
     covariance = np.zeros((where.dimension, where.dimension))
     # known perfectly in every direction that is seen, c still scales with the mass
     assert where.log_deviation(covariance, "c_f") == pytest.approx(0.01, rel=0.05)

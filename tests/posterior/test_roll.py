@@ -64,13 +64,13 @@ def values(car: WideCar) -> dict[str, float]:
     return truth(car) | known | springs | {"bar_f": 0.0, "bar_r": 0.0, "s_f": car.t_f}
 
 
-def of_car(line: PreparedRecording, car: WideCar) -> Array:
+def of_car(recording: PreparedRecording, car: WideCar) -> Array:
     """Parameters of a car in the order of its model."""
-    return np.array([values(car)[name] for name in line.car.names])
+    return np.array([values(car)[name] for name in recording.car.names])
 
 
-def posterior(car: Vehicle, lines: tuple[PreparedRecording, ...]) -> Posterior:
-    return Posterior(space(car, lines), (WHITE,) * len(lines))
+def posterior(car: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Posterior:
+    return Posterior(space(car, recordings), (WHITE,) * len(recordings))
 
 
 @pytest.fixture(scope="module")
@@ -105,15 +105,15 @@ def test_a_free_run_of_the_true_car_leaves_noise(
 ) -> None:
     car, result = estimated
     (fit,) = result.runs
-    assert max(left_in_band(fit.line, fit.free, model_bandwidth(fit.line))) < 0.03
+    assert max(left_in_band(fit.prepared, fit.free, model_bandwidth(fit.prepared))) < 0.03
     road = bump()
     run = wide_drive(car, (road, shifted(road, 0.6)), 4.4, 800.0, 1.5, 0, quiet=True)
-    line = prepared(as_recording(run), vehicle(tmp_path, {}, noise=False), "roll")
-    output = simulate_free(line, of_car(line, car)).output
+    recording = prepared(as_recording(run), vehicle(tmp_path, {}, noise=False), "roll")
+    output = simulate_free(recording, of_car(recording, car)).output
     for y in range(3):
-        use = line.kind[:, y] == VALUE
-        left = line.reading[use, y] - output[use, y]
-        assert np.std(left) < 2e-3 * np.std(line.reading[use, y])
+        use = recording.kind[:, y] == VALUE
+        left = recording.reading[use, y] - output[use, y]
+        assert np.std(left) < 2e-3 * np.std(recording.reading[use, y])
 
 
 def test_slopes_are_those_of_the_posterior(tmp_path: Path) -> None:

@@ -51,13 +51,13 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     level = float(target.space.zeros(z[None], 0)[0, 0])
     assert level == pytest.approx(0.15 * z[at])
     one_axle = np.array([level, 0.0])
-    line, known = where.lines[0], where.patterns[0]
+    recording, known = where.recordings[0], where.patterns[0]
     lower = replace(
-        line,
-        moments=line.moments - one_axle[:, None] * known.level[:, None],
-        reading=line.reading - one_axle,
+        recording,
+        moments=recording.moments - one_axle[:, None] * known.level[:, None],
+        reading=recording.reading - one_axle,
     )
-    space = replace(target.space, timelines=(lower, where.lines[1]))
+    space = replace(target.space, recordings=(lower, where.recordings[1]))
     patterns = (replace(known, wheel=known.wheel - one_axle), where.patterns[1])
     without = z.copy()
     without[at] = 0.0
@@ -113,8 +113,8 @@ def test_a_filter_begins_where_the_whole_recording_shows() -> None:
     assert true.name == "bump_stop"
     lines, _, _ = prepare_runs(one.recordings, one.vehicle)
     where = make_dataset(one.vehicle, lines)
-    for line in where.lines:
-        assert np.all(np.sqrt(np.diag(line.start)[[0, 2]]) < 0.01)
+    for recording in where.recordings:
+        assert np.all(np.sqrt(np.diag(recording.start)[[0, 2]]) < 0.01)
     model = assess(where, base(where), 1)
     stops = [c for c in model.test.candidates if str(c.site) == f"bump_stop@{true.where}"]
     gaps = [c.values["gap"] for c in stops]

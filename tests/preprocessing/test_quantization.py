@@ -32,9 +32,9 @@ _REAL = replace(SensorSpec(), noise=(0.855 * INCH, 0.513 * INCH, 0.855 * INCH, 0
 
 def _line(terrain: str, seed: int, sensors: SensorSpec, seconds: float = 2.5) -> PreparedRecording:
     _, _, recording = case(terrain, seed, DECLARED, seconds=seconds, sensors=sensors)
-    lines, reasons, _ = prepare_runs([recording], vehicle(DECLARED, sensors))
+    recordings, reasons, _ = prepare_runs([recording], vehicle(DECLARED, sensors))
     assert not reasons
-    return lines[0]
+    return recordings[0]
 
 
 @given(noise=st.floats(0.1, 0.8), seed=st.integers(0, 50))

@@ -89,11 +89,11 @@ def test_notches_cost_width_but_do_not_move_the_answer(plain: PreparedRecording)
     """A common filter leaves the relation between wheels and chassis as it is."""
     car = vehicle(EXACT)
     whole = best_fit((plain,), car)
-    line = notched(plain, [Notch(40.0, 3.0), Notch(21.0, 2.0)])
-    assert line.cut is not None
-    assert 0.85 < line.cut.left < 0.96
-    assert line.instants[0] - plain.instants[0] > 0.2  # the filters had to settle
-    part = best_fit((line,), car)
+    recording = notched(plain, [Notch(40.0, 3.0), Notch(21.0, 2.0)])
+    assert recording.cut is not None
+    assert 0.85 < recording.cut.left < 0.96
+    assert recording.instants[0] - plain.instants[0] > 0.2  # the filters had to settle
+    part = best_fit((recording,), car)
     sd = part.mode.sd[:3]
     # The noise is estimated again, from what is left: by itself that moves widths by 2 to 4 %.
     assert np.all(sd > 0.94 * whole.mode.sd[:3])
@@ -137,7 +137,7 @@ def test_an_engine_does_not_move_the_answer() -> None:
         fit = best_fit(lines, nominal)
         assert not fit.reasons
         assert any("shakes the frame" in w for w in fit.warnings)
-        tones = main_tones(fit.space.timelines[0].notches)
+        tones = main_tones(fit.space.recordings[0].notches)
         assert any(abs(f - engine.frequency) < 0.05 * engine.frequency for f in tones)
         found = fit.space.cars(fit.mode.z[None])[0]
         for k, name in enumerate(("c_f", "c_r", "i")):
@@ -151,11 +151,11 @@ def test_an_engine_does_not_move_the_answer() -> None:
 def test_time_goes_by_from_the_beginning_of_the_record_not_of_what_a_filter_left(
     plain: PreparedRecording,
 ) -> None:
-    line = notched(plain, [Notch(40.0, 3.0)])
+    recording = notched(plain, [Notch(40.0, 3.0)])
     assert plain.elapsed[0] == 0.0
-    assert line.elapsed[0] == pytest.approx(line.instants[0] - plain.instants[0])
-    assert line.elapsed[-1] == pytest.approx(plain.elapsed[-1])
-    twice = notched(line, [Notch(25.0, 3.0)])
+    assert recording.elapsed[0] == pytest.approx(recording.instants[0] - plain.instants[0])
+    assert recording.elapsed[-1] == pytest.approx(plain.elapsed[-1])
+    twice = notched(recording, [Notch(25.0, 3.0)])
     assert twice.elapsed[-1] == pytest.approx(plain.elapsed[-1])
 
 

@@ -356,9 +356,11 @@ def sources(target: Posterior) -> list[Source]:
     list of Source
         Multiplying all of them by one factor divides the information by it.
     """
-    lines = target.space.timelines
+    recordings = target.space.recordings
     found = []
-    names = list(dict.fromkeys(channel.name for line in lines for channel in line.channels))
+    names = list(
+        dict.fromkeys(channel.name for recording in recordings for channel in recording.channels)
+    )
     for name in names:
         levels = [
             c.name for c in target.space.coordinates if c.kind == "noise" and c.channel == name
@@ -366,9 +368,11 @@ def sources(target: Posterior) -> list[Source]:
         if not levels:
             continue  # with white residuals an input has no noise
         found.append(Source(f"noise {name}", 0.25, _noise(levels)))
-        if any(line.steps[c] > 0.0 for line in lines for c in _numbers(line, name)):
+        if any(
+            recording.steps[c] > 0.0 for recording in recordings for c in _numbers(recording, name)
+        ):
             found.append(Source(f"steps {name}", 0.0, _lines(_steps(name))))
-    if any(np.any(line.spread[:, len(line.wheels) :] > 0.0) for line in lines):
+    if any(np.any(recording.spread[:, len(recording.wheels) :] > 0.0) for recording in recordings):
         found.append(Source("between samples", 0.0, _lines(_between)))
     found.append(Source("start", None, _lines(_start)))
     return found
@@ -387,41 +391,41 @@ def _noise(names: list[str]) -> Scaled:
 
 def _lines(change: Callable[[PreparedRecording, float], PreparedRecording]) -> Scaled:
     def scaled(target: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
-        lines = tuple(change(line, factor) for line in target.space.timelines)
-        return replace(target, space=replace(target.space, timelines=lines)), z
+        recordings = tuple(change(recording, factor) for recording in target.space.recordings)
+        return replace(target, space=replace(target.space, recordings=recordings)), z
 
     return scaled
 
 
-def _numbers(line: PreparedRecording, name: str) -> list[int]:
-    return [c for c, channel in enumerate(line.channels) if channel.name == name]
+def _numbers(recording: PreparedRecording, name: str) -> list[int]:
+    return [c for c, channel in enumerate(recording.channels) if channel.name == name]
 
 
 def _steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]:
-    def change(line: PreparedRecording, factor: float) -> PreparedRecording:
-        steps = line.steps.copy()
-        steps[_numbers(line, name)] *= math.sqrt(factor)
-        return replace(line, steps=steps)
+    def change(recording: PreparedRecording, factor: float) -> PreparedRecording:
+        steps = recording.steps.copy()
+        steps[_numbers(recording, name)] *= math.sqrt(factor)
+        return replace(recording, steps=steps)
 
     return change
 
 
-def _between(line: PreparedRecording, factor: float) -> PreparedRecording:
-    spread = line.spread.copy()
-    spread[:, len(line.wheels) :] *= factor
-    return replace(line, spread=spread)
+def _between(recording: PreparedRecording, factor: float) -> PreparedRecording:
+    spread = recording.spread.copy()
+    spread[:, len(recording.wheels) :] *= factor
+    return replace(recording, spread=spread)
 
 
-def _start(line: PreparedRecording, factor: float) -> PreparedRecording:
-    return replace(line, start=factor * line.start)
+def _start(recording: PreparedRecording, factor: float) -> PreparedRecording:
+    return replace(recording, start=factor * recording.start)
 
 
-def lost_readings(line: PreparedRecording) -> Flags:
+def lost_readings(recording: PreparedRecording) -> Flags:
     """Find output readings that were clipped, or missing beside one that was there.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         One recording.
 
     Returns
@@ -429,9 +433,9 @@ def lost_readings(line: PreparedRecording) -> Flags:
     (E, ny) bool array
         By instant and output.  Rows that are missing as a whole are not counted.
     """
-    lost: Flags = (line.kind != MISSING) & (line.kind != VALUE)
-    for y in range(line.pairs.shape[1]):
-        beside = line.pairs[line.pairs[:, y] < 0].max(axis=1)
+    lost: Flags = (recording.kind != MISSING) & (recording.kind != VALUE)
+    for y in range(recording.pairs.shape[1]):
+        beside = recording.pairs[recording.pairs[:, y] < 0].max(axis=1)
         lost[beside, y] = True
     return lost
 
@@ -449,15 +453,15 @@ def impute_lost_readings(target: Posterior, z: Array) -> Posterior:
     Posterior
         Only its information means anything: the new readings are simulated.
     """
-    lines = []
-    for run, line in enumerate(target.space.timelines):
-        lost = lost_readings(line)
+    recordings = []
+    for run, recording in enumerate(target.space.recordings):
+        lost = lost_readings(recording)
         output = free_run(target, z, run).output
-        lines.append(
+        recordings.append(
             replace(
-                line,
-                kind=np.where(lost, np.int8(VALUE), line.kind),
-                reading=np.where(lost, output, line.reading),
+                recording,
+                kind=np.where(lost, np.int8(VALUE), recording.kind),
+                reading=np.where(lost, output, recording.reading),
             )
         )
-    return replace(target, space=replace(target.space, timelines=tuple(lines)))
+    return replace(target, space=replace(target.space, recordings=tuple(recordings)))

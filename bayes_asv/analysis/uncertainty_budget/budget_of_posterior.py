@@ -124,7 +124,7 @@ def find_budget(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyB
     -------
     UncertaintyBudget
     """
-    runs = range(len(target.space.timelines))
+    runs = range(len(target.space.recordings))
     logs, z = in_logs(target, mode.z)
     slopes = [jacobian(logs, z, run) for run in runs]
     budget = Budget(prior_sd(target, mode.z), information(slopes))
@@ -140,7 +140,7 @@ def find_budget(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyB
         for source in noises
         if source.better is not None
     }
-    if any(lost_readings(line).any() for line in logs.space.timelines):
+    if any(lost_readings(recording).any() for recording in logs.space.recordings):
         bettered["lost readings"] = _all(impute_lost_readings(logs, z), z)
     answers = {}
     slopes_of = answer_slopes(logs)
@@ -158,7 +158,7 @@ def _informed(source: Source, logs: Posterior, z: Array, factor: float) -> Array
 
 
 def _all(logs: Posterior, z: Array) -> Array:
-    return information([jacobian(logs, z, run) for run in range(len(logs.space.timelines))])
+    return information([jacobian(logs, z, run) for run in range(len(logs.space.recordings))])
 
 
 def _slope(source: Source, logs: Posterior, z: Array) -> Array:

@@ -67,9 +67,9 @@ class Fault:
         return f"{self.kind} {self.channel}"
 
 
-def faults(line: PreparedRecording, vehicle: Vehicle) -> list[Fault]:
+def faults(recording: PreparedRecording, vehicle: Vehicle) -> list[Fault]:
     """List the faults that the sensors of a recording may have."""
-    names = [channel.name for channel in line.channels]
+    names = [channel.name for channel in recording.channels]
     found = [Fault("gain", name, _GAIN) for name in names]
     found += [Fault("delay", name, _DELAY) for name in names]
     found += [
@@ -77,20 +77,20 @@ def faults(line: PreparedRecording, vehicle: Vehicle) -> list[Fault]:
         for name in names
         if vehicle.sensor(name).bandwidth is not None
     ]
-    placed = [channel for channel in line.channels if channel.part == "body"]
+    placed = [channel for channel in recording.channels if channel.part == "body"]
     return found + [
         Fault("place", channel.name, _PLACE)
         for channel in placed
-        if channel.quantity == "acceleration" and _to_pitch(line) is not None
+        if channel.quantity == "acceleration" and _to_pitch(recording) is not None
     ]
 
 
-def with_fault(line: PreparedRecording, fault: Fault, vehicle: Vehicle) -> PreparedRecording:
+def with_fault(recording: PreparedRecording, fault: Fault, vehicle: Vehicle) -> PreparedRecording:
     """Return a recording as the faulty sensor would have taken it.
 
     Parameters
     ----------
-    line : PreparedRecording
+    recording : PreparedRecording
         As it was taken.
     fault : Fault
         What is wrong with one sensor.
@@ -102,52 +102,52 @@ def with_fault(line: PreparedRecording, fault: Fault, vehicle: Vehicle) -> Prepa
     PreparedRecording
         With other readings of one channel, to first order in the size of the fault.
     """
-    c = [channel.name for channel in line.channels].index(fault.channel)
+    c = [channel.name for channel in recording.channels].index(fault.channel)
     corner = vehicle.sensor(fault.channel).bandwidth
-    if c in line.inputs:
-        u = line.inputs.index(c)
-        wheel = line.wheels[u]
+    if c in recording.inputs:
+        u = recording.inputs.index(c)
+        wheel = recording.wheels[u]
         change = _change(fault, wheel.knots, wheel.spline(wheel.knots), corner)
         signal = WheelSignal(CubicSpline(wheel.knots, change), wheel.knots, wheel.deviation)
-        driven = line.moments.copy()
-        driven[:, u] += moments(signal, line.instants, ORDER)
-        return replace(line, moments=driven)
-    y = line.outputs.index(c)
-    there = line.kind[:, y] != MISSING
-    time, reading = line.instants[there], line.reading[there, y]
+        driven = recording.moments.copy()
+        driven[:, u] += moments(signal, recording.instants, ORDER)
+        return replace(recording, moments=driven)
+    y = recording.outputs.index(c)
+    there = recording.kind[:, y] != MISSING
+    time, reading = recording.instants[there], recording.reading[there, y]
     if fault.kind == "place":
-        change = fault.size * _pitch_acceleration(line, y, time)
+        change = fault.size * _pitch_acceleration(recording, y, time)
     else:
         change = _change(fault, time, reading, corner)
-    readings = line.reading.copy()
+    readings = recording.reading.copy()
     readings[there, y] += change
-    return replace(line, reading=readings)
+    return replace(recording, reading=readings)
 
 
-def _to_pitch(line: PreparedRecording) -> Array | None:
+def _to_pitch(recording: PreparedRecording) -> Array | None:
     """Weights (ny,) that make a pitch acceleration of the outputs, or None where they cannot."""
-    if "pitch" not in line.car.coordinates:
+    if "pitch" not in recording.car.coordinates:
         return None
-    nominal = line.car.nominal
-    rows = np.zeros((len(line.outputs), len(line.car.coordinates)))
-    for y, c in enumerate(line.outputs):
-        if line.channels[c].quantity == "acceleration":
-            rows[y] = line.car.point(nominal, line.channels[c])[0]
-    axis = line.car.coordinates.index("pitch")
+    nominal = recording.car.nominal
+    rows = np.zeros((len(recording.outputs), len(recording.car.coordinates)))
+    for y, c in enumerate(recording.outputs):
+        if recording.channels[c].quantity == "acceleration":
+            rows[y] = recording.car.point(nominal, recording.channels[c])[0]
+    axis = recording.car.coordinates.index("pitch")
     weights = np.linalg.pinv(rows)[axis]
     return weights if abs(float(weights @ rows[:, axis]) - 1.0) < 1e-6 else None
 
 
-def _pitch_acceleration(line: PreparedRecording, own: int, time: Array) -> Array:
+def _pitch_acceleration(recording: PreparedRecording, own: int, time: Array) -> Array:
     """Pitch acceleration (rad/s²) from all outputs at the times of one of them."""
-    weights = _to_pitch(line)
+    weights = _to_pitch(recording)
     assert weights is not None
     out = np.zeros(len(time))
     for y, weight in enumerate(weights):
         if weight == 0.0:
             continue
-        use = line.kind[:, y] != MISSING if y == own else line.kind[:, y] == VALUE
-        at, reading = line.instants[use], line.reading[use, y]
+        use = recording.kind[:, y] != MISSING if y == own else recording.kind[:, y] == VALUE
+        at, reading = recording.instants[use], recording.reading[use, y]
         out += weight * (reading if y == own else CubicSpline(at, reading)(time))
     return out
 
@@ -259,17 +259,17 @@ def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
     list of Shift
         Values given as exact first, then the sensors' faults.
     """
-    lines = there.logs.space.timelines
+    recordings = there.logs.space.recordings
     found = []
     for k, name in enumerate(parameters(there.logs)):
         if there.budget.sd[k] == 0.0:
             own = -_OFF * np.eye(len(there.budget.sd))[k]  # held that much below the truth
-            found.append(_shift(there, Fault("given", name, _OFF), lines, own))
+            found.append(_shift(there, Fault("given", name, _OFF), recordings, own))
     declared = parameters(there.logs)
-    for fault in faults(lines[0], vehicle):
+    for fault in faults(recordings[0], vehicle):
         if fault.name in declared:
             continue  # no surprise: it is among the parameters
-        faulty = tuple(with_fault(line, fault, vehicle) for line in lines)
+        faulty = tuple(with_fault(recording, fault, vehicle) for recording in recordings)
         found.append(_shift(there, fault, faulty, np.zeros(len(there.budget.sd))))
     return found
 
@@ -288,16 +288,16 @@ def _shift(
     covariance = there.budget.covariance()
     left = power - float(pull @ covariance @ pull)
     cut = min(1.0, math.sqrt(HIDDEN / left)) if left > 0.0 else 1.0
-    lines = tuple(map(_blend, there.logs.space.timelines, faulty, [cut] * len(faulty)))
+    recordings = tuple(map(_blend, there.logs.space.recordings, faulty, [cut] * len(faulty)))
     away = -cut * covariance @ pull
     if cut**2 * left > _NOTICED:
-        away = _settled(there, _on(there.logs, lines), cut * own, away)
+        away = _settled(there, _on(there.logs, recordings), cut * own, away)
     away = cut * own + away
     return Shift(fault.kind, fault.channel, cut * fault.size, cut < 1.0, away)
 
 
-def _on(target: Posterior, lines: tuple[PreparedRecording, ...]) -> Posterior:
-    return replace(target, space=replace(target.space, timelines=lines))
+def _on(target: Posterior, recordings: tuple[PreparedRecording, ...]) -> Posterior:
+    return replace(target, space=replace(target.space, recordings=recordings))
 
 
 def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) -> PreparedRecording:

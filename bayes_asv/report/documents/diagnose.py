@@ -258,10 +258,10 @@ def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
     if diagnosis.base_model is None or diagnosis.final_model is None:
         return []
     units, entries = Units(diagnosis.vehicle.units), []
-    for run, prepared in enumerate(diagnosis.base_model.space.timelines):
+    for run, prepared in enumerate(diagnosis.base_model.space.recordings):
         residuals = []
         for model in (diagnosis.base_model, diagnosis.final_model):
-            own = model.space.timelines[run]
+            own = model.space.recordings[run]
             output, _, _ = free_run(model.target, model.mode.z, run)
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
         time = prepared.instants[prepared.pairs.max(axis=1)]

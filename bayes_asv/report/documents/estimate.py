@@ -98,7 +98,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         dampers=[damper_rates(one, units) for one in result.dampers],
         clocks=_clocks(result),
         fit=pooled_fit(result.runs),
-        fit_by_run=[pooled_fit((run,), run.line.source) for run in result.runs],
+        fit_by_run=[pooled_fit((run,), run.prepared.source) for run in result.runs],
         noise=_noise(result),
         runs=[run_document(run, vehicle.units) for run in result.runs],
         logs=[_long_log(log) for log in result.logs],
@@ -235,7 +235,7 @@ def _noise(result: Estimate) -> list[schema.Noise]:
     units, entries = Units(result.vehicle.units), []
     for n, fit in enumerate(result.runs):
         levels = {}
-        for channel, given in zip(fit.line.channels, fit.line.noise, strict=True):
+        for channel, given in zip(fit.prepared.channels, fit.prepared.noise, strict=True):
             draws = result.nuisance.get(f"noise {channel.name} {n}")
             if draws is None:
                 continue
@@ -248,7 +248,7 @@ def _noise(result: Estimate) -> list[schema.Noise]:
                 level.unit = units.unit(dimension)
             levels[channel.name] = level
         noise = schema.Noise(
-            source=fit.line.source, unit=units.unit("acceleration"),
+            source=fit.prepared.source, unit=units.unit("acceleration"),
             colour_order=int(fit.colour.order), **levels,
         )  # fmt: skip
         share = result.nuisance.get(f"filtered share {n}")
@@ -269,7 +269,7 @@ def _clocks(result: Estimate) -> list[schema.ClockErrors]:
         named, _, run = clock.rpartition(" ")
         source = ""
         if named and run.isdigit() and int(run) < len(result.runs):
-            clock, source = named, result.runs[int(run)].line.source
+            clock, source = named, result.runs[int(run)].prepared.source
         found.append(
             schema.ClockErrors(name=clock, source=source, **{kind: Summary(**summary(draws))})
         )

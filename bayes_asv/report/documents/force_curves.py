@@ -189,7 +189,7 @@ def _range_covered(model: FittedModel, element: int) -> tuple[Array, Array]:
             model.target.innovations_and_variances(model.mode.z, run)[2][
                 :, 2 * element : 2 * element + 2
             ]
-            for run in range(len(model.space.timelines))
+            for run in range(len(model.space.recordings))
         ]
     )
     low, high = states.min(axis=0), states.max(axis=0)
@@ -204,8 +204,8 @@ def _curve(
 ) -> schema.ForceCurve:
     """Curves over `grid`: linear with the draws `before` of its rate, and `forces` after."""
     low, high = np.quantile(before, [0.025, 0.975])
-    lines = np.outer([low, float(np.median(before)), high], grid)
-    linear = np.array([lines.min(axis=0), lines[1], lines.max(axis=0)])
+    recordings = np.outer([low, float(np.median(before)), high], grid)
+    linear = np.array([recordings.min(axis=0), recordings[1], recordings.max(axis=0)])
     axis: dict[str, Any] = {along: units.curve(grid, along)}
     return schema.ForceCurve(
         **axis,

@@ -45,8 +45,8 @@ def pooled_fit(runs: Sequence[RunFit], source: str | None = None) -> schema.Fits
     power: dict[str, float] = {}
     for run in runs:
         for y, channel in enumerate(_outputs(run)):
-            use = run.line.kind[:, y] == VALUE
-            reading, name = run.line.reading[use, y], channel.name
+            use = run.prepared.kind[:, y] == VALUE
+            reading, name = run.prepared.reading[use, y], channel.name
             left = float(np.sum((reading - run.free.output[use, y]) ** 2))
             error[name] = error.get(name, 0.0) + left
             power[name] = power.get(name, 0.0) + float(np.sum((reading - reading.mean()) ** 2))
@@ -60,7 +60,7 @@ def pooled_fit(runs: Sequence[RunFit], source: str | None = None) -> schema.Fits
 
 def _outputs(fit: RunFit) -> list[Channel]:
     """Channels of the outputs, in the order of the columns of their arrays."""
-    return [fit.line.channels[c] for c in fit.line.outputs]
+    return [fit.prepared.channels[c] for c in fit.prepared.outputs]
 
 
 def _on_chassis(channel: Channel) -> bool:
@@ -70,7 +70,7 @@ def _on_chassis(channel: Channel) -> bool:
 
 def run_document(fit: RunFit, system: str) -> schema.Run:
     """One recording beside its simulation, in the units of a system."""
-    prepared, units = fit.line, Units(system)
+    prepared, units = fit.prepared, Units(system)
     # Groups of readings without a gap, or all where channels are never read together.
     whole = np.all(prepared.pairs >= 0, axis=1)
     pairs = prepared.pairs[whole] if np.any(whole) else prepared.pairs
@@ -131,7 +131,7 @@ def _bias(fit: RunFit, units: Units) -> schema.Bias:
 
 
 def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> schema.OutputCurves:
-    prepared, keep, channel = fit.line, pairs[:, y], _outputs(fit)[y]
+    prepared, keep, channel = fit.prepared, pairs[:, y], _outputs(fit)[y]
     simulated = fit.free.output[:, y]
     measured = np.where(prepared.kind[:, y] == MISSING, np.nan, prepared.reading[:, y])
     read = prepared.kind[:, y] == VALUE
@@ -189,7 +189,7 @@ def _transmissibilities(fit: RunFit, units: Units) -> dict[str, schema.Transmiss
     """
     from scipy.signal import welch
 
-    prepared, out = fit.line, {}
+    prepared, out = fit.prepared, {}
     names = [channel.name for channel in prepared.channels]
     for y, channel in enumerate(_outputs(fit)):
         wheel = channel.name.replace("_chassis", "_wheel")
@@ -302,7 +302,7 @@ def run_consistency(result: Estimate) -> schema.RunConsistency | None:
         own_percent={name: comparison.own_percent(name) for name in comparison.compared},
         runs=[
             schema.SingleRun(
-                source=run.fit.space.timelines[0].source,
+                source=run.fit.space.recordings[0].source,
                 effective_draws=run.effective,
                 parameters=_own_values(comparison, n, units, seed),
             )

@@ -44,7 +44,7 @@ def fitted(car: Vehicle, *recordings: Recording) -> MapFit:
 def again(car: Vehicle, fit: MapFit, times: int = 1) -> MapFit:
     """Climb again with other deviations, or with the same recording several times."""
     there = fit.space.values(fit.mode.z[None])
-    lines = tuple(replace(r, car=car_model("half", car)) for r in fit.space.timelines)
+    lines = tuple(replace(r, car=car_model("half", car)) for r in fit.space.recordings)
     where = space(car, lines * times)
     logs = {name: math.log(there[name][0] / getattr(car, name).value) for name in DIRECT}
     target = Posterior(where, fit.target.colours * times)

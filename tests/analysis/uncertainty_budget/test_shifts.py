@@ -147,20 +147,20 @@ def test_the_same_fault_of_all_sensors_is_none(exact: Case) -> None:
     j = jacobian(logs, z, 0)
     sd = np.array([width.answers[name].sd for name in ("c_f", "c_r", "i")])
     for kind, size in (("gain", 0.01), ("delay", 1e-4), ("bandwidth", 0.1)):
-        line = sound = logs.space.timelines[0]
+        recording = sound = logs.space.recordings[0]
         one = []
         for channel in CHANNELS:
-            line = with_fault(line, Fault(kind, channel, size), car)
+            recording = with_fault(recording, Fault(kind, channel, size), car)
             alone = with_fault(sound, Fault(kind, channel, size), car)
             one.append(_pulled(logs, z, j, alone))
-        together = _pulled(logs, z, j, line)
+        together = _pulled(logs, z, j, recording)
         largest = np.max(np.abs(one), axis=0)
         assert np.all(np.abs(together) < np.maximum(0.05 * largest, 0.1 * sd)), kind
 
 
-def _pulled(logs: Posterior, z: Array, j: Array, line: PreparedRecording) -> Array:
+def _pulled(logs: Posterior, z: Array, j: Array, recording: PreparedRecording) -> Array:
     """First-order shift of c_f, c_r and i."""
-    changed = replace(logs, space=replace(logs.space, timelines=(line,)))
+    changed = replace(logs, space=replace(logs.space, recordings=(recording,)))
     left = (changed.innovations(z, 0) - logs.innovations(z, 0)).ravel()
     free = [0, 1, 2]
     inner = information([j])[np.ix_(free, free)]
@@ -182,8 +182,10 @@ def test_a_fault_is_cut_down_to_what_the_residuals_would_not_show(declared: Case
     for shift in width.shifts:
         if shift.kind == "given":
             continue
-        line = with_fault(logs.space.timelines[0], Fault(shift.kind, shift.where, shift.size), car)
-        changed = replace(logs, space=replace(logs.space, timelines=(line,)))
+        recording = with_fault(
+            logs.space.recordings[0], Fault(shift.kind, shift.where, shift.size), car
+        )
+        changed = replace(logs, space=replace(logs.space, recordings=(recording,)))
         left = (changed.innovations(z, 0) - logs.innovations(z, 0)).ravel()
         target = np.concatenate([left, np.zeros(int(free.sum()))])
         rest = target - design @ np.linalg.lstsq(design, target)[0]
