@@ -421,11 +421,11 @@ def _estimate_prepared(
         )  # fmt: skip
     if doubt is not None:
         warnings = (doubt.sentence, *warnings)
-    where, target = found.space, found.target
+    parameter_space, target = found.space, found.target
     tell(0.1, "sampling")
     if lacking is not None:
         rng, spread = np.random.default_rng([seed, 29]), found.mode.covariance + lacking
-        cars = draw_cars(where, found.mode.z, spread, math.prod(_APART), rng)
+        cars = draw_cars(parameter_space, found.mode.z, spread, math.prod(_APART), rng)
         ensembles = sampler.independent_draws(target, cars.reshape(*_APART, -1))
     else:
         # the parameters of a force law are too far from linear for an expansion at the mode
@@ -439,10 +439,10 @@ def _estimate_prepared(
         )
     if any(site.effect.free_form for site in sites):
         ensembles = ensembles.thinned(MAX_DRAWS)
-    flat = ensembles.draws.reshape(-1, where.dimension)
+    flat = ensembles.draws.reshape(-1, parameter_space.dimension)
     by_ensemble = ensembles.log_posterior.shape
-    draws = {n: x.reshape(by_ensemble) for n, x in where.quantities(flat, seed).items()}
-    nuisance = {n: x.reshape(by_ensemble) for n, x in where.nuisance(flat).items()}
+    draws = {n: x.reshape(by_ensemble) for n, x in parameter_space.quantities(flat, seed).items()}
+    nuisance = {n: x.reshape(by_ensemble) for n, x in parameter_space.nuisance(flat).items()}
     if not ensembles.converged:
         warnings += (
             f"the ensembles had not agreed after {ensembles.draws.shape[1]} draws each "
@@ -467,7 +467,7 @@ def _estimate_prepared(
         vehicle=vehicle,
         car=model,
         recordings=tuple(recordings),
-        likelihood=where.likelihood,
+        likelihood=parameter_space.likelihood,
         seed=seed,
         seconds=time.perf_counter() - began,
         draws=draws,
@@ -479,7 +479,7 @@ def _estimate_prepared(
         acceptance=ensembles.acceptance,
         sampler=ensembles.sampler,
         runs=runs,
-        space=where,
+        space=parameter_space,
         width=width,
         agreement=agreement,
         below=below,
@@ -487,7 +487,7 @@ def _estimate_prepared(
         doubt=doubt,
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}
-            for site, values in where.effect_draws(flat).items()
+            for site, values in parameter_space.effect_draws(flat).items()
         },
     )
 

@@ -291,9 +291,12 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     -------
     RunConsistency
     """
-    where = runs[0].fit.space
-    n = where.car_dimension
-    way = np.stack([where.from_logs({name: 1.0})[:n] for name in where.car.estimated], axis=1)
+    parameter_space = runs[0].fit.space
+    n = parameter_space.car_dimension
+    way = np.stack(
+        [parameter_space.from_logs({name: 1.0})[:n] for name in parameter_space.car.estimated],
+        axis=1,
+    )
     likelihoods = [run.likelihood for run in runs]
     whole = contrast(likelihoods, way)
     if not all(run.trusted for run in runs) or whole.freedom == 0:
@@ -305,7 +308,10 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     return RunConsistency(
         verdict=verdict,
         whole=whole,
-        each={name: contrast(likelihoods, way, [k]) for k, name in enumerate(where.car.estimated)},
+        each={
+            name: contrast(likelihoods, way, [k])
+            for k, name in enumerate(parameter_space.car.estimated)
+        },
         runs=tuple(runs),
         population=found,
         shift=np.stack([shift for shift, _ in own]),

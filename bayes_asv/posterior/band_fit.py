@@ -161,19 +161,19 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
         Posterior(space(vehicle, recordings, "coloured"), (WHITE,) * len(recordings)), None
     )
     # The colour has the scale of what is left, so that the noise levels are but units.
-    where = space(vehicle, recordings, "coloured", frozenset(range(len(recordings))))
+    parameter_space = space(vehicle, recordings, "coloured", frozenset(range(len(recordings))))
     for _ in range(_ROUNDS):
         colours = tuple(_colour(target, mode.z, run) for run in range(len(recordings)))
-        start = where.origin
-        start[: where.car_dimension] = mode.z[: where.car_dimension]
-        mode, target = _climb(Posterior(where, colours), start)
+        start = parameter_space.origin
+        start[: parameter_space.car_dimension] = mode.z[: parameter_space.car_dimension]
+        mode, target = _climb(Posterior(parameter_space, colours), start)
     slowest = _slowest(recordings[0])
     shares = tuple(share(target, mode, run, slowest) for run in range(len(recordings)))
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
         for colour, part in zip(target.colours, shares, strict=True)
     )
-    mode, target = _climb(Posterior(where, counted), mode.z)
+    mode, target = _climb(Posterior(parameter_space, counted), mode.z)
     return BandFit(mode, target, shares)
 
 

@@ -364,13 +364,13 @@ def _least_squares(job: _Job, recording: PreparedRecording, clocks: Sequence[int
     if kind == "innovations" and any(noise is None for noise in recording.noise):
         kind = "coloured"  # what is left is not the sensors' noise where that is not known
     target = Posterior(space(job.vehicle, (recording,), kind), (WHITE,))
-    where = target.space
-    every = where.clock_coordinates(0)
-    free = [*range(where.shared_dimension), *(every[k] for k in clocks)]
-    scale = where.scales(1.0)[free]
+    parameter_space = target.space
+    every = parameter_space.clock_coordinates(0)
+    free = [*range(parameter_space.shared_dimension), *(every[k] for k in clocks)]
+    scale = parameter_space.scales(1.0)[free]
 
     def at(x: Array) -> Array:
-        z = where.origin
+        z = parameter_space.origin
         z[free] += scale * x
         return z
 
@@ -393,8 +393,10 @@ def _least_squares(job: _Job, recording: PreparedRecording, clocks: Sequence[int
     return _Fit(
         2.0 * float(fit.cost),
         spread / variance,
-        where.clock_errors(z[None], 0)[0],
-        np.array([where.coordinates[k].scale * sd[free.index(k)] for k in every if k in free]),
+        parameter_space.clock_errors(z[None], 0)[0],
+        np.array(
+            [parameter_space.coordinates[k].scale * sd[free.index(k)] for k in every if k in free]
+        ),
     )
 
 

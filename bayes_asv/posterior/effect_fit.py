@@ -67,14 +67,14 @@ class Candidate:
     edge: bool = False
 
 
-def _used(stage: FittedModel) -> Array:
+def _used(model: FittedModel) -> Array:
     """Largest compression, extension (m) and speed (m/s) of each element over all runs, (ne, 3).
 
     All positive.
     """
-    used = np.zeros((len(stage.space.car.elements), 3))
-    for run in range(len(stage.space.recordings)):
-        _, states, _ = free_run(stage.target, stage.mode.z, run)
+    used = np.zeros((len(model.space.car.elements), 3))
+    for run in range(len(model.space.recordings)):
+        _, states, _ = free_run(model.target, model.mode.z, run)
         for e in range(len(used)):
             travel, speed = states[:, 2 * e], states[:, 2 * e + 1]
             reached = -travel.min(), travel.max(), np.abs(speed).max()
@@ -82,27 +82,27 @@ def _used(stage: FittedModel) -> Array:
     return used
 
 
-def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
-    """List what the recordings of a stage may be asked about.
+def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
+    """List what the recordings of a fitted model may be asked about.
 
     Parameters
     ----------
-    stage : FittedModel
+    model : FittedModel
         Where one stands; what it has already is left out.
     vehicle : Vehicle
         What it says is uncertain is in the model already.
     """
-    scale = stage.space.sizes
-    used = _used(stage)
+    scale = model.space.sizes
+    used = _used(model)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
         if effect.on_request:
             continue
         for where in effect.places:
             site = Site(effect, where)
-            elements = site.elements(stage.space.car)
-            known = any(other.covers(site) for other in stage.sites)
-            if known or not _possible(site, stage, vehicle):
+            elements = site.elements(model.space.car)
+            known = any(other.covers(site) for other in model.sites)
+            if known or not _possible(site, model, vehicle):
                 continue
             if effect.slight is not None:
                 # at several elements or channels a tolerance is that of one and of the others
@@ -121,7 +121,7 @@ def candidates(stage: FittedModel, vehicle: Vehicle) -> list[Candidate]:
                 sizes = [start * first.size(scale) for start in first.starts]
                 out += [Candidate(site, {first.name: x}, False, effect.one_sided) for x in sizes]
             elif where != BOTH:
-                out += _edges(effect, where, stage)
+                out += _edges(effect, where, model)
     return out
 
 
@@ -139,7 +139,7 @@ def _stops(site: Site, travel: float, rate: float) -> list[Candidate]:
     ]
 
 
-def _edges(effect: Effect, where: str, stage: FittedModel) -> list[Candidate]:
+def _edges(effect: Effect, where: str, model: FittedModel) -> list[Candidate]:
     """List forces that begin at some instant of a run and never end.
 
     Off by as long as a car's answer to an edge, a push looks like no push.  Half way between edges
@@ -147,8 +147,8 @@ def _edges(effect: Effect, where: str, stage: FittedModel) -> list[Candidate]:
     three fifths, every 10 ms four fifths.  Long recordings are asked less closely, for the number
     of questions has a price.
     """
-    load = stage.space.sizes.load
-    spans = [recording.elapsed[[0, -1]] for recording in stage.space.recordings]
+    load = model.space.sizes.load
+    spans = [recording.elapsed[[0, -1]] for recording in model.space.recordings]
     grid = max(_GRID, float(np.sum(np.diff(spans))) / _EDGES)
     out = []
     for run, span in enumerate(spans):
@@ -159,11 +159,11 @@ def _edges(effect: Effect, where: str, stage: FittedModel) -> list[Candidate]:
     return out
 
 
-def _possible(site: Site, stage: FittedModel, vehicle: Vehicle) -> bool:
+def _possible(site: Site, model: FittedModel, vehicle: Vehicle) -> bool:
     """Whether a car and its sensors can have an effect."""
-    car = stage.space.car
+    car = model.space.car
     if site.effect.acts == "reading":
-        names = {channel.name for run in stage.space.recordings for channel in run.channels}
+        names = {channel.name for run in model.space.recordings for channel in run.channels}
         affected = site.channels(sorted(names))
         corner = site.effect.fault == "bandwidth"
         return 0 < len(affected) < len(names) and not (
@@ -206,13 +206,13 @@ def read_site(text: str) -> Site:
 
 
 def with_effects(
-    where: Dataset, sites: Sequence[Site], start: FittedModel | None = None
+    dataset: Dataset, sites: Sequence[Site], start: FittedModel | None = None
 ) -> tuple[Dataset, FittedModel]:
     """Fit a model with given effects, one added after the other.
 
     Parameters
     ----------
-    where : Dataset
+    dataset : Dataset
         Recordings.
     sites : sequence of Site
         Effects in order.
@@ -230,45 +230,45 @@ def with_effects(
         For an effect that the car or its sensors cannot have.
     """
     if start is None:
-        target = where.target(())
-        stage = fitted(target, np.zeros(target.space.dimension))
+        target = dataset.target(())
+        model = fitted(target, np.zeros(target.space.dimension))
     else:
-        stage = fit_again(where, start, start.sites)
-    where = update_patterns(where, stage)
+        model = fit_again(dataset, start, start.sites)
+    dataset = update_patterns(dataset, model)
     for one in sites:
-        known = next((other for other in stage.sites if other.covers(one)), None)
+        known = next((other for other in model.sites if other.covers(one)), None)
         if known is not None:
             raise InputError(
                 str(one), f"is in the model already, in {known}", "leave one of them out"
             )
-        stage = replace(stage, target=replace(stage.target, patterns=where.patterns))
-        groups = [group for group in _groups(stage, where, one) if group]
+        model = replace(model, target=replace(model.target, patterns=dataset.patterns))
+        groups = [group for group in _groups(model, dataset, one) if group]
         if not groups:
             raise InputError(
                 str(one),
-                f"is not possible on the {stage.space.car.name} car with these sensors",
+                f"is not possible on the {model.space.car.name} car with these sensors",
                 "leave it out, or name another place",
             )
-        stage = max(
-            (added(where, stage, group) for group in groups), key=lambda s: s.mode.log_posterior
+        model = max(
+            (added(dataset, model, group) for group in groups), key=lambda s: s.mode.log_posterior
         )
-        where = update_patterns(where, stage)
-    return where, replace(stage, target=replace(stage.target, patterns=where.patterns))
+        dataset = update_patterns(dataset, model)
+    return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
 
 
-def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candidate]]:
+def _groups(model: FittedModel, dataset: Dataset, site: Site) -> list[list[Candidate]]:
     """Values from which to add an effect, one group a run that it may be in."""
     if site.effect.on_request:
-        if not _possible(site, stage, where.vehicle):
+        if not _possible(site, model, dataset.vehicle):
             return []
         return [[Candidate(site, values, False, True) for values in site.effect.begins]]
     if not site.effect.in_one_run:
-        return [[c for c in candidates(stage, where.vehicle) if str(c.site) == str(site)]]
-    runs = range(len(where.recordings)) if site.run is None else (site.run,)
+        return [[c for c in candidates(model, dataset.vehicle) if str(c.site) == str(site)]]
+    runs = range(len(dataset.recordings)) if site.run is None else (site.run,)
     edges = [
         c
-        for c in candidates(stage, where.vehicle)
-        if c.edge and c.site.where == _first_place(stage)
+        for c in candidates(model, dataset.vehicle)
+        if c.edge and c.site.where == _first_place(model)
     ]
     return [
         [
@@ -286,14 +286,14 @@ def _groups(stage: FittedModel, where: Dataset, site: Site) -> list[list[Candida
     ]
 
 
-def _first_place(stage: FittedModel) -> str:
+def _first_place(model: FittedModel) -> str:
     """Axle of the first suspension element."""
-    return str(stage.space.car.elements[0].axle)
+    return str(model.space.car.elements[0].axle)
 
 
 def added(
-    where: Dataset,
-    stage: FittedModel,
+    dataset: Dataset,
+    model: FittedModel,
     group: Sequence[Candidate],
     promised: float = 0.0,
     floor: float = -math.inf,
@@ -302,9 +302,9 @@ def added(
 
     Parameters
     ----------
-    where : Dataset
+    dataset : Dataset
         Recordings.
-    stage : FittedModel
+    model : FittedModel
         The model so far, at its mode.
     group : sequence of Candidate
         Of one site: sets of values to begin from.
@@ -315,8 +315,8 @@ def added(
         Log-posterior that others reach; what stays far below is not followed to its mode.
     """
     site = group[0].site
-    sites = (*stage.sites, site)
-    target = where.target(sites)
+    sites = (*model.sites, site)
+    target = dataset.target(sites)
     scale = target.space.sizes
     first = site.effect.parameters[0]
     begun: list[tuple[float, int, Array]] = []
@@ -328,7 +328,7 @@ def added(
             sizes += [-s for s in sizes if two_sided and s > 0.0]
             tried += [{**candidate.values, first.name: size} for size in sizes]
         for values in tried:
-            z = transfer_coordinates(stage.space, stage.mode.z, target.space, site, values)
+            z = transfer_coordinates(model.space, model.mode.z, target.space, site, values)
             begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
     begun.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
@@ -336,21 +336,21 @@ def added(
         one = fitted(target, z, floor)
         if best is None or one.mode.log_posterior > best.mode.log_posterior:
             best = one
-        kept = best.mode.log_posterior > stage.mode.log_posterior + _KEPT * promised - _HIGHER
+        kept = best.mode.log_posterior > model.mode.log_posterior + _KEPT * promised - _HIGHER
         at_noise = best.mode.converged and float(np.mean(best.mode.slopes.nu**2)) < 1.2
         if kept and (at_noise or fits >= _TRIED):  # at the noise no start can end lower
             break
     assert best is not None
-    return _over_the_next_hill(best) if site.effect.acts != "reading" else _again(where, best)
+    return _over_the_next_hill(best) if site.effect.acts != "reading" else _again(dataset, best)
 
 
-def _again(where: Dataset, stage: FittedModel) -> FittedModel:
+def _again(dataset: Dataset, model: FittedModel) -> FittedModel:
     """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
-    better = update_patterns(where, stage)
-    return fitted(better.target(stage.sites), stage.mode.z)
+    better = update_patterns(dataset, model)
+    return fitted(better.target(model.sites), model.mode.z)
 
 
-def _over_the_next_hill(stage: FittedModel) -> FittedModel:
+def _over_the_next_hill(model: FittedModel) -> FittedModel:
     """Look along every shape for a higher place, and climb from there.
 
     How sharply a law bends has more than one hill: a corner that is rounded less than the motion
@@ -358,26 +358,26 @@ def _over_the_next_hill(stage: FittedModel) -> FittedModel:
     higher only once everything else has moved along: then the far ends of what was believed
     beforehand are climbed from.
     """
-    space, z = stage.space, stage.mode.z
+    space, z = model.space, model.mode.z
     shapes = [
         space.names.index(site.coordinate_name(p))
-        for site in stage.sites
+        for site in model.sites
         for p in site.effect.parameters
         if p.shape and not site.effect.free_form
     ]
     if not shapes:
-        return stage
-    here = stage.mode.log_posterior
+        return model
+    here = model.mode.log_posterior
     looked = np.array([_with(z, k, z[k] + by) for k in shapes for by in _LOOKED])
-    values = stage.target.log_posterior(looked)
+    values = model.target.log_posterior(looked)
     if float(values.max()) > here + _HIGHER:
         starts = looked[[int(np.argmax(values))]]
     else:
         far = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
         ends = np.array(far).reshape(-1, len(z))
-        starts = ends[stage.target.log_posterior(ends) > here - _KNOWN]
-    others = [fitted(stage.target, start, here + _HIGHER) for start in starts]
-    return max((stage, *others), key=lambda s: s.mode.log_posterior)
+        starts = ends[model.target.log_posterior(ends) > here - _KNOWN]
+    others = [fitted(model.target, start, here + _HIGHER) for start in starts]
+    return max((model, *others), key=lambda s: s.mode.log_posterior)
 
 
 def _with(z: Array, k: int, value: float) -> Array:

@@ -72,8 +72,8 @@ class Dataset:
     def target(self, sites: tuple[Site, ...], hold: bool = False) -> Posterior:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
         held = frozenset(range(len(self.recordings))) if hold else frozenset()
-        where = space(self.vehicle, self.recordings, hold=held, sites=sites, near=True)
-        return Posterior(where, (WHITE,) * len(self.recordings), patterns=self.patterns)
+        parameter_space = space(self.vehicle, self.recordings, hold=held, sites=sites, near=True)
+        return Posterior(parameter_space, (WHITE,) * len(self.recordings), patterns=self.patterns)
 
 
 def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Dataset:
@@ -82,50 +82,50 @@ def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) ->
         without_mean_input(with_noise_of_still_wheels(recording)) for recording in recordings
     )
     found = tuple(patterns(recording, vehicle, recording.reading) for recording in recordings)
-    where = Dataset(vehicle, recordings, found)
+    dataset = Dataset(vehicle, recordings, found)
     begun = [
-        _begun(where, run) for run in range(len(recordings))
+        _begun(dataset, run) for run in range(len(recordings))
     ]  # a wait tells where a car begins
-    return replace(where, recordings=tuple(without_standstill(recording) for recording in begun))
+    return replace(dataset, recordings=tuple(without_standstill(recording) for recording in begun))
 
 
-def _begun(where: Dataset, run: int) -> PreparedRecording:
+def _begun(dataset: Dataset, run: int) -> PreparedRecording:
     """Return a recording that begins no further from rest than the whole of it shows.
 
     A linear car may begin anywhere.  A law that bends is drawn as a line at wherever the filter
     believes the car to be, and beliefs of a decimetre would bend it out of shape for a second; a
     filter that takes a zero of a sensor for travel meets stops that are far away.
     """
-    target = where.target(())
+    target = dataset.target(())
     begin, sd = initial_state(target, np.zeros(target.space.dimension), run)
-    start = where.recordings[run].start
-    states = 2 * len(where.recordings[run].car.elements)
+    start = dataset.recordings[run].start
+    states = 2 * len(dataset.recordings[run].car.elements)
     shrink = np.ones(len(start))
     variance = _START * (begin**2 + sd**2)
     shrink[:states] = np.sqrt(np.minimum(1.0, variance / np.diag(start))[:states])
-    return replace(where.recordings[run], start=shrink[:, None] * start * shrink)
+    return replace(dataset.recordings[run], start=shrink[:, None] * start * shrink)
 
 
-def update_patterns(where: Dataset, stage: FittedModel) -> Dataset:
+def update_patterns(dataset: Dataset, model: FittedModel) -> Dataset:
     """Recompute the corrections of sensor faults from the outputs that a model predicts."""
-    return update_patterns_at(where, stage.target, stage.mode.z)
+    return update_patterns_at(dataset, model.target, model.mode.z)
 
 
-def update_patterns_at(where: Dataset, target: Posterior, z: Array) -> Dataset:
+def update_patterns_at(dataset: Dataset, target: Posterior, z: Array) -> Dataset:
     """Recompute the corrections of sensor faults from the prediction at coordinates (D,)."""
 
     def one(run: int) -> SensorPatterns:
         declared = (
             above(target, z, run)
-            if where.quiet
-            else denoise_and_predict(target, z, run, where.vehicle).after
+            if dataset.quiet
+            else denoise_and_predict(target, z, run, dataset.vehicle).after
         )
-        return patterns(where.recordings[run], where.vehicle, declared)
+        return patterns(dataset.recordings[run], dataset.vehicle, declared)
 
     with shared_work(target) as shared:
         assert shared.pool is not None
-        found = list(shared.pool.map(one, range(len(where.recordings))))
-    return replace(where, patterns=tuple(found))
+        found = list(shared.pool.map(one, range(len(dataset.recordings))))
+    return replace(dataset, patterns=tuple(found))
 
 
 @dataclass(frozen=True)
@@ -191,13 +191,13 @@ def fitted(target: Posterior, start: Array, floor: float = -math.inf) -> FittedM
     return FittedModel(target.space.sites, replace(target, pool=None), mode)
 
 
-def fit_again(where: Dataset, stage: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
+def fit_again(dataset: Dataset, model: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
     """Fit a model with some effects to recordings, starting at the mode of another model."""
-    target = where.target(sites)
-    return fitted(target, stage.transfer(target.space))
+    target = dataset.target(sites)
+    return fitted(target, model.transfer(target.space))
 
 
-def base(where: Dataset) -> FittedModel:
+def base(dataset: Dataset) -> FittedModel:
     """Fit the linear car to the recordings of a dataset."""
-    target = where.target(())
+    target = dataset.target(())
     return fitted(target, np.zeros(target.space.dimension))

@@ -223,12 +223,12 @@ def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
 
 def _judged(target: Posterior, mode: Mode, shares: tuple[float | None, ...]) -> MapFit:
     """Check whether the data identify the parameters and the model explains them, at the mode."""
-    where = target.space
+    parameter_space = target.space
     # Where the search did not converge, the sampler decides.
-    reasons, warnings = _unmeasured(where, mode) if mode.converged else ([], [])
+    reasons, warnings = _unmeasured(parameter_space, mode) if mode.converged else ([], [])
     faults: list[str] = []
-    noise = {name: float(x[0]) for name, x in where.nuisance(mode.z[None]).items()}
-    for run, recording in enumerate(where.recordings):
+    noise = {name: float(x[0]) for name, x in parameter_space.nuisance(mode.z[None]).items()}
+    for run, recording in enumerate(parameter_space.recordings):
         free = free_run(target, mode.z, run)
         why, notes = explained_power_findings(recording, free, bool(shares))
         if recording.below is None and (why or notes):
@@ -262,20 +262,20 @@ def _with_sites(
     Returns the model with noise levels near the declared ones as well.
     """
     alone = tuple(replace(recording, retimed=None) for recording in recordings)
-    where, stage = with_effects(make_dataset(vehicle, alone), sites)
-    whole = space(vehicle, recordings, sites=stage.sites)
-    others = _retimed_patterns(recordings, vehicle, stage)
+    dataset, model = with_effects(make_dataset(vehicle, alone), sites)
+    whole = space(vehicle, recordings, sites=model.sites)
+    others = _retimed_patterns(recordings, vehicle, model)
     target = Posterior(
-        whole, (WHITE,) * len(recordings), patterns=where.patterns, retimed_patterns=others
+        whole, (WHITE,) * len(recordings), patterns=dataset.patterns, retimed_patterns=others
     )
-    start = stage.transfer(whole)
+    start = model.transfer(whole)
     start[whole.shared_dimension :] = whole.origin[whole.shared_dimension :]
     with shared_work(target) as shared:
-        return find_mode(shared, start), target, stage
+        return find_mode(shared, start), target, model
 
 
 def _retimed_patterns(
-    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, stage: FittedModel
+    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, model: FittedModel
 ) -> tuple[tuple[SensorPatterns, ...], ...]:
     """Patterns of each run at other errors of its clocks, by what a fitted model predicts."""
     count = max(
@@ -288,10 +288,10 @@ def _retimed_patterns(
             replace(x, retimed=None) if x.retimed is None else x.retimed.recordings[k]
             for x in recordings
         )
-        where = make_dataset(vehicle, there)
-        target = where.target(stage.sites)
-        z = transfer_coordinates(stage.space, stage.mode.z, target.space, None, {})
-        found.append(update_patterns_at(where, target, z).patterns)
+        dataset = make_dataset(vehicle, there)
+        target = dataset.target(model.sites)
+        z = transfer_coordinates(model.space, model.mode.z, target.space, None, {})
+        found.append(update_patterns_at(dataset, target, z).patterns)
     return tuple(zip(*found, strict=True)) if found else ()
 
 
@@ -307,9 +307,11 @@ def _cut_out(recording: PreparedRecording) -> list[str]:
     ]
 
 
-def _climb(where: ParameterSpace, start: Array | None) -> tuple[Mode, Posterior]:
+def _climb(parameter_space: ParameterSpace, start: Array | None) -> tuple[Mode, Posterior]:
     """Climb to the mode of a space, all innovations taken to be white."""
-    with shared_work(Posterior(where, (WHITE,) * len(where.recordings))) as target:
+    with shared_work(
+        Posterior(parameter_space, (WHITE,) * len(parameter_space.recordings))
+    ) as target:
         return find_mode(target, start), replace(target, pool=None)
 
 
@@ -348,12 +350,12 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
             break
         colours = found
         hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
-        where = space(vehicle, whole.recordings, whole.likelihood, hold)
-        start = where.origin
-        start[: where.shared_dimension] = mode.z[: where.shared_dimension]
-        with shared_work(Posterior(where, found)) as shared:
+        parameter_space = space(vehicle, whole.recordings, whole.likelihood, hold)
+        start = parameter_space.origin
+        start[: parameter_space.shared_dimension] = mode.z[: parameter_space.shared_dimension]
+        with shared_work(Posterior(parameter_space, found)) as shared:
             mode = find_mode(shared, start)
-        target = Posterior(where, found)
+        target = Posterior(parameter_space, found)
     return mode, target
 
 
@@ -403,15 +405,17 @@ def unidentified_before_fit(
     )
 
 
-def _unmeasured(where: ParameterSpace, mode: Mode) -> tuple[list[str], list[str]]:
+def _unmeasured(parameter_space: ParameterSpace, mode: Mode) -> tuple[list[str], list[str]]:
     """Refuse when the drive taught next to nothing about an answer; warn where a prior is one."""
-    prior = {name: where.log_prior_of(name)[1] for name in where.car.estimated}
-    after = {name: where.log_deviation(mode.covariance, name) for name in prior}
-    measured = [o.channel for recording in where.recordings for o in recording.output_models]
+    prior = {name: parameter_space.log_prior_of(name)[1] for name in parameter_space.car.estimated}
+    after = {name: parameter_space.log_deviation(mode.covariance, name) for name in prior}
+    measured = [
+        o.channel for recording in parameter_space.recordings for o in recording.output_models
+    ]
     reasons: list[str] = []
     warnings: list[str] = []
     for name in unmeasured(prior, after):
-        words = unidentified_sentence(where.car, measured, name, prior[name])
+        words = unidentified_sentence(parameter_space.car, measured, name, prior[name])
         (reasons if prior[name] > WIDE_PRIOR else warnings).append(words)
     return reasons, warnings
 
