@@ -15,6 +15,7 @@ from bayes_asv.acquire.merge import MergedRun, format_ranges
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import COUNTS, Recording, parse_rate
+from bayes_asv.io.logger_text import FULL_SCALE
 
 __all__ = ["DUMP_END", "TextDump", "agreeing_rows", "find_dumps", "merge_dumps"]
 
@@ -26,7 +27,6 @@ _METADATA: Final = re.compile(
     r"|(delay (?:front|rear)_(?:wheel|chassis)) = (0\.\d+ s)"
     r"|(clock rear) = (-?\d{1,4}\.\d ppm))"
 )
-_FULL_SCALE: Final = 1023
 DUMP_END: Final = "# end"
 """Last line of a dump."""
 _BROKEN_OFF: Final = "# Slave 2: no answer"
@@ -79,7 +79,7 @@ def _parse(lines: list[str]) -> TextDump:
             metadata.append((key, value))
         elif row is not None:
             index, *readings = map(int, row.groups())
-            if last < index <= MAX_ROWS and max(readings) <= _FULL_SCALE:
+            if last < index <= MAX_ROWS and max(readings) <= FULL_SCALE:
                 rows.append((index, tuple(readings)))
                 last = index
             else:

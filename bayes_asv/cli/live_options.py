@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bayes_asv.live.port import BAUD
+
 if TYPE_CHECKING:
     from bayes_asv.library.live import LiveSettings
 
 __all__ = ["baud_option", "live_options", "live_settings"]
-
-BAUD = 115_200
 
 
 def baud_option(default: int | None = None) -> Callable[..., Any]:

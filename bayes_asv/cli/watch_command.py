@@ -7,8 +7,9 @@ import time
 import click
 
 from bayes_asv.cli import common
-from bayes_asv.cli.live_options import BAUD, baud_option
+from bayes_asv.cli.live_options import baud_option
 from bayes_asv.cli.track_command import engine_option
+from bayes_asv.live.port import BAUD
 
 __all__ = ["command"]
 

@@ -35,6 +35,7 @@ from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
+    "STEP",
     "DenoisedModel",
     "FixedGainFilter",
     "coordinate_sensitivities",
@@ -46,7 +47,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # finite-difference step, in prior standard deviations
+STEP = 1e-4  # finite-difference step, in prior standard deviations
 _PERTURBATION = 0.1  # largest change of a reading, in standard deviations: a law is linear there
 # Time in which a filter finds motion and biases, s.  Meanwhile it linearises a force law with a
 # kink over all the speeds that the car may have, which biases the score of the law.
@@ -141,7 +142,7 @@ def _run_sensitivities(at: FixedGainFilter, count: int) -> Array:
     relevant = [k for k in at.posterior.space.coordinates_of_run(at.run) if k < count]
 
     def along(k: int) -> Array:
-        return at.sensitivity(at.posterior, at.z + _STEP * np.eye(len(at.z))[k]) / _STEP
+        return at.sensitivity(at.posterior, at.z + STEP * np.eye(len(at.z))[k]) / STEP
 
     with shared_work(at.posterior) as shared:
         assert shared.pool is not None

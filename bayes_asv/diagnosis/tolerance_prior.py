@@ -37,6 +37,7 @@ from scipy.linalg import helmert
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, logsumexp, ndtr
 
+from bayes_asv.diagnosis.denoised_model import STEP
 from bayes_asv.diagnosis.score_test import NuisanceProjection, ScoreTest, nuisance_projection
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_fit import Candidate
@@ -435,9 +436,6 @@ def marginal_scores(test: ScoreTest) -> tuple[Array, Array]:
     return gradient, np.maximum(information, 0.0)
 
 
-_STEP = 1e-4  # finite-difference step, in prior standard deviations
-
-
 class _TolerancePrior(NamedTuple):
     """A tolerance as a truncated normal prior of one coordinate.
 
@@ -537,12 +535,12 @@ def _tolerance_prior(
     How many tolerances the effect is, is linearised in the coordinate about the posterior mode.
     """
     moved = z.copy()
-    moved[k] += _STEP
+    moved[k] += STEP
     at_mode, next_to = model.space.effects(z)[site], model.space.effects(moved)[site]
     parts = []
     for one in tolerances:
         count = site.effect.tolerances(at_mode, one.values)
-        slope = (site.effect.tolerances(next_to, one.values) - count) / _STEP
+        slope = (site.effect.tolerances(next_to, one.values) - count) / STEP
         least = 0.0 if one.signed else -MAX_TOLERANCES
         points = z[k] + (scale * np.array([0.0, least, MAX_TOLERANCES]) - count) / slope
         probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))

@@ -50,7 +50,7 @@ __all__ = [
     "upper_tail",
 ]
 
-_LOG_2PI = math.log(2.0 * math.pi)
+LOG_2PI = math.log(2.0 * math.pi)
 _SQRT_2 = math.sqrt(2.0)
 
 
@@ -74,9 +74,9 @@ def upper_tail(z: float) -> tuple[float, float]:
     """Logarithm of P(Z > z), and the hazard φ(z)/P(Z > z) of a standard normal Z."""
     if z < 25.0:
         tail = 0.5 * math.erfc(z / _SQRT_2)
-        return math.log(tail), math.exp(-0.5 * z * z - 0.5 * _LOG_2PI) / tail
+        return math.log(tail), math.exp(-0.5 * z * z - 0.5 * LOG_2PI) / tail
     hazard = z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / z)))  # Laplace's continued fraction
-    return -0.5 * z * z - 0.5 * _LOG_2PI - math.log(hazard), hazard
+    return -0.5 * z * z - 0.5 * LOG_2PI - math.log(hazard), hazard
 
 
 ORDER = 8
@@ -181,7 +181,6 @@ def gained_noise(
 
 
 MISSING, VALUE, AT_LEAST, AT_MOST = 0, 1, 2, 3  # kinds of reading
-LOG_2PI = math.log(2.0 * math.pi)
 
 
 @njit(**INLINE)

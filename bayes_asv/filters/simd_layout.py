@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.prediction import IN_PLACE, OPTIONS
 from bayes_asv.filters.ukf_state import Sizes, sizes
+from bayes_asv.filters.vector_code import LANES
 
 __all__ = [
     "LANES",
@@ -39,7 +40,6 @@ __all__ = [
     "transition_lanes",
 ]
 
-LANES = 8  # per block
 ZERO, WIDTH = np.uint64(0), np.uint64(LANES)
 
 

@@ -63,6 +63,7 @@ from bayes_asv.filters.predicted_measurement import (
 from bayes_asv.filters.prediction import (
     IN_PLACE,
     INLINE,
+    LOG_2PI,
     OPTIONS,
     TAYLOR,
     sizes_of_one_type,
@@ -101,7 +102,6 @@ DONE, RELINEARIZE, RESET, REVIEW = 0, 1, 2, 3
 # Share of the interaction variance in a reading's variance beyond which the reading does not test
 # the noise.
 _MAX_INTERACTION: Final = 0.1
-_LOG_2PI: Final = math.log(2.0 * math.pi)
 
 
 @njit(**IN_PLACE)
@@ -454,7 +454,7 @@ def _compiled(sizes: Sizes) -> Callable[..., tuple[int, int]]:
                 if kind == VALUE:
                     nu = value - mean[o]
                     ratio = nu * nu / S
-                    scores[at.log_likelihood] -= 0.5 * (_LOG_2PI + math.log(S) + ratio)
+                    scores[at.log_likelihood] -= 0.5 * (LOG_2PI + math.log(S) + ratio)
                     if not fixed:
                         out[k, into.innovation + o] = nu / math.sqrt(S)
                         if use[k] == ALL and interaction[o] < _MAX_INTERACTION * S:

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from bayes_asv.domain.recording import Recording
     from bayes_asv.io.text import TextFile
 
-__all__ = ["is_logger_text", "read", "write_logger"]
+__all__ = ["FULL_SCALE", "is_logger_text", "read", "write_logger"]
 
 _WIDTH: Final = 1 + len(CHANNELS)
-_FULL_SCALE: Final = 1023
+FULL_SCALE: Final = 1023
 _MAX_INTEGER: Final = 2**31 - 1
 _ROW: Final = re.compile(r"\s*[+-]?\d{1,10}(?:\s+[+-]?\d{1,10}){4}\s*", re.ASCII)
 _UNITS: Final = (COUNTS, COUNTS, COUNTS, COUNTS)
@@ -82,9 +82,9 @@ def read(text: TextFile, rate: float | None) -> Recording:
             "sort the rows, delete repeated ones, and count from 1",
         )
     values = table[:, 1:].T.astype(np.float64)
-    outside = (values < 0) | (values > _FULL_SCALE)
+    outside = (values < 0) | (values > FULL_SCALE)
     if outside.any():
-        warnings.append(f"{int(outside.sum())} readings are outside 0 to {_FULL_SCALE} counts")
+        warnings.append(f"{int(outside.sum())} readings are outside 0 to {FULL_SCALE} counts")
     time = (index - 1) / rate
     return build_recording(text, time, values, _UNITS, metadata, None, warnings)
 

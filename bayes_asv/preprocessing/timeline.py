@@ -36,9 +36,22 @@ from bayes_asv.preprocessing.wheel_spline import (
 )
 
 __all__ = [
-    "FEWEST_READINGS", "LONGEST_GAP", "ClockError", "MeasurementSchedule", "PreparedRecording",
-    "Retimed", "changed", "common_bandwidth", "common_readings", "interpolation_weights",
-    "prepare", "rails", "schedule", "used_channels", "used_readings",
+    "FEWEST_READINGS",
+    "LONGEST_GAP",
+    "SAME_INSTANT",
+    "ClockError",
+    "MeasurementSchedule",
+    "PreparedRecording",
+    "Retimed",
+    "changed",
+    "common_bandwidth",
+    "common_readings",
+    "interpolation_weights",
+    "prepare",
+    "rails",
+    "schedule",
+    "used_channels",
+    "used_readings",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -52,7 +65,7 @@ LONGEST_GAP = 0.25
 # hold to 1e-9 there, and to 1e-5 where a rate is three times nominal.
 _LONGEST_STEP = 0.005  # s
 _LONGEST_PHASE = 0.25
-_SAME_INSTANT = 1e-8  # s
+SAME_INSTANT = 1e-8  # s
 # Share by which a step may be too long: at 200 Hz it is just the longest one, and a drift of some
 # ppm must not change the number of steps.
 _OVER = 1e-3
@@ -608,7 +621,7 @@ def _instants(
         )
     order = np.argsort(t, kind="stable")
     t, output_of, row_of = t[order], np.concatenate(which)[order], np.concatenate(rows)[order]
-    new = np.append(True, np.diff(t) > _SAME_INSTANT)
+    new = np.append(True, np.diff(t) > SAME_INSTANT)
     place = np.cumsum(new) - 1
     observed = t[new]
     samples = np.min([np.diff(np.searchsorted(w.knots, observed)) for w in wheels], axis=0)

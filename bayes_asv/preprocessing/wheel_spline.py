@@ -17,7 +17,15 @@ from scipy.interpolate import CubicSpline
 
 from bayes_asv.filters.one_pole import low_passed
 
-__all__ = ["WheelSignal", "interpolation_sd", "match_bandwidths", "moments", "wheel_signal"]
+__all__ = [
+    "JUMP_SHARE",
+    "NOISE_MARGIN",
+    "WheelSignal",
+    "interpolation_sd",
+    "match_bandwidths",
+    "moments",
+    "wheel_signal",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,8 +33,8 @@ Flags = NDArray[np.bool_]
 # Between two samples of a jump that passed a one-pole filter, the integral of a cubic spline
 # errs by 0.14 – 0.16 of what the spline errs when it leaves one sample out, root mean square
 # over the place of the jump, at 200 to 800 Hz behind 50 Hz (kinks err less, bare jumps more).
-_JUMP_SHARE = 0.15
-_NOISE_MARGIN = 6.0  # variances of the noise's own misses that are not taken for an edge
+JUMP_SHARE = 0.15
+NOISE_MARGIN = 6.0  # variances of the noise's own misses that are not taken for an edge
 
 
 class WheelSignal(NamedTuple):
@@ -106,10 +114,10 @@ def interpolation_sd(time: Array, signal: Array) -> Array:
         # The quiet quarter of the record shows what noise alone gives: of a χ²(1) variable
         # the lower quartile is 0.1015.
         noise = float(np.quantile(missed[2:-2], 0.25)) / 0.1015
-        missed = np.maximum(missed - _NOISE_MARGIN * noise, 0.0)
+        missed = np.maximum(missed - NOISE_MARGIN * noise, 0.0)
     padded = np.concatenate([missed[:1], missed, missed[-1:]])
     local = 0.25 * (padded[:-3] + padded[1:-2] + padded[2:-1] + padded[3:])
-    return np.asarray(_JUMP_SHARE * np.sqrt(local))
+    return np.asarray(JUMP_SHARE * np.sqrt(local))
 
 
 def wheel_signal(time: Array, signal: Array, low: Flags, high: Flags) -> WheelSignal:

@@ -45,6 +45,7 @@ from bayes_asv.simulation.simulate import simulate
 
 __all__ = [
     "POINTS",
+    "REST_TIME",
     "RUNS",
     "ExactStates",
     "Readings",
@@ -67,7 +68,7 @@ POINTS = 300
 """Number of points in the reference (section 5.3)."""
 STEP = 0.005  # s, not given in the reference; 300 points cover the bump and the decay
 _SUBSTEPS = 10  # of the exact solution per step
-_REST_TIME = 0.1  # s at rest
+REST_TIME = 0.1  # s at rest
 _HEIGHT, _LENGTH, _SPEED = 3 * INCH, 60 * INCH, 10 * MPH  # m, m, m/s
 
 
@@ -115,7 +116,7 @@ def simulate_exact_states(car: HalfCar, step: float = STEP, points: int = POINTS
     time: Array = h * np.arange((points - 1) * _SUBSTEPS + 1, dtype=np.float64)
     columns = []
     for distance in (0.0, car.l):
-        x = bump.speed * (time - _REST_TIME) - distance
+        x = bump.speed * (time - REST_TIME) - distance
         d = bump.speed * h
         columns += [bump.height(x), (bump.height(x + d) - bump.height(x - d)) / (2.0 * h)]
     u = np.stack(columns, axis=1)

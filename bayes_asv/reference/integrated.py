@@ -14,6 +14,7 @@ from bayes_asv.domain.recording import Recording, accelerations, nominal_rate, s
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.discretization import Step, exact_step
 from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
+from bayes_asv.reference.experiments import REST_TIME
 
 __all__ = ["DETRENDINGS", "Integrated", "integrate", "simulate_states"]
 
@@ -24,7 +25,6 @@ DETRENDINGS: Final = ("none", "rest", "trend", "constant")
 second; a linear trend over the whole record (the reference's 400 Hz data); the constant for which
 the second integral ends at zero (its 800 Hz data)."""
 
-_REST_TIME = 0.1  # s
 _TERMS = 17  # of the exponential series
 
 
@@ -99,7 +99,7 @@ def integrate(recording: Recording, vehicle: Vehicle, detrending: str) -> Integr
         [np.interp(time, t[ok], r[ok]) for t, r, ok in zip(times, readings, valid, strict=True)]
     )
     if detrending == "rest":
-        a = a - a[:, time - time[0] < _REST_TIME].mean(axis=1, keepdims=True)
+        a = a - a[:, time - time[0] < REST_TIME].mean(axis=1, keepdims=True)
     elif detrending == "trend":
         a = detrend(a, axis=1)
     elif detrending == "constant":

@@ -25,8 +25,6 @@ __all__ = ["Geometry", "Polynomial", "trace"]
 Array = NDArray[np.float64]
 Monomial = tuple[str, ...]
 
-_MOST_FACTORS = 4
-
 
 @dataclass(frozen=True, eq=False)
 class Polynomial:

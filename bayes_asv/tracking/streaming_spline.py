@@ -16,6 +16,7 @@ from bayes_asv.filters.running_spline import (
     spline_coefficients,
     step_moments,
 )
+from bayes_asv.preprocessing.wheel_spline import JUMP_SHARE, NOISE_MARGIN
 
 __all__ = ["LOOKAHEAD", "StreamingSpline"]
 
@@ -29,8 +30,6 @@ The spline itself needs two, since the influence of a sample decays by 0.27 per 
 interpolation errors around the interval need two more.
 """
 
-_JUMP_SHARE = 0.15  # as in preprocessing.wheel_spline: error of the mean over interpolation error
-_NOISE_MARGIN = 6.0  # variances of the noise's own interpolation error that are ignored
 _SAME_INSTANT = 1e-9  # s
 _MAX_CLIPPED = 4  # consecutive clipped samples that wait for their neighbours
 
@@ -234,13 +233,13 @@ class StreamingSpline:
             self._rhs, self._coefficients,
         )  # fmt: skip
         excess = np.maximum(
-            self._errors[max(first - 1, 0) : end + 2] - _NOISE_MARGIN * self._noise, 0
+            self._errors[max(first - 1, 0) : end + 2] - NOISE_MARGIN * self._noise, 0
         )
         padded = np.concatenate([np.zeros(1 if first == 0 else 0), excess, np.zeros(3)])
         n = end - first
         local = 0.25 * (padded[:n] + padded[1 : n + 1] + padded[2 : n + 2] + padded[3 : n + 3])
         clipped = 0.5 * (self._excursion[first:end] + self._excursion[first + 1 : end + 1])
-        self._sd[first:end] = np.maximum(_JUMP_SHARE * np.sqrt(local), clipped)
+        self._sd[first:end] = np.maximum(JUMP_SHARE * np.sqrt(local), clipped)
         self._final = end
 
 

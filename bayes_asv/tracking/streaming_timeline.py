@@ -31,6 +31,7 @@ from bayes_asv.preprocessing.quantization import (
     slow_steps,
     still_variance,
 )
+from bayes_asv.preprocessing.timeline import SAME_INSTANT
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -38,7 +39,6 @@ __all__ = ["Rows", "StreamingTimeline", "TimelineChunk", "max_gap", "max_step"]
 
 Array = NDArray[np.float64]
 
-_SAME_INSTANT = 1e-8  # s
 # A step of h truncates the moments' series with a relative error of (λh)⁸/8!, see
 # preprocessing.timeline.
 _MAX_STEP = 0.005  # s
@@ -326,7 +326,7 @@ class StreamingTimeline:
         horizon = min(*(w.horizon for w in self._wheels), *self._time[-1].tolist())
         if everything:
             horizon = math.inf
-        due = ~self._scheduled & (self._time <= horizon + _SAME_INSTANT)
+        due = ~self._scheduled & (self._time <= horizon + SAME_INSTANT)
         row, output = np.nonzero(due)
         time = self._time[row, output]
         self._scheduled |= due
@@ -354,7 +354,7 @@ class StreamingTimeline:
         order = np.argsort(time, kind="stable")
         row, output, time = row[order], output[order], time[order]
         start = float(time[0]) if self._end is None else self._end
-        new = np.append(True, np.diff(time) > _SAME_INSTANT)
+        new = np.append(True, np.diff(time) > SAME_INSTANT)
         instant = np.cumsum(new) - 1
         distinct = time[new]
         h = np.diff(distinct, prepend=start)

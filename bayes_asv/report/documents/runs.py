@@ -21,11 +21,11 @@ from bayes_asv.report.documents.quantities import Units, summary
 from bayes_asv.report.schema import estimate as schema
 from bayes_asv.report.schema.parts import Curve, Quantity, Summary
 
-__all__ = ["pooled_fit", "run_consistency", "run_document"]
+__all__ = ["MAX_POINTS", "pooled_fit", "run_consistency", "run_document"]
 
 Array = NDArray[np.float64]
 
-_MAX_POINTS: Final = 1500  # of a curve
+MAX_POINTS: Final = 1500  # of a curve
 _LAGS: Final = 20
 # m/s that divide low from high speed: J. Segers, "Shock speed histogram analysis".
 _LOW_SPEED: Final = 0.025
@@ -74,8 +74,8 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
     # Groups of readings without a gap, or all where channels are never read together.
     whole = np.all(prepared.pairs >= 0, axis=1)
     pairs = prepared.pairs[whole] if np.any(whole) else prepared.pairs
-    pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, _MAX_POINTS).astype(int))]
-    rows = np.unique(np.linspace(0, prepared.times.shape[1] - 1, _MAX_POINTS).astype(int))
+    pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, MAX_POINTS).astype(int))]
+    rows = np.unique(np.linspace(0, prepared.times.shape[1] - 1, MAX_POINTS).astype(int))
     transmitted = _transmissibilities(fit, units)
     start, at = prepared.times[0, 0], np.where(pairs[:, 0] >= 0, pairs[:, 0], pairs.max(axis=1))
     outputs = _outputs(fit)

@@ -23,6 +23,7 @@ from bayes_asv.report.documents.quantities import (
     possible_mistakes,
     provenance,
 )
+from bayes_asv.report.documents.runs import MAX_POINTS
 from bayes_asv.report.schema import TrackDocument, WatchDocument
 from bayes_asv.report.schema import track as schema
 from bayes_asv.report.schema.parts import Element, Known, Parameter, Quantity, Summary, VehicleInfo
@@ -39,7 +40,6 @@ __all__ = ["Trace", "track_document", "watch_document"]
 
 Array = NDArray[np.float64]
 
-_MAX_POINTS: Final = 1500  # of a curve
 _PACKAGES: Final = ("numpy", "scipy", "numba", "filterpy")
 _PIECE: Final = 1 << 20  # bytes
 
@@ -182,7 +182,7 @@ def _consistency(result: TrackResult) -> schema.Consistency:
 
 def _curves(result: TrackResult) -> schema.TrackCurves:
     frames, units = result.frames, Units(result.vehicle.units)
-    keep = np.unique(np.linspace(0, len(frames) - 1, _MAX_POINTS).astype(int))
+    keep = np.unique(np.linspace(0, len(frames) - 1, MAX_POINTS).astype(int))
     # An inconsistency between two points of a curve is kept as well.
     since = np.append(0, keep[:-1] + 1)
     parameters = {}
