@@ -49,8 +49,8 @@ from bayes_asv.posterior.map_fit import (
 from bayes_asv.posterior.model_error import draw_cars, model_error
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
-from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate", "select_runs"]
 

@@ -36,7 +36,7 @@ from bayes_asv.filters.kalman import (
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
 
 __all__ = ["BANDS", "Check", "predictive_checks"]

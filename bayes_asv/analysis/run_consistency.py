@@ -33,7 +33,7 @@ from bayes_asv.posterior.importance import WeightedDraws, importance_sample
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "DISAGREE_BELOW",

@@ -22,7 +22,8 @@ from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import chance_factor, long_run_variance
 from bayes_asv.preprocessing.activity import wheel_power
 from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = ["COARSE_STEPS", "STEPS", "Fit", "holds_throughout", "screening_fit"]
 

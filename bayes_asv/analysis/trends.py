@@ -51,7 +51,7 @@ from bayes_asv.analysis.random_effects import (
     likelihood_of_run,
 )
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.posterior.parameters import car_prior
+from bayes_asv.posterior.car_prior import car_prior
 
 __all__ = ["FEWEST", "Change", "Coordinates", "Trend", "find_trend", "values_of_runs"]
 

@@ -32,7 +32,7 @@ from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, update_patterns
 from bayes_asv.posterior.free_simulation import free_run, simulated
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "STEP",

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import noise_level
-from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["find_recording_faults"]
 

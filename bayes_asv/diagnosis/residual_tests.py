@@ -16,8 +16,8 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import is_slow
-from bayes_asv.preprocessing.timeline import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
 
 __all__ = ["LAGS", "jitter_log_likelihood_ratio", "timing_jitter_test", "whiteness_test"]

@@ -22,7 +22,7 @@ from bayes_asv.diagnosis.thresholds import (
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import FittedModel
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = ["Diagnosis", "NamedEffect"]
 

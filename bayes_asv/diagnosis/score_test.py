@@ -41,8 +41,8 @@ from bayes_asv.posterior.effect_fit import Candidate
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, transfer_coordinates
 from bayes_asv.posterior.likelihood import shared_work
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import spurious_drift
-from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
     "NuisanceProjection",

@@ -65,8 +65,8 @@ from bayes_asv.posterior.fitted_model import base, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.model_error import model_error
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
-from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = ["Diagnosis", "NamedEffect", "diagnose", "missing_effects"]
 

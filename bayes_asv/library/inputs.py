@@ -173,7 +173,7 @@ def check_inputs(
             domain.require_half_car(run)
         else:
             from bayes_asv.models.cars import car_model
-            from bayes_asv.preprocessing.timeline import used_channels
+            from bayes_asv.preprocessing.prepare import used_channels
 
             used_channels(run, car_given, car_model(car, car_given))
         check_different(runs, run)

@@ -33,7 +33,7 @@ from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_
 from bayes_asv.posterior.newton import Mode, find_mode
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = ["FEWEST_PARTS", "PERIODS", "BandFit", "agreement", "fit_in_band", "notes", "share"]
 

@@ -8,8 +8,8 @@ readings, S the sum of squared innovations and φ their long-run variance, the p
     ℓ = −n/(2φ) log S + log prior.
 
 Each of its maxima is refined: the recording is prepared at that offset and at neighbouring ones
-(:class:`bayes_asv.preprocessing.timeline.Retimed`), between which the likelihood is a polynomial of
-second degree, so that the errors become parameters like all others.
+(:class:`bayes_asv.preprocessing.prepared_recording.Retimed`), between which the likelihood is a
+polynomial of second degree, so that the errors become parameters like all others.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.activity import cut, most_active_rows
-from bayes_asv.preprocessing.timeline import (
+from bayes_asv.preprocessing.prepare import used_channels
+from bayes_asv.preprocessing.prepared_recording import (
     ClockError,
     PreparedRecording,
     Retimed,
     common_readings,
-    used_channels,
 )
 
 __all__ = ["OffsetMode", "Synchronised", "fitted", "synchronised"]

@@ -34,7 +34,7 @@ from bayes_asv.posterior.free_simulation import free_run, simulated
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.measured_inputs import denoise_wheel
 from bayes_asv.preprocessing.missing_band import frequency_response
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = ["DenoisedInputs", "above", "denoise_and_predict", "without_noise"]

@@ -30,7 +30,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Site
 from bayes_asv.models.outputs import relative_offset
 from bayes_asv.preprocessing.measured_inputs import denoise_wheel, unit_input_moments
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = ["NO_FILTER", "SensorPatterns", "Values", "law_table", "patterns"]

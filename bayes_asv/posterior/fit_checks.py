@@ -7,7 +7,7 @@ import numpy as np
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.free_simulation import FreeRun, left_in_band
 from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = ["excess_noise_sentence", "explained_power_findings", "model_bandwidth"]
 

@@ -19,8 +19,8 @@ from bayes_asv.posterior.free_simulation import initial_state
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import with_noise_of_still_wheels, without_standstill
-from bayes_asv.preprocessing.timeline import PreparedRecording
 
 __all__ = [
     "Dataset",

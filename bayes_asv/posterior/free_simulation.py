@@ -12,7 +12,7 @@ from bayes_asv.filters.kalman import VALUE, Laws, Measurements, StateSpace
 from bayes_asv.models.car_model import state_space
 from bayes_asv.posterior.effects import NominalReadings, law_table
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "FreeRun",

@@ -26,8 +26,9 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters import kalman
 from bayes_asv.filters.vector_code import LANES
 from bayes_asv.models.car_model import CarModel, Output, state_space
-from bayes_asv.posterior.parameters import identified_directions, space
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.posterior.car_prior import identified_directions
+from bayes_asv.posterior.parameters import space
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "UNMEASURED",

@@ -19,7 +19,11 @@ from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_tab
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
 from bayes_asv.preprocessing.missing_band import log_determinant
-from bayes_asv.preprocessing.timeline import PreparedRecording, Retimed, interpolation_weights
+from bayes_asv.preprocessing.prepared_recording import (
+    PreparedRecording,
+    Retimed,
+    interpolation_weights,
+)
 
 __all__ = [
     "WHITE", "ClockExpansion", "Perturbation", "Posterior", "ResidualAR", "shared_work",
@@ -77,7 +81,7 @@ class Perturbation(NamedTuple):
 class ClockExpansion(NamedTuple):
     """Change of a run's log-likelihood by errors of its clocks, expanded at the mode.
 
-    With u the errors in steps of :class:`bayes_asv.preprocessing.timeline.Retimed`,
+    With u the errors in steps of :class:`bayes_asv.preprocessing.prepared_recording.Retimed`,
 
         L(z, u) ≈ L(z, 0) + exp(aᵀδ) [uᵀ g(δ) − ½ uᵀ H(δ) u],    δ = R (z − z̄).
 

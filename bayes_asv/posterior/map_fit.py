@@ -52,7 +52,8 @@ from bayes_asv.preprocessing.data_checks import (
     suggest_band,
 )
 from bayes_asv.preprocessing.faulty_channels import stuck_channels
-from bayes_asv.preprocessing.timeline import PreparedRecording, changed, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording, changed
 from bayes_asv.preprocessing.tone_removal import (
     engine_tones,
     find_tones,

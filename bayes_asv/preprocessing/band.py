@@ -20,7 +20,8 @@ from scipy.interpolate import CubicSpline
 from bayes_asv.domain.errors import InputError
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
-from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
+from bayes_asv.preprocessing.prepare import schedule
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
 __all__ = ["ABOVE_MODES", "check_band", "low_pass", "low_pass_recording", "too_short"]

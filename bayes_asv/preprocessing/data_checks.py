@@ -23,14 +23,14 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import Mode, nominal_modes
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
-from bayes_asv.preprocessing.quantization import noise_level
-from bayes_asv.preprocessing.timeline import (
+from bayes_asv.preprocessing.prepare import (
     FEWEST_READINGS,
     LONGEST_GAP,
-    PreparedRecording,
     rails,
     used_readings,
-)  # fmt: skip
+)
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording  # fmt: skip
+from bayes_asv.preprocessing.quantization import noise_level
 
 __all__ = [
     "FEWEST_WINDOWS",

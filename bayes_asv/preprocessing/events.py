@@ -49,8 +49,8 @@ from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, min_sampling_rate
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
+from bayes_asv.preprocessing.prepare import LONGEST_GAP, rails, used_channels, used_readings
 from bayes_asv.preprocessing.quantization import quiet_level
-from bayes_asv.preprocessing.timeline import LONGEST_GAP, rails, used_channels, used_readings
 
 __all__ = [
     "AT_RAIL", "IN_THE_AIR", "LOST", "MOST_ROWS", "NOT_NEEDED", "NO_TIME", "PUSHED", "Event",

@@ -19,8 +19,8 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.models.car_model import CarModel
+from bayes_asv.preprocessing.prepare import rails, used_readings
 from bayes_asv.preprocessing.quantization import quiet_level, smallest_step
-from bayes_asv.preprocessing.timeline import rails, used_readings
 
 __all__ = ["clipping_limit", "noisy_channels", "stuck_channels"]
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bayes_asv.filters.kalman import MISSING
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "STILL_STEPS",

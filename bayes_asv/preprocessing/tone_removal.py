@@ -23,7 +23,8 @@ from bayes_asv.domain.vehicle import Unsprung
 from bayes_asv.models.car_model import CarModel, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.missing_band import missing_band
-from bayes_asv.preprocessing.timeline import PreparedRecording, schedule
+from bayes_asv.preprocessing.prepare import schedule
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, interpolation_sd
 
 __all__ = [

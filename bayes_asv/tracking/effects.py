@@ -24,7 +24,7 @@ from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
 from bayes_asv.filters.ukf_state import GRID, LawTable
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Parameter, Scale, Site
-from bayes_asv.posterior.parameters import effect_scale
+from bayes_asv.posterior.car_prior import effect_scale
 
 __all__ = [
     "EffectParameter",

@@ -1,6 +1,6 @@
 """Conversion of rows, as they arrive, into time steps and readings for the filter.
 
-It does what :mod:`bayes_asv.preprocessing.timeline` does with a whole recording: true sampling
+It does what :mod:`bayes_asv.preprocessing.prepare` does with a whole recording: true sampling
 times of every channel, matched bandwidths, splines through the wheels' samples, readings of the
 outputs in order of time.  A row is held back until all wheels' splines are final around its
 readings
@@ -25,13 +25,13 @@ from bayes_asv.filters.ukf_state import ALL, NOTHING, STATES, Steps
 from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import min_sampling_rate
+from bayes_asv.preprocessing.prepare import SAME_INSTANT
 from bayes_asv.preprocessing.quantization import (
     STILL_STEPS,
     STILL_WINDOW,
     slow_steps,
     still_variance,
 )
-from bayes_asv.preprocessing.timeline import SAME_INSTANT
 from bayes_asv.tracking.sensor_noise import SensorModel
 from bayes_asv.tracking.streaming_spline import StreamingSpline
 
@@ -40,7 +40,7 @@ __all__ = ["Rows", "StreamingTimeline", "TimelineChunk", "max_gap", "max_step"]
 Array = NDArray[np.float64]
 
 # A step of h truncates the moments' series with a relative error of (λh)⁸/8!, see
-# preprocessing.timeline.
+# preprocessing.prepare.
 _MAX_STEP = 0.005  # s
 _MAX_PHASE = 0.25  # λh
 # Longest gap between two samples of a wheel that a spline spans: the longer of

@@ -19,9 +19,9 @@ from bayes_asv.domain.recording import COUNTS, Recording, Timing, nominal_rate, 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site, site
+from bayes_asv.preprocessing.prepare import used_channels
 from bayes_asv.preprocessing.quantization import smallest_step
 from bayes_asv.preprocessing.resampling import at_own_rate
-from bayes_asv.preprocessing.timeline import used_channels
 from bayes_asv.tracking.checkpoint import read_checkpoint, restore, write_checkpoint
 from bayes_asv.tracking.consistency import ConsistencyMonitor
 from bayes_asv.tracking.data_checks import DataChecks, unidentified_parameters

@@ -27,7 +27,7 @@ from scipy.signal import lfilter
 from bayes_asv.filters.kalman import SensorNoise
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 from benchmarks.calibration.dense import suspension
 from benchmarks.calibration.quantities import coordinates, log_spread

@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from benchmarks.calibration.cells import Cell
 from benchmarks.calibration.dense import suspension
 from benchmarks.calibration.rig_runs import drive_cell

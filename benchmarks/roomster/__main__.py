@@ -23,7 +23,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.free_simulation import simulate_free
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from benchmarks.provenance import current_commit
 from benchmarks.roomster import drives as of
 from benchmarks.roomster.picture import draw_picture

@@ -21,7 +21,8 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.map_fit import best_fit, prepare_runs
 from bayes_asv.preprocessing.data_checks import coherence
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "BELOW", "CUT", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",

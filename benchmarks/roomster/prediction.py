@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.free_simulation import simulate_free
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = ["Learnt", "Reference", "learn", "learn_reference", "predict"]
 

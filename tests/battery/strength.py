@@ -25,7 +25,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace, space
-from bayes_asv.preprocessing.timeline import prepare
+from bayes_asv.preprocessing.prepare import prepare
 
 __all__ = ["ScaledEffect", "find_size", "frozen_distance", "whitened_distance", "without_rails"]
 

@@ -14,7 +14,7 @@ from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace, space
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from benchmarks.calibration.cells import MODEL, Cell, Group
 from benchmarks.calibration.model_draws import chassis_readings, draw_run, driven_states
 from benchmarks.calibration.rig_runs import drive_cell

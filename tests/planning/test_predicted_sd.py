@@ -24,7 +24,7 @@ from bayes_asv.planning.predicted_sd import (
 )
 from bayes_asv.posterior.information import Unknowns, unknowns
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import prepare
+from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate

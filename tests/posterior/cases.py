@@ -11,7 +11,8 @@ import numpy as np
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from tests.rig import (
     DEFAULT_SPEEDS,
     TERRAINS,

@@ -15,7 +15,8 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import Retimed, interpolation_weights, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import Retimed, interpolation_weights
 from benchmarks.clocks import CLOCK, clock_draws, drawn, recorded
 
 

@@ -9,7 +9,7 @@ from bayes_asv.domain.vehicle import Given
 from bayes_asv.filters.kalman import log_likelihood
 from bayes_asv.models.car_model import state_space
 from bayes_asv.posterior.parameters import space
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from tests.posterior.cases import DECLARED, EXACT, case, prepared, vehicle
 
 

@@ -20,7 +20,8 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
 from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
 from bayes_asv.preprocessing.band import check_band, low_pass, low_pass_recording
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,

@@ -14,7 +14,8 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.data_checks import coherence, suggest_band
-from bayes_asv.preprocessing.timeline import PreparedRecording, prepare
+from bayes_asv.preprocessing.prepare import prepare
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from tests.posterior.cases import EXACT, case, vehicle
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from bayes_asv.posterior.effect_fit import added, read_site, with_effects
 from bayes_asv.posterior.fitted_model import base, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from tests.battery.cases import Case, case
 
 _OFF = np.array([0.4, 0.4, -0.3, -0.3])  # m/s², wheel and chassis of each axle alike

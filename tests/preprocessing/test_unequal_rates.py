@@ -12,7 +12,7 @@ import bayes_asv as asv
 from bayes_asv.domain.recording import Recording, nominal_rate
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.data_checks import preflight
-from bayes_asv.preprocessing.timeline import prepare
+from bayes_asv.preprocessing.prepare import prepare
 from tests.rig.car import baja
 from tests.rig.run import drive
 from tests.rig.sensors import SensorSpec

@@ -18,7 +18,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import AT_LEAST, MISSING, VALUE
 from bayes_asv.filters.ukf_state import Steps
 from bayes_asv.models.cars import car_model
-from bayes_asv.preprocessing.timeline import prepare
+from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
 from bayes_asv.tracking.streaming_spline import LOOKAHEAD
 from bayes_asv.tracking.streaming_timeline import Rows, StreamingTimeline, TimelineChunk, max_gap

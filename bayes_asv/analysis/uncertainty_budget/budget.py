@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.models.car_model import CarModel
+from bayes_asv.posterior.car_prior import CarPrior
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.parameters import CarPrior, Coordinate
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.posterior.parameters import Coordinate
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "Budget",

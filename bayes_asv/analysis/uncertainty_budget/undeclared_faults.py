@@ -32,7 +32,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, ORDER, VALUE
 from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.preprocessing.timeline import PreparedRecording
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = ["HIDDEN", "Fault", "Linearised", "Shift", "faults", "find_biases", "with_fault"]

@@ -1,0 +1,297 @@
+"""A recording as a filter takes it: steps, readings and their times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bayes_asv.domain.channels import Channel
+from bayes_asv.filters.kalman import MISSING, VALUE, Measurements
+from bayes_asv.models.car_model import CarModel, Output
+from bayes_asv.preprocessing.missing_band import MissingBand
+from bayes_asv.preprocessing.wheel_spline import WheelSignal
+
+__all__ = [
+    "ClockError", "PreparedRecording", "Retimed", "changed", "common_readings",
+    "interpolation_weights",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class ClockError(NamedTuple):
+    """An unknown error of a clock, with a normal prior.
+
+    Parameters
+    ----------
+    clock : str
+        Name of the clock.
+    kind : {'offset', 'drift'}
+        An offset (s) belongs to one run, a drift (relative) to all of them.
+    centre, sd : float
+        Of the prior.
+    """
+
+    clock: str
+    kind: Literal["offset", "drift"]
+    centre: float
+    sd: float
+
+
+@dataclass(frozen=True, eq=False)
+class Retimed:
+    """A recording prepared with other errors of its clocks; K errors, M = (K + 1)(K + 2) / 2.
+
+    Whatever depends smoothly on the errors x, such as a log-likelihood, is known nearby from its
+    values at M points: the recording itself has the errors x₀, and the others x₀ ± h_i e_i and
+    x₀ + h_i e_i + h_j e_j.  Through them goes one polynomial of second degree.
+
+    Parameters
+    ----------
+    errors : tuple of K ClockError
+        What is unknown.
+    middle, step : (K,) arrays
+        x₀ and h.
+    recordings : tuple of M − 1 PreparedRecording
+        The recording at the other points, in the order of :meth:`points`, with the same readings.
+    """
+
+    errors: tuple[ClockError, ...]
+    middle: Array
+    step: Array
+    recordings: tuple[PreparedRecording, ...]
+
+    @staticmethod
+    def points(count: int) -> Array:
+        """Points (M − 1, K) other than the middle, in steps."""
+        unit = np.eye(count)
+        pairs = [unit[i] + unit[j] for i in range(count) for j in range(i)]
+        return np.array([*unit, *-unit, *pairs]).reshape(-1, count)
+
+    def weights(self, errors: Array) -> Array:
+        """Weights (W, M) of the values at the middle and at :meth:`points`, for errors (W, K)."""
+        return interpolation_weights((errors - self.middle) / self.step)
+
+
+def interpolation_weights(u: Array) -> Array:
+    """Weights (W, M) of a polynomial of second degree at u (W, K), see :class:`Retimed`."""
+    count = u.shape[1]
+    pairs = [u[:, i] * u[:, j] for i in range(count) for j in range(i)]
+    both = np.stack(pairs, axis=1) if pairs else np.zeros((len(u), 0))
+    others = u * (u.sum(axis=1, keepdims=True) - u)
+    own = [0.5 * (u**2 + u) - others, 0.5 * (u**2 - u), both]
+    middle = 1.0 - np.sum(u**2, axis=1) + both.sum(axis=1)
+    return np.hstack([middle[:, None], *own])
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRecording:
+    """One recording, ready for a filter; E instants, nu inputs, ny outputs, C channels.
+
+    Parameters
+    ----------
+    car : CarModel
+        The car that it is prepared for.
+    channels : tuple of Channel
+        Those of the recording that the car knows.
+    inputs, outputs : tuples of int
+        Numbers of the measured inputs, in the order of the car's elements, and of the outputs.
+    step, moments, spread, kind, reading, extra, start
+        As :class:`bayes_asv.filters.kalman.Measurements` has them.
+    closes : (E,) bool array
+        True at the last instant of a group of readings that belong together.
+    instants : (E,) array
+        Times of the steps' ends, s.
+    pairs : (R, ny) int array
+        Instants of the readings of each group, -1 where one is missing.
+    wheels : tuple of WheelSignal
+        Inputs between their samples.
+    values : (C, N) array
+        All channels in SI units, NaN where missing, bandwidths made equal.
+    times : (C, N) array
+        True sampling time of each reading, s.
+    clipped : (C, N) bool array
+        Readings at a rail.
+    noise : tuple of float or None
+        Given standard deviation of one sample of each channel, SI units.
+    steps : (C,) array
+        Quantization step of each channel, SI units; 0 where not given.
+    poles : (C,) array
+        Pole of the filter that the readings of a channel passed, rad/s; 0 without one.
+    bias_directions : (nu, nd) array
+        Directions in which the inputs have a bias of their own.
+    source : str
+        File name without its folder, for messages and reports.
+    scale_sd : (C,) array
+        Relative deviation of each sensor's scale; 0 where it is exact or not in counts.
+    below : float or None
+        Upper edge of the band that is left of the recording, Hz; None at full band.
+    quiet : (C,) array or None
+        Centre of the prior of a noise level that is not given, SI units; None for the level of the
+        record's quietest quarter.
+    notches : tuple of (frequency, half-width)
+        Bands that were cut out of all channels, Hz.
+    cut : MissingBand or None
+        What that did to the noise.
+    doubt : (E, nu) array or None
+        Part of ``spread`` that is no noise, but distrust of wheels that stand still.
+    began : float or None
+        When the recording began, s, where a filter took its beginning away.
+    retimed : Retimed or None
+        The same with other errors of its clocks, where those are not known.
+    log : str
+        Hash of the file that it was read from, empty without one; pieces of one log have the same.
+    """
+
+    car: CarModel
+    channels: tuple[Channel, ...]
+    inputs: tuple[int, ...]
+    outputs: tuple[int, ...]
+    step: Array
+    moments: Array
+    spread: Array
+    kind: NDArray[np.int8]
+    closes: Flags
+    reading: Array
+    extra: Array
+    start: Array
+    instants: Array
+    pairs: NDArray[np.int64]
+    wheels: tuple[WheelSignal, ...]
+    values: Array
+    times: Array
+    clipped: Flags
+    noise: tuple[float | None, ...]
+    steps: Array
+    poles: Array
+    bias_directions: Array
+    source: str
+    scale_sd: Array = field(default_factory=lambda: np.zeros(0))
+    below: float | None = None
+    quiet: Array | None = None
+    notches: tuple[tuple[float, float], ...] = ()
+    cut: MissingBand | None = None
+    doubt: Array | None = None
+    began: float | None = None
+    log: str = ""
+    retimed: Retimed | None = None
+
+    @property
+    def measurements(self) -> Measurements:
+        """Steps and readings as a filter takes them."""
+        return Measurements(
+            self.step, self.moments, self.spread, self.kind, self.reading, self.extra, self.start
+        )
+
+    @property
+    def output_models(self) -> tuple[Output, ...]:
+        """Outputs, and whether each passed the common filter."""
+        pole = float(np.max(self.poles[list(self.inputs)], initial=0.0))
+        return tuple(
+            Output(self.channels[c], 1.0 / pole if pole > 0.0 and self.poles[c] == 0.0 else 0.0)
+            for c in self.outputs
+        )
+
+    @property
+    def accelerations(self) -> tuple[int, ...]:
+        """Numbers, among the outputs, of those that measure an acceleration.
+
+        They answer a force on the body at once.  An angular rate or a deflection answers one at
+        a frequency ω by a factor ω or ω² less: what shakes the body shows in accelerations.
+        """
+        return tuple(
+            y for y, c in enumerate(self.outputs) if self.channels[c].quantity == "acceleration"
+        )
+
+    @cached_property
+    def rigid_gain(self) -> Array:
+        """Outputs (ny, nu) for wheels and body that accelerate together, at the nominal car."""
+        nominal = self.car.nominal
+        followed = np.linalg.pinv(self.car.heights(nominal)[0])
+        out = np.zeros((len(self.outputs), len(self.inputs)))
+        for y in self.accelerations:
+            out[y] = self.car.point(nominal, self.channels[self.outputs[y]])[0] @ followed
+        return out
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Numbers of the channels as a filter takes their noise: inputs, then outputs."""
+        return (*self.inputs, *self.outputs)
+
+    @property
+    def elapsed(self) -> Array:
+        """Times of the steps' ends since the recording began (E,), s."""
+        return self.instants - (self.instants[0] if self.began is None else self.began)
+
+    @property
+    def noise_spread(self) -> Array:
+        """How noise alone drives the states over each step (E, 2 nu)."""
+        if self.doubt is None:
+            return self.spread
+        return self.spread - np.hstack([np.zeros_like(self.doubt), self.doubt])
+
+    def paired(self, values: Array) -> Array:
+        """Arrange values at instants (E, ny) by groups of readings (R, ny), nan where missing."""
+        out = np.full(self.pairs.shape, np.nan)
+        for y in range(self.pairs.shape[1]):
+            there = self.pairs[:, y] >= 0
+            at = self.pairs[there, y]
+            value = self.kind[at, y] == VALUE
+            out[there, y] = np.where(value, values[at, y], np.nan)
+        return out
+
+    @property
+    def readings(self) -> int:
+        """Number of output readings used."""
+        return int(np.count_nonzero(self.kind != MISSING))
+
+    @property
+    def reading_step(self) -> float:
+        """Usual time between two groups of output readings, s."""
+        return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
+
+
+def changed(
+    recording: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
+) -> PreparedRecording:
+    """Change a recording, and with it what it would be with other errors of its clocks."""
+    if recording.retimed is None:
+        return change(recording)
+    alone = replace(recording, retimed=None)
+    first, *others = common_readings(
+        [change(one) for one in (alone, *recording.retimed.recordings)]
+    )
+    return replace(first, retimed=replace(recording.retimed, recordings=tuple(others)))
+
+
+def common_readings(recordings: Sequence[PreparedRecording]) -> list[PreparedRecording]:
+    """Leave those readings that one recording has whatever the errors of its clocks.
+
+    At either end a shift moves readings out of the time in which all channels were sampled, and
+    likelihoods of different readings cannot be compared.
+    """
+    rows = [
+        [_rows(recording, y) for y in range(len(recording.outputs))] for recording in recordings
+    ]
+    out = []
+    for recording, own in zip(recordings, rows, strict=True):
+        kind = recording.kind.copy()
+        for y, mine in enumerate(own):
+            lost = ~np.logical_and.reduce([np.isin(mine, other[y]) for other in rows])
+            kind[np.flatnonzero(recording.kind[:, y] != MISSING)[lost], y] = MISSING
+        out.append(replace(recording, kind=kind))
+    return out
+
+
+def _rows(recording: PreparedRecording, output: int) -> NDArray[np.int64]:
+    """Rows of the recording in which the readings of an output stand."""
+    times = recording.times[recording.outputs[output]]
+    at = recording.instants[recording.kind[:, output] != MISSING]
+    after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
+    return np.asarray(after - (at - times[after - 1] < times[after] - at), np.int64)
