@@ -7,8 +7,9 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,25 +21,25 @@ from bayes_asv.analysis.damping_rates import (
     with_equal_power,
 )
 from bayes_asv.analysis.input_mistakes import Doubt, check_input
-from bayes_asv.analysis.nominal_values import NominalDamping, nominal_damping
-from bayes_asv.analysis.predictive_checks import Check, predictive_checks
+from bayes_asv.analysis.predictive_checks import predictive_checks
 from bayes_asv.analysis.run_consistency import (
     MAX_COMPARED,
     RunConsistency,
     compare_runs,
     fit_single_run,
 )
-from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_budget
+from bayes_asv.analysis.uncertainty_budget import find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.estimate_result import Estimate, RunFit
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
-from bayes_asv.posterior.clock_errors import fitted, synchronised
-from bayes_asv.posterior.free_simulation import FreeRun, free_run
-from bayes_asv.posterior.likelihood import Posterior, ResidualAR
+from bayes_asv.posterior.clock_errors import Synchronised, fitted, synchronised
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import (
     MapFit,
     best_fit,
@@ -47,12 +48,9 @@ from bayes_asv.posterior.map_fit import (
     unidentified_before_fit,
 )
 from bayes_asv.posterior.model_error import draw_cars, model_error
-from bayes_asv.posterior.parameters import ParameterSpace
-from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
-from bayes_asv.preprocessing.prepared_recording import PreparedRecording
-from bayes_asv.preprocessing.resampling import at_own_rate
+from bayes_asv.preprocessing.run_selection import nothing_in, select_runs
 
-__all__ = ["LIKELIHOODS", "Estimate", "RunFit", "estimate", "select_runs"]
+__all__ = ["LIKELIHOODS", "estimate"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -61,160 +59,6 @@ LIKELIHOODS = ("innovations", "output-error")
 
 _STEPS_IN_DOUBT = 120  # of the sampler, for an input that has to be corrected first anyway
 _APART = (4, 2500)  # draws where runs do not agree: independent, in as many rows as ensembles
-
-
-@dataclass(frozen=True)
-class RunFit:
-    """How one recording was explained at the centre of the posterior.
-
-    Parameters
-    ----------
-    recording : Recording
-        As read.
-    prepared : PreparedRecording
-        The same, laid out.
-    free : FreeRun
-        Simulation from the wheels alone at the mean of the posterior's coordinates.
-    ensemble : (S, E, ny) array
-        Outputs of the simulation for S draws of the posterior, m/s².
-    travel, velocity : (S, E, ne) arrays
-        Deflections for the same draws, m, and their rates, m/s.
-    innovations : (E, ny) array
-        Normalised innovations after the colour was taken out; nan where there was no reading.
-    colour : ResidualAR
-        Colour that the innovations had.
-    checks : tuple of Check
-        Posterior predictive checks.
-    """
-
-    recording: Recording
-    prepared: PreparedRecording
-    free: FreeRun
-    ensemble: Array
-    travel: Array
-    velocity: Array
-    innovations: Array
-    colour: ResidualAR
-    checks: tuple[Check, ...]
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A posterior and what it stands on.
-
-    Parameters
-    ----------
-    verdict : str
-        ``ok``, ``not_converged`` or ``refused``.
-    reasons, warnings : tuple of str
-        Why it was refused; what to know otherwise.
-    vehicle : Vehicle
-        The car as given.
-    car : CarModel
-        Its model.
-    draws : dict of str to (4, S) array
-        Draws of every parameter of the model that is not exact and of what is derived from them,
-        SI units, one row an ensemble; empty when refused.
-    nuisance : dict of str to (4, S) array
-        Draws of noise deviations (m/s²) and of the filtered share of the noise's variance.
-    log_posterior : (4, S) array
-        Not normalised; of several runs as :mod:`bayes_asv.posterior.shared_posterior` has it.
-    rhat_max, ess_bulk_min, ess_tail_min : float
-        Worst of all coordinates; nan when refused.
-    runs : tuple of RunFit
-        One a recording; empty when refused.
-    space : ParameterSpace or None
-        Coordinates and priors.
-    width : UncertaintyBudget or None
-        What makes each answer as wide as it is; only with an answer, and only when runs agree.
-    agreement : RunConsistency or None
-        One run against another; None with a single run.  Where it says ``disagree`` the draws
-        are those of its mean car, and each run is explained at its own posterior.
-    joint : dict of str to array
-        Draws of the same car if all runs were alike; empty unless they disagree.
-    likelihood : str
-        Which likelihood was used: ``coloured`` in a band where the sensors' noise does not
-        explain what is left.
-    below : float or None
-        Upper edge of the band that was used, Hz; None at full band.
-    effects : dict of Site to dict of str to array
-        Draws of the parameters of every effect in the model, SI units.
-    dampers : tuple of DampingRates
-        Rates of every damper whose force is not proportional to speed.
-    doubt : Doubt or None
-        Why the input is probably wrong or the model does not hold, so that no verdict on a damper
-        may rest on this estimate; None where nothing speaks against it.
-    logs : tuple of LogEvents
-        What was found in recordings that are too long to be taken whole, one each; the runs are
-        then the events that were used.
-    seconds : float
-        Time it took.
-    seed : int
-        Of the draws.
-    sampler : str
-        How the draws were made: ``ensembles`` of emcee, ``weighted draws``, ``normal
-        approximation`` at a mode that the model's error moves, or ``random effects``.
-    """
-
-    verdict: str
-    reasons: tuple[str, ...]
-    warnings: tuple[str, ...]
-    vehicle: Vehicle
-    car: CarModel
-    recordings: tuple[Recording, ...]
-    likelihood: str
-    seed: int
-    seconds: float
-    draws: dict[str, Array] = field(default_factory=dict)
-    nuisance: dict[str, Array] = field(default_factory=dict)
-    log_posterior: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    rhat_max: float = math.nan
-    ess_bulk_min: float = math.nan
-    ess_tail_min: float = math.nan
-    acceptance: float = math.nan
-    sampler: str = "ensembles"
-    runs: tuple[RunFit, ...] = ()
-    space: ParameterSpace | None = None
-    width: UncertaintyBudget | None = None
-    agreement: RunConsistency | None = None
-    joint: dict[str, Array] = field(default_factory=dict)
-    below: float | None = None
-    effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
-    dampers: tuple[DampingRates, ...] = ()
-    doubt: Doubt | None = None
-    logs: tuple[LogEvents, ...] = ()
-
-    @property
-    def count(self) -> int:
-        """Number of draws in all."""
-        return int(next(iter(self.draws.values())).size) if self.draws else 0
-
-    @property
-    def answers(self) -> tuple[str, ...]:
-        """Names of the draws that were asked for: all but those of the given values."""
-        given = {p.name for p in self.car.parameters if p.kind != "estimated"}
-        return tuple(name for name in self.draws if name not in given)
-
-    @property
-    def nominal(self) -> dict[str, float]:
-        """Nominal value of each parameter and of what is derived from them, SI units."""
-        values = self.car.nominal
-        derived = {} if self.car.derived is None else self.car.derived(values)
-        return {name: float(x[0]) for name, x in {**values, **derived}.items()}
-
-    @cached_property
-    def nominal_damping(self) -> NominalDamping | None:
-        """Whether nominal damping is mistaken; None where there is no verdict on the dampers."""
-        rates = {element.damping for element in self.car.elements}
-        if self.doubt is not None or not rates <= set(self.draws):
-            return None
-        values = {name: float(np.median(self.draws[name])) for name in rates}
-        return nominal_damping(self.car, values)
-
-    def probability_below_nominal(self, name: str) -> float:
-        """Return the probability that a quantity is below nominal, which may be mistaken."""
-        p = float(np.mean(self.draws[name] < self.nominal[name]))
-        return p if self.nominal_damping is None else self.nominal_damping.below(name, p)
 
 
 def estimate(
@@ -271,7 +115,7 @@ def estimate(
     if not logs:
         return _estimate_prepared(runs, vehicle, likelihood, below, seed, progress, sites, car)
     model = car_model(car, vehicle)
-    empty = tuple(_nothing_in(log) for log in logs if not any(event.used for event in log.events))
+    empty = tuple(nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
     if not runs:
         found = Estimate(
@@ -289,56 +133,54 @@ def estimate(
     )
 
 
-def select_runs(
-    recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None, car: str = "half"
-) -> tuple[tuple[Recording, ...], tuple[LogEvents, ...]]:
-    """Undo resampling, and take the best events of long recordings and all others whole.
+class _Task(NamedTuple):
+    """What is asked for, of recordings that are taken whole."""
+
+    recordings: Sequence[Recording]
+    vehicle: Vehicle
+    car: CarModel
+    likelihood: str
+    below: float | None
+    seed: int
+    sites: tuple[Site, ...]
+    progress: Progress | None
+
+    def tell(self, share: float, words: str) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(share, words)
+
+
+class _Fit(NamedTuple):
+    """What is known before anything is sampled.
 
     Parameters
     ----------
-    recordings, vehicle, below, car
-        As for :func:`estimate`.
-
-    Returns
-    -------
-    runs : tuple of Recording
-        In order; a long recording is replaced by its events in order of time.
-    logs : tuple of LogEvents
-        What was found in each long recording; empty where none is long.
+    found : MapFit or None
+        The mode; None where nothing could be fitted, or the runs do not agree.
+    agreement : RunConsistency or None
+        Comparison of the runs, where there are several.
+    timed : Synchronised or None
+        The recordings with their clocks compared, where errors of clocks are declared.
+    prepared : bool
+        Whether there are recordings to look at.
+    reasons, warnings, notes : tuple of str
+        Any reason means that the data cannot answer; notes follow the warnings of the fit.
+    model_error : (D, D) array or None
+        Covariance of what the mode may be off because of the model; None where it lacks nothing.
+    doubt : Doubt or None
+        Whether an input is wrong.
     """
-    model = car_model(car, vehicle)
-    recordings = tuple(at_own_rate(recording) for recording in recordings)
-    long = [is_long(recording, below) for recording in recordings]
-    if not any(long):
-        return recordings, ()
-    found = [
-        find_events(recording, vehicle, model, below)
-        for recording, cut in zip(recordings, long, strict=True)
-        if cut
-    ]
-    rows = sum(len(one.time) for one, cut in zip(recordings, long, strict=True) if not cut)
-    logs = choose(found, rows, below)
-    of_log = iter(logs)
-    runs: list[Recording] = []
-    for recording, cut in zip(recordings, long, strict=True):
-        events = next(of_log).events if cut else ()
-        runs += [event.recording for event in events if event.used] if cut else [recording]
-    return tuple(runs), logs
 
-
-def _nothing_in(log: LogEvents) -> str:
-    """Say that a log has no event to use, and why."""
-    source = log.recording.source or "the recording"
-    reasons = list(dict.fromkeys(event.reason for event in log.events))
-    if not reasons:
-        return (
-            f"the wheels hardly move anywhere in {source}; drive over bumps, parking stops or a "
-            "rough road"
-        )
-    return (
-        f"none of the {len(log.events)} events of {source} can be used, as {' or '.join(reasons)}; "
-        "drive slower over lower bumps"
-    )
+    found: MapFit | None
+    agreement: RunConsistency | None
+    timed: Synchronised | None
+    prepared: bool
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    model_error: Array | None = None
+    doubt: Doubt | None = None
 
 
 def _estimate_prepared(
@@ -353,96 +195,119 @@ def _estimate_prepared(
 ) -> Estimate:
     """Estimate from recordings that are taken whole."""
     began = time.perf_counter()
-    tell = progress or (lambda share, words: None)
     model = car_model(car, vehicle)
     clocks, sites = _clocks(recordings, vehicle, sites)
-    prepared, reasons, warnings = prepare_runs(recordings, vehicle, below, car)
-    found, agreement, timed = None, None, None
-    unidentified: tuple[str, ...] = ()
-    if not reasons:
-        tell(0.0, "checking what the recordings can tell")
-        unidentified = unidentified_before_fit(prepared, vehicle)
-        if clocks:
-            tell(0.0, "comparing the clocks")
-            timed = synchronised(recordings, vehicle, clocks, below, car, likelihood)
-            prepared = timed.prepared
-        tell(0.0, "looking for the best fit")
-        with ThreadPoolExecutor(1) as other:
-            # emcee takes a second to load, most of it while compiled code climbs to the mode
-            loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
-            if (
-                len(prepared) > 1
-                and likelihood == "innovations"
-                and not sites
-                and len(model.estimated) <= MAX_COMPARED
-            ):  # the other form claims too much
-                alone = [fit_single_run(one, vehicle, seed) for one in prepared]
-                agreement = compare_runs(alone, math.prod(_APART), seed)
-            if agreement is not None and agreement.apart:
-                reasons, warnings = agreement.reasons, warnings + agreement.warnings
-            else:
-                found = (
-                    best_fit(prepared, vehicle, likelihood, sites)
-                    if timed is None
-                    else fitted(timed, sites)
-                )
-                reasons = found.reasons
-                # At the mode the same is known better than at nominal values.
-                unidentified = () if found.mode.converged else unidentified
-            sampler = loading.result()
-    whole = below is None and likelihood == "innovations" and timed is None
-    lacking = None
-    if whole and found is not None and (found.faults or sites):
-        found, lacking = _with_model_error(found, vehicle)
-        reasons = found.reasons
-    doubt = None
-    if below is None and not sites and prepared:
-        tell(0.05, "checking the input")
-        at_mode = recordings if timed is None else timed.recordings
-        doubt = check_input(at_mode, vehicle, car, refused=bool(reasons))
-    if whole and found is not None and lacking is None and doubt and not doubt.model_holds:
-        found, lacking = _with_model_error(found, vehicle)
-    warnings += (*(() if found is None else found.warnings), *unidentified)
-    if timed is not None and timed.ambiguity is not None:
-        warnings += (timed.ambiguity,)
-        doubt = doubt or Doubt((), timed.ambiguity)
-    if agreement is not None and found is None and not reasons:
-        tell(0.9, "the runs do not agree")
-        told = _estimate_random_effects(agreement, recordings, vehicle, warnings, seed)
-        tell(1.0, "done")
-        return replace(told, doubt=doubt, seconds=time.perf_counter() - began)
-    if reasons or found is None:
-        if doubt is not None and doubt.mistakes:
-            reasons = (doubt.sentence, *reasons)
-        return Estimate(
-            "refused", reasons, warnings, vehicle, model, tuple(recordings),
-            likelihood, seed, time.perf_counter() - began, agreement=agreement, below=below,
-            doubt=doubt,
+    task = _Task(recordings, vehicle, model, likelihood, below, seed, sites, progress)
+    with ThreadPoolExecutor(1) as other:
+        # The sampler takes a while to load; compiled code fits in the meantime.
+        loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
+        fit = _checked(task, _fit(task, clocks))
+        sampler = loading.result()
+    if fit.agreement is not None and fit.found is None and not fit.reasons:
+        task.tell(0.9, "the runs do not agree")
+        answer = _estimate_random_effects(
+            fit.agreement, recordings, vehicle, fit.warnings, seed, sampler
+        )
+    elif fit.reasons or fit.found is None:
+        mistaken = (fit.doubt.sentence,) if fit.doubt is not None and fit.doubt.mistakes else ()
+        answer = Estimate(
+            "refused", (*mistaken, *fit.reasons), fit.warnings, vehicle, model, tuple(recordings),
+            likelihood, seed, 0.0, agreement=fit.agreement, below=below,
         )  # fmt: skip
-    if doubt is not None:
-        warnings = (doubt.sentence, *warnings)
-    parameter_space, target = found.space, found.target
-    tell(0.1, "sampling")
-    if lacking is not None:
-        rng, spread = np.random.default_rng([seed, 29]), found.mode.covariance + lacking
-        cars = draw_cars(parameter_space, found.mode.z, spread, math.prod(_APART), rng)
+    else:
+        answer = _sampled(task, fit, fit.found, sampler)
+    task.tell(1.0, "done")
+    return replace(answer, doubt=fit.doubt, seconds=time.perf_counter() - began)
+
+
+def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
+    """Prepare the recordings, and find the mode of what they have in common."""
+    vehicle, likelihood, sites = task.vehicle, task.likelihood, task.sites
+    prepared, reasons, warnings = prepare_runs(task.recordings, vehicle, task.below, task.car.name)
+    if reasons:
+        return _Fit(None, None, None, bool(prepared), reasons, warnings)
+    task.tell(0.0, "checking what the recordings can tell")
+    unidentified = unidentified_before_fit(prepared, vehicle)
+    timed, agreement = None, None
+    if clocks:
+        task.tell(0.0, "comparing the clocks")
+        timed = synchronised(
+            task.recordings, vehicle, clocks, task.below, task.car.name, likelihood
+        )
+        prepared = timed.prepared
+    ambiguity = () if timed is None or timed.ambiguity is None else (timed.ambiguity,)
+    task.tell(0.0, "looking for the best fit")
+    if (
+        len(prepared) > 1
+        and likelihood == "innovations"  # the other form claims too much
+        and not sites
+        and len(task.car.estimated) <= MAX_COMPARED
+    ):
+        alone = [fit_single_run(one, vehicle, task.seed) for one in prepared]
+        agreement = compare_runs(alone, math.prod(_APART), task.seed)
+    if agreement is not None and agreement.apart:
+        warnings += agreement.warnings
+        notes = (*unidentified, *ambiguity)
+        return _Fit(None, agreement, timed, True, agreement.reasons, warnings, notes)
+    found = (
+        best_fit(prepared, vehicle, likelihood, sites) if timed is None else fitted(timed, sites)
+    )
+    # At the mode the same is known better than at nominal values.
+    notes = (*(() if found.mode.converged else unidentified), *ambiguity)
+    return _Fit(found, agreement, timed, True, found.reasons, warnings, notes)
+
+
+def _checked(task: _Task, fit: _Fit) -> _Fit:
+    """Check the model and the input at the mode."""
+    found, error, doubt = fit.found, None, None
+    whole = task.below is None and task.likelihood == "innovations" and fit.timed is None
+    if whole and found is not None and (found.faults or task.sites):
+        found, error = _with_model_error(found, task.vehicle)
+    reasons = fit.reasons if found is None else found.reasons
+    if task.below is None and not task.sites and fit.prepared:
+        task.tell(0.05, "checking the input")
+        at_mode = task.recordings if fit.timed is None else fit.timed.recordings
+        doubt = check_input(at_mode, task.vehicle, task.car.name, refused=bool(reasons))
+    if whole and found is not None and error is None and doubt and not doubt.model_holds:
+        found, error = _with_model_error(found, task.vehicle)
+    own = () if found is None else found.warnings
+    if fit.timed is not None and fit.timed.ambiguity is not None:
+        doubt = doubt or Doubt((), fit.timed.ambiguity)
+    return fit._replace(
+        found=found,
+        reasons=reasons,
+        warnings=(*fit.warnings, *own, *fit.notes),
+        model_error=error,
+        doubt=doubt,
+    )
+
+
+def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Estimate:
+    """Draw from the posterior around its mode, and compute what is reported of it."""
+    seed, space, target, doubt = task.seed, found.space, found.target, fit.doubt
+    warnings = fit.warnings if doubt is None else (doubt.sentence, *fit.warnings)
+    task.tell(0.1, "sampling")
+    if fit.model_error is not None:
+        rng, spread = np.random.default_rng([seed, 29]), found.mode.covariance + fit.model_error
+        cars = draw_cars(space, found.mode.z, spread, math.prod(_APART), rng)
         ensembles = sampler.independent_draws(target, cars.reshape(*_APART, -1))
     else:
         # the parameters of a force law are too far from linear for an expansion at the mode
-        exact_form = timed is None or bool(sites)
+        exact_form = fit.timed is None or bool(task.sites)
         ensembles = sampler.sample_runs(
             target if exact_form else target.expanded(found.mode.z, found.mode.covariance),
             found.mode,
             seed,
-            None if progress is None else lambda share, words: tell(0.1 + 0.85 * share, words),
+            None
+            if task.progress is None
+            else lambda share, words: task.tell(0.1 + 0.85 * share, words),
             _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
         )
-    if any(site.effect.free_form for site in sites):
+    if any(site.effect.free_form for site in task.sites):
         ensembles = ensembles.thinned(MAX_DRAWS)
-    flat = ensembles.draws.reshape(-1, parameter_space.dimension)
+    flat = ensembles.draws.reshape(-1, space.dimension)
     by_ensemble = ensembles.log_posterior.shape
-    draws = {n: x.reshape(by_ensemble) for n, x in parameter_space.quantities(flat, seed).items()}
-    nuisance = {n: x.reshape(by_ensemble) for n, x in parameter_space.nuisance(flat).items()}
+    draws = {n: x.reshape(by_ensemble) for n, x in space.quantities(flat, seed).items()}
     if not ensembles.converged:
         warnings += (
             f"the ensembles had not agreed after {ensembles.draws.shape[1]} draws each "
@@ -450,44 +315,42 @@ def _estimate_prepared(
             f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
             "intervals: the recordings may hold motion that the model does not describe",
         )
-    runs = tuple(
-        _run_fit(recording, target, flat, run, seed) for run, recording in enumerate(recordings)
-    )
-    exact = timed is None or not any(timed.modes)
-    budget = ensembles.converged and exact and not sites and lacking is None
     dampers = damping_rates(target, found.mode.z, flat, draws)
-    draws = with_equal_power(draws, dampers)
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
-    width = find_budget(target, found.mode, vehicle) if budget else None
-    tell(1.0, "done")
+    clocks_known = fit.timed is None or not any(fit.timed.modes)
+    exact = clocks_known and not task.sites and fit.model_error is None
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
         reasons=(),
         warnings=warnings,
-        vehicle=vehicle,
-        car=model,
-        recordings=tuple(recordings),
-        likelihood=parameter_space.likelihood,
+        vehicle=task.vehicle,
+        car=task.car,
+        recordings=tuple(task.recordings),
+        likelihood=space.likelihood,
         seed=seed,
-        seconds=time.perf_counter() - began,
-        draws=draws,
-        nuisance=nuisance,
+        seconds=0.0,
+        draws=with_equal_power(draws, dampers),
+        nuisance={n: x.reshape(by_ensemble) for n, x in space.nuisance(flat).items()},
         log_posterior=ensembles.log_posterior,
         rhat_max=ensembles.rhat_max,
         ess_bulk_min=ensembles.ess_bulk_min,
         ess_tail_min=ensembles.ess_tail_min,
         acceptance=ensembles.acceptance,
         sampler=ensembles.sampler,
-        runs=runs,
-        space=parameter_space,
-        width=width,
-        agreement=agreement,
-        below=below,
+        runs=tuple(
+            _run_fit(recording, target, flat, run, seed)
+            for run, recording in enumerate(task.recordings)
+        ),
+        space=space,
+        width=find_budget(target, found.mode, task.vehicle)
+        if ensembles.converged and exact
+        else None,
+        agreement=fit.agreement,
+        below=task.below,
         dampers=dampers,
-        doubt=doubt,
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}
-            for site, values in parameter_space.effect_draws(flat).items()
+            for site, values in space.effect_draws(flat).items()
         },
     )
 
@@ -533,13 +396,12 @@ def _estimate_random_effects(
     vehicle: Vehicle,
     warnings: tuple[str, ...],
     seed: int,
+    sampler: ModuleType,
 ) -> Estimate:
     """Answer where runs do not agree: the mean car, and each run at its own posterior."""
-    from bayes_asv.posterior.sampler import diagnose
-
     found = agreement.population
     together = agreement.joint(math.prod(_APART), seed)
-    rhat, bulk, tail = diagnose(found.centre.reshape(_APART[0], _APART[1], 1, -1))
+    rhat, bulk, tail = sampler.diagnose(found.centre.reshape(_APART[0], _APART[1], 1, -1))
     return Estimate(
         verdict="ok",
         reasons=(),
@@ -549,7 +411,7 @@ def _estimate_random_effects(
         recordings=tuple(recordings),
         likelihood=agreement.space.likelihood,
         seed=seed,
-        seconds=math.nan,
+        seconds=0.0,
         draws={n: x.reshape(_APART) for n, x in agreement.quantities(found.centre, seed).items()},
         nuisance=agreement.nuisance(_APART, seed),
         log_posterior=found.log_density.reshape(_APART),

@@ -24,7 +24,8 @@ from scipy.stats import binomtest
 from bayes_asv.domain.clocks import Clock
 from bayes_asv.domain.recording import CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimation import estimate
 from benchmarks.provenance import current_commit
 from tests.rig import (
     DECLARED_SDS,

@@ -30,7 +30,8 @@ from scipy.stats import beta
 from bayes_asv import __version__
 from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimation import estimate
 from tests.rig import DEFAULT_SPEEDS, TERRAINS
 from tests.rig.wide import WideCar, draw_wide, shifted, wide_baja, wide_drive, wide_toml
 

@@ -16,7 +16,7 @@ from bayes_asv.library.result import Result
 if TYPE_CHECKING:
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.estimation import Estimate as EngineEstimate
+    from bayes_asv.estimate_result import Estimate as EngineEstimate
     from bayes_asv.library.diagnoses import Diagnosis
     from bayes_asv.library.plots import EstimatePlots
     from bayes_asv.library.tracks import Track
@@ -215,6 +215,7 @@ def estimate(
             "leave out below and likelihood, or effects",
         )  # fmt: skip
     from bayes_asv import estimation
+    from bayes_asv.preprocessing.run_selection import select_runs
 
     if likelihood not in estimation.LIKELIHOODS:
         raise InputError(
@@ -222,7 +223,7 @@ def estimate(
             f"give one of {', '.join(estimation.LIKELIHOODS)}",
         )  # fmt: skip
     with progress_bar(progress) as report:
-        short = estimation.select_runs(runs, vehicle, below, car)[0] if _AUTO in names else ()
+        short = select_runs(runs, vehicle, below, car)[0] if _AUTO in names else ()
         sites, report = _sites(names, short, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,

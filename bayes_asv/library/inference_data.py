@@ -17,7 +17,7 @@ from bayes_asv.domain.channels import channel
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units
-from bayes_asv.estimation import Estimate
+from bayes_asv.estimate_result import Estimate
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.library.extras import import_extra

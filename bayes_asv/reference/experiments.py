@@ -26,7 +26,8 @@ from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.units import INCH, MPH
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
-from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form

@@ -12,7 +12,8 @@ import xarray as xr
 from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.library.inference_data import write_netcdf
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.report.documents.estimate import estimate_document

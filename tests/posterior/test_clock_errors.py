@@ -10,7 +10,8 @@ import pytest
 from bayes_asv.domain.clocks import Clock, declared_clocks, retimed
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, sample_times
-from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.clock_errors import fitted, synchronised
 from bayes_asv.posterior.likelihood import WHITE, Posterior

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimation import Estimate, estimate
+from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimation import estimate
 from bayes_asv.filters.kalman import AT_LEAST, VALUE, log_likelihood
 from bayes_asv.io import read_recording, write_recording
 from bayes_asv.models.car_model import state_space

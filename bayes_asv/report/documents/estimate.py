@@ -15,7 +15,7 @@ from bayes_asv.analysis.prior_sensitivity import log_priors, prior_sensitivity
 from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimation import Estimate
+from bayes_asv.estimate_result import Estimate
 from bayes_asv.models.car_model import CarModel, CarParameter
 from bayes_asv.preprocessing.events import NO_TIME, NOT_NEEDED, LogEvents
 from bayes_asv.report.documents.quantities import (

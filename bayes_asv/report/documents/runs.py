@@ -14,7 +14,7 @@ from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.analysis.run_consistency import RunConsistency as Comparison
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.quantities import NORMAL_975
-from bayes_asv.estimation import Estimate, RunFit
+from bayes_asv.estimate_result import Estimate, RunFit
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.posterior.residual_ar import portmanteau
 from bayes_asv.report.documents.quantities import Units, summary
