@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv.analysis.damping_rates import (
     DampingRates,
 )
-from bayes_asv.analysis.input_mistakes import Doubt
+from bayes_asv.analysis.input_mistakes import InputCheck
 from bayes_asv.analysis.nominal_values import NominalDamping, nominal_damping
 from bayes_asv.analysis.predictive_checks import Check
 from bayes_asv.analysis.run_consistency import (
@@ -54,7 +54,7 @@ class RunFit:
         Deflections for the same draws, m, and their rates, m/s.
     innovations : (E, ny) array
         Normalised innovations after the colour was taken out; nan where there was no reading.
-    colour : ResidualAR
+    residual_ar : ResidualAR
         Colour that the innovations had.
     checks : tuple of Check
         Posterior predictive checks.
@@ -67,7 +67,7 @@ class RunFit:
     travel: Array
     velocity: Array
     innovations: Array
-    colour: ResidualAR
+    residual_ar: ResidualAR
     checks: tuple[Check, ...]
 
 
@@ -98,12 +98,12 @@ class Estimate:
         One a recording; empty when refused.
     space : ParameterSpace or None
         Coordinates and priors.
-    width : UncertaintyBudget or None
+    uncertainty_budget : UncertaintyBudget or None
         What makes each answer as wide as it is; only with an answer, and only when runs agree.
-    agreement : RunConsistency or None
+    run_consistency : RunConsistency or None
         One run against another; None with a single run.  Where it says ``disagree`` the draws
         are those of its mean car, and each run is explained at its own posterior.
-    joint : dict of str to array
+    pooled_draws : dict of str to array
         Draws of the same car if all runs were alike; empty unless they disagree.
     likelihood : str
         Which likelihood was used: ``coloured`` in a band where the sensors' noise does not
@@ -114,7 +114,7 @@ class Estimate:
         Draws of the parameters of every effect in the model, SI units.
     dampers : tuple of DampingRates
         Rates of every damper whose force is not proportional to speed.
-    doubt : Doubt or None
+    input_check : Doubt or None
         Why the input is probably wrong or the model does not hold, so that no verdict on a damper
         may rest on this estimate; None where nothing speaks against it.
     logs : tuple of LogEvents
@@ -148,13 +148,13 @@ class Estimate:
     sampler: str = "ensembles"
     runs: tuple[RunFit, ...] = ()
     space: ParameterSpace | None = None
-    width: UncertaintyBudget | None = None
-    agreement: RunConsistency | None = None
-    joint: dict[str, Array] = field(default_factory=dict)
+    uncertainty_budget: UncertaintyBudget | None = None
+    run_consistency: RunConsistency | None = None
+    pooled_draws: dict[str, Array] = field(default_factory=dict)
     below: float | None = None
     effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
     dampers: tuple[DampingRates, ...] = ()
-    doubt: Doubt | None = None
+    input_check: InputCheck | None = None
     logs: tuple[LogEvents, ...] = ()
 
     @property
@@ -179,7 +179,7 @@ class Estimate:
     def nominal_damping(self) -> NominalDamping | None:
         """Whether nominal damping is mistaken; None where there is no verdict on the dampers."""
         rates = {element.damping for element in self.car.elements}
-        if self.doubt is not None or not rates <= set(self.draws):
+        if self.input_check is not None or not rates <= set(self.draws):
             return None
         values = {name: float(np.median(self.draws[name])) for name in rates}
         return nominal_damping(self.car, values)

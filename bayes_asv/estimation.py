@@ -20,7 +20,7 @@ from bayes_asv.analysis.damping_rates import (
     damping_rates,
     with_equal_power,
 )
-from bayes_asv.analysis.input_mistakes import Doubt, check_input
+from bayes_asv.analysis.input_mistakes import InputCheck, check_input
 from bayes_asv.analysis.predictive_checks import predictive_checks
 from bayes_asv.analysis.run_consistency import (
     MAX_COMPARED,
@@ -37,7 +37,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
-from bayes_asv.posterior.clock_errors import Synchronised, fitted, synchronised
+from bayes_asv.posterior.clock_errors import Synchronised, fit_synchronised, synchronised
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import (
@@ -113,7 +113,7 @@ def estimate(
     began = time.perf_counter()
     runs, logs = select_runs(recordings, vehicle, below, car)
     if not logs:
-        return _estimate_prepared(runs, vehicle, likelihood, below, seed, progress, sites, car)
+        return _estimate_runs(runs, vehicle, likelihood, below, seed, progress, sites, car)
     model = car_model(car, vehicle)
     empty = tuple(nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
@@ -122,7 +122,7 @@ def estimate(
             "refused", empty, (), vehicle, model, (), likelihood, seed, 0.0, below=below
         )
     else:
-        found = _estimate_prepared(runs, vehicle, likelihood, below, seed, progress, sites, car)
+        found = _estimate_runs(runs, vehicle, likelihood, below, seed, progress, sites, car)
         warnings += empty
     return replace(
         found,
@@ -156,9 +156,9 @@ class _Fit(NamedTuple):
 
     Parameters
     ----------
-    found : MapFit or None
+    map_fit : MapFit or None
         The mode; None where nothing could be fitted, or the runs do not agree.
-    agreement : RunConsistency or None
+    run_consistency : RunConsistency or None
         Comparison of the runs, where there are several.
     timed : Synchronised or None
         The recordings with their clocks compared, where errors of clocks are declared.
@@ -168,22 +168,22 @@ class _Fit(NamedTuple):
         Any reason means that the data cannot answer; notes follow the warnings of the fit.
     model_error : (D, D) array or None
         Covariance of what the mode may be off because of the model; None where it lacks nothing.
-    doubt : Doubt or None
+    input_check : Doubt or None
         Whether an input is wrong.
     """
 
-    found: MapFit | None
-    agreement: RunConsistency | None
+    map_fit: MapFit | None
+    run_consistency: RunConsistency | None
     timed: Synchronised | None
     prepared: bool
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...] = ()
     model_error: Array | None = None
-    doubt: Doubt | None = None
+    input_check: InputCheck | None = None
 
 
-def _estimate_prepared(
+def _estimate_runs(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     likelihood: str,
@@ -203,21 +203,25 @@ def _estimate_prepared(
         loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
         fit = _checked(task, _fit(task, clocks))
         sampler = loading.result()
-    if fit.agreement is not None and fit.found is None and not fit.reasons:
+    if fit.run_consistency is not None and fit.map_fit is None and not fit.reasons:
         task.tell(0.9, "the runs do not agree")
         answer = _estimate_random_effects(
-            fit.agreement, recordings, vehicle, fit.warnings, seed, sampler
+            fit.run_consistency, recordings, vehicle, fit.warnings, seed, sampler
         )
-    elif fit.reasons or fit.found is None:
-        mistaken = (fit.doubt.sentence,) if fit.doubt is not None and fit.doubt.mistakes else ()
+    elif fit.reasons or fit.map_fit is None:
+        mistaken = (
+            (fit.input_check.sentence,)
+            if fit.input_check is not None and fit.input_check.mistakes
+            else ()
+        )
         answer = Estimate(
             "refused", (*mistaken, *fit.reasons), fit.warnings, vehicle, model, tuple(recordings),
-            likelihood, seed, 0.0, agreement=fit.agreement, below=below,
+            likelihood, seed, 0.0, run_consistency=fit.run_consistency, below=below,
         )  # fmt: skip
     else:
-        answer = _sampled(task, fit, fit.found, sampler)
+        answer = _sampled(task, fit, fit.map_fit, sampler)
     task.tell(1.0, "done")
-    return replace(answer, doubt=fit.doubt, seconds=time.perf_counter() - began)
+    return replace(answer, input_check=fit.input_check, seconds=time.perf_counter() - began)
 
 
 def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
@@ -250,7 +254,9 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
         notes = (*unidentified, *ambiguity)
         return _Fit(None, agreement, timed, True, agreement.reasons, warnings, notes)
     found = (
-        best_fit(prepared, vehicle, likelihood, sites) if timed is None else fitted(timed, sites)
+        best_fit(prepared, vehicle, likelihood, sites)
+        if timed is None
+        else fit_synchronised(timed, sites)
     )
     # At the mode the same is known better than at nominal values.
     notes = (*(() if found.mode.converged else unidentified), *ambiguity)
@@ -259,7 +265,7 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
 
 def _checked(task: _Task, fit: _Fit) -> _Fit:
     """Check the model and the input at the mode."""
-    found, error, doubt = fit.found, None, None
+    found, error, doubt = fit.map_fit, None, None
     whole = task.below is None and task.likelihood == "innovations" and fit.timed is None
     if whole and found is not None and (found.faults or task.sites):
         found, error = _with_model_error(found, task.vehicle)
@@ -272,19 +278,19 @@ def _checked(task: _Task, fit: _Fit) -> _Fit:
         found, error = _with_model_error(found, task.vehicle)
     own = () if found is None else found.warnings
     if fit.timed is not None and fit.timed.ambiguity is not None:
-        doubt = doubt or Doubt((), fit.timed.ambiguity)
+        doubt = doubt or InputCheck((), fit.timed.ambiguity)
     return fit._replace(
-        found=found,
+        map_fit=found,
         reasons=reasons,
         warnings=(*fit.warnings, *own, *fit.notes),
         model_error=error,
-        doubt=doubt,
+        input_check=doubt,
     )
 
 
 def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Estimate:
     """Draw from the posterior around its mode, and compute what is reported of it."""
-    seed, space, target, doubt = task.seed, found.space, found.target, fit.doubt
+    seed, space, target, doubt = task.seed, found.space, found.target, fit.input_check
     warnings = fit.warnings if doubt is None else (doubt.sentence, *fit.warnings)
     task.tell(0.1, "sampling")
     if fit.model_error is not None:
@@ -342,10 +348,10 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
             for run, recording in enumerate(task.recordings)
         ),
         space=space,
-        width=find_budget(target, found.mode, task.vehicle)
+        uncertainty_budget=find_budget(target, found.mode, task.vehicle)
         if ensembles.converged and exact
         else None,
-        agreement=fit.agreement,
+        agreement=fit.run_consistency,
         below=task.below,
         dampers=dampers,
         effects={
@@ -363,8 +369,8 @@ def _with_model_error(found: MapFit, vehicle: Vehicle) -> tuple[MapFit, Array | 
     the model.
     """
     near = fit_near_declared_noise(found, vehicle)
-    assert near.near is not None
-    error = model_error(near.near)
+    assert near.tight_noise_fit is not None
+    error = model_error(near.tight_noise_fit)
     return (found, None) if near.reasons or not error.any() else (near, error)
 
 
@@ -424,9 +430,9 @@ def _estimate_random_effects(
             for run, (recording, alone) in enumerate(zip(recordings, agreement.runs, strict=True))
         ),
         space=agreement.space,
-        agreement=agreement,
+        run_consistency=agreement,
         below=agreement.space.recordings[0].below,
-        joint=agreement.quantities(together, seed),
+        pooled_draws=agreement.quantities(together, seed),
     )
 
 
@@ -447,7 +453,7 @@ def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, see
         travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),
         velocity=np.stack([one.states[:, 1 : 2 * elements : 2] for one in each]),
         innovations=innovations,
-        colour=target.colours[run],
+        residual_ar=target.residual_ars[run],
         # Replicates know the sensors' noise alone; where it explains little there is nothing
         # to check.
         checks=()

@@ -24,7 +24,7 @@ from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Fault, with_
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
-from bayes_asv.posterior.newton import Mode, find_mode
+from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
@@ -36,7 +36,7 @@ TERRAINS = ("bump", "stops", "rough", "rollers")
 KNOWN = {"declared": DECLARED, "exact": EXACT}
 
 
-def answers(where: ParameterSpace, mode: Mode) -> dict[str, float]:
+def answers(where: ParameterSpace, mode: PosteriorMode) -> dict[str, float]:
     """Logarithms of the answers at a mode."""
     logs = {name: float(np.log(x[0])) for name, x in where.values(mode.z[None]).items()}
     answers = {n: {n: 1.0} for n in where.car.estimated} | dict(where.car.ratios)

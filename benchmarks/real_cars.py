@@ -172,7 +172,7 @@ def one(seed: int, size: float) -> dict[str, Any]:
     out["seconds"] = found.seconds
     if found.verdict == "refused":
         return {**out, "reasons": list(found.reasons)}
-    out["doubted"] = found.doubt is not None
+    out["doubted"] = found.input_check is not None
     out["warnings"] = list(found.warnings)
     for name in NAMES:
         low, middle, high = np.quantile(found.draws[name], [0.025, 0.5, 0.975]).tolist()

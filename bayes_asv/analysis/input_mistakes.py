@@ -55,7 +55,7 @@ from bayes_asv.preprocessing.activity import cut, most_active_rows, wheel_power
 from bayes_asv.preprocessing.faulty_channels import noisy_channels, stuck_channels
 
 __all__ = [
-    "Doubt",
+    "InputCheck",
     "Mistake",
     "check_input",
     "likely_mistakes",
@@ -79,7 +79,7 @@ _AHEAD = 0.2  # by which it has to be larger than with the other order
 
 
 @dataclass(frozen=True)
-class Doubt:
+class InputCheck:
     """Why no verdict on a damper may rest on an estimate.
 
     Parameters
@@ -103,7 +103,7 @@ class Doubt:
 
 def check_input(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", refused: bool = False
-) -> Doubt | None:
+) -> InputCheck | None:
     """Check the input of an estimate and look for a mistake where something is wrong.
 
     Something is wrong where a channel holds its value or another one's, where the data move a given
@@ -129,7 +129,7 @@ def check_input(
     if stuck:
         parts = [why.partition("; ") for why in stuck]
         known = [Mistake(what, fix, 1.0, misread=True) for what, _, fix in parts]
-        return Doubt(tuple(known), "; ".join(stuck))
+        return InputCheck(tuple(known), "; ".join(stuck))
     fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
     moved = [] if fit is None else _moved(fit)
     holds = fit is not None and fit.holds
@@ -144,19 +144,19 @@ def check_input(
         error = 0.0 if holds else _ERROR_OF_RATES
         mistakes = mistakes or nominal_mistakes(vehicle, model, fit.values, error)
     if mistakes:
-        return Doubt(tuple(mistakes), _sentence(mistakes), holds)
+        return InputCheck(tuple(mistakes), _sentence(mistakes), holds)
     if refused:
         return None  # a refusal has reasons of its own
     # White noise leaves the long-run variance small, so that a fit holds nevertheless.
     noisy = [why for one in recordings for why in noisy_channels(one, vehicle, model)]
     if noisy:
-        return Doubt((), "; ".join(noisy), holds)
+        return InputCheck((), "; ".join(noisy), holds)
     if holds and not moved:
         return None
     if moved:
         assert fit is not None
-        return Doubt((), _contradiction(moved, fit.values, vehicle), holds)
-    return Doubt(
+        return InputCheck((), _contradiction(moved, fit.values, vehicle), holds)
+    return InputCheck(
         (),
         "the linear car does not explain the recording down to the noise of the sensors; run "
         "'bayes-asv diagnose' to find what is missing before any verdict on a damper",

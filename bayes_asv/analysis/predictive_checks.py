@@ -60,7 +60,7 @@ class Check(NamedTuple):
 
     Parameters
     ----------
-    axle : int
+    output : int
         Number of the output.
     of : str
         ``reading`` or ``residual``.
@@ -80,7 +80,7 @@ class Check(NamedTuple):
         Probability that the worst of all checks of the run is as far out as this one.
     """
 
-    axle: int
+    output: int
     of: str
     quantity: str
     band: tuple[float, float] | None

@@ -27,7 +27,7 @@ __all__ = [
     "LARGEST_SPREAD",
     "SAME",
     "SPREAD_SCALE",
-    "Contrast",
+    "HomogeneityTest",
     "RandomEffectsPosterior",
     "RunLikelihood",
     "contrast",
@@ -78,7 +78,7 @@ class RunLikelihood(NamedTuple):
         return RunLikelihood(self.precision, self.linear - self.precision @ centre)
 
 
-class Contrast(NamedTuple):
+class HomogeneityTest(NamedTuple):
     """A likelihood-ratio test of equal runs.
 
     Parameters
@@ -110,7 +110,7 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
 
     Returns
     -------
-    Site
+    RunLikelihood
         Nothing is left in directions that the run is silent about.
     """
     eigen, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
@@ -123,13 +123,13 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
 
 
 def contrast(
-    sites: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
-) -> Contrast:
+    run_likelihoods: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
+) -> HomogeneityTest:
     """Test whether runs share their values.
 
     Parameters
     ----------
-    sites : sequence of Site
+    run_likelihoods : sequence of RunLikelihood
         One a run.
     way : (n, 3) array
         B; a column of zeros for a quantity that is given as exact.
@@ -145,28 +145,30 @@ def contrast(
     seen = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
     tested = [k for k in (seen if which is None else which) if k in seen]
     others = [k for k in seen if k not in tested]
-    if len(sites) < 2 or not tested:
-        return Contrast(0.0, 0)
+    if len(run_likelihoods) < 2 or not tested:
+        return HomogeneityTest(0.0, 0)
     turned, _ = np.linalg.qr(way[:, seen])
     prior = np.eye(len(way)) - turned @ turned.T
-    together = prior + sum(site.precision for site in sites)
-    centre = np.linalg.pinv(together, hermitian=True) @ sum(site.linear for site in sites)
-    near = [site.around(centre) for site in sites]
+    together = prior + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
+    centre = np.linalg.pinv(together, hermitian=True) @ sum(
+        run_likelihood.linear for run_likelihood in run_likelihoods
+    )
+    near = [run_likelihood.around(centre) for run_likelihood in run_likelihoods]
     pull = -prior @ centre
     full, full_rank = _highest(near, prior, pull, way[:, seen])
     held, held_rank = _highest(near, prior, pull, way[:, others])
-    return Contrast(2.0 * (full - held), full_rank - held_rank)
+    return HomogeneityTest(2.0 * (full - held), full_rank - held_rank)
 
 
 def _highest(
-    sites: Sequence[RunLikelihood], prior: Array, pull: Array, free: Array
+    run_likelihoods: Sequence[RunLikelihood], prior: Array, pull: Array, free: Array
 ) -> tuple[float, int]:
     """Largest log-likelihood with columns free in every run, and the rank of what was fitted."""
     precision, linear = prior.copy(), pull.copy()
     value, rank = 0.0, 0
     # In units of the coordinates, in which a prior deviation is one.
     unit = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-    for H, h in sites:
+    for H, h in run_likelihoods:
         inverse, found = pseudo_inverse(unit.T @ H @ unit)
         own = unit.T @ h
         cross = H @ unit @ inverse
@@ -189,12 +191,14 @@ def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
     return (vectors * inverse) @ vectors.T, int(np.count_nonzero(speaks))
 
 
-def estimates_of_runs(site: RunLikelihood, way: Array, centre: Array) -> tuple[Array, Array]:
+def estimates_of_runs(
+    run_likelihood: RunLikelihood, way: Array, centre: Array
+) -> tuple[Array, Array]:
     """Ask one run alone for its values when what runs share is held.
 
     Parameters
     ----------
-    site : Site
+    run_likelihood : RunLikelihood
         The run.
     way : (n, 3) array
         B.
@@ -212,9 +216,9 @@ def estimates_of_runs(site: RunLikelihood, way: Array, centre: Array) -> tuple[A
     B = way[:, seen]
     size = np.linalg.norm(B, axis=0)
     unit = B / size
-    inverse, rank = pseudo_inverse(unit.T @ site.precision @ unit)
+    inverse, rank = pseudo_inverse(unit.T @ run_likelihood.precision @ unit)
     if rank == len(seen):
-        shift[seen] = inverse @ (unit.T @ site.around(centre).linear) / size
+        shift[seen] = inverse @ (unit.T @ run_likelihood.around(centre).linear) / size
         sd[seen] = np.sqrt(np.diag(inverse)) / size
     return shift, sd
 
@@ -243,13 +247,13 @@ class RandomEffectsPosterior:
 
 
 def population(
-    sites: Sequence[RunLikelihood], way: Array, count: int, seed: int
+    run_likelihoods: Sequence[RunLikelihood], way: Array, count: int, seed: int
 ) -> RandomEffectsPosterior:
     """Posterior of the mean car and of the spread of runs about it.
 
     Parameters
     ----------
-    sites : sequence of Site
+    run_likelihoods : sequence of RunLikelihood
         One a run.
     way : (n, 3) array
         B.
@@ -265,10 +269,12 @@ def population(
     """
     rng = np.random.default_rng([seed, 5])
     n, free = way.shape
-    total = np.eye(n) + sum(site.precision for site in sites)
-    middle = np.linalg.solve(total, np.asarray(sum(site.linear for site in sites)))
-    near = [site.around(middle) for site in sites]
-    axes = _first_axes(sites, way, middle)
+    total = np.eye(n) + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
+    middle = np.linalg.solve(
+        total, np.asarray(sum(run_likelihood.linear for run_likelihood in run_likelihoods))
+    )
+    near = [run_likelihood.around(middle) for run_likelihood in run_likelihoods]
+    axes = _first_axes(run_likelihoods, way, middle)
     weight = _on_grid(axes, near, way, middle)[1]
     axes = [
         _narrowed(axis, mass) for axis, mass in zip(axes, _marginals(axes, weight), strict=True)
@@ -288,9 +294,11 @@ def population(
     return RandomEffectsPosterior(centre, spread, fresh, density)
 
 
-def _first_axes(sites: Sequence[RunLikelihood], way: Array, middle: Array) -> list[Array]:
+def _first_axes(run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array) -> list[Array]:
     """Nodes of log τ for each quantity: none at all, then from no effect to the largest."""
-    own = np.array([estimates_of_runs(site, way, middle)[1] for site in sites])
+    own = np.array(
+        [estimates_of_runs(run_likelihood, way, middle)[1] for run_likelihood in run_likelihoods]
+    )
     least = np.where(np.isfinite(own), own, SPREAD_SCALE).min(axis=0) * _NO_EFFECT
     top = math.log(LARGEST_SPREAD)
     return [
@@ -309,12 +317,12 @@ def _log_prior(spread: Array, way: Array) -> Array:
 
 
 def _on_grid(
-    axes: list[Array], sites: Sequence[RunLikelihood], way: Array, middle: Array
+    axes: list[Array], run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
 ) -> tuple[Array, Array]:
     """Nodes (G, 3) of log τ and their posterior weights (G,)."""
     nodes = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
     spread = np.exp(nodes)
-    value = _log_prior(spread, way) + _given_spread(spread, sites, way, middle)[2]
+    value = _log_prior(spread, way) + _given_spread(spread, run_likelihoods, way, middle)[2]
     for k, axis in enumerate(axes):
         value += np.where(spread[:, k] > 0.0, math.log(_width(axis) or 1.0), 0.0)
     weight = np.exp(value - value.max())
@@ -345,7 +353,7 @@ def _narrowed(axis: Array, mass: Array) -> Array:
 
 
 def _given_spread(
-    spread: Array, sites: Sequence[RunLikelihood], way: Array, middle: Array
+    spread: Array, run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
 ) -> tuple[Array, Array, Array]:
     """Mean car given each of G spreads: mean (G, n), root of its precision, log evidence (G,).
 
@@ -357,7 +365,7 @@ def _given_spread(
     precision = np.broadcast_to(np.eye(n), (count, n, n)).copy()
     linear = np.broadcast_to(-middle, (count, n)).copy()
     log_evidence = np.zeros(count)
-    for H, h in sites:
+    for H, h in run_likelihoods:
         HB, own = H @ way, way.T @ h
         inner = spread[:, :, None] * (way.T @ HB) * spread[:, None, :] + np.eye(free)
         root = np.linalg.cholesky(inner)

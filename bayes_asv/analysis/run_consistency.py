@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.random_effects import (
-    Contrast,
+    HomogeneityTest,
     RandomEffectsPosterior,
     RunLikelihood,
     contrast,
@@ -114,8 +114,8 @@ class RunConsistency:
     """
 
     verdict: str
-    whole: Contrast
-    each: dict[str, Contrast]
+    whole: HomogeneityTest
+    each: dict[str, HomogeneityTest]
     runs: tuple[SingleRunFit, ...]
     population: RandomEffectsPosterior
     shift: Array

@@ -37,7 +37,7 @@ from scipy.special import gammaincc, ndtr
 
 from bayes_asv.analysis.random_effects import (
     SAME,
-    Contrast,
+    HomogeneityTest,
     RunLikelihood,
     likelihood_of_run,
     pseudo_inverse,
@@ -138,7 +138,7 @@ class SessionChanges:
     nothing: float
     p_values: Array
     p_value: float
-    rest: Contrast
+    rest: HomogeneityTest
 
 
 def session_changes(before: Session, after: Session) -> SessionChanges:
@@ -204,7 +204,7 @@ class ChangeLikelihood(NamedTuple):
     names: tuple[str, ...]
     precision: Array
     linear: Array
-    rest: Contrast
+    rest: HomogeneityTest
 
 
 def likelihood_of_changes(before: Session, after: Session) -> ChangeLikelihood:
@@ -237,7 +237,7 @@ def likelihood_of_changes(before: Session, after: Session) -> ChangeLikelihood:
         precision += M.T @ H @ M
         linear += M.T @ h
     inverse, found = pseudo_inverse(precision)
-    rest = Contrast(apart - float(linear @ inverse @ linear), rank - found)
+    rest = HomogeneityTest(apart - float(linear @ inverse @ linear), rank - found)
     whole = precision[np.ix_(others, others)] + np.eye(len(others))
     cross = precision[np.ix_(changes, others)]
     solved = np.linalg.solve(whole, np.column_stack([cross.T, linear[others]]))

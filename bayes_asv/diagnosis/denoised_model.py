@@ -113,7 +113,7 @@ class FixedGainFilter:
 
 def fixed_gain_filter(posterior: Posterior, z: Array, run: int) -> FixedGainFilter:
     """Return the filter of a model at coordinates (D,) on one run."""
-    start = free_run(posterior, z, run).begin
+    start = free_run(posterior, z, run).initial_state
     innovations, log_variances, _ = posterior.innovations_and_variances(z, run)
     residuals = _residuals(posterior, z, run, start)
     return FixedGainFilter(posterior, z, run, start, residuals, innovations, log_variances)
@@ -198,7 +198,7 @@ class DenoisedModel:
 def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
     """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
     recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.recordings)))
-    denoised = replace(dataset, recordings=recordings, quiet=True)
+    denoised = replace(dataset, recordings=recordings, inputs_denoised=True)
     return update_patterns(denoised, replace(model, target=denoised.target(model.sites)))
 
 

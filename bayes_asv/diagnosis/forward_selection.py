@@ -44,7 +44,7 @@ from bayes_asv.diagnosis.thresholds import (
     TOLERANCE_PREFERRED,
 )
 from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation
-from bayes_asv.posterior.effect_fit import Candidate, added
+from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_again, fitted
 from bayes_asv.posterior.free_simulation import free_run
 
@@ -168,7 +168,7 @@ def _in_its_place(
     assessed: AssessedModel, rest: FittedModel, group: list[Candidate]
 ) -> ExtendedModel:
     """Fit another effect in the place of one."""
-    model = added(assessed.denoised, rest, group)
+    model = fit_with_effect(assessed.denoised, rest, group)
     evidence = model_evidence(assessed.denoised, model)
     return ExtendedModel(group[0].site, model, evidence)
 

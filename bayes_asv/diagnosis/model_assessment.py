@@ -15,7 +15,13 @@ from bayes_asv.diagnosis.tolerance_prior import (
 )
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_fit import Candidate, candidates
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base, fit_again, update_patterns
+from bayes_asv.posterior.fitted_model import (
+    Dataset,
+    FittedModel,
+    fit_again,
+    fit_linear_car,
+    update_patterns,
+)
 
 __all__ = [
     "AssessedModel",
@@ -140,7 +146,7 @@ def remove_effects(
     """Remove effects from a model; return it with those that are left."""
     kept = [e for e in effects if e not in removed]
     if not kept:  # from scratch: the effects may have drawn the car to another mode
-        return assess(assessed.dataset, base(assessed.dataset), seed), kept
+        return assess(assessed.dataset, fit_linear_car(assessed.dataset), seed), kept
     return assess(assessed.dataset, submodel(assessed, tuple(e.site for e in kept)), seed), kept
 
 

@@ -33,7 +33,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     tolerance_evidence,
 )
 from bayes_asv.models.effects import BOTH, Site
-from bayes_asv.posterior.effect_fit import Candidate, added
+from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 from bayes_asv.posterior.model_error import draw_cars
 
@@ -189,7 +189,7 @@ def fit_candidates(
     for group in leading_candidates(test, excluded, further=further):
         site = group.candidates[0].site
         on_site(str(site))
-        larger = added(dataset, model, group.candidates, group.expected_gain, floor)
+        larger = fit_with_effect(dataset, model, group.candidates, group.expected_gain, floor)
         floor = max(floor, larger.mode.log_posterior - _HOPELESS)
         others = score_test(denoised_model(dataset, larger), _other_tolerances(site, test))
         evidence = tolerance_evidence(larger, others, rough=True)

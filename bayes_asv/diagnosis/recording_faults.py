@@ -73,5 +73,7 @@ def _start_over_noise(recording: PreparedRecording) -> float:
             continue
         given = recording.noise[c]
         noise = noise_level(recording, c) if given is None else given
-        largest = max(largest, float(np.std(start)) / float(np.hypot(noise, recording.steps[c])))
+        largest = max(
+            largest, float(np.std(start)) / float(np.hypot(noise, recording.quantization_steps[c]))
+        )
     return largest

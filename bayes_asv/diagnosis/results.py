@@ -86,7 +86,7 @@ class Diagnosis:
         Where the linear car disagrees, engine tones removed.
     errors : dict of str to ErrorChange
         Simulation error on ``fit`` and, where there is one, ``holdout``.
-    fit, holdout : tuples of PreparedRecording
+    training, holdout : tuples of PreparedRecording
         Recordings that were fitted, as given, and held out, engine tones removed.
     base_model, final_model : FittedModel or None
         The linear car, and the model with all named effects, engine tones removed.
@@ -115,7 +115,7 @@ class Diagnosis:
     unexplained: Unexplained | None = None
     localization: Localization | None = None
     errors: dict[str, ErrorChange] | None = None
-    fit: tuple[PreparedRecording, ...] = ()
+    training: tuple[PreparedRecording, ...] = ()
     holdout: tuple[PreparedRecording, ...] = ()
     base_model: FittedModel | None = None
     final_model: FittedModel | None = None

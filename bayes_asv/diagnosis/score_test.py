@@ -261,7 +261,7 @@ _AXLE_SHARES = {"front": (1.0, 0.0), "rear": (0.0, 1.0), "both": (0.5, 0.5)}
 
 def one_sided_squares(scores: Array, test: ScoreTest) -> Array:
     """Squared scores (…, K); zero where a one-sided effect would have to be negative."""
-    one_sided = np.array([c.signed for c in test.candidates])
+    one_sided = np.array([c.one_sided for c in test.candidates])
     return np.where(one_sided & (scores < 0.0), 0.0, scores**2)
 
 
@@ -280,7 +280,7 @@ def family_p_value(test: ScoreTest, seed: int) -> float:
     """
     test = replace(test, gradient=test.gradient / math.sqrt(_SCORE_VARIANCE))
     other = np.flatnonzero([not c.edge for c in test.candidates])
-    one_sided = np.array([test.candidates[k].signed for k in other])
+    one_sided = np.array([test.candidates[k].one_sided for k in other])
     raw = np.sum(test.sensitivities[other] ** 2, axis=1)
     information = test.information[np.ix_(other, other)]
     p, _ = max_score_p_value(test.gradient[other], information, raw, one_sided, seed)

@@ -269,7 +269,7 @@ def tolerance_evidence(
     keep = np.array([c.tolerance for c in test.candidates], bool)
     sensitivities = test.sensitivities[keep]
     upper = np.full(len(sensitivities), MAX_TOLERANCES)
-    one_sided = [c.signed for c in test.candidates if c.tolerance]
+    one_sided = [c.one_sided for c in test.candidates if c.tolerance]
     lower = np.where(one_sided, 0.0, -MAX_TOLERANCES)
     gradient, information = test.gradient[keep], test.information[np.ix_(keep, keep)]
     integrals = [
@@ -541,7 +541,7 @@ def _tolerance_prior(
     for one in tolerances:
         count = site.effect.tolerances(at_mode, one.values)
         slope = (site.effect.tolerances(next_to, one.values) - count) / STEP
-        least = 0.0 if one.signed else -MAX_TOLERANCES
+        least = 0.0 if one.one_sided else -MAX_TOLERANCES
         points = z[k] + (scale * np.array([0.0, least, MAX_TOLERANCES]) - count) / slope
         probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))
         width = scale / abs(slope)

@@ -175,14 +175,14 @@ def _log_p_values(power: Array, n: int, rate: float, segments: int) -> Array:
 
     Infinite where a line is so little above it that it may be a slope of the spectrum.
     """
-    recordings = min(
+    neighbours = min(
         max(_MIN_FLOOR_LINES, round(_FLOOR_WIDTH * n / rate)), round(_MAX_FLOOR_SHARE * n / 2.0)
     )
-    recordings = recordings // 2 * 2 + 1
-    ratio = np.array([one / _floor(one, recordings, segments) for one in power.T]).T
+    neighbours = neighbours // 2 * 2 + 1
+    ratio = np.array([one / _floor(one, neighbours, segments) for one in power.T]).T
     freedom = 2.0 * segments
     # The floor is uncertain as well: a median has the efficiency 0.64 of a mean of as many lines.
-    log_p = _log_f_tail(ratio, freedom, 0.64 * recordings * freedom)
+    log_p = _log_f_tail(ratio, freedom, 0.64 * neighbours * freedom)
     return np.where(ratio < _MIN_RATIO, np.inf, log_p)
 
 
@@ -196,10 +196,10 @@ def _spectra(runs: Sequence[Array], n: int, rate: float) -> tuple[Array, Array, 
     return frequency, np.asarray(power.mean(axis=0)), len(segments)
 
 
-def _floor(power: Array, recordings: int, segments: int) -> Array:
+def _floor(power: Array, neighbours: int, segments: int) -> Array:
     """Mean power (F,) of white noise, from running medians over lines."""
-    median = median_filter(power[::_OVERSAMPLING], size=recordings)
-    half = recordings // 2  # near its ends a spectrum has neighbours on one side only
+    median = median_filter(power[::_OVERSAMPLING], size=neighbours)
+    half = neighbours // 2  # near its ends a spectrum has neighbours on one side only
     median[:half], median[len(median) - half :] = median[half], median[-half - 1]
     floor = median * segments / float(gamma(segments).median())
     return np.maximum(np.repeat(floor, _OVERSAMPLING)[: len(power)], 1e-12)

@@ -61,7 +61,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.clock_errors import synchronised
 from bayes_asv.posterior.fit_checks import explained_power_findings
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.model_error import model_error
@@ -130,7 +130,7 @@ def diagnose(
     )
     progress(0.05, f"fitting the linear {car} car")
     dataset = make_dataset(vehicle, fit)
-    given = Split(dataset, make_dataset(vehicle, held) if held else None, base(dataset))
+    given = Split(dataset, make_dataset(vehicle, held) if held else None, fit_linear_car(dataset))
     misread = _misread_channel(given, fit_runs, vehicle, car)
     if misread is not None:
         return Diagnosis("refused", (misread,), warnings, (), vehicle, seed, car=car)
@@ -184,7 +184,7 @@ def diagnose(
         unexplained=unexplained,
         localization=localization,
         errors=validated.errors,
-        fit=fit,
+        training=fit,
         holdout=search.held,
         base_model=search.without_tones.linear,
         final_model=final,
@@ -250,7 +250,7 @@ def _search(
     first = assess(given.fit, given.linear, seed)
     explained = _explained_energy(first)
     dataset, linear, engine, held = remove_engine_tones(
-        given.fit, given.linear, held, base, base, _ENGINE_FIRST * explained
+        given.fit, given.linear, held, fit_linear_car, fit_linear_car, _ENGINE_FIRST * explained
     )
     if engine is not None:
         first = assess(dataset, linear, seed)
@@ -266,7 +266,7 @@ def _search(
             assessed.dataset, assessed.on_inputs_as_read, held, *fits, explained
         )
         if engine is not None:
-            dataset, linear = removed, base(removed)
+            dataset, linear = removed, fit_linear_car(removed)
             again = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
             selection = select_effects(again, seed, progress)
     holdout = given.holdout if engine is None or not held else make_dataset(given.fit.vehicle, held)

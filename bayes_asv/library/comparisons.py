@@ -288,7 +288,10 @@ def _compared(before: Estimate, after: Estimate, seed: int) -> Comparison:
         changes = session_changes(_session(before), _session(after))
     doubts = [
         f"{name}: {doubt.sentence}"
-        for name, doubt in (("before", before.engine.doubt), ("after", after.engine.doubt))
+        for name, doubt in (
+            ("before", before.engine.input_check),
+            ("after", after.engine.input_check),
+        )
         # an error of a given value, which both share, is no obstacle
         if doubt is not None and (doubt.mistakes or not doubt.model_holds)
     ]

@@ -50,8 +50,8 @@ def find_events(
     car = car or car_of(recording)
     (run,), vehicle = check_inputs("find_events", recording, vehicle, car=car)
     from bayes_asv.models.cars import car_model
-    from bayes_asv.preprocessing.events import choose
+    from bayes_asv.preprocessing.events import choose_events
     from bayes_asv.preprocessing.events import find_events as find
 
-    (log,) = choose([find(run, vehicle, car_model(car, vehicle), below)], below=below)
+    (log,) = choose_events([find(run, vehicle, car_model(car, vehicle), below)], below=below)
     return list(log.events)

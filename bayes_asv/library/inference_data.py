@@ -107,7 +107,7 @@ def groups(result: Estimate) -> dict[str, Any]:
     z = coordinates(result)
     if z is not None:
         assert result.space is not None
-        target = Posterior(result.space, tuple(run.colour for run in result.runs))
+        target = Posterior(result.space, tuple(run.residual_ar for run in result.runs))
         datasets["log_prior"] = _dataset(
             log_priors(result.space, result.draws, result.nuisance), {}
         )
@@ -116,7 +116,7 @@ def groups(result: Estimate) -> dict[str, Any]:
         likelihood = datasets["log_likelihood"]["recordings"].sum("recording").values
         prior = result.space.log_prior(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
         datasets["sample_stats"] = _dataset({"lp": likelihood + prior}, {})
-        if all(run.colour.order == 0 for run in result.runs):
+        if all(run.residual_ar.order == 0 for run in result.runs):
             datasets["posterior_predictive"] = _readings(result, _predicted(result, target, z))
     return datasets
 
@@ -127,7 +127,7 @@ def coordinates(result: Estimate) -> Array | None:
     The inverse of :meth:`bayes_asv.posterior.parameters.ParameterSpace.quantities`.
     """
     space = result.space
-    if space is None or space.sites or result.joint:
+    if space is None or space.sites or result.pooled_draws:
         return None
     car = space.car_coordinates(result.draws)
     if space.dimension == space.car_dimension:
@@ -189,7 +189,7 @@ def _prior(result: Estimate) -> Any:
     rng = np.random.default_rng([result.seed, 10])
     z = rng.standard_normal((_PRIOR_DRAWS, space.dimension))
     values = {**space.quantities(z, result.seed), **_effects(space.effect_draws(z))}
-    if not result.joint:  # of runs that differ, this space is that of the first alone
+    if not result.pooled_draws:  # of runs that differ, this space is that of the first alone
         values |= _nuisance(space.nuisance(z))
     return _dataset({name: x[None] for name, x in values.items()}, _units(values, space.sites))
 

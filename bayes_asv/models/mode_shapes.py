@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy.linalg import eig
 
 from bayes_asv.models.assembly import CORNERS, corners
-from bayes_asv.models.modes import Mode
+from bayes_asv.models.modes import VibrationMode
 from bayes_asv.models.textbook_cars import FullCar7, HalfCar4, QuarterCar, RollCar
 
 __all__ = ["Car", "CarMode", "car_modes", "places", "second_order_modes"]
 
 
-def second_order_modes(M: Array, C: Array, K: Array) -> list[Mode]:
+def second_order_modes(M: Array, C: Array, K: Array) -> list[VibrationMode]:
     """Modes of a damped system, slowest first.
 
     Solved as the generalised eigenproblem of the symmetric pencil ``[C M; M 0]``, ``[K 0; 0 −M]``
@@ -45,7 +45,7 @@ def second_order_modes(M: Array, C: Array, K: Array) -> list[Mode]:
         shape = vector[:n] / vector[int(np.argmax(np.abs(vector[:n])))]
         size = float(abs(value))
         found.append(
-            Mode(
+            VibrationMode(
                 natural=size / (2.0 * np.pi),
                 damped=float(value.imag / (2.0 * np.pi)),
                 # a free coordinate (no spring) has its pole at zero, and no ratio
@@ -74,7 +74,7 @@ class CarMode(NamedTuple):
         Share of the kinetic energy that is in it.
     """
 
-    mode: Mode
+    mode: VibrationMode
     kind: str
     share: float
 

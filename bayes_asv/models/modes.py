@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from bayes_asv.models.car_model import CarModel, Values, state_space
 from bayes_asv.models.half_car import HalfCar, deflection_form
 
-__all__ = ["Mode", "half_width", "modes", "nominal_modes"]
+__all__ = ["VibrationMode", "half_width", "modes", "nominal_modes"]
 
 
-class Mode(NamedTuple):
+class VibrationMode(NamedTuple):
     """One mode of the chassis on its suspension.
 
     Parameters
@@ -34,7 +34,7 @@ class Mode(NamedTuple):
     shape: NDArray[np.complex128]
 
 
-def modes(car: HalfCar) -> list[Mode]:
+def modes(car: HalfCar) -> list[VibrationMode]:
     """Modes of the car with its wheels held still, slowest first.
 
     An oscillating mode is one entry, an overdamped one two real poles with an entry each.
@@ -52,7 +52,7 @@ def modes(car: HalfCar) -> list[Mode]:
     return _modes_of(deflection_form(car).A)
 
 
-def nominal_modes(car: CarModel) -> list[Mode]:
+def nominal_modes(car: CarModel) -> list[VibrationMode]:
     """Modes of a car as the vehicle file gives it, slowest first.
 
     What is no motion of the body, such as a twist of the wheels that it cannot follow, is left out.
@@ -76,7 +76,7 @@ def half_width(car: CarModel, values: Values) -> float:
     return float(-np.trace(A) / (4.0 * np.pi * len(car.elements)))
 
 
-def _modes_of(A: NDArray[np.float64]) -> list[Mode]:
+def _modes_of(A: NDArray[np.float64]) -> list[VibrationMode]:
     values, vectors = np.linalg.eig(A)
     fastest = float(np.max(np.abs(values)))
     found = []
@@ -89,7 +89,7 @@ def _modes_of(A: NDArray[np.float64]) -> list[Mode]:
         shape = shape / shape[int(np.argmax(np.abs(shape)))]
         natural = abs(value) / (2.0 * np.pi)
         found.append(
-            Mode(
+            VibrationMode(
                 natural=float(natural),
                 damped=float(value.imag / (2.0 * np.pi)),
                 ratio=float(-value.real / abs(value)),

@@ -30,7 +30,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.fit_checks import excess_noise_sentence
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
-from bayes_asv.posterior.newton import Mode, find_mode
+from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -68,7 +68,7 @@ def agreement(scores: Array, information: Array, covariance: Array) -> float:
     return min(1.0, claimed / varied) if varied > 0.0 else 1.0
 
 
-def share(target: Posterior, mode: Mode, run: int, slowest: float) -> float | None:
+def share(target: Posterior, mode: PosteriorMode, run: int, slowest: float) -> float | None:
     """Share of its readings for which a run should count.
 
     Parameters
@@ -132,7 +132,7 @@ class BandFit(NamedTuple):
         Empty where the sensors explain what is left.
     """
 
-    mode: Mode
+    mode: PosteriorMode
     target: Posterior
     shares: tuple[float | None, ...] = ()
 
@@ -171,7 +171,7 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
     shares = tuple(share(target, mode, run, slowest) for run in range(len(recordings)))
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
-        for colour, part in zip(target.colours, shares, strict=True)
+        for colour, part in zip(target.residual_ars, shares, strict=True)
     )
     mode, target = _climb(Posterior(parameter_space, counted), mode.z)
     return BandFit(mode, target, shares)
@@ -206,12 +206,12 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     ]
 
 
-def _climb(target: Posterior, start: Array | None) -> tuple[Mode, Posterior]:
+def _climb(target: Posterior, start: Array | None) -> tuple[PosteriorMode, Posterior]:
     with shared_work(target) as shared:
         return find_mode(shared, start), replace(target, pool=None)
 
 
-def _sensors_explain(target: Posterior, mode: Mode) -> bool:
+def _sensors_explain(target: Posterior, mode: PosteriorMode) -> bool:
     """Whether what is left is as white and as small as the sensors' noise that was given."""
     noise = {n: float(x[0]) for n, x in target.space.nuisance(mode.z[None]).items()}
     for run, recording in enumerate(target.space.recordings):

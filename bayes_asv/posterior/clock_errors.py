@@ -42,7 +42,7 @@ from bayes_asv.preprocessing.prepared_recording import (
     common_readings,
 )
 
-__all__ = ["OffsetMode", "Synchronised", "fitted", "synchronised"]
+__all__ = ["OffsetMode", "Synchronised", "fit_synchronised", "synchronised"]
 
 Array = NDArray[np.float64]
 
@@ -239,7 +239,7 @@ def synchronised(
     return Synchronised(tuple(jobs), tuple(prepared), tuple(timed), modes)
 
 
-def fitted(timed: Synchronised, sites: tuple[Site, ...] = ()) -> MapFit:
+def fit_synchronised(timed: Synchronised, sites: tuple[Site, ...] = ()) -> MapFit:
     """Fit all runs together, and expand the likelihood again where its mode has moved.
 
     Parameters

@@ -28,7 +28,7 @@ from bayes_asv.posterior.fitted_model import (
 )
 from bayes_asv.posterior.free_simulation import free_run
 
-__all__ = ["Candidate", "added", "candidates", "read_site", "with_effects"]
+__all__ = ["Candidate", "candidates", "fit_with_effect", "read_site", "with_effects"]
 
 _DEEP = tuple(np.linspace(0.5, 0.95, 10).tolist())  # shares of the travel used where a stop may be
 _SOFT = 1.0  # rate of a stop that is looked for, in spring rates
@@ -51,7 +51,7 @@ class Candidate:
         Values of its parameters (SI units) that stand for a little of it.
     tolerance : bool
         They are one deviation of what every car may have.
-    signed : bool
+    one_sided : bool
         Less than nothing of it cannot be.
     begin : bool
         A fit begins from these values; otherwise from the effect's own starts.
@@ -62,7 +62,7 @@ class Candidate:
     site: Site
     values: Mapping[str, float]
     tolerance: bool
-    signed: bool
+    one_sided: bool
     begin: bool = False
     edge: bool = False
 
@@ -250,7 +250,8 @@ def with_effects(
                 "leave it out, or name another place",
             )
         model = max(
-            (added(dataset, model, group) for group in groups), key=lambda s: s.mode.log_posterior
+            (fit_with_effect(dataset, model, group) for group in groups),
+            key=lambda s: s.mode.log_posterior,
         )
         dataset = update_patterns(dataset, model)
     return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
@@ -291,7 +292,7 @@ def _first_place(model: FittedModel) -> str:
     return str(model.space.car.elements[0].axle)
 
 
-def added(
+def fit_with_effect(
     dataset: Dataset,
     model: FittedModel,
     group: Sequence[Candidate],

@@ -164,7 +164,7 @@ def slopes(
         scales[own] = (logs[1:] - logs[0]) / _STEP
         means[own] = -((nu[1:] - nu[0]) / _STEP + 0.5 * nu[0] * scales[own])
         parts.append((nu[0], logs[0], means, scales))
-        if space.recordings[run].cut is not None:
+        if space.recordings[run].removed_band is not None:
             corrections = target.removed_band_correction(moved[run], run)
             returned[own] += (corrections[1:] - corrections[0]) / _STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

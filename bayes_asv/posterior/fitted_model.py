@@ -25,8 +25,8 @@ from bayes_asv.preprocessing.quantization import with_noise_of_still_wheels, wit
 __all__ = [
     "Dataset",
     "FittedModel",
-    "base",
     "fit_again",
+    "fit_linear_car",
     "fitted",
     "make_dataset",
     "transfer_coordinates",
@@ -51,14 +51,14 @@ class Dataset:
         Recordings.
     patterns : tuple of SensorPatterns
         What sensors that are not as declared would change in each.
-    quiet : bool
+    inputs_denoised : bool
         The wheels have lost most of their noise already.
     """
 
     vehicle: Vehicle
     recordings: tuple[PreparedRecording, ...]
     patterns: tuple[SensorPatterns, ...]
-    quiet: bool = False
+    inputs_denoised: bool = False
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -98,12 +98,12 @@ def _begun(dataset: Dataset, run: int) -> PreparedRecording:
     """
     target = dataset.target(())
     begin, sd = initial_state(target, np.zeros(target.space.dimension), run)
-    start = dataset.recordings[run].start
+    start = dataset.recordings[run].initial_covariance
     states = 2 * len(dataset.recordings[run].car.elements)
     shrink = np.ones(len(start))
     variance = _START * (begin**2 + sd**2)
     shrink[:states] = np.sqrt(np.minimum(1.0, variance / np.diag(start))[:states])
-    return replace(dataset.recordings[run], start=shrink[:, None] * start * shrink)
+    return replace(dataset.recordings[run], initial_covariance=shrink[:, None] * start * shrink)
 
 
 def update_patterns(dataset: Dataset, model: FittedModel) -> Dataset:
@@ -117,7 +117,7 @@ def update_patterns_at(dataset: Dataset, target: Posterior, z: Array) -> Dataset
     def one(run: int) -> SensorPatterns:
         declared = (
             above(target, z, run)
-            if dataset.quiet
+            if dataset.inputs_denoised
             else denoise_and_predict(target, z, run, dataset.vehicle).after
         )
         return patterns(dataset.recordings[run], dataset.vehicle, declared)
@@ -197,7 +197,7 @@ def fit_again(dataset: Dataset, model: FittedModel, sites: tuple[Site, ...]) -> 
     return fitted(target, model.transfer(target.space))
 
 
-def base(dataset: Dataset) -> FittedModel:
+def fit_linear_car(dataset: Dataset) -> FittedModel:
     """Fit the linear car to the recordings of a dataset."""
     target = dataset.target(())
     return fitted(target, np.zeros(target.space.dimension))

@@ -38,13 +38,13 @@ class FreeRun(NamedTuple):
         Outputs with the fitted biases, as the sensors would have read them.
     states : (E, nx + ne) array
         Deflections (m) and their rates (m/s) element by element, body rates, and excess forces (N).
-    begin : (nx + nd + ny,) array
+    initial_state : (nx + nd + ny,) array
         States at the first instant, input biases, and biases of the outputs.
     """
 
     output: Array
     states: Array
-    begin: Array
+    initial_state: Array
 
 
 def free_run(target: Posterior, z: Array, run: int) -> FreeRun:
@@ -75,7 +75,7 @@ def initial_state(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
     What is left of the recording is taken for white noise.
     """
     found, deviation = _of_posterior(target, z, run, target.as_declared(z, run))
-    return found.begin, deviation
+    return found.initial_state, deviation
 
 
 def _of_posterior(

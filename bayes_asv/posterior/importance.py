@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 from scipy.stats import chi2, qmc
 
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 
 __all__ = [
     "DEGREES_OF_FREEDOM", "INFLATION", "Density", "Proposal", "WeightedDraws", "importance_sample",
@@ -46,7 +46,7 @@ class Proposal:
         )
 
     @classmethod
-    def around(cls, mode: Mode, inflation: float) -> Proposal:
+    def around(cls, mode: PosteriorMode, inflation: float) -> Proposal:
         """From the curvature at the mode."""
         one = mode.sd
         return cls(mode.z, one, one, inflation * mode.covariance / np.outer(one, one))
@@ -162,7 +162,7 @@ class WeightedDraws:
         return float(np.sqrt(self.weight @ (value - self.mean(value)) ** 2))
 
 
-def importance_sample(target: Density, mode: Mode, count: int, seed: int) -> WeightedDraws:
+def importance_sample(target: Density, mode: PosteriorMode, count: int, seed: int) -> WeightedDraws:
     """Draw evenly from a Student t at the mode and weigh by the posterior.
 
     Parameters

@@ -123,7 +123,7 @@ class Posterior:
     ----------
     space : ParameterSpace
         Coordinates, priors and recordings.
-    colours : tuple of ResidualAR
+    residual_ars : tuple of ResidualAR
         One a run.
     pool : Threads or None
         Where batches are split; the answer does not depend on it.
@@ -137,7 +137,7 @@ class Posterior:
     """
 
     space: ParameterSpace
-    colours: tuple[ResidualAR, ...]
+    residual_ars: tuple[ResidualAR, ...]
     pool: Threads | None = None
     patterns: tuple[SensorPatterns, ...] = ()
     retimed_patterns: tuple[tuple[SensorPatterns, ...], ...] = ()
@@ -145,7 +145,7 @@ class Posterior:
 
     def with_residual_ar(self, colours: tuple[ResidualAR, ...]) -> Posterior:
         """Return the same posterior with other residual autoregressions."""
-        return replace(self, colours=colours)
+        return replace(self, residual_ars=colours)
 
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
@@ -175,7 +175,7 @@ class Posterior:
         z, covariance : (D,) and (D, D) arrays
             Mode and covariance, along whose principal axes derivatives are taken.
         """
-        runs = range(len(self.colours))
+        runs = range(len(self.residual_ars))
         return replace(self, expansions=tuple(self._expansion(z, covariance, r) for r in runs))
 
     def _expansion(self, z: Array, covariance: Array, run: int) -> ClockExpansion | None:
@@ -207,11 +207,11 @@ class Posterior:
 
     def _log_likelihood(self, z: Array, run: int, recording: PreparedRecording) -> Array:
         """Log-likelihood (W,) of one run, prepared for certain errors of its clocks."""
-        colour = self.colours[run]
+        colour = self.residual_ars[run]
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
         if colour.order > 0:
             value = kalman_ar.log_likelihood(
-                system, noise, recording.measurements, recording.closes, *colour
+                system, noise, recording.measurements, recording.ends_group, *colour
             )
         elif not self.space.sites:
             value = kalman.log_likelihood(system, noise, recording.measurements)
@@ -284,7 +284,7 @@ class Posterior:
 
     def removed_band_correction(self, z: Array, run: int) -> Array:
         """½ log det of a band that was cut out of a run (W,), at coordinates (W, D)."""
-        cut = self.space.recordings[run].cut
+        cut = self.space.recordings[run].removed_band
         if cut is None:
             return np.zeros(len(z))
         return log_determinant(cut, self.space.noises(z, run))
@@ -295,7 +295,7 @@ class Posterior:
         Many points are divided, and the pieces of all runs shared between the threads of the
         pool.  A thread of the pool must not call this: it would wait for one that it occupies.
         """
-        runs = range(len(self.colours)) if runs is None else runs
+        runs = range(len(self.residual_ars)) if runs is None else runs
         pieces = np.array_split(z, self.pool.count) if len(z) >= _MANY and self.pool else [z]
         work = self.pool.map if self.pool else map
         shares = [(piece, run) for run in runs for piece in pieces]
@@ -321,7 +321,7 @@ class Posterior:
         many points as there are lanes in :data:`bayes_asv.filters.vector_code.LANES`.
         """
         points = np.atleast_2d(z)
-        out = self._innovations(points, run, self.colours[run] if colour is None else colour)
+        out = self._innovations(points, run, self.residual_ars[run] if colour is None else colour)
         return out[0] if z.ndim == 1 else out
 
     def _innovations(self, z: Array, run: int, colour: ResidualAR) -> Array:
@@ -349,7 +349,7 @@ class Posterior:
         if colour.order == 0:
             return kalman.filter_pass(system, noise, recording.measurements).innovations
         return kalman_ar.innovations(
-            system, noise, recording.measurements, recording.closes, *colour
+            system, noise, recording.measurements, recording.ends_group, *colour
         )
 
     def innovations_and_variances(

@@ -28,7 +28,7 @@ from bayes_asv.posterior.fit_checks import (
 )
 from bayes_asv.posterior.fitted_model import (
     FittedModel,
-    base,
+    fit_linear_car,
     make_dataset,
     transfer_coordinates,
     update_patterns_at,
@@ -42,7 +42,7 @@ from bayes_asv.posterior.information import (
     unmeasured,
 )
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
-from bayes_asv.posterior.newton import Mode, find_mode
+from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.band import check_band, low_pass_recording, too_short
@@ -53,7 +53,7 @@ from bayes_asv.preprocessing.data_checks import (
 )
 from bayes_asv.preprocessing.faulty_channels import stuck_channels
 from bayes_asv.preprocessing.prepare import prepare
-from bayes_asv.preprocessing.prepared_recording import PreparedRecording, changed
+from bayes_asv.preprocessing.prepared_recording import PreparedRecording, with_clock_variants
 from bayes_asv.preprocessing.tone_removal import (
     engine_tones,
     find_tones,
@@ -94,17 +94,17 @@ class MapFit:
     shares : tuple of float or None
         In a band, the share of its readings that each run counts for; see
         :class:`bayes_asv.posterior.band_fit.BandFit`.
-    near : FittedModel or None
+    tight_noise_fit : FittedModel or None
         The same model with noise levels near the declared ones, where that was fitted.
     """
 
     target: Posterior
-    mode: Mode
+    mode: PosteriorMode
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
     shares: tuple[float | None, ...] = ()
     faults: tuple[str, ...] = ()
-    near: FittedModel | None = None
+    tight_noise_fit: FittedModel | None = None
 
     @property
     def space(self) -> ParameterSpace:
@@ -199,7 +199,7 @@ def best_fit(
         mode, target, near = _with_sites(recordings, vehicle, sites)
     else:
         mode, target = _at_full_band(recordings, vehicle, likelihood)
-    return replace(_judged(target, mode, shares), near=near)
+    return replace(_judged(target, mode, shares), tight_noise_fit=near)
 
 
 def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
@@ -216,13 +216,13 @@ def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
     vehicle : Vehicle
         Gives the priors.
     """
-    near = found.near or base(make_dataset(vehicle, found.space.recordings))
+    near = found.tight_noise_fit or fit_linear_car(make_dataset(vehicle, found.space.recordings))
     top = near.mode
-    mode = Mode(top.z, top.covariance, top.log_posterior, top.converged)
-    return replace(_judged(near.target, mode, ()), near=near)
+    mode = PosteriorMode(top.z, top.covariance, top.log_posterior, top.converged)
+    return replace(_judged(near.target, mode, ()), tight_noise_fit=near)
 
 
-def _judged(target: Posterior, mode: Mode, shares: tuple[float | None, ...]) -> MapFit:
+def _judged(target: Posterior, mode: PosteriorMode, shares: tuple[float | None, ...]) -> MapFit:
     """Check whether the data identify the parameters and the model explains them, at the mode."""
     parameter_space = target.space
     # Where the search did not converge, the sampler decides.
@@ -244,7 +244,7 @@ def _judged(target: Posterior, mode: Mode, shares: tuple[float | None, ...]) -> 
 
 def _at_full_band(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
-) -> tuple[Mode, Posterior]:
+) -> tuple[PosteriorMode, Posterior]:
     """Climb to the mode, cut tones out, and climb again with the colour that is left."""
     mode, target = _climb(space(vehicle, recordings, likelihood), None)
     if likelihood != "innovations":
@@ -257,7 +257,7 @@ def _at_full_band(
 
 def _with_sites(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
-) -> tuple[Mode, Posterior, FittedModel]:
+) -> tuple[PosteriorMode, Posterior, FittedModel]:
     """Climb to the mode of a model with effects, its noise levels free.
 
     Returns the model with noise levels near the declared ones as well.
@@ -308,7 +308,7 @@ def _cut_out(recording: PreparedRecording) -> list[str]:
     ]
 
 
-def _climb(parameter_space: ParameterSpace, start: Array | None) -> tuple[Mode, Posterior]:
+def _climb(parameter_space: ParameterSpace, start: Array | None) -> tuple[PosteriorMode, Posterior]:
     """Climb to the mode of a space, all innovations taken to be white."""
     with shared_work(
         Posterior(parameter_space, (WHITE,) * len(parameter_space.recordings))
@@ -317,7 +317,7 @@ def _climb(parameter_space: ParameterSpace, start: Array | None) -> tuple[Mode, 
 
 
 def _without_tones(
-    target: Posterior, mode: Mode, vehicle: Vehicle
+    target: Posterior, mode: PosteriorMode, vehicle: Vehicle
 ) -> tuple[PreparedRecording, ...] | None:
     """Cut the tones of an engine out of every run; None where there are none.
 
@@ -333,18 +333,22 @@ def _without_tones(
         modes = own_modes(recording.car, vehicle.unsprung)
         tones = engine_tones(find_tones(used, rate), [used], rate, modes)
         any_found |= bool(tones)
-        out.append(changed(recording, partial(notched, notches=tones)) if tones else recording)
+        out.append(
+            with_clock_variants(recording, partial(notched, notches=tones)) if tones else recording
+        )
     return tuple(out) if any_found else None
 
 
-def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode, Posterior]:
+def _with_colour(
+    target: Posterior, mode: PosteriorMode, vehicle: Vehicle
+) -> tuple[PosteriorMode, Posterior]:
     """Look at the colour of what is left, and climb again until it settles.
 
     Under a colour a run's noise levels are held: left free they swell, since a colour makes
     good for whatever filter they stand for.
     """
     whole = target.space
-    colours: tuple[ResidualAR, ...] = target.colours
+    colours: tuple[ResidualAR, ...] = target.residual_ars
     for _ in range(_COLOUR_ROUNDS):
         found = tuple(_colour_of(target, mode, run) for run in range(len(target.space.recordings)))
         if all(c.order == 0 for c in (*found, *colours)):
@@ -360,13 +364,13 @@ def _with_colour(target: Posterior, mode: Mode, vehicle: Vehicle) -> tuple[Mode,
     return mode, target
 
 
-def _colour_of(target: Posterior, mode: Mode, run: int) -> ResidualAR:
+def _colour_of(target: Posterior, mode: PosteriorMode, run: int) -> ResidualAR:
     """Colour of one run's innovations, scaled for what a filter took out of them."""
     recording = target.space.recordings[run]
     found = fit_residual_ar(recording.paired(target.innovations(mode.z, run, WHITE)))
     if found.order == 0:
         return WHITE
-    left = 1.0 if recording.cut is None else recording.cut.left
+    left = 1.0 if recording.removed_band is None else recording.removed_band.left
     return found._replace(root=found.root * math.sqrt(left))
 
 
@@ -406,7 +410,9 @@ def unidentified_before_fit(
     )
 
 
-def _unmeasured(parameter_space: ParameterSpace, mode: Mode) -> tuple[list[str], list[str]]:
+def _unmeasured(
+    parameter_space: ParameterSpace, mode: PosteriorMode
+) -> tuple[list[str], list[str]]:
     """Refuse when the drive taught next to nothing about an answer; warn where a prior is one."""
     prior = {name: parameter_space.log_prior_of(name)[1] for name in parameter_space.car.estimated}
     after = {name: parameter_space.log_deviation(mode.covariance, name) for name in prior}

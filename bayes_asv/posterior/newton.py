@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["Mode", "find_mode", "residual_functions"]
+__all__ = ["PosteriorMode", "find_mode", "residual_functions"]
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _STARTS = ((1.0, 1.0), (2.5, 1.0), (0.4, 1.0), (1.0, 2.0), (1.0, 0.5))
 
 
 @dataclass(frozen=True)
-class Mode:
+class PosteriorMode:
     """A mode of the posterior.
 
     Parameters
@@ -56,7 +56,7 @@ class Mode:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
-def find_mode(target: Posterior, start: Array | None = None) -> Mode:
+def find_mode(target: Posterior, start: Array | None = None) -> PosteriorMode:
     """Climb to the posterior's mode.
 
     Parameters
@@ -198,7 +198,7 @@ def derivatives(target: Posterior, z: Array, scale: Array) -> tuple[float, Array
     return value, gradient, hessian
 
 
-def _newton(target: Posterior, z: Array, scale: Array) -> Mode:
+def _newton(target: Posterior, z: Array, scale: Array) -> PosteriorMode:
     """Damped Newton steps; the scale follows the curvature."""
     damping = 1.0
     d = len(z)
@@ -237,4 +237,4 @@ def _newton(target: Posterior, z: Array, scale: Array) -> Mode:
             if damping > 1e8:
                 break
     covariance = np.linalg.inv(precision) * np.outer(scale, scale)
-    return Mode(z, covariance, value, converged)
+    return PosteriorMode(z, covariance, value, converged)

@@ -107,7 +107,7 @@ class ParameterSpace:
         Effects that the car and its sensors have.
     sizes : Scale
         What the effects' priors are given in.
-    near : bool
+    tight_noise : bool
         Noise levels stay near their prior's centre.
     sensors : tuple of int
         Run that has the coordinates of the noise of each run's sensors: the first of the pieces of
@@ -121,7 +121,7 @@ class ParameterSpace:
     held: tuple[Array, ...]
     sites: tuple[Site, ...] = ()
     sizes: Scale = field(default_factory=lambda: Scale(1.0, 1.0))
-    near: bool = False
+    tight_noise: bool = False
     sensors: tuple[int, ...] = ()
 
     @property
@@ -311,7 +311,9 @@ class ParameterSpace:
             else:
                 continue  # with white residuals an input has no noise
             passed = share if recording.poles[c] > 0.0 else 0.0 * share
-            white[:, column] = (1.0 - passed) * variance + recording.steps[c] ** 2 / 12.0
+            white[:, column] = (1.0 - passed) * variance + recording.quantization_steps[
+                c
+            ] ** 2 / 12.0
             filtered[:, column] = passed * variance
             poles[:, column] = recording.poles[c]
             for site in self.sites:
@@ -322,7 +324,7 @@ class ParameterSpace:
     def _level(self, z: Array, k: int) -> Array:
         """Logarithm (W,) of a noise level."""
         one = self.coordinates[k]
-        if not self.near:
+        if not self.tight_noise:
             return np.asarray(one.centre + one.scale * z[:, k])
         cap = _NEAR_CAP if one.scale < NOISE_GIVEN_SD else _UNKNOWN_CAP
         return np.asarray(one.centre + cap * np.tanh(one.scale * z[:, k] / cap))
@@ -579,7 +581,7 @@ def space(
         held=tuple(held),
         sites=sites,
         sizes=effect_scale(car),
-        near=near,
+        tight_noise=near,
         sensors=sensors,
     )
 

@@ -26,7 +26,7 @@ from scipy.special import logsumexp
 from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
 from bayes_asv.posterior.importance import INFLATION, Density, Proposal
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.shared_posterior import SharedPosterior
 from bayes_asv.posterior.threads import threads
 
@@ -95,7 +95,7 @@ _TRUSTED = 0.5  # of the Pareto tail of weights: beyond it their variance is inf
 
 
 def weighted_ensembles(
-    target: Density, mode: Mode, seed: int, progress: Progress | None = None
+    target: Density, mode: PosteriorMode, seed: int, progress: Progress | None = None
 ) -> Ensembles | None:
     """Draw independently, and weigh by the posterior.
 
@@ -192,7 +192,11 @@ def _resampled(
 
 
 def run_ensembles(
-    target: Density, mode: Mode, seed: int, progress: Progress | None = None, most: int = MAX_STEPS
+    target: Density,
+    mode: PosteriorMode,
+    seed: int,
+    progress: Progress | None = None,
+    most: int = MAX_STEPS,
 ) -> Ensembles:
     """Sample the posterior.
 
@@ -259,7 +263,7 @@ def run_ensembles(
 
 def sample_runs(
     target: Posterior,
-    mode: Mode,
+    mode: PosteriorMode,
     seed: int,
     progress: Progress | None = None,
     most: int = MAX_STEPS,
@@ -285,7 +289,7 @@ def sample_runs(
 
 
 def _sampled(
-    target: Density, mode: Mode, seed: int, progress: Progress | None, most: int
+    target: Density, mode: PosteriorMode, seed: int, progress: Progress | None, most: int
 ) -> Ensembles:
     found = weighted_ensembles(target, mode, seed, progress)
     return run_ensembles(target, mode, seed, progress, most) if found is None else found

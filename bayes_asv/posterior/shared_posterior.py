@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 
 __all__ = ["SharedPosterior"]
 
@@ -40,7 +40,7 @@ class SharedPosterior:
         Mode and covariance of the shared coordinates.
     """
 
-    def __init__(self, target: Posterior, mode: Mode) -> None:
+    def __init__(self, target: Posterior, mode: PosteriorMode) -> None:
         of_runs = np.array([c.run is not None for c in target.space.coordinates])
         self._target, self._all = target, mode
         self._shared, self._own = np.flatnonzero(~of_runs), np.flatnonzero(of_runs)
@@ -49,7 +49,7 @@ class SharedPosterior:
         across = precision[np.ix_(self._own, self._shared)]
         self._follow = -np.linalg.solve(within, across)
         self._root = np.linalg.inv(np.linalg.cholesky(within)).T
-        self.mode = Mode(
+        self.mode = PosteriorMode(
             mode.z[self._shared], mode.covariance[np.ix_(self._shared, self._shared)],
             mode.log_posterior, mode.converged,
         )  # fmt: skip

@@ -191,7 +191,7 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
         noise=tuple(
             None if n is None else n * s for n, s in zip(recording.noise, level, strict=True)
         ),
-        steps=recording.steps * share,
+        quantization_steps=recording.quantization_steps * share,
         poles=np.zeros(len(channels)),
         below=below,
         quiet=_LEFT * np.std(values, axis=1) / passed * share,

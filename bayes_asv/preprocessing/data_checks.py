@@ -20,7 +20,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.modes import Mode, nominal_modes
+from bayes_asv.models.modes import VibrationMode, nominal_modes
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.preprocessing.prepare import (
@@ -212,7 +212,7 @@ def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str]
         name = recording.channels[c].words
         signal = recording.values[c][np.isfinite(recording.values[c])]
         shaken = float(np.std(signal))
-        floor = max(recording.noise[c] or 0.0, recording.steps[c] / np.sqrt(12.0))
+        floor = max(recording.noise[c] or 0.0, recording.quantization_steps[c] / np.sqrt(12.0))
         if shaken < MIN_EXCITATION * floor or shaken < 0.05:
             moving = [float(np.std(values[np.isfinite(values)])) for values in recording.values]
             reasons.append(still_wheel(recording.source, recording.channels, c, moving))
@@ -283,7 +283,7 @@ def mistaken_time_unit(source: str, rate: float, least: float) -> str:
     return ""
 
 
-def min_sampling_rate(found: list[Mode]) -> float:
+def min_sampling_rate(found: list[VibrationMode]) -> float:
     """Rows a second below which a car of these modes moves between the samples."""
     return _SAMPLES_A_PERIOD * max(m.natural * (1.0 if m.damped else _REAL) for m in found)
 
@@ -296,7 +296,7 @@ def _alike(recording: PreparedRecording, left: int) -> bool:
     noise = [
         np.hypot(
             noise_level(recording, c) if (given := recording.noise[c]) is None else given,
-            recording.steps[c] / np.sqrt(12.0),
+            recording.quantization_steps[c] / np.sqrt(12.0),
         )
         for c in (one, other)
     ]

@@ -54,7 +54,7 @@ from bayes_asv.preprocessing.quantization import quiet_level
 
 __all__ = [
     "AT_RAIL", "IN_THE_AIR", "LOST", "MOST_ROWS", "NOT_NEEDED", "NO_TIME", "PUSHED", "Event",
-    "LogEvents", "choose", "find_events", "is_long",
+    "LogEvents", "choose_events", "find_events", "is_long",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -301,7 +301,7 @@ def find_events(
     )
 
 
-def choose(
+def choose_events(
     logs: Sequence[LogEvents], rows: float = 0.0, below: float | None = None
 ) -> tuple[LogEvents, ...]:
     """Choose the events of one or several logs of a car that are worth their time.

@@ -98,7 +98,7 @@ def sample_noise(recording: PreparedRecording, c: int) -> float:
     given = recording.noise[c]
     return math.hypot(
         noise_level(recording, c) if given is None else given,
-        float(recording.steps[c]) / math.sqrt(12.0),
+        float(recording.quantization_steps[c]) / math.sqrt(12.0),
     )
 
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
 
-__all__ = ["MissingBand", "frequency_response", "log_determinant", "missing_band"]
+__all__ = ["RemovedBand", "frequency_response", "log_determinant", "missing_band"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-class MissingBand(NamedTuple):
+class RemovedBand(NamedTuple):
     """A missing band.
 
     Parameters
@@ -53,7 +53,7 @@ def frequency_response(system: StateSpace, frequency: Array) -> Complex:
     return np.asarray(C @ np.linalg.solve(resolvent, np.broadcast_to(B, (len(s), *B.shape))))
 
 
-def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> MissingBand:
+def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> RemovedBand:
     """Describe what a filter took out.
 
     Parameters
@@ -69,20 +69,20 @@ def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> 
         For the transfer of the inputs' noise; above the car's own modes little of it arrives, so
         the nominal one will do.
     """
-    recordings = len(power)
-    frequency = (np.arange(recordings) + 0.5) / (2.0 * recordings * step)
+    bins = len(power)
+    frequency = (np.arange(bins) + 0.5) / (2.0 * bins * step)
     gone = 1.0 - np.minimum(power, 1.0)
     some = gone > 1e-3
-    return MissingBand(
+    return RemovedBand(
         np.asarray(frequency[some]),
-        np.asarray(groups * gone[some] / recordings),
+        np.asarray(groups * gone[some] / bins),
         frequency_response(system, np.asarray(frequency[some], np.float64)),
         step,
         float(1.0 - gone.mean()),
     )
 
 
-def log_determinant(band: MissingBand, noise: SensorNoise) -> Array:
+def log_determinant(band: RemovedBand, noise: SensorNoise) -> Array:
     """½ Σ log det S(f) of the missing band (W,), to be added to the log-likelihood.
 
     Parameters

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import MISSING, VALUE, Measurements
 from bayes_asv.models.car_model import CarModel, Output
-from bayes_asv.preprocessing.missing_band import MissingBand
+from bayes_asv.preprocessing.missing_band import RemovedBand
 from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
 __all__ = [
-    "ClockError", "PreparedRecording", "Retimed", "changed", "common_readings",
+    "ClockError",
+    "PreparedRecording",
+    "Retimed",
+    "common_readings",
     "interpolation_weights",
+    "with_clock_variants",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -104,7 +108,7 @@ class PreparedRecording:
         Numbers of the measured inputs, in the order of the car's elements, and of the outputs.
     step, moments, spread, kind, reading, extra, start
         As :class:`bayes_asv.filters.kalman.Measurements` has them.
-    closes : (E,) bool array
+    ends_group : (E,) bool array
         True at the last instant of a group of readings that belong together.
     instants : (E,) array
         Times of the steps' ends, s.
@@ -120,7 +124,7 @@ class PreparedRecording:
         Readings at a rail.
     noise : tuple of float or None
         Given standard deviation of one sample of each channel, SI units.
-    steps : (C,) array
+    quantization_steps : (C,) array
         Quantization step of each channel, SI units; 0 where not given.
     poles : (C,) array
         Pole of the filter that the readings of a channel passed, rad/s; 0 without one.
@@ -137,11 +141,11 @@ class PreparedRecording:
         record's quietest quarter.
     notches : tuple of (frequency, half-width)
         Bands that were cut out of all channels, Hz.
-    cut : MissingBand or None
+    removed_band : MissingBand or None
         What that did to the noise.
     doubt : (E, nu) array or None
         Part of ``spread`` that is no noise, but distrust of wheels that stand still.
-    began : float or None
+    start_time : float or None
         When the recording began, s, where a filter took its beginning away.
     retimed : Retimed or None
         The same with other errors of its clocks, where those are not known.
@@ -157,10 +161,10 @@ class PreparedRecording:
     moments: Array
     spread: Array
     kind: NDArray[np.int8]
-    closes: Flags
+    ends_group: Flags
     reading: Array
     extra: Array
-    start: Array
+    initial_covariance: Array
     instants: Array
     pairs: NDArray[np.int64]
     wheels: tuple[WheelSignal, ...]
@@ -168,7 +172,7 @@ class PreparedRecording:
     times: Array
     clipped: Flags
     noise: tuple[float | None, ...]
-    steps: Array
+    quantization_steps: Array
     poles: Array
     bias_directions: Array
     source: str
@@ -176,9 +180,9 @@ class PreparedRecording:
     below: float | None = None
     quiet: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
-    cut: MissingBand | None = None
+    removed_band: RemovedBand | None = None
     doubt: Array | None = None
-    began: float | None = None
+    start_time: float | None = None
     log: str = ""
     retimed: Retimed | None = None
 
@@ -186,7 +190,13 @@ class PreparedRecording:
     def measurements(self) -> Measurements:
         """Steps and readings as a filter takes them."""
         return Measurements(
-            self.step, self.moments, self.spread, self.kind, self.reading, self.extra, self.start
+            self.step,
+            self.moments,
+            self.spread,
+            self.kind,
+            self.reading,
+            self.extra,
+            self.initial_covariance,
         )
 
     @property
@@ -227,7 +237,7 @@ class PreparedRecording:
     @property
     def elapsed(self) -> Array:
         """Times of the steps' ends since the recording began (E,), s."""
-        return self.instants - (self.instants[0] if self.began is None else self.began)
+        return self.instants - (self.instants[0] if self.start_time is None else self.start_time)
 
     @property
     def noise_spread(self) -> Array:
@@ -257,7 +267,7 @@ class PreparedRecording:
         return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
 
 
-def changed(
+def with_clock_variants(
     recording: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
 ) -> PreparedRecording:
     """Change a recording, and with it what it would be with other errors of its clocks."""

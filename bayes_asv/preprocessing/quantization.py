@@ -122,7 +122,7 @@ def _covers_less(
     time, signal = recording.times[c, there], recording.values[c, there]
     n = max(round(STILL_WINDOW / float(np.median(np.diff(time)))), 3)
     span = maximum_filter1d(signal, n) - minimum_filter1d(signal, n)
-    less = (span < steps(n) * recording.steps[c]).astype(float)
+    less = (span < steps(n) * recording.quantization_steps[c]).astype(float)
     return np.asarray(np.interp(recording.instants, time, less) > 0.5)
 
 
@@ -133,7 +133,7 @@ def spurious_drift(recording: PreparedRecording, c: int) -> float:
     run, is no fault.
     """
     still = float(np.mean(is_stationary(recording, c)))
-    largest = offset(float(recording.steps[c]), float(recording.noise[c] or 0.0))
+    largest = offset(float(recording.quantization_steps[c]), float(recording.noise[c] or 0.0))
     return (
         2.0 * largest * still / float(np.ptp(recording.times[c, np.isfinite(recording.values[c])]))
     )
@@ -146,7 +146,7 @@ def _beyond(recording: PreparedRecording, c: int) -> float:
         return 0.0
     every = float(np.median(np.diff(time)))
     return still_variance(
-        float(recording.steps[c]),
+        float(recording.quantization_steps[c]),
         float(recording.noise[c] or 0.0),
         float(recording.poles[c]),
         every,
@@ -201,4 +201,4 @@ def noise_level(recording: PreparedRecording, c: int) -> float:
     """Noise of one sample of a channel, m/s², from its quiet quarter."""
     if recording.quiet is not None:
         return float(recording.quiet[c])
-    return quiet_level(recording.values[c], float(recording.steps[c]))
+    return quiet_level(recording.values[c], float(recording.quantization_steps[c]))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.preprocessing.events import LogEvents, choose, find_events, is_long
+from bayes_asv.preprocessing.events import LogEvents, choose_events, find_events, is_long
 from bayes_asv.preprocessing.resampling import at_own_rate
 
 __all__ = ["nothing_in", "select_runs"]
@@ -41,7 +41,7 @@ def select_runs(
         if cut
     ]
     rows = sum(len(one.time) for one, cut in zip(recordings, long, strict=True) if not cut)
-    logs = choose(found, rows, below)
+    logs = choose_events(found, rows, below)
     of_log = iter(logs)
     runs: list[Recording] = []
     for recording, cut in zip(recordings, long, strict=True):

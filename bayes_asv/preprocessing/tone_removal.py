@@ -180,16 +180,16 @@ def engine_tones(
     """
     signals = [np.nan_to_num(run) for run in runs]
     longest = max((len(run) for run in signals), default=1)
-    recording = rate / longest
+    bin_width = rate / longest
 
     def plain(tone: Notch) -> bool:
         f = tone.frequency
         if f < _IDLE or f > _NEAR_HALF_RATE * 0.5 * rate:
             return False
-        if any(abs(f - rate / rows) < 1.5 * recording for rows in range(2, _MOST_ROWS + 1)):
+        if any(abs(f - rate / rows) < 1.5 * bin_width for rows in range(2, _MOST_ROWS + 1)):
             return False
         beside = [
-            t for t in tones if _harmonic(t, tone, recording) and not _at_mode(t.frequency, modes)
+            t for t in tones if _harmonic(t, tone, bin_width) and not _at_mode(t.frequency, modes)
         ]
         if _at_mode(f, modes) and not beside:
             return False
@@ -203,7 +203,7 @@ def engine_tones(
         for tone in tones
         if any(
             abs(tone.frequency - one.frequency) < _ADJACENT * one.half_width
-            or _harmonic(tone, one, recording)
+            or _harmonic(tone, one, bin_width)
             for one in own
         )
     )
@@ -230,13 +230,13 @@ def _at_mode(frequency: float, modes: Sequence[tuple[float, float]]) -> bool:
     return any(abs(frequency - f) < ratio * f for f, ratio in modes)
 
 
-def _harmonic(tone: Notch, other: Notch, recording: float) -> bool:
+def _harmonic(tone: Notch, other: Notch, bin_width: float) -> bool:
     """Whether two tones are different multiples of half a speed, as far as lines (Hz) tell."""
     orders = range(1, round(2.0 * _MOST_ORDER) + 1)
     return any(
         i != j
         and abs(tone.frequency - other.frequency * i / j)
-        < _ORDERS_OFF * tone.frequency + 0.5 * recording
+        < _ORDERS_OFF * tone.frequency + 0.5 * bin_width
         for i in orders
         for j in orders
         if other.frequency * 2.0 / j >= _IDLE
@@ -345,18 +345,18 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
         values, recording.times, (railed, railed), wheels, recording.outputs, recording.car
     )
     step = 1.0 / rate
-    recordings = (np.arange(_LINES) + 0.5) * math.pi / _LINES
-    _, response = sosfreqz(sections, recordings)
+    phase = (np.arange(_LINES) + 0.5) * math.pi / _LINES
+    _, response = sosfreqz(sections, phase)
     system = state_space(recording.car, recording.car.nominal, recording.output_models)
     return replace(
         recording,
         **plan._asdict(),
         wheels=wheels,
         values=values,
-        cut=missing_band(np.abs(response) ** 2, len(plan.pairs), step, system),
+        removed_band=missing_band(np.abs(response) ** 2, len(plan.pairs), step, system),
         notches=tuple(notches),
         doubt=None,
-        began=recording.instants[0] if recording.began is None else recording.began,
+        start_time=recording.instants[0] if recording.start_time is None else recording.start_time,
     )
 
 
@@ -370,16 +370,16 @@ def _peak(left: Array, rate: float, alarm: float) -> float | None:
     # Half of a segment is the next one's: a Hann window makes that 0.55 of an independent one.
     segments = max(1.0, 0.55 * (2.0 * len(left) / n - 1.0))
     frequency, power = welch(left, rate, nperseg=n, noverlap=n // 2, axis=0)
-    recordings = min(_NEIGHBOURS, len(power) // 2 * 2 - 1)
-    floor = median_filter(power, size=(recordings, 1))
-    half = recordings // 2  # near its ends a spectrum has neighbours on one side only
+    neighbours = min(_NEIGHBOURS, len(power) // 2 * 2 - 1)
+    floor = median_filter(power, size=(neighbours, 1))
+    half = neighbours // 2  # near its ends a spectrum has neighbours on one side only
     floor[:half], floor[-half:] = floor[half], floor[-half - 1]
     ratio = power / np.maximum(floor, 1e-12) * gamma(segments).median() / segments
     ratio[(frequency < _LOWEST) | (frequency > 0.5 * rate - 1.0)] = 0.0
     best, axle = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     # The floor is uncertain as well: a median is worth 0.64, Hann lines 0.67 of as many lines.
     degrees = 2.0 * segments
-    limit = float(f(degrees, 0.4 * recordings * degrees).isf(alarm / power.size))
+    limit = float(f(degrees, 0.4 * neighbours * degrees).isf(alarm / power.size))
     return float(frequency[best]) if ratio[best, axle] > limit else None
 
 

@@ -76,9 +76,9 @@ def match_bandwidths(time: Array, signal: Array, bandwidth: float, target: float
     """
     if bandwidth <= target * (1.0 + 1e-9):
         return signal
-    recordings = np.zeros((4, len(signal) - 1))
-    recordings[2], recordings[3] = np.diff(signal) / np.diff(time), signal[:-1]
-    slow = low_passed(time, recordings, 2.0 * math.pi * target)
+    pieces = np.zeros((4, len(signal) - 1))
+    pieces[2], pieces[3] = np.diff(signal) / np.diff(time), signal[:-1]
+    slow = low_passed(time, pieces, 2.0 * math.pi * target)
     share = target / bandwidth
     return np.asarray(share * signal + (1.0 - share) * slow)
 

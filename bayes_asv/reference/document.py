@@ -11,7 +11,7 @@ import numpy as np
 from bayes_asv import __version__
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
-from bayes_asv.models.modes import Mode
+from bayes_asv.models.modes import VibrationMode
 from bayes_asv.reference.experiments import Run
 from bayes_asv.reference.greybox import PointEstimate
 from bayes_asv.reference.printed import TABLE_81, UNITS, errata
@@ -37,7 +37,7 @@ MODES_SCHEMA: Final = "bayes_asv/modes/1"
 GREYBOX_SCHEMA: Final = "bayes_asv/greybox/1"
 
 
-def mode_document(mode: Mode, labels: Sequence[str] = ("front", "rear")) -> Document:
+def mode_document(mode: VibrationMode, labels: Sequence[str] = ("front", "rear")) -> Document:
     """Convert a mode: frequencies in Hz, shape as magnitude and phase in degrees."""
     return {
         "natural_hz": mode.natural,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.models.half_car import HalfCar
 from bayes_asv.models.mode_shapes import second_order_modes
-from bayes_asv.models.modes import Mode
+from bayes_asv.models.modes import VibrationMode
 
 __all__ = [
     "Frequencies",
@@ -66,7 +66,7 @@ def printed_matrices(car: HalfCar) -> tuple[Array, Array, Array]:
     return M, C, K
 
 
-def printed_damped(mode: Mode) -> float:
+def printed_damped(mode: VibrationMode) -> float:
     """Return the damped frequency as in App. C.1, ω(1−ζ)/2π, Hz."""
     return mode.natural * (1.0 - mode.ratio)
 

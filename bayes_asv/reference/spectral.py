@@ -23,7 +23,7 @@ from scipy.signal import find_peaks, periodogram, welch
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.models.discretization import exact_step
 from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
-from bayes_asv.models.modes import Mode, modes
+from bayes_asv.models.modes import VibrationMode, modes
 from bayes_asv.reference.modal import Frequencies, subspace_modes
 
 __all__ = [
@@ -98,7 +98,7 @@ class SpectralStudy:
     """
 
     damping: float
-    modes: tuple[Mode, ...]
+    modes: tuple[VibrationMode, ...]
     peaks: tuple[tuple[float, ...], tuple[float, ...]]
     frequency: Array
     expected: Array
@@ -184,7 +184,7 @@ def spectral_study(car: HalfCar, damping: float, runs: int, seed: int) -> Spectr
     )  # fmt: skip
 
 
-def nearest_mode(estimate: list[Frequencies], mode: Mode) -> Frequencies | None:
+def nearest_mode(estimate: list[Frequencies], mode: VibrationMode) -> Frequencies | None:
     """Return the oscillating mode of an estimate nearest to a true mode, None without any."""
     candidates = [m for m in estimate if m.damped > 0.0]
     if not candidates:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.input_mistakes import Doubt
+from bayes_asv.analysis.input_mistakes import InputCheck
 from bayes_asv.analysis.nominal_values import NominalDamping, nominal_damping
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
@@ -97,7 +97,7 @@ class TrackResult:
     forget: float | None
     engine: str
     seconds: float
-    doubt: Doubt | None = None
+    doubt: InputCheck | None = None
 
     @property
     def nominal(self) -> dict[str, float]:

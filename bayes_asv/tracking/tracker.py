@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.input_mistakes import Doubt, check_input
+from bayes_asv.analysis.input_mistakes import InputCheck, check_input
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
@@ -291,7 +291,7 @@ class Tracker:
         )
         return begin + found if found and moving else found
 
-    def input_doubt(self, source: str, refused: bool = False) -> Doubt | None:
+    def input_doubt(self, source: str, refused: bool = False) -> InputCheck | None:
         """Check the input as ``estimate`` does, on the rows in which the wheels moved most.
 
         Parameters

@@ -111,7 +111,7 @@ def chassis_readings(
     """
     _, C = suspension(car)
     x = driven_states(recording, car) + noisy_states(recording, car, noise, rng)
-    bias = np.sqrt(np.diag(recording.start)[4:]) * rng.standard_normal(2)
+    bias = np.sqrt(np.diag(recording.initial_covariance)[4:]) * rng.standard_normal(2)
     y = x @ C.T + bias
     for axle in range(2):
         white = np.sqrt(noise[2 + axle] + recording.extra[:, axle]) * rng.standard_normal(len(y))
@@ -174,7 +174,7 @@ def noisy_states(
         [_remembered(noise[4 + a], noise[8 + a], recording.step, rng) for a in range(2)], axis=1
     )
     intensity = noise[:2] * recording.spread[:, :2] + recording.spread[:, 2:]
-    x = np.sqrt(np.diag(recording.start)[:4]) * rng.standard_normal(4)
+    x = np.sqrt(np.diag(recording.initial_covariance)[:4]) * rng.standard_normal(4)
     out = np.empty((len(recording.step), 4))
     flows: dict[int, tuple[Array, tuple[Array, Array]]] = {}
     for k, h in enumerate(recording.step):

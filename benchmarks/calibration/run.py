@@ -164,7 +164,7 @@ def _by_counting(x: Array, truth: float) -> tuple[float, float]:
 
 
 def _order(target: Posterior) -> int:
-    return max(colour.order for colour in target.colours)
+    return max(colour.order for colour in target.residual_ars)
 
 
 def several(cell: Cell, seed: int, runs: Sequence[int]) -> list[Row]:

@@ -47,7 +47,7 @@ def ask(folder: Path, name: str, mistaken: bool) -> dict[str, Any]:
         doubt = check_input(even, vehicle, refused=bool(reasons))
         if mistaken and not reasons and doubt is None:
             answer = estimate(runs, vehicle)
-            reasons, doubt = answer.reasons, answer.doubt
+            reasons, doubt = answer.reasons, answer.input_check
             for axle, key in (("front", "c_f"), ("rear", "c_r")):
                 if key in answer.draws:
                     draws = answer.draws[key]

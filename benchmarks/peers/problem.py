@@ -62,7 +62,7 @@ class Problem(NamedTuple):
             "share": space.index["filtered share 0"],
             "share_centre": share.centre, "share_scale": share.scale,
             "poles": recording.poles[list(recording.order)],
-            "steps": recording.steps[list(recording.order)],
+            "steps": recording.quantization_steps[list(recording.order)],
             "step": m.step, "moments": m.moments, "spread": m.spread, "kind": m.kind,
             "reading": m.reading, "extra": m.extra, "start": m.start,
             "mode": self.fit.mode.z, "covariance": self.fit.mode.covariance,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.random_effects import Contrast, RunLikelihood, contrast
+from bayes_asv.analysis.random_effects import HomogeneityTest, RunLikelihood, contrast
 from bayes_asv.analysis.run_consistency import SingleRunFit, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
@@ -92,7 +92,7 @@ def posterior_row(recording: PreparedRecording, run: SingleRunFit) -> Row:
     best = run.fit.space.cars(run.fit.mode.z[None])[0]
     row["nrmse"] = left_over(recording, best).tolist()
     row["share"] = run.fit.shares[0] if run.fit.shares else None
-    row["colour_order"] = run.fit.target.colours[0].order
+    row["colour_order"] = run.fit.target.residual_ars[0].order
     row["effective_draws"] = run.effective
     row["refused"] = list(run.fit.reasons)
     row["seconds"] = float(recording.instants[-1] - recording.instants[0])
@@ -148,7 +148,7 @@ def at_full_band(recording: Recording, vehicle: Vehicle) -> Row:
     }
 
 
-def between(runs: Sequence[SingleRunFit], counted: bool) -> Contrast:
+def between(runs: Sequence[SingleRunFit], counted: bool) -> HomogeneityTest:
     """Test whether runs share c_f, c_r and i, given values shared.
 
     Parameters

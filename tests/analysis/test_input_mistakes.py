@@ -175,8 +175,8 @@ def test_a_wheel_that_is_still_under_a_body_that_moves_has_a_dead_sensor() -> No
 def test_an_estimate_says_its_doubt_first_and_a_refusal_its_cause() -> None:
     recording, car = halved_springs(*worn(4))
     result = estimate([recording], car, seed=1)
-    assert result.doubt is not None
-    assert result.warnings[0] == result.doubt.sentence
+    assert result.input_check is not None
+    assert result.warnings[0] == result.input_check.sentence
     values = recording.values.copy()
     values[1] *= -1.0
     refused = estimate([replace(recording, values=values)], worn(4)[1], seed=1)

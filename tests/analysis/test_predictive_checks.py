@@ -80,7 +80,9 @@ def test_of_the_model_itself_the_probabilities_are_uniform(
     for k in range(60):
         fresh = replace(line, reading=output + made[:, k])
         where = replace(plain.fit.space, recordings=(fresh,))
-        found.append(predictive_checks(Posterior(where, plain.fit.target.colours), truth, 0, k))
+        found.append(
+            predictive_checks(Posterior(where, plain.fit.target.residual_ars), truth, 0, k)
+        )
     for column, check in enumerate(found[0]):
         p = [checks[column].p_larger for checks in found]
         if check.of == "residual":  # a reading's start is fitted to the record, not to replicates
@@ -92,7 +94,7 @@ def test_of_the_model_itself_the_probabilities_are_uniform(
 def test_a_half_car_passes(plain: SingleRunFit) -> None:
     checks = checks_of(plain)
     assert len(checks) == 20
-    assert {check.axle for check in checks} == {0, 1}
+    assert {check.output for check in checks} == {0, 1}
     assert min(check.p_family for check in checks) > 0.01
     for check in checks:
         low, middle, high = check.replicated
@@ -105,11 +107,11 @@ def test_statistics_of_the_reading_are_those_of_the_record(plain: SingleRunFit) 
     recording = plain.fit.space.recordings[0]
     checks = checks_of(plain)
     for check in checks:
-        y = recording.reading[recording.kind[:, check.axle] == 1, check.axle]
+        y = recording.reading[recording.kind[:, check.output] == 1, check.output]
         if check.of == "reading" and check.band is None:
             wanted = np.abs(y - y.mean()).max() if check.quantity == "peak" else y.std()
             assert check.observed == pytest.approx(float(wanted))
-    rms = {c.quantity if c.band is None else c.band[0]: c for c in checks if c.axle == 0
+    rms = {c.quantity if c.band is None else c.band[0]: c for c in checks if c.output == 0
            and c.of == "residual"}  # fmt: skip
     parts = np.sqrt(sum(rms[edge].observed ** 2 for edge in (0.5, 5.0, 15.0)))
     assert parts == pytest.approx(rms["rms"].observed, rel=0.15)
@@ -119,14 +121,14 @@ def test_statistics_of_the_reading_are_those_of_the_record(plain: SingleRunFit) 
 def test_a_hidden_bound_and_rebound_shows_in_what_is_left(ratio: float) -> None:
     car = with_terms(baja(), "front", AsymmetricDamper(baja().c_f, ratio), damper=False)
     far = [c for c in checks_of(driven(car)) if c.p_family < 0.01]
-    assert any(c.of == "residual" and c.axle == 0 and c.larger for c in far)
+    assert any(c.of == "residual" and c.output == 0 and c.larger for c in far)
 
 
 def test_a_push_on_the_frame_shows_in_the_body_band() -> None:
     run = driven(baja(), (Push(60.0, 1.2, 0.25, "rear"),))
     checks = checks_of(run)
     body = next(
-        c for c in checks if c.axle == 1 and c.of == "residual" and c.band == (0.5, 5.0)
+        c for c in checks if c.output == 1 and c.of == "residual" and c.band == (0.5, 5.0)
     )  # fmt: skip
     assert body.larger
     assert body.p_family < 0.01
@@ -170,6 +172,6 @@ def test_clipped_readings_do_not_make_a_peak_too_small() -> None:
     car = replace(car, sensors={**car.sensors, "front_chassis": narrow})
     lines, _, _ = prepare_runs([replace(recording, values=values)], car)
     run = fit_single_run(lines[0], car, 0)
-    peak = next(c for c in checks_of(run) if c.axle == 0 and c.quantity == "peak")
+    peak = next(c for c in checks_of(run) if c.output == 0 and c.quantity == "peak")
     assert peak.of == "reading"
     assert peak.p_family > 0.01

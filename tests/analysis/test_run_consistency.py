@@ -90,8 +90,8 @@ def test_two_percent_of_one_damper_is_found_and_named() -> None:
 def test_a_run_that_cannot_be_summarised_leaves_the_verdict_open(
     apart: tuple[RigCar, Estimate],
 ) -> None:
-    assert apart[1].agreement is not None
-    one, other = apart[1].agreement.runs
+    assert apart[1].run_consistency is not None
+    one, other = apart[1].run_consistency.runs
     assert compare_runs([one, other], 500, 0).verdict == "disagree"
     assert compare_runs([one, replace(other, effective=3.0)], 500, 0).verdict == "unknown"
 
@@ -99,11 +99,11 @@ def test_a_run_that_cannot_be_summarised_leaves_the_verdict_open(
 def test_an_answer_from_runs_that_disagree_allows_for_it(apart: tuple[RigCar, Estimate]) -> None:
     car, result = apart
     assert result.verdict == "ok"
-    assert result.agreement is not None
-    assert result.agreement.verdict == "disagree"
+    assert result.run_consistency is not None
+    assert result.run_consistency.verdict == "disagree"
     low, high = np.quantile(result.draws["c_f"], [0.025, 0.975])
     assert low < car.c_f < 1.05 * car.c_f < high
-    assert result.joint["c_f"].std() < 0.5 * result.draws["c_f"].std()
+    assert result.pooled_draws["c_f"].std() < 0.5 * result.draws["c_f"].std()
     for name in ("c_r", "i"):
         x = result.draws[name]
         assert abs(x.mean() - getattr(car, name)) < 4.5 * x.std()
@@ -144,8 +144,8 @@ def test_the_document_and_the_file_hold_the_same_draws(
 
 def test_same_seed_same_answer_whatever_the_order(apart: tuple[RigCar, Estimate]) -> None:
     car, result = apart
-    assert result.agreement is not None
-    one, two = result.agreement.runs
+    assert result.run_consistency is not None
+    one, two = result.run_consistency.runs
     lines, _, _ = prepare_runs(recordings(car, (1.0, 1.05), 20)[:1], vehicle(DECLARED))
     again = fit_single_run(lines[0], vehicle(DECLARED), 0)
     assert np.array_equal(again.z, one.z)
@@ -162,7 +162,7 @@ def test_same_seed_same_answer_whatever_the_order(apart: tuple[RigCar, Estimate]
 def test_one_run_is_held_against_nothing() -> None:
     _, _, recording = case("bump", 3, EXACT)
     result = estimate([recording], vehicle(EXACT))
-    assert result.agreement is None
+    assert result.run_consistency is None
     assert estimate_document(result).agreement is None
     assert result.runs[0].checks
 

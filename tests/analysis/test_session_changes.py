@@ -27,7 +27,7 @@ from bayes_asv.analysis.session_changes import (
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.likelihood import Posterior, shared_work
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from benchmarks import compare as bench
 from tests.posterior.cases import DECLARED, as_recording, case, prepared, vehicle
@@ -225,7 +225,7 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
         precision += M.T @ H @ M
         linear += M.T @ h
     covariance = np.linalg.inv(precision)
-    mode = Mode(covariance @ linear, covariance, 0.0, converged=True)
+    mode = PosteriorMode(covariance @ linear, covariance, 0.0, converged=True)
     with shared_work(fits[0].fit.target) as first:
         target.first = first
         target.second = replace(fits[1].fit.target, pool=first.pool)

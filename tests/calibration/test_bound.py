@@ -31,7 +31,7 @@ def _by_matrices(
     inside = (fine > read[0] - 0.2) & (fine < read[-1] + 0.01)
     drive = dense.Drive(
         fine[inside], wheels[:, inside], line.times[0], read,
-        (noise[0], noise[1], noise[2], noise[3]), np.diag(line.start),
+        (noise[0], noise[1], noise[2], noise[3]), np.diag(line.initial_covariance),
     )  # fmt: skip
     return drive, dense.information(case.car, drive, (0, 1, 2))[0]
 

@@ -65,7 +65,7 @@ def test_innovations_of_draws_are_as_large_as_the_kernel_says(
     """
     recording, where = drawn
     recording = replace(
-        recording, steps=np.zeros(4)
+        recording, quantization_steps=np.zeros(4)
     )  # a converter's steps would hide the wheels' noise
     where = replace(where, recordings=(recording,))
     # Seed 8 draws 8.6 times the nominal front damping, where the power series of a step, whose

@@ -12,7 +12,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fitted_model import (
     Dataset,
     FittedModel,
-    base,
+    fit_linear_car,
     make_dataset,
     update_patterns,
 )
@@ -32,7 +32,7 @@ def prepared(recordings: Sequence[Recording], vehicle: Vehicle) -> Dataset:
 
 def fit_linear(dataset: Dataset) -> tuple[Dataset, FittedModel]:
     """The linear half car, and recordings whose sensor patterns follow from its predictions."""
-    model = base(dataset)
+    model = fit_linear_car(dataset)
     dataset = update_patterns(dataset, model)
     return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
 
@@ -40,7 +40,7 @@ def fit_linear(dataset: Dataset) -> tuple[Dataset, FittedModel]:
 def assess_linear(one: Case, seed: int = 1) -> AssessedModel:
     """The linear half car on the fitted recordings of a case, assessed."""
     dataset = prepared(one.recordings, one.vehicle)
-    return assess(dataset, base(dataset), seed)
+    return assess(dataset, fit_linear_car(dataset), seed)
 
 
 @cache  # several tests begin with the same one

@@ -22,7 +22,7 @@ from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.posterior.denoised_inputs import without_noise
 from bayes_asv.posterior.effect_fit import candidates, read_site, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, base
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_linear_car
 from bayes_asv.posterior.free_simulation import free_run, simulated
 from bayes_asv.posterior.likelihood import Posterior
 from tests.battery.cases import case as battery_case
@@ -133,7 +133,7 @@ def _fitted(law: str | None) -> tuple[Dataset, FittedModel]:
     _, _, recording = case("bump", 3, DECLARED, sensors=_NOISY)
     dataset = prepared([recording], vehicle(DECLARED, _NOISY))
     if law is None:
-        return dataset, base(dataset)
+        return dataset, fit_linear_car(dataset)
     return with_effects(dataset, [read_site(law)])
 
 

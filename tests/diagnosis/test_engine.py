@@ -25,7 +25,7 @@ from bayes_asv.diagnosis.tolerance_prior import with_offset
 from bayes_asv.diagnosis.tone_detection import detect_tones
 from bayes_asv.models.half_car import HalfCar
 from bayes_asv.posterior.fisher_scoring import slopes
-from bayes_asv.posterior.fitted_model import FittedModel, base
+from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car
 from bayes_asv.preprocessing.tone_removal import notch_of
 from tests.battery.cases import case
 from tests.diagnosis.models import fit_linear, prepared
@@ -35,7 +35,9 @@ from tests.diagnosis.models import fit_linear, prepared
 def _without_tones() -> FittedModel:
     one = case("engine_vibration-400", 5, 0)
     dataset = prepared(one.recordings, one.vehicle)
-    _, model, engine, _ = remove_engine_tones(dataset, base(dataset), (), base, base)
+    _, model, engine, _ = remove_engine_tones(
+        dataset, fit_linear_car(dataset), (), fit_linear_car, fit_linear_car
+    )
     assert engine is not None
     return model
 
@@ -75,7 +77,9 @@ def test_lines_near_the_cars_own_frequencies_are_no_engine(name: str, engine: bo
     dataset, model = fit_linear(prepared(one.recordings, one.vehicle))
     test = assess(dataset, model, 1).test
     explained = float(one_sided_squares(test.standardized_scores, test).max())
-    _, _, found, _ = remove_engine_tones(dataset, model, (), base, base, explained)
+    _, _, found, _ = remove_engine_tones(
+        dataset, model, (), fit_linear_car, fit_linear_car, explained
+    )
     assert (found is not None) == engine
 
 
@@ -118,7 +122,7 @@ def _estimates(
     true = {e.name: e.parameters for e in one.truth.effects}.get("engine_vibration", {})
     dataset = prepared(one.recordings, one.vehicle)
     tone = notch_of(frequency or true["frequency"])
-    estimates = estimate_engine_force(dataset, base(dataset), [tone])
+    estimates = estimate_engine_force(dataset, fit_linear_car(dataset), [tone])
     return *estimates, tone.frequency, true.get("amplitude", 0.0)
 
 
@@ -152,7 +156,7 @@ def test_other_tones_of_an_engine_are_not_taken_for_noise() -> None:
         runs.append(replace(run, values=values))
     dataset = prepared(runs, one.vehicle)
     tones = [notch_of(f) for f in orders]
-    model = base(dataset)
+    model = fit_linear_car(dataset)
     known = estimate_engine_force(dataset, model, tones)[1].value
     unknown = estimate_engine_force(dataset, model, tones[:1])[1].value
     assert known > 1.3 * unknown

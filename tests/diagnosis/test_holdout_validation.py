@@ -26,7 +26,7 @@ from bayes_asv.diagnosis.simulation_error import (
 )
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_fit import read_site, with_effects
-from bayes_asv.posterior.fitted_model import Dataset, base
+from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car
 from tests.battery.cases import case
 from tests.diagnosis.models import fit_linear, prepared
 
@@ -128,7 +128,7 @@ def test_an_effect_that_fits_noise_fails() -> None:
     fit, holdout = (prepared(runs, one.vehicle) for runs in (one.recordings, one.holdout))
     dataset, model = with_effects(fit, (read_site("sensor_bandwidth@rear_wheel"),))
     assessed = assess(dataset, model, 1)
-    change = compare_errors(holdout, base(dataset), assessed.model, 1)
+    change = compare_errors(holdout, fit_linear_car(dataset), assessed.model, 1)
     effect = NamedEffect(model.sites[0], 1.0, (), {"holdout": change})
     assert change.after > 1.05 * change.before
     assert not supported_by_holdout(assessed, holdout, [effect])

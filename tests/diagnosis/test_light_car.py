@@ -13,8 +13,8 @@ import pytest
 
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.score_test import one_sided_squares
-from bayes_asv.posterior.effect_fit import added, candidates, read_site
-from bayes_asv.posterior.fitted_model import base, fitted, update_patterns
+from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, read_site
+from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, update_patterns
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import assess_linear, prepared
 
@@ -43,7 +43,7 @@ def test_friction_that_acts_near_rest_is_found_on_denoised_inputs() -> None:
     (true,) = one.truth.effects
     site = read_site(f"coulomb_friction@{true.where}")
     own = [c for c in candidates(assessed.model, one.vehicle) if str(c.site) == str(site)]
-    model = added(assessed.denoised, assessed.model, own)
+    model = fit_with_effect(assessed.denoised, assessed.model, own)
     (values,) = model.space.effects(model.mode.z).values()
     assert values["force"] == pytest.approx(true.size, rel=0.25)
     # on the readings the linear car's own mode moves by 14 nats, and friction gains the rest
@@ -83,6 +83,6 @@ def test_misstated_noise_is_no_fault(
     }
     vehicle = replace(one.vehicle, sensors=sensors)
     dataset = prepared(one.recordings, vehicle)
-    test = assess(dataset, base(dataset), 1).test
+    test = assess(dataset, fit_linear_car(dataset), 1).test
     other = np.array([not c.edge and not c.site.effect.in_one_run for c in test.candidates])
     assert np.max(np.abs(test.standardized_scores[other])) < 4.0

@@ -23,7 +23,7 @@ from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.channels import channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.page import report_page
@@ -263,7 +263,7 @@ def test_a_worn_damper_of_one_corner_scores_highest_there() -> None:
     lines, reasons, _ = prepare_runs([_recording(setup, car, 0, _asymmetric, {})], car, car="roll")
     assert not reasons
     dataset = make_dataset(car, lines)
-    test = assess(dataset, base(dataset), 0).test
+    test = assess(dataset, fit_linear_car(dataset), 0).test
     best = int(np.argmax(one_sided_squares(test.standardized_scores, test)))
     assert str(test.candidates[best].site) == "bound_rebound@front_left"
     # a tolerance is that of one corner; both together have none of their own

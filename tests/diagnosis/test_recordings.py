@@ -21,7 +21,7 @@ from bayes_asv.diagnosis.workflow import diagnose, missing_effects
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.effects import AXLES
 from bayes_asv.posterior.effect_fit import read_site, with_effects
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import prepared
 
@@ -68,7 +68,7 @@ def test_a_recording_that_moves_throughout_is_split_in_halves() -> None:
         values=np.concatenate([first.values, second.values], axis=1),
     )
     diagnosis = diagnose([joined], (), one.vehicle, 1)
-    assert len(diagnosis.holdout) == len(diagnosis.fit) == 1
+    assert len(diagnosis.holdout) == len(diagnosis.training) == 1
 
 
 def test_an_effect_beside_something_unexplained_is_not_in_the_model(
@@ -104,7 +104,9 @@ def test_an_engine_above_the_band_of_a_slow_recording_is_found_in_the_others() -
     one = case("null/bump~baja", 5, 0)
     amplitude = 0.5 * float(np.std(one.recordings[0].values[1]))
     dataset = prepared(_with_tone(one, 105.0, amplitude), one.vehicle)
-    _, _, engine, _ = remove_engine_tones(dataset, base(dataset), (), base, base)
+    _, _, engine, _ = remove_engine_tones(
+        dataset, fit_linear_car(dataset), (), fit_linear_car, fit_linear_car
+    )
     assert engine is not None
     assert engine.frequency.value == pytest.approx(105.0, abs=0.5)
 
@@ -112,9 +114,9 @@ def test_an_engine_above_the_band_of_a_slow_recording_is_found_in_the_others() -
 def test_an_engine_does_not_hide_what_effects_do_to_the_error() -> None:
     one = case("engine_vibration-4000", 5, 0)
     fit, holdout = (prepared(runs, one.vehicle) for runs in (one.recordings, one.holdout))
-    given = Split(fit, holdout, base(fit))
+    given = Split(fit, holdout, fit_linear_car(fit))
     dataset, linear, engine, held = remove_engine_tones(
-        fit, given.linear, holdout.recordings, base, base
+        fit, given.linear, holdout.recordings, fit_linear_car, fit_linear_car
     )
     assert isinstance(engine, Engine)
     assessed = assess(dataset, linear, 1)

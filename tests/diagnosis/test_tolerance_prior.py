@@ -21,7 +21,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     tolerance_evidence,
 )
 from bayes_asv.models.effects import AXLES, EFFECTS, Scale, Site
-from bayes_asv.posterior.effect_fit import Candidate, added, read_site
+from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect, read_site
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
 from tests.battery.cases import case
 from tests.diagnosis.models import assess_case, assess_linear, ignore_progress
@@ -34,7 +34,7 @@ def test_a_tolerance_that_would_have_to_be_negative_imitates_nothing() -> None:
     assessed = assess_case("null", 5, 0, "dev")
     test = assessed.test
     tolerances = np.flatnonzero([c.tolerance for c in test.candidates])
-    one_sided = np.array([test.candidates[k].signed for k in tolerances])
+    one_sided = np.array([test.candidates[k].one_sided for k in tolerances])
     own = np.diag(test.information)
     gradient = np.zeros_like(own)
     negative, large = tolerances[one_sided][0], tolerances[~one_sided][0]
@@ -55,7 +55,7 @@ def _with_effect(name: str) -> tuple[Site, FittedModel, list[Candidate]]:
     assessed, site = _car(), read_site(name)
     every = list(assessed.test.candidates)
     group = [c for c in every if c.site.key == site.key]
-    return site, added(assessed.denoised, assessed.model, group), every
+    return site, fit_with_effect(assessed.denoised, assessed.model, group), every
 
 
 def _without_other_tolerances(model: FittedModel) -> ModelEvidence:

@@ -13,7 +13,7 @@ from bayes_asv.domain.recording import Recording, sample_times
 from bayes_asv.estimate_result import Estimate
 from bayes_asv.estimation import estimate
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.clock_errors import fitted, synchronised
+from bayes_asv.posterior.clock_errors import fit_synchronised, synchronised
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.prepare import prepare
@@ -33,7 +33,7 @@ def test_an_offset_is_found_and_no_longer_biases_the_dampers(terrain: str, offse
     recording = recorded(car, terrain, 2.0, 400.0, offset, 0.0, 7)
     result = estimate([recording], replace(vehicle, clocks=(CLOCK,)), seed=1)
     assert result.verdict == "ok"
-    assert result.doubt is None
+    assert result.input_check is None
     found = clock_draws(result, "offset")
     assert abs(found.mean() - offset) < 4.0 * found.std() < 1e-3
     for name in ("c_f", "c_r", "i"):
@@ -49,7 +49,7 @@ def test_a_drift_is_found_on_a_long_run() -> None:
     assert mode.probability == 1.0
     assert np.all(np.abs(mode.value - (-0.006, 40e-6)) < 4.0 * mode.sd)
     assert mode.sd[1] < 2e-6
-    fit = fitted(timed)
+    fit = fit_synchronised(timed)
     at_mode = fit.space.values(fit.mode.z[None])
     for name in ("c_f", "c_r", "i"):
         assert abs(float(at_mode[name][0]) / getattr(car, name) - 1.0) < 0.005, name
@@ -79,7 +79,7 @@ def test_runs_have_offsets_of_their_own_and_one_drift() -> None:
     car, vehicle = drawn(16)
     runs = [recorded(car, "bump", 2.0, 400.0, offset, 0.0, 1) for offset in (0.01, -0.004)]
     timed = synchronised(runs, vehicle, (CLOCK,))
-    fit = fitted(timed)
+    fit = fit_synchronised(timed)
     names = [one.name for one in fit.space.coordinates if one.kind == "clock"]
     assert names == ["clock offset phone 0", "clock drift phone", "clock offset phone 1"]
     for run, offset in enumerate((0.01, -0.004)):
@@ -90,7 +90,7 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
     car, vehicle = drawn(10)
     recording = recorded(car, "bump", 2.0, 400.0, 0.012, 0.0, 7)
     timed = synchronised([recording], vehicle, (CLOCK,))
-    fit = fitted(timed)
+    fit = fit_synchronised(timed)
     line = fit.space.recordings[0]
     assert line.retimed is not None
     job = timed.jobs[0]
@@ -181,7 +181,7 @@ def test_two_possible_offsets_are_both_told_and_no_damper_is_judged(
     both = replace(timed, modes=((mode._replace(probability=0.7), rival),))
     monkeypatch.setattr("bayes_asv.estimation.synchronised", lambda *arguments: both)
     result = estimate([recording], replace(vehicle, clocks=(CLOCK,)), seed=1)
-    assert result.doubt is not None
+    assert result.input_check is not None
     assert any(
         "12 ms later than stamped (probability 0.7)" in text
         and "8 ms earlier than stamped (probability 0.3)" in text

@@ -9,8 +9,8 @@ from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
 from bayes_asv.models.effects import site
-from bayes_asv.posterior.effect_fit import added, candidates, with_effects
-from bayes_asv.posterior.fitted_model import base, fitted, make_dataset
+from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, with_effects
+from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from tests.cli.conftest import ROOT
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
@@ -28,9 +28,9 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
     assert not reasons
     where = make_dataset(vehicle, lines)
     where.recordings[0].kind[:silent] = MISSING
-    linear = base(where)
+    linear = fit_linear_car(where)
     group = [c for c in candidates(linear, vehicle) if str(c.site) == "bound_rebound@front"]
-    found = added(where, linear, group)
+    found = fit_with_effect(where, linear, group)
     k = found.space.names.index("effect bound_rebound@front rounding")
     for end in (-2.0, 0.0, 2.5):
         start = found.mode.z.copy()

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayes_asv.posterior.effect_fit import added, candidates
+from bayes_asv.posterior.effect_fit import candidates, fit_with_effect
 from bayes_asv.posterior.fisher_scoring import secant_update
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from tests.battery.cases import case
 
@@ -22,9 +22,9 @@ def test_a_weight_that_is_wrong_is_reached_along_a_bent_ridge() -> None:
     one = case("weight_distribution-40", 31, 0)
     lines, _, _ = prepare_runs(one.recordings, one.vehicle)
     where = make_dataset(one.vehicle, lines)
-    plain = base(where)
+    plain = fit_linear_car(where)
     group = [c for c in candidates(plain, one.vehicle) if str(c.site) == "weight_distribution"]
-    stage = added(where, plain, group)
+    stage = fit_with_effect(where, plain, group)
     assert stage.mode.converged
     assert stage.mode.log_posterior > plain.mode.log_posterior + 15.0
 

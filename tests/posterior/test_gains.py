@@ -66,12 +66,12 @@ def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:
     moments, spread, steps = (
         recording.moments.copy(),
         recording.spread.copy(),
-        recording.steps.copy(),
+        recording.quantization_steps.copy(),
     )
     moments[:, 0] /= gain
     spread[:, len(recording.inputs)] /= gain**2  # what the wheel did between its samples
     steps[0] /= gain
-    shrunk_line = replace(recording, moments=moments, spread=spread, steps=steps)
+    shrunk_line = replace(recording, moments=moments, spread=spread, quantization_steps=steps)
     shrunk = replace(fit.space, recordings=(shrunk_line,))
     np.testing.assert_allclose(
         fit.target.innovations(z, 0),

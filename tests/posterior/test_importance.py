@@ -11,7 +11,7 @@ from scipy.stats import gamma, norm
 
 from bayes_asv.posterior.importance import Proposal, WeightedDraws, importance_sample
 from bayes_asv.posterior.map_fit import best_fit, prepare_runs
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.sampler import run_ensembles
 from tests.posterior.cases import DECLARED, case, vehicle
 
@@ -27,10 +27,10 @@ class Skewed:
         value = self.shape * z - np.exp(z) - math.lgamma(self.shape)
         return np.asarray(value.sum(axis=1))
 
-    def mode(self, d: int) -> Mode:
+    def mode(self, d: int) -> PosteriorMode:
         middle = np.full(d, math.log(self.shape))
         top = float(self.log_posterior(middle[None])[0])
-        return Mode(middle, np.eye(d) / self.shape, top, True)
+        return PosteriorMode(middle, np.eye(d) / self.shape, top, True)
 
 
 def test_a_proposal_is_a_normalised_density() -> None:

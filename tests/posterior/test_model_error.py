@@ -9,7 +9,7 @@ import pytest
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.fitted_model import FittedModel, base, make_dataset
+from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.model_error import draw_cars, model_error
 from benchmarks.real_cars import NAMES, driven
@@ -18,7 +18,7 @@ from benchmarks.real_cars import NAMES, driven
 def _fit(recordings: Sequence[Recording], vehicle: Vehicle) -> FittedModel:
     lines, reasons, _ = prepare_runs(recordings, vehicle)
     assert not reasons
-    return base(make_dataset(vehicle, lines))
+    return fit_linear_car(make_dataset(vehicle, lines))
 
 
 def test_exact_cars_have_none() -> None:

@@ -123,7 +123,7 @@ def test_slopes_are_those_of_the_posterior(tmp_path: Path) -> None:
     line = prepared(as_recording(run), known, "roll")
     # A deflection that starts anywhere within 0.1 m costs the log-likelihood eleven digits, too
     # many for differences over 1e-4; 1 mm leaves them.
-    target = posterior(known, (replace(line, start=1e-4 * line.start),))
+    target = posterior(known, (replace(line, initial_covariance=1e-4 * line.initial_covariance),))
     z = 0.02 * np.random.default_rng(0).normal(size=target.space.dimension)
     found = slopes(target, z)
     precision = found.precision()

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2, skewnorm
 
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.sampler import diagnose, effective_sizes, run_ensembles, weighted_ensembles
 
 Array = NDArray[np.float64]
@@ -25,8 +25,8 @@ class Known:
         return self.log_density(z)
 
 
-def _mode(d: int, sd: float = 1.0) -> Mode:
-    return Mode(np.zeros(d), sd**2 * np.eye(d), 0.0, True)
+def _mode(d: int, sd: float = 1.0) -> PosteriorMode:
+    return PosteriorMode(np.zeros(d), sd**2 * np.eye(d), 0.0, True)
 
 
 def test_a_correlated_normal_is_recovered() -> None:
@@ -35,7 +35,7 @@ def test_a_correlated_normal_is_recovered() -> None:
     covariance = root @ root.T + 0.1 * np.eye(5)
     precision = np.linalg.inv(covariance)
     target = Known(lambda z: -0.5 * np.einsum("wi,ij,wj->w", z, precision, z))
-    result = run_ensembles(target, Mode(np.zeros(5), covariance, 0.0, True), seed=1)
+    result = run_ensembles(target, PosteriorMode(np.zeros(5), covariance, 0.0, True), seed=1)
     assert result.converged
     flat = result.draws.reshape(-1, 5)
     sd = np.sqrt(np.diag(covariance))
@@ -96,9 +96,9 @@ def _skewed(z: Array) -> Array:
     return np.asarray(np.sum(skewnorm.logpdf(z, 2.0), axis=1))
 
 
-def _skewed_mode(d: int) -> Mode:
+def _skewed_mode(d: int) -> PosteriorMode:
     at = np.full(d, skewnorm.median(2.0))
-    return Mode(at, skewnorm.var(2.0) * np.eye(d), 0.0, True)
+    return PosteriorMode(at, skewnorm.var(2.0) * np.eye(d), 0.0, True)
 
 
 def test_weighted_draws_are_as_precise_as_they_say() -> None:

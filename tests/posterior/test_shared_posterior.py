@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.map_fit import best_fit, prepare_runs
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.sampler import run_ensembles
 from bayes_asv.posterior.shared_posterior import SharedPosterior
 from tests.posterior.cases import as_recording, vehicle
@@ -39,7 +39,7 @@ class Normal:
 def test_of_a_normal_density_the_marginal_and_the_joint_are_exact() -> None:
     rng = np.random.default_rng(3)
     normal: Any = Normal(rng)
-    shared = SharedPosterior(normal, Mode(normal.middle, normal.covariance, 0.0, True))
+    shared = SharedPosterior(normal, PosteriorMode(normal.middle, normal.covariance, 0.0, True))
     x = rng.standard_normal((40, 2))
     away = x - normal.middle[:2]
     exact = -0.5 * np.sum(away * np.linalg.solve(normal.covariance[:2, :2], away.T).T, axis=1)

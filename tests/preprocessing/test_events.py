@@ -22,7 +22,7 @@ from bayes_asv.preprocessing.events import (
     PUSHED,
     Event,
     LogEvents,
-    choose,
+    choose_events,
     find_events,
 )
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
@@ -192,7 +192,7 @@ def test_clocks_have_drifted_by_the_time_of_an_event(
 
 
 def test_the_most_informative_events_are_chosen(found: LogEvents, vehicle: Vehicle) -> None:
-    (chosen,) = choose([found])
+    (chosen,) = choose_events([found])
     used = [event for event in chosen.events if event.used]
     assert len(used) == 6
     left = [event for event in chosen.events if not event.used]
@@ -214,9 +214,9 @@ def test_more_events_are_used_where_they_tell_more_and_time_allows(
         k_r=Given(vehicle.k_r.value),
     )
     found = find_events(recording, exact, car_model("half", exact))
-    (chosen,) = choose([found])
+    (chosen,) = choose_events([found])
     assert sum(event.used for event in chosen.events) == len(chosen.events) - 1  # not the jump
-    (chosen,) = choose([found], rows=MOST_ROWS - 1500)
+    (chosen,) = choose_events([found], rows=MOST_ROWS - 1500)
     used = [event for event in chosen.events if event.used]
     assert 1 <= len(used) <= 3
     assert sum(len(event.recording.time) for event in used) <= 1500

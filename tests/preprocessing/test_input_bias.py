@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.model_assessment import assess
-from bayes_asv.posterior.effect_fit import added, read_site, with_effects
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.effect_fit import fit_with_effect, read_site, with_effects
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -114,12 +114,12 @@ def test_a_filter_begins_where_the_whole_recording_shows() -> None:
     lines, _, _ = prepare_runs(one.recordings, one.vehicle)
     where = make_dataset(one.vehicle, lines)
     for recording in where.recordings:
-        assert np.all(np.sqrt(np.diag(recording.start)[[0, 2]]) < 0.01)
-    model = assess(where, base(where), 1)
+        assert np.all(np.sqrt(np.diag(recording.initial_covariance)[[0, 2]]) < 0.01)
+    model = assess(where, fit_linear_car(where), 1)
     stops = [c for c in model.test.candidates if str(c.site) == f"bump_stop@{true.where}"]
     gaps = [c.values["gap"] for c in stops]
     assert max(gaps) < 1.05 * true.parameters["gap"]
-    fits = [added(model.denoised, model.model, [stops[k]]) for k in (2, 9)]
+    fits = [fit_with_effect(model.denoised, model.model, [stops[k]]) for k in (2, 9)]
     best = [fit.mode.log_posterior - model.model.mode.log_posterior for fit in fits]
     assert best[0] == pytest.approx(best[1], abs=0.5)
     assert min(best) > 80.0

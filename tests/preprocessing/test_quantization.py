@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.residual_tests import whiteness_test
 from bayes_asv.filters.kalman import MISSING
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import (
@@ -53,7 +53,7 @@ def test_a_car_that_waits_on_a_coarse_converter_has_nothing_missing() -> None:
     for seed in range(1000, 1010):
         line = _line("stops" if seed % 2 == 0 else "bump", seed, _REAL)
         where = make_dataset(vehicle(DECLARED, _REAL), (line,))
-        model = assess(where, base(where), 0)
+        model = assess(where, fit_linear_car(where), 0)
         ps.append(model.p_value)
         memories.append(whiteness_test(model.model)[1])
     assert np.mean(np.array(ps) < 0.05) <= 0.2
@@ -65,7 +65,7 @@ def test_the_longer_a_car_waits_the_less_it_says() -> None:
     for seed in (1004, 1009):  # 0.0021 and 0.0001
         line = _line("stops", seed, _REAL, seconds=6.0)
         where = make_dataset(vehicle(DECLARED, _REAL), (line,))
-        assert assess(where, base(where), 0).p_value > 0.05
+        assert assess(where, fit_linear_car(where), 0).p_value > 0.05
 
 
 def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
@@ -118,7 +118,7 @@ def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.Monke
     slow = is_slow(line, 1)
     assert np.all(slow[is_stationary(line, 1)])
     assert 0.1 < np.mean(slow & ~is_stationary(line, 1)) < 0.9
-    stage = base(make_dataset(vehicle(DECLARED, _REAL), (line,)))
+    stage = fit_linear_car(make_dataset(vehicle(DECLARED, _REAL), (line,)))
     monkeypatch.setattr(
         "bayes_asv.diagnosis.residual_tests.is_slow",
         lambda line, c: np.ones(len(line.instants), bool),

@@ -12,7 +12,7 @@ import pytest
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.fitted_model import base, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.report.documents.estimate import estimate_document
@@ -28,7 +28,7 @@ def document() -> EstimateDocument:
     car = read_vehicle(shipped("vehicles", "baja2008.toml"))
     run = read_recording(shipped("recordings", "stops-400hz.csv"))
     lines, _, _ = prepare_runs((run,), car)
-    fit = base(make_dataset(car, lines))
+    fit = fit_linear_car(make_dataset(car, lines))
     states = free_run(fit.target, fit.mode.z, 0).states  # behind the accelerometers' filter
     moved = states[:, 0] + states[:, 1] / fit.target.patterns[0].pole
     deflection = np.interp(run.time, lines[0].instants, moved)

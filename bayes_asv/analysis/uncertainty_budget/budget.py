@@ -370,7 +370,9 @@ def sources(target: Posterior) -> list[Source]:
             continue  # with white residuals an input has no noise
         found.append(Source(f"noise {name}", 0.25, _noise(levels)))
         if any(
-            recording.steps[c] > 0.0 for recording in recordings for c in _numbers(recording, name)
+            recording.quantization_steps[c] > 0.0
+            for recording in recordings
+            for c in _numbers(recording, name)
         ):
             found.append(Source(f"steps {name}", 0.0, _lines(_steps(name))))
     if any(np.any(recording.spread[:, len(recording.wheels) :] > 0.0) for recording in recordings):
@@ -404,9 +406,9 @@ def _numbers(recording: PreparedRecording, name: str) -> list[int]:
 
 def _steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]:
     def change(recording: PreparedRecording, factor: float) -> PreparedRecording:
-        steps = recording.steps.copy()
+        steps = recording.quantization_steps.copy()
         steps[_numbers(recording, name)] *= math.sqrt(factor)
-        return replace(recording, steps=steps)
+        return replace(recording, quantization_steps=steps)
 
     return change
 
@@ -418,7 +420,7 @@ def _between(recording: PreparedRecording, factor: float) -> PreparedRecording:
 
 
 def _start(recording: PreparedRecording, factor: float) -> PreparedRecording:
-    return replace(recording, start=factor * recording.start)
+    return replace(recording, initial_covariance=factor * recording.initial_covariance)
 
 
 def lost_readings(recording: PreparedRecording) -> Flags:

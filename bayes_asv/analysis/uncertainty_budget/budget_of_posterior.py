@@ -25,7 +25,7 @@ from bayes_asv.analysis.uncertainty_budget.budget import (
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, Shift, find_biases
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.newton import Mode
+from bayes_asv.posterior.newton import PosteriorMode
 
 __all__ = ["Answer", "UncertaintyBudget", "find_budget"]
 
@@ -108,7 +108,7 @@ class UncertaintyBudget:
         return {name: float(g @ moved) for name, g in self.slopes.items()}
 
 
-def find_budget(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyBudget:
+def find_budget(target: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> UncertaintyBudget:
     """Draw up the error budget of each answer.
 
     Parameters
@@ -132,7 +132,7 @@ def find_budget(target: Posterior, mode: Mode, vehicle: Vehicle) -> UncertaintyB
     gains = sum(c.kind == "gain" for c in target.space.coordinates)
     car = target.space.car_dimension + gains
     noise_precision = np.asarray(np.linalg.inv(mode.covariance), np.float64)[car:, car:]
-    white = all(colour.order == 0 for colour in target.colours)
+    white = all(colour.order == 0 for colour in target.residual_ars)
     noises = sources(logs) if white else []
     nudged = {source.name: _slope(source, logs, z) for source in noises}
     bettered = {

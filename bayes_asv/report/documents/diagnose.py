@@ -85,7 +85,7 @@ def diagnose_document(
         dampers=[damper_rates(one, Units(vehicle.units)) for one in diagnosis.dampers],
         residuals=_residuals(diagnosis),
         runs=schema.FittedRuns(
-            fit=[prepared.source for prepared in diagnosis.fit],
+            fit=[prepared.source for prepared in diagnosis.training],
             holdout=[prepared.source for prepared in diagnosis.holdout],
         ),
         vehicle=VehicleInfo(name=vehicle.name, units=vehicle.units),
@@ -159,7 +159,7 @@ def _effect(named: NamedEffect, diagnosis: Diagnosis) -> schema.NamedEffect:
             if p.name in draws
         },
         gap=_gap(named.errors, diagnosis.vehicle),
-        run=None if site.run is None else diagnosis.fit[site.run].source,
+        run=None if site.run is None else diagnosis.training[site.run].source,
     )
 
 
@@ -214,7 +214,7 @@ def _disagreement(diagnosis: Diagnosis) -> schema.Disagreement | None:
         channel=seen.channel,
         axle=seen.axle or None,
         time=[[float(a), float(b)] for _, a, b in seen.windows],
-        time_run=[diagnosis.fit[run].source for run, _, _ in seen.windows],
+        time_run=[diagnosis.training[run].source for run, _, _ in seen.windows],
         frequency=[[float(a), float(b)] for a, b in seen.bands],
         state=None if seen.strongest is None else _cell(seen.strongest, diagnosis.vehicle),
     )

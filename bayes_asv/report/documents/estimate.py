@@ -56,8 +56,8 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         verdict=result.verdict,
         reasons=list(result.reasons),
         warnings=list(result.warnings),
-        doubt="" if result.doubt is None else result.doubt.sentence,
-        doubt_about="input" if result.doubt is None else result.doubt.about,
+        doubt="" if result.input_check is None else result.input_check.sentence,
+        doubt_about="input" if result.input_check is None else result.input_check.about,
         nominal_mistakes=possible_mistakes(result.nominal_damping),
         car=car.name,
         elements={
@@ -67,7 +67,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         parameters={
             n: parameter(n, result.draws[n], vehicle, nominal[n]).model_copy(
                 update={
-                    "withheld": result.doubt is not None or n in free_form,
+                    "withheld": result.input_check is not None or n in free_form,
                     "p_below_nominal": result.probability_below_nominal(n),
                 }
             )
@@ -91,8 +91,8 @@ def estimate_document(result: Estimate) -> EstimateDocument:
             sampler=result.sampler,
         ),
         width=None
-        if result.width is None
-        else _uncertainty_budget(result.width, result),
+        if result.uncertainty_budget is None
+        else _uncertainty_budget(result.uncertainty_budget, result),
         agreement=run_consistency(result),
         effects=effects(result.effects, vehicle),
         dampers=[damper_rates(one, units) for one in result.dampers],
@@ -146,7 +146,7 @@ def _forces(result: Estimate) -> dict[str, schema.DamperForce]:
 
 def _sensitivity(result: Estimate) -> dict[str, schema.PriorSensitivity]:
     """Sensitivity of the answers to each prior; empty where runs differ or nothing was drawn."""
-    if result.space is None or result.joint or not result.draws:
+    if result.space is None or result.pooled_draws or not result.draws:
         return {}
     answers = {name: result.draws[name] for name in result.answers}
     free_form = without_single_rate(result.dampers)
@@ -249,7 +249,7 @@ def _noise(result: Estimate) -> list[schema.Noise]:
             levels[channel.name] = level
         noise = schema.Noise(
             source=fit.prepared.source, unit=units.unit("acceleration"),
-            colour_order=int(fit.colour.order), **levels,
+            colour_order=int(fit.residual_ar.order), **levels,
         )  # fmt: skip
         share = result.nuisance.get(f"filtered share {n}")
         if share is not None:

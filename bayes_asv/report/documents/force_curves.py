@@ -204,8 +204,8 @@ def _curve(
 ) -> schema.ForceCurve:
     """Curves over `grid`: linear with the draws `before` of its rate, and `forces` after."""
     low, high = np.quantile(before, [0.025, 0.975])
-    recordings = np.outer([low, float(np.median(before)), high], grid)
-    linear = np.array([recordings.min(axis=0), recordings[1], recordings.max(axis=0)])
+    straight = np.outer([low, float(np.median(before)), high], grid)
+    linear = np.array([straight.min(axis=0), straight[1], straight.max(axis=0)])
     axis: dict[str, Any] = {along: units.curve(grid, along)}
     return schema.ForceCurve(
         **axis,

@@ -112,7 +112,7 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
                 for e, element in enumerate(prepared.car.elements)
             },
         ),
-        checks=[_check(check, outputs[check.axle], units) for check in fit.checks],
+        checks=[_check(check, outputs[check.output], units) for check in fit.checks],
     )
     if curves:
         run.outputs = curves
@@ -124,7 +124,7 @@ def _bias(fit: RunFit, units: Units) -> schema.Bias:
     outputs = _outputs(fit)
     biases = {
         channel.name.removesuffix("_chassis"): units.convert(float(value), "acceleration")
-        for value, channel in zip(fit.free.begin[-len(outputs) :], outputs, strict=True)
+        for value, channel in zip(fit.free.initial_state[-len(outputs) :], outputs, strict=True)
         if _on_chassis(channel)
     }
     return schema.Bias(unit=units.unit("acceleration"), **biases)
@@ -141,7 +141,7 @@ def _output(fit: RunFit, y: int, pairs: NDArray[np.integer], units: Units) -> sc
     x = x[np.isfinite(x)]
     x = x - x.mean()
     power = float(x @ x) or 1.0
-    order = int(fit.colour.order)
+    order = int(fit.residual_ar.order)
 
     def curve(values: Array) -> Curve:
         return units.curve(np.where(keep >= 0, values[keep], np.nan), channel.dimension)
@@ -276,11 +276,11 @@ def _check(check: Check, channel: Channel, units: Units) -> schema.Check:
 
 def run_consistency(result: Estimate) -> schema.RunConsistency | None:
     """Comparison of the runs; None with a single run, or where they were not compared."""
-    comparison, seed = result.agreement, result.seed
+    comparison, seed = result.run_consistency, result.seed
     if comparison is None:
         return None
     units = Units(result.vehicle.units)
-    joint = result.joint or result.draws
+    joint = result.pooled_draws or result.draws
 
     def quantities(draws: dict[str, Array]) -> dict[str, Quantity]:
         return {

@@ -47,7 +47,7 @@ def again(car: Vehicle, fit: MapFit, times: int = 1) -> MapFit:
     lines = tuple(replace(r, car=car_model("half", car)) for r in fit.space.recordings)
     where = space(car, lines * times)
     logs = {name: math.log(there[name][0] / getattr(car, name).value) for name in DIRECT}
-    target = Posterior(where, fit.target.colours * times)
+    target = Posterior(where, fit.target.residual_ars * times)
     mode = find_mode(target, where.from_logs(logs))
     assert mode.converged
     return MapFit(target, mode, (), ())
