@@ -39,15 +39,11 @@ from bayes_asv.models.effects import Site
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
 from bayes_asv.posterior.clock_errors import Synchronised, fit_synchronised, synchronised
 from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.identifiability import unidentified_before_fit
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import (
-    MapFit,
-    best_fit,
-    fit_near_declared_noise,
-    prepare_runs,
-    unidentified_before_fit,
-)
+from bayes_asv.posterior.map_fit import MapFit, best_fit, fit_near_declared_noise
 from bayes_asv.posterior.model_error import draw_cars, model_error
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.preprocessing.run_selection import nothing_in, select_runs
 
 __all__ = ["LIKELIHOODS", "estimate"]
@@ -351,7 +347,7 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
         uncertainty_budget=find_budget(target, found.mode, task.vehicle)
         if ensembles.converged and exact
         else None,
-        agreement=fit.run_consistency,
+        run_consistency=fit.run_consistency,
         below=task.below,
         dampers=dampers,
         effects={

@@ -37,7 +37,7 @@ from bayes_asv.analysis.random_effects import RunLikelihood, contrast, populatio
 from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, fit_single_run
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, EXACT, as_recording, vehicle
 from tests.rig import (

@@ -45,7 +45,7 @@ from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.io import read_log, read_recording
 from bayes_asv.library.logs import inspect_log
 from bayes_asv.live.text_stream import TextStreamReader
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.reference.modes_document import spectrum_document
 from bayes_asv.report.render import html_report
 from bayes_asv.report.schema import read_saved

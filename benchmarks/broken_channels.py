@@ -37,7 +37,8 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.library.live import watch
 from bayes_asv.library.tracks import track
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.mistaken_inputs import cars
 from benchmarks.mistaken_inputs.cars import Design, Sensors, Truth
 from benchmarks.provenance import current_commit

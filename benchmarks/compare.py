@@ -44,7 +44,7 @@ from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.library.progress import progress_bar
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,

@@ -15,7 +15,7 @@ from bayes_asv.models.effects import Site
 from bayes_asv.models.effects import site as read
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fitted_model import make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.simulation import roads
 from bayes_asv.simulation.simulate import simulate
 from bayes_asv.tracking.track import TrackResult, track

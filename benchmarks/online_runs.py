@@ -17,7 +17,8 @@ from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.ukf_state import Steps
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
 from bayes_asv.tracking.filter import DEFAULT_SETTINGS, ENGINES, Engine, initial_state
 from bayes_asv.tracking.filter_model import filter_model

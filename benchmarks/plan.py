@@ -47,7 +47,8 @@ from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.planning.ride_simulation import Pass, default_tyres, simulate_passes
 from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.information import fisher_information
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.plan_cars import CARS, chance_car
 from benchmarks.plan_picture import draw_picture
 from benchmarks.provenance import current_commit

@@ -23,9 +23,10 @@ from bayes_asv.analysis.uncertainty_budget import Shift, find_budget
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Fault, with_fault
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 

@@ -63,10 +63,10 @@ from bayes_asv.posterior.clock_errors import synchronised
 from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.model_error import model_error
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 
 __all__ = ["Diagnosis", "NamedEffect", "diagnose", "missing_effects"]
 

@@ -21,7 +21,7 @@ from bayes_asv.planning.measurement import (
 )
 from bayes_asv.planning.ride_simulation import Motion
 from bayes_asv.posterior.information import Unknowns, fisher_information, unknowns
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 
 __all__ = ["Evaluation", "MeasuredCar", "evaluate", "measured_car"]
 

@@ -16,8 +16,8 @@ from bayes_asv.planning.information import (
 from bayes_asv.planning.plan import Plan, RatedDrive
 from bayes_asv.planning.predicted_sd import LimitingValues
 from bayes_asv.planning.ride_simulation import RIGHT_LATER
+from bayes_asv.posterior.identifiability import sensor_for
 from bayes_asv.posterior.information import predicted_sd, unmeasured
-from bayes_asv.posterior.map_fit import sensor_for
 from bayes_asv.report.words import plain, readable_unit
 
 __all__ = [

@@ -30,7 +30,7 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.activity import cut, most_active_rows
@@ -41,6 +41,7 @@ from bayes_asv.preprocessing.prepared_recording import (
     Retimed,
     common_readings,
 )
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 
 __all__ = ["OffsetMode", "Synchronised", "fit_synchronised", "synchronised"]
 

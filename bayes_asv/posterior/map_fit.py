@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.domain.channels import Channel
-from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.band_fit import fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
@@ -34,25 +28,14 @@ from bayes_asv.posterior.fitted_model import (
     update_patterns_at,
 )
 from bayes_asv.posterior.free_simulation import free_run, left_in_band
-from bayes_asv.posterior.information import (
-    WIDE_PRIOR,
-    fisher_information,
-    predicted_sd,
-    unknowns,
-    unmeasured,
-)
+from bayes_asv.posterior.identifiability import unidentified_after_fit
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
-from bayes_asv.preprocessing.band import check_band, low_pass_recording, too_short
 from bayes_asv.preprocessing.data_checks import (
-    dead_channels,
-    preflight,
     suggest_band,
 )
-from bayes_asv.preprocessing.faulty_channels import stuck_channels
-from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording, with_clock_variants
 from bayes_asv.preprocessing.tone_removal import (
     engine_tones,
@@ -66,10 +49,6 @@ __all__ = [
     "MapFit",
     "best_fit",
     "fit_near_declared_noise",
-    "prepare_runs",
-    "sensor_for",
-    "unidentified_before_fit",
-    "unidentified_sentence",
 ]
 
 Array = NDArray[np.float64]
@@ -110,61 +89,6 @@ class MapFit:
     def space(self) -> ParameterSpace:
         """Coordinates and priors."""
         return self.target.space
-
-
-def prepare_runs(
-    recordings: Sequence[Recording],
-    vehicle: Vehicle,
-    below: float | None = None,
-    car: str = "half",
-) -> tuple[tuple[PreparedRecording, ...], tuple[str, ...], tuple[str, ...]]:
-    """Prepare recordings for the filter and check them before anything is fitted.
-
-    Parameters
-    ----------
-    recordings, vehicle : sequence of Recording, Vehicle
-        As read.
-    below : float, optional
-        Keep the motion below this frequency (Hz) alone.
-    car : str
-        Name of the car, see :data:`bayes_asv.models.cars.CARS`.
-
-    Returns
-    -------
-    recordings : tuple of PreparedRecording
-        Empty when a channel has nothing to lay out, or readings that are not its own.
-    reasons, warnings : tuple of str
-        Any reason means that the data cannot answer.
-
-    Raises
-    ------
-    InputError
-        When a channel is in counts and the vehicle lacks its calibration, or the car's own
-        motion is not in the band.
-    """
-    model = car_model(car, vehicle)
-    if below is not None:
-        check_band(below, model)
-    reasons = [
-        why
-        for one in recordings
-        for why in dead_channels(one, vehicle, model) or stuck_channels(one, vehicle, model)
-    ]
-    warnings = [w for recording in recordings for w in recording.warnings]
-    if reasons:
-        return (), tuple(reasons), tuple(warnings)
-    prepared = tuple(prepare(recording, vehicle, model) for recording in recordings)
-    for one in prepared:
-        why, notes = preflight(vehicle, one)
-        reasons += why
-        warnings += notes
-    if below is not None and not reasons:
-        short = [too_short(one, below) for one in prepared]
-        reasons += [why for why in short if why is not None]
-        if not reasons:
-            prepared = tuple(low_pass_recording(one, below) for one in prepared)
-            warnings.append(f"only the motion below {below:g} Hz was used")
-    return prepared, tuple(reasons), tuple(warnings)
 
 
 def best_fit(
@@ -226,7 +150,11 @@ def _judged(target: Posterior, mode: PosteriorMode, shares: tuple[float | None, 
     """Check whether the data identify the parameters and the model explains them, at the mode."""
     parameter_space = target.space
     # Where the search did not converge, the sampler decides.
-    reasons, warnings = _unmeasured(parameter_space, mode) if mode.converged else ([], [])
+    reasons, warnings = [], []
+    if mode.converged:
+        reasons, warnings = unidentified_after_fit(parameter_space, mode)
+        unidentified_after_fit(parameter_space, mode) if mode.converged else ([], [])
+    )
     faults: list[str] = []
     noise = {name: float(x[0]) for name, x in parameter_space.nuisance(mode.z[None]).items()}
     for run, recording in enumerate(parameter_space.recordings):
@@ -372,116 +300,3 @@ def _colour_of(target: Posterior, mode: PosteriorMode, run: int) -> ResidualAR:
         return WHITE
     left = 1.0 if recording.removed_band is None else recording.removed_band.left
     return found._replace(root=found.root * math.sqrt(left))
-
-
-def unidentified_before_fit(
-    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle
-) -> tuple[str, ...]:
-    """Say, before anything is fitted, which answers recordings cannot give.
-
-    Parameters
-    ----------
-    recordings : tuple of PreparedRecording
-        Recordings that passed :func:`prepare_runs`.
-    vehicle : Vehicle
-        Gives the priors, and the values at which the information is computed.
-
-    Returns
-    -------
-    tuple of str
-        A sentence for each answer of which the recordings say next to nothing by their Fisher
-        information (:mod:`bayes_asv.posterior.information`).
-    """
-    outputs = tuple(
-        dict.fromkeys(output for recording in recordings for output in recording.output_models)
-    )
-    about = unknowns(recordings[0].car, outputs)
-    information = sum(
-        (fisher_information(recording, vehicle, about) for recording in recordings),
-        np.zeros((len(about.names), len(about.names))),
-    )
-    asked = {name: about.parameters[name] for name in about.car.estimated}
-    prior = {name: about.sd(name) for name in asked}
-    after = predicted_sd(information, 1, about, asked)
-    measured = [output.channel for output in outputs]
-    return tuple(
-        unidentified_sentence(about.car, measured, name, prior[name])
-        for name in unmeasured(prior, after)
-    )
-
-
-def _unmeasured(
-    parameter_space: ParameterSpace, mode: PosteriorMode
-) -> tuple[list[str], list[str]]:
-    """Refuse when the drive taught next to nothing about an answer; warn where a prior is one."""
-    prior = {name: parameter_space.log_prior_of(name)[1] for name in parameter_space.car.estimated}
-    after = {name: parameter_space.log_deviation(mode.covariance, name) for name in prior}
-    measured = [
-        o.channel for recording in parameter_space.recordings for o in recording.output_models
-    ]
-    reasons: list[str] = []
-    warnings: list[str] = []
-    for name in unmeasured(prior, after):
-        words = unidentified_sentence(parameter_space.car, measured, name, prior[name])
-        (reasons if prior[name] > WIDE_PRIOR else warnings).append(words)
-    return reasons, warnings
-
-
-def unidentified_sentence(
-    car: CarModel, measured: Sequence[Channel], name: str, prior: float
-) -> str:
-    """Say that data tell next to nothing about a parameter, and what would.
-
-    Parameters
-    ----------
-    car : CarModel
-        The car.
-    measured : sequence of Channel
-        Its measured outputs.
-    name : str
-        The parameter.
-    prior : float
-        Prior standard deviation of its logarithm.
-    """
-    label = f"{QUANTITIES[name][1]} ({name})"
-    fix = sensor_for(car, measured, name) or f"{_drive(car, name)}, faster or over a higher one"
-    if prior > WIDE_PRIOR:
-        return f"the recording hardly constrains the {label}: {fix}"
-    return (
-        f"the recording hardly improves on the given {label} and its sd, so its interval is "
-        f"that of the vehicle file: {fix}"
-    )
-
-
-def sensor_for(car: CarModel, measured: Sequence[Channel], name: str) -> str | None:
-    """Say which sensor is missing for a parameter; None where its place is measured."""
-    for element in car.elements:
-        if element.damping == name:
-            near = any(
-                c.axle == element.axle and c.side in (None, element.side)
-                for c in measured
-                if c.part in ("body", "suspension")
-            )
-            return (
-                None
-                if near
-                else f"measure the {element.words} suspension travel or the body above it as well"
-            )
-    axles = {c.axle for c in measured if c.axis is None}
-    turning = "roll" if name == "i_roll" else "pitch"
-    if any(c.axis == turning for c in measured) or len(axles) > 1:
-        return None
-    return "measure the body above the other axle or its pitch rate as well"
-
-
-def _drive(car: CarModel, name: str) -> str:
-    """Say what drive would show a parameter."""
-    for element in car.elements:
-        if element.damping == name:
-            wheels = f"{element.name.replace('_', ' ')} wheel" + (
-                "s" if element.side is None else ""
-            )
-            return f"drive the {wheels} over a bump"
-    if name == "i_roll":
-        return "drive one side of the car over a bump"
-    return "drive over a bump that pitches the car, such as a parking stop"

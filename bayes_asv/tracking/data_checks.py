@@ -12,8 +12,8 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
+from bayes_asv.posterior.identifiability import unidentified_sentence
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
-from bayes_asv.posterior.map_fit import unidentified_sentence
 from bayes_asv.preprocessing.data_checks import (
     min_sampling_rate,
     mistaken_time_unit,

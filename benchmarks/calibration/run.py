@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from bayes_asv.estimation import estimate
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.sampler import run_ensembles
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.calibration.bound import bounds
 from benchmarks.calibration.cells import MODEL, NAMES, Cell
 from benchmarks.calibration.model_draws import Drawn, draw_run

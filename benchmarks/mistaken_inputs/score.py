@@ -24,8 +24,8 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.resampling import at_own_rate
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.provenance import current_commit
 
 _CERTAIN = 0.95  # probability of a deviation from nominal that a reader takes for a verdict

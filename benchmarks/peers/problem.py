@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.shipped import shipped
 
 __all__ = ["CAR", "Problem", "make_problem"]

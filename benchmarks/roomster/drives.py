@@ -19,10 +19,11 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import simulate_free
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.preprocessing.data_checks import coherence
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 
 __all__ = [
     "BELOW", "CUT", "HELD_OUT", "WORKED_ON", "at_full_band", "between", "coherence_row", "halves",

@@ -15,7 +15,8 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.posterior.free_simulation import simulate_free
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,

@@ -15,7 +15,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimate_result import Estimate
 from bayes_asv.estimation import estimate
 from bayes_asv.library.inference_data import write_netcdf
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.report.documents.estimate import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive

@@ -16,7 +16,7 @@ from bayes_asv.posterior.fitted_model import (
     make_dataset,
     update_patterns,
 )
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import Case, case
 from tests.battery.vehicles import Fleet
 

@@ -24,7 +24,7 @@ from bayes_asv.domain.channels import channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.page import report_page
 from bayes_asv.report.schema import DiagnoseDocument

@@ -10,7 +10,7 @@ import pytest
 
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.domain.recording import Recording
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import case
 
 

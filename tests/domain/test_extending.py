@@ -50,7 +50,7 @@ assert np.abs(rate[1:] - rate[0] - expected).max() < 0.005 * np.ptp(rate)
 # No other sensor on the body: the roll inertia is known from its rate alone.
 FIT = """
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import WHITE
 

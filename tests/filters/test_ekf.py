@@ -14,8 +14,8 @@ from bayes_asv.filters.kalman import Laws, filter_pass, log_likelihood
 from bayes_asv.models.effects import EFFECTS, site
 from bayes_asv.posterior.effects import Values, law_table, patterns
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.parameters import space
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 
 CASES = {

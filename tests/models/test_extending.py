@@ -53,7 +53,7 @@ import numpy as np
 
 import bayes_asv as asv
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import WHITE
 

@@ -14,9 +14,9 @@ from bayes_asv.planning.information import inseparable_groups
 from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.posterior.information import fisher_information, sd_floor, unknowns
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.newton import derivatives
 from bayes_asv.posterior.parameters import space
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 
 

@@ -6,7 +6,7 @@ import math
 
 from bayes_asv.posterior.effect_fit import read_site, with_effects
 from bayes_asv.posterior.fitted_model import make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import case
 
 

@@ -11,7 +11,7 @@ from bayes_asv.io import read_recording
 from bayes_asv.models.effects import site
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, with_effects
 from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.cli.conftest import ROOT
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
 

@@ -13,7 +13,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.effect_fit import read_site, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import EXACT, as_recording, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
 

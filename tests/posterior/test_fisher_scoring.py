@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect
 from bayes_asv.posterior.fisher_scoring import secant_update
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import case
 
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
 from bayes_asv.posterior.importance import Proposal, WeightedDraws, importance_sample
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.sampler import run_ensembles
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 
 Array = NDArray[np.float64]

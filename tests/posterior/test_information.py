@@ -10,8 +10,10 @@ import pytest
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Nominal, Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
+from bayes_asv.posterior.identifiability import unidentified_before_fit
 from bayes_asv.posterior.information import fisher_information, predicted_sd, unknowns
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs, unidentified_before_fit
+from bayes_asv.posterior.map_fit import best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate

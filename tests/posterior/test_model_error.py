@@ -10,8 +10,8 @@ import pytest
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.posterior.model_error import draw_cars, model_error
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.real_cars import NAMES, driven
 
 

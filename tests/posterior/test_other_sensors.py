@@ -12,8 +12,9 @@ from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.parameters import space
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
 from tests.cli.conftest import ROOT

@@ -11,8 +11,9 @@ import pytest
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.preprocessing.data_checks import suggest_band
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import prepared
 
 DRIVES = Path(__file__).resolve().parents[3] / "shared" / "data" / "roomster"

@@ -21,9 +21,10 @@ from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fit_checks import explained_power_findings, model_bandwidth
 from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import prepared
 from tests.rig import bump, flat, rough_road
 from tests.rig.wide import WideCar, WideRun, shifted, wide_baja, wide_drive, wide_toml

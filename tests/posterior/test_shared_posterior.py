@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.posterior.importance import importance_sample
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.newton import PosteriorMode
 from bayes_asv.posterior.sampler import run_ensembles
 from bayes_asv.posterior.shared_posterior import SharedPosterior
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import as_recording, vehicle
 from tests.rig import DECLARED_SDS, TERRAINS, SensorSpec, baja, draw_biases, drive
 

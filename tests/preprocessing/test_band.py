@@ -18,10 +18,11 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.preprocessing.band import check_band, low_pass, low_pass_recording
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import EXACT, INCH, as_recording, case, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,

@@ -11,7 +11,7 @@ import pytest
 from bayes_asv.domain.recording import Recording, sample_times
 from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.preprocessing.events import (
     AT_RAIL,
     IN_THE_AIR,
@@ -26,6 +26,7 @@ from bayes_asv.preprocessing.events import (
     find_events,
 )
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.preprocessing.run_selection import select_runs
 from tests.rig import RigCar, SensorSpec, baja, draw, draw_biases, vehicle_toml
 from tests.rig.long_log import Kind, LongLog, hour, long_log

@@ -14,8 +14,8 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.faulty_channels import noisy_channels, stuck_channels
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 from tests.rig import SensorSpec
 

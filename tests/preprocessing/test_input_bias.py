@@ -10,9 +10,9 @@ import pytest
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.posterior.effect_fit import fit_with_effect, read_site, with_effects
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import Case, case
 
 _OFF = np.array([0.4, 0.4, -0.3, -0.3])  # m/s², wheel and chassis of each axle alike

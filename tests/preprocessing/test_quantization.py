@@ -13,7 +13,6 @@ from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.residual_tests import whiteness_test
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
-from bayes_asv.posterior.map_fit import prepare_runs
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import (
     is_slow,
@@ -22,6 +21,7 @@ from bayes_asv.preprocessing.quantization import (
     with_noise_of_still_wheels,
     without_standstill,
 )
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, INCH, case, vehicle
 from tests.rig import SensorSpec
 

@@ -14,9 +14,10 @@ from scipy.signal import sosfreqz
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.preprocessing.tone_removal import (
     Notch,
     band_pass_filter,

@@ -14,7 +14,7 @@ from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.posterior.map_fit import prepare_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.report.documents.estimate import estimate_document
 from bayes_asv.report.page import report_page
 from bayes_asv.report.schema import EstimateDocument, read_saved

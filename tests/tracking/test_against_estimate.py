@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bayes_asv.estimation import estimate
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.tracking.drives import tracked
 

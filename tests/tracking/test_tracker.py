@@ -13,7 +13,8 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import accelerations
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
-from bayes_asv.posterior.map_fit import best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import best_fit
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.shipped import shipped
 from bayes_asv.tracking.filter import parameter_covariance
 from bayes_asv.tracking.frames import Frames, concatenate

@@ -23,9 +23,10 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.newton import find_mode
 from bayes_asv.posterior.parameters import space
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.rig import SensorSpec
 

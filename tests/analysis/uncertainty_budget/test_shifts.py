@@ -17,8 +17,9 @@ from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
-from bayes_asv.posterior.map_fit import MapFit, best_fit, prepare_runs
+from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, drive
 
