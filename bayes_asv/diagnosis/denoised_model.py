@@ -28,14 +28,13 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict
-from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
+from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, update_patterns
 from bayes_asv.posterior.free_simulation import free_run, simulated
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
-    "STEP",
     "DenoisedModel",
     "FixedGainFilter",
     "coordinate_sensitivities",
@@ -47,7 +46,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-STEP = 1e-4  # finite-difference step, in prior standard deviations
 _PERTURBATION = 0.1  # largest change of a reading, in standard deviations: a law is linear there
 # Time in which a filter finds motion and biases, s.  Meanwhile it linearises a force law with a
 # kink over all the speeds that the car may have, which biases the score of the law.

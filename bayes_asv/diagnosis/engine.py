@@ -33,6 +33,7 @@ from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.tone_removal import (
+    IDLE_FREQUENCY,
     Notch,
     band_pass_filter,
     engine_tones,
@@ -62,7 +63,6 @@ _AUTOCORRELATION_LEFT = 0.5  # share that may remain without the tones
 _ROUNDS = 2  # of removing what a tone left beside its notch
 _BESIDE = 2.0  # half-widths of a notch
 _SAME_RATE = 1e-3  # relative difference of the clocks of two recordings of one logger
-_LOWEST_TONE = 10.0  # Hz, 600 rev/min: below it a car on an even road has tones of its own
 # Half-widths of its notch in which a tone is measured, and distance of the bands beside it: on each
 # side the nearest that holds no other tone.  In one half-width forces of 4 to 15 N came out 2 to 9
 # % low, since the tone wanders out of it.
@@ -223,7 +223,7 @@ def _detect(
     modes = own_modes(model.space.car, dataset.vehicle.unsprung)
     detected = []
     for rate, runs in by_rate:
-        one = detect_tones(runs, rate, _LOWEST_TONE, alarm / len(by_rate), engine=engine)
+        one = detect_tones(runs, rate, IDLE_FREQUENCY, alarm / len(by_rate), engine=engine)
         if engine:
             tones = engine_tones(one.tones, runs, rate, modes)
             # the probability is that of the strongest line: without it there is no engine

@@ -37,11 +37,10 @@ from scipy.linalg import helmert
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, logsumexp, ndtr
 
-from bayes_asv.diagnosis.denoised_model import STEP
 from bayes_asv.diagnosis.score_test import NuisanceProjection, ScoreTest, nuisance_projection
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effect_fit import Candidate
-from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
+from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
 from bayes_asv.posterior.likelihood import Perturbation, Posterior
 

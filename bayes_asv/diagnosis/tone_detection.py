@@ -23,6 +23,8 @@ from scipy.signal import sosfilt, sosfreqz
 from scipy.stats import f, gamma
 
 from bayes_asv.preprocessing.tone_removal import (
+    MOST_TONES,
+    SETTLING_TIME_CONSTANTS,
     Notch,
     is_persistent,
     is_wide,
@@ -34,7 +36,6 @@ __all__ = ["DetectedTones", "detect_tones"]
 
 Array = NDArray[np.float64]
 
-_MAX_BANDS = 16  # each tone of an engine that wanders takes several
 _SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s, how long a wandering tone may be a single line
 _OVERSAMPLING = 4  # frequencies a line: half way between two lines each has 0.4 of a tone's energy
 # Effective number of tests a line and direction: gives the intended false-alarm rate
@@ -45,7 +46,6 @@ _MIN_FLOOR_LINES = 17  # where there are so many
 _MAX_FLOOR_SHARE = 0.5  # of all lines
 _MIN_RATIO = 1.5  # of a line to its floor; below it may be a slope or the edge of a notch
 _MIN_GAIN = 0.5  # of a notch, below which no tone is looked for in it
-_SETTLING = 3.0  # time constants of the narrowest notch, during which an onset still rings
 _LOG_P_UNDERFLOW = -600.0  # below which a log-probability is replaced by a bound
 
 
@@ -89,7 +89,7 @@ def detect_tones(
     signals = [np.nan_to_num(nu) for nu in runs if len(nu)]
     tones: list[Notch] = []
     first = 0.0
-    while signals and len(tones) < _MAX_BANDS:
+    while signals and len(tones) < MOST_TONES:
         rest = _without(tones, signals, rate)
         frequency, log_p = _most_significant(rest, rate, slowest, tones) if rest else (0.0, 0.0)
         if not log_p < math.log(alarm):
@@ -106,7 +106,9 @@ def _without(tones: Sequence[Notch], signals: Sequence[Array], rate: float) -> l
     if not tones:
         return list(signals)
     sections = notch_filter(tones, rate)
-    settled = round(_SETTLING / (2.0 * math.pi * min(n.half_width for n in tones)) * rate)
+    settled = round(
+        SETTLING_TIME_CONSTANTS / (2.0 * math.pi * min(n.half_width for n in tones)) * rate
+    )
     return [sosfilt(sections, x, axis=0)[settled:] for x in signals if len(x) > settled]
 
 

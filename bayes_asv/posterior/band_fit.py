@@ -33,12 +33,11 @@ from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
+from bayes_asv.preprocessing.events import FEWEST_PARTS, PART_PERIODS
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["FEWEST_PARTS", "PERIODS", "BandFit", "agreement", "fit_in_band", "notes", "share"]
+__all__ = ["FEWEST_PARTS", "PART_PERIODS", "BandFit", "agreement", "fit_in_band", "notes", "share"]
 
-PERIODS = 10.0  # of the slowest mode that a part lasts: what swings in it is over at its end
-FEWEST_PARTS = 5
 _STEP = 0.1  # of a posterior deviation, for derivatives of what is all but linear
 
 
@@ -85,12 +84,12 @@ def share(target: Posterior, mode: PosteriorMode, run: int, slowest: float) -> f
     Returns
     -------
     float or None
-        None when the recording has not :data:`FEWEST_PARTS` parts of :data:`PERIODS` periods.
+        None when the recording has not :data:`FEWEST_PARTS` parts of :data:`PART_PERIODS` periods.
     """
     recording = target.space.recordings[run]
     time = recording.instants[recording.pairs.max(axis=1)]
     span = float(time[-1] - time[0])
-    count = int(span * slowest / PERIODS)
+    count = int(span * slowest / PART_PERIODS)
     if count < FEWEST_PARTS:
         return None
     n = target.space.car_dimension
@@ -192,7 +191,7 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     list of str
     """
     if part is None:
-        needed = FEWEST_PARTS * PERIODS / _slowest(recording)
+        needed = FEWEST_PARTS * PART_PERIODS / _slowest(recording)
         return [
             f"what is left over in {recording.source} is not the sensors' noise, and the recording "
             f"is too short to tell from its parts whether the intervals are wide enough; that "

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from bayes_asv.filters.kalman import LANES
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["LaplaceFit", "ScoreAndInformation", "maximise", "secant_update", "slopes"]
+__all__ = ["STEP", "LaplaceFit", "ScoreAndInformation", "maximise", "secant_update", "slopes"]
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # of a prior deviation
+STEP = 1e-4  # of a prior deviation
 _FIRST, _ROUNDS = 8, 20  # with noise held, and with everything free
 _MIN_GAIN = 5e-3  # nats that the next step would gain
 _STEP_SHARES = (1.0, 0.4, 0.15)  # of a step: a bent ridge is followed further than damping would go
@@ -143,7 +143,7 @@ def slopes(
     last = len(z) if last is None else last
     seen = [space.coordinates_of_run(run) for run in runs]
     along = [own[(own >= first) & (own < last)] for own in seen]
-    moved = [z + np.vstack([np.zeros(len(z)), _STEP * np.eye(len(z))[own]]) for own in along]
+    moved = [z + np.vstack([np.zeros(len(z)), STEP * np.eye(len(z))[own]]) for own in along]
     pieces = [(run, k) for run in runs for k in range(0, len(moved[run]), LANES)]
 
     def passed(piece: tuple[int, int]) -> tuple[Array, Array, Array]:
@@ -161,12 +161,12 @@ def slopes(
         nu, logs = nu[:, there], logs[:, there]
         own = along[run]
         means, scales = (np.zeros((len(z), nu.shape[1])) for _ in range(2))
-        scales[own] = (logs[1:] - logs[0]) / _STEP
-        means[own] = -((nu[1:] - nu[0]) / _STEP + 0.5 * nu[0] * scales[own])
+        scales[own] = (logs[1:] - logs[0]) / STEP
+        means[own] = -((nu[1:] - nu[0]) / STEP + 0.5 * nu[0] * scales[own])
         parts.append((nu[0], logs[0], means, scales))
         if space.recordings[run].removed_band is not None:
             corrections = target.removed_band_correction(moved[run], run)
-            returned[own] += (corrections[1:] - corrections[0]) / _STEP
+            returned[own] += (corrections[1:] - corrections[0]) / STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     value = _value(target, z)
     means = np.concatenate([p[2] for p in parts], axis=1)

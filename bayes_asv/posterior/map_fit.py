@@ -150,9 +150,7 @@ def _judged(target: Posterior, mode: PosteriorMode, shares: tuple[float | None, 
     """Check whether the data identify the parameters and the model explains them, at the mode."""
     parameter_space = target.space
     # Where the search did not converge, the sampler decides.
-    reasons, warnings = [], []
-    if mode.converged:
-        reasons, warnings = unidentified_after_fit(parameter_space, mode)
+    reasons, warnings = (
         unidentified_after_fit(parameter_space, mode) if mode.converged else ([], [])
     )
     faults: list[str] = []

@@ -221,7 +221,7 @@ def run_ensembles(
     d = len(mode.z)
     walkers = max(WALKERS, 2 * (d + 2))
     with threads() as pool:
-        proposal = Proposal.around(mode, 1.2)
+        proposal = Proposal.around(mode, INFLATION)
         streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
         places = [_start(target, proposal, walkers, stream) for stream in streams]
         for stage, (burn, used) in enumerate(_BURN):

@@ -24,7 +24,14 @@ from bayes_asv.preprocessing.prepare import schedule
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
-__all__ = ["ABOVE_MODES", "check_band", "low_pass", "low_pass_recording", "too_short"]
+__all__ = [
+    "ABOVE_MODES",
+    "STEPS_IN_PERIOD",
+    "check_band",
+    "low_pass",
+    "low_pass_recording",
+    "too_short",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -33,7 +40,7 @@ ABOVE_MODES = 1.2  # times the fastest mode: below it a rate is no longer in the
 _REACH = 2.0  # periods of the band's edge that the filter looks back and ahead
 _KAISER = 4.55  # 50 dB in the stop band (Kaiser 1974), which then begins at 1.37 times the edge
 _SHORT = 0.125  # of a period: a gap that a spline crosses without harm in the band
-_STEPS = 16.0  # at least, in a period: what drives the car is smooth
+STEPS_IN_PERIOD = 16.0  # at least, in a period: what drives the car is smooth
 # Up to this many samples in a period of the edge, a cubic spline between them misses less than 2 %
 # of the amplitude, (2π/4)⁴/384.
 _SAMPLES_A_PERIOD = 4.0
@@ -165,7 +172,7 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
     left_out = mixed | np.any(mixed[list(recording.inputs)], axis=0)
     kept = np.arange(0, len(time), max(int(rate / (2.0 * below) + 1e-6), 1))
     left_out[:, np.setdiff1d(np.arange(len(time)), kept)] = True
-    step = 1.0 / (_STEPS * below)
+    step = 1.0 / (STEPS_IN_PERIOD * below)
     wheels = tuple(
         _wheel(wheel, time, values[c], step)
         for wheel, c in zip(recording.wheels, recording.inputs, strict=True)

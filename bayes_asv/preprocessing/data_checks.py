@@ -33,7 +33,9 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording  # fmt:
 from bayes_asv.preprocessing.quantization import noise_level
 
 __all__ = [
+    "FEWEST_ROWS",
     "FEWEST_WINDOWS",
+    "LEAST_PERIODS",
     "MAX_UNEXPLAINED",
     "MIN_EXCITATION",
     "Coherence",
@@ -45,12 +47,12 @@ __all__ = [
     "suggest_band",
 ]
 
-_PERIODS = 1.0  # of the slowest mode that a record must last
+LEAST_PERIODS = 1.0  # of the slowest mode that a record must last
 _SAMPLES_A_PERIOD = 12.0  # of the fastest mode
 _REAL = 0.5  # of that for a mode that does not oscillate: 5 were enough for poles of 18 to 32 Hz
 _FEW_A_SECOND = 2.5  # rows: fewer than any logger of accelerations takes
 _FASTEST_LOGGER = 20e3  # Hz
-_FEWEST = 100  # rows
+FEWEST_ROWS = 100  # rows
 MAX_UNEXPLAINED = 0.3
 """Share left over (rms) beyond which the intervals are too good to be true."""
 _MAX_WHEEL_RMS = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
@@ -162,11 +164,11 @@ def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str]
     rows = len(times)
     duration = float(times[-1] - times[0])
     rate = min(1.0 / _own_step(recording, c) for c in range(len(recording.channels)))
-    needed = max(_PERIODS / slowest, 0.3)
-    if duration < needed or rows < _FEWEST:
+    needed = max(LEAST_PERIODS / slowest, 0.3)
+    if duration < needed or rows < FEWEST_ROWS:
         reasons.append(
             f"{recording.source} is too short: {duration:.2f} s in {rows} rows, and this car needs "
-            f"at least {needed:.2f} s and {_FEWEST} rows; start the recording a second before the "
+            f"at least {needed:.2f} s and {FEWEST_ROWS} rows; start the recording a second before the "
             "bump and let it run until the car has stopped bouncing"
         )
     mistaken = mistaken_time_unit(recording.source, rate, min_sampling_rate(found))

@@ -47,14 +47,27 @@ from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import ORDER, Measurements
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.modes import nominal_modes
-from bayes_asv.preprocessing.data_checks import MIN_EXCITATION, min_sampling_rate
+from bayes_asv.preprocessing.band import STEPS_IN_PERIOD
+from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED, MIN_EXCITATION, min_sampling_rate
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.preprocessing.prepare import LONGEST_GAP, rails, used_channels, used_readings
 from bayes_asv.preprocessing.quantization import quiet_level
 
 __all__ = [
-    "AT_RAIL", "IN_THE_AIR", "LOST", "MOST_ROWS", "NOT_NEEDED", "NO_TIME", "PUSHED", "Event",
-    "LogEvents", "choose_events", "find_events", "is_long",
+    "AT_RAIL",
+    "FEWEST_PARTS",
+    "IN_THE_AIR",
+    "LOST",
+    "MOST_ROWS",
+    "NOT_NEEDED",
+    "NO_TIME",
+    "PART_PERIODS",
+    "PUSHED",
+    "Event",
+    "LogEvents",
+    "choose_events",
+    "find_events",
+    "is_long",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -77,10 +90,9 @@ _SHRINK = 0.02
 NOT_NEEDED = f"it would shrink no interval by {100.0 * _SHRINK:g} %"
 _WORTH = 0.01  # of the most information a second
 _BINS = 2.0  # times the least rate of the data checks
-_LONGEST = 10.0  # periods of the slowest mode, as the parts of a recording in a band
-_PARTS = 5  # of that length, which a recording in a band needs
+PART_PERIODS = 10.0  # periods of the slowest mode, as the parts of a recording in a band
+FEWEST_PARTS = 5  # of that length, which a recording in a band needs
 _FALL = 0.15  # of gravity: scale errors and a car that is not level
-_UNEXPLAINED = 0.3  # rms share of the body's motion, as in the checks of a fit
 _STEP = 0.01  # of a logarithm, for central differences
 _FORGETS = 0.005  # of the fastest motion
 _MOST_DELAY = 1.0  # s that the metadata of a recording may declare
@@ -183,7 +195,7 @@ def is_long(recording: Recording, below: float | None = None) -> bool:
 
 def _cost(recording: Recording, below: float | None) -> float:
     """Return the steps of the filter for one row: in a band 16 a period of its edge."""
-    return 1.0 if below is None else min(1.0, 16.0 * below / nominal_rate(recording))
+    return 1.0 if below is None else min(1.0, STEPS_IN_PERIOD * below / nominal_rate(recording))
 
 
 def find_events(
@@ -260,10 +272,10 @@ def find_events(
     # What else moves the body is slow: of a bump, the wheels explain all below the slowest mode.
     left = uniform_filter1d(log.outputs - found.output, 2 * window, axis=0)
     left -= uniform_filter1d(left, 200 * window, axis=0)
-    size = _LONGEST * period
+    size = PART_PERIODS * period
     extra = 0.0
     if below is not None:  # the filter of a band needs two periods of its edge at either end
-        extra, size = 2.0 / below, _PARTS * size + 4.0 / below
+        extra, size = 2.0 / below, FEWEST_PARTS * size + 4.0 / below
     cores = _runs(level >= worth) if worth > 0.0 else []
     around = round(extra / log.step)
     spans = _merged([(a - window - around, b + tail + around) for a, b in cores], len(level))
@@ -464,7 +476,7 @@ def _sensitivity(
 
 def _pulse(car: CarModel, u: int, step: float, period: float) -> Array:
     """One at one bin of an input, and time to settle (n, nu)."""
-    inputs = np.zeros((math.ceil(_LONGEST * period / step), len(car.elements)))
+    inputs = np.zeros((math.ceil(PART_PERIODS * period / step), len(car.elements)))
     inputs[1, u] = 1.0
     return inputs
 
@@ -486,7 +498,7 @@ def _falls(log: _Binned, slowest: float) -> Flags:
 
 def _pushed(left: Array, outputs: Array) -> bool:
     """Whether slow motion of the body that the wheels do not explain is a share of its motion."""
-    return bool(np.any(left.std(axis=0) > _UNEXPLAINED * outputs.std(axis=0)))
+    return bool(np.any(left.std(axis=0) > MAX_UNEXPLAINED * outputs.std(axis=0)))
 
 
 def _states(log: _Binned, spans: Sequence[tuple[int, int]], window: int) -> dict[str, float]:

@@ -38,6 +38,8 @@ from bayes_asv.preprocessing.wheel_spline import (
 __all__ = [
     "FEWEST_READINGS",
     "LONGEST_GAP",
+    "LONGEST_PHASE",
+    "LONGEST_STEP",
     "SAME_INSTANT",
     "MeasurementSchedule",
     "common_bandwidth",
@@ -57,8 +59,8 @@ LONGEST_GAP = 0.25
 """Periods of the car's fastest mode across which the motion of a wheel can be followed."""
 # The power series of the filter lose (λh)⁸/8! a step: with λh at most 1/4 for the nominal car they
 # hold to 1e-9 there, and to 1e-5 where a rate is three times nominal.
-_LONGEST_STEP = 0.005  # s
-_LONGEST_PHASE = 0.25
+LONGEST_STEP = 0.005  # s
+LONGEST_PHASE = 0.25
 SAME_INSTANT = 1e-8  # s
 # Share by which a step may be too long: at 200 Hz it is just the longest one, and a drift of some
 # ppm must not change the number of steps.
@@ -238,7 +240,7 @@ def schedule(
     wheels: Sequence[WheelSignal],
     outputs: Sequence[int],
     car: CarModel,
-    longest: float = _LONGEST_STEP,
+    longest: float = LONGEST_STEP,
 ) -> MeasurementSchedule:
     """Put output readings and input signals in the order in which a filter takes them.
 
@@ -261,7 +263,7 @@ def schedule(
     -------
     MeasurementSchedule
     """
-    longest = min(longest, _LONGEST_PHASE / fastest_rate(state_space(car, car.nominal, ())))
+    longest = min(longest, LONGEST_PHASE / fastest_rate(state_space(car, car.nominal, ())))
     # Steps between two samples of a wheel: across a longer gap nothing can be followed, and a stamp
     # that is wrong must not cost memory for each of its milliseconds.
     most = math.ceil(LONGEST_GAP / nominal_modes(car)[-1].natural / longest) + 1

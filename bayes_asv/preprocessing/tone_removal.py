@@ -28,6 +28,9 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, interpolation_sd
 
 __all__ = [
+    "IDLE_FREQUENCY",
+    "MOST_TONES",
+    "SETTLING_TIME_CONSTANTS",
     "Notch",
     "band_pass_filter",
     "engine_tones",
@@ -43,14 +46,14 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_MOST = 16
+MOST_TONES = 16
 _NARROWEST, _WIDEST = 2.0, 8.0  # Hz, half-width of a notch: it rings as long as it is narrow
 _WANDER = 0.05  # of its frequency that a tone wanders to either side
 # Idling engines turn at 600 rev/min and more, and fast ones at 15 000; what shakes a frame are
 # half orders (a cylinder of a four-stroke engine fires every other turn) up to the fourth.
-_IDLE, _MOST_ORDER = 10.0, 4.0  # Hz; turns
+IDLE_FREQUENCY, _MOST_ORDER = 10.0, 4.0  # Hz; turns
 _ORDERS_OFF = 0.03  # relative error of the ratio of two tones of an engine
-_LOWEST = 0.5 * _IDLE
+_LOWEST = 0.5 * IDLE_FREQUENCY
 _NEAR_HALF_RATE = 0.95  # of half the rate: what is above is an image of slow motion
 _MOST_ROWS = 4  # rows after which the work of a logger repeats itself
 _MAX_WANDER = 1.5  # highest over lowest frequency of adjacent bands of one tone
@@ -62,7 +65,9 @@ _SEGMENT = 2.5  # s of a spectrum
 _NEIGHBOURS = 41  # lines of a spectrum whose median is the floor of the middle one
 _ALARM = 1e-4  # false tones a spectrum of white noise
 _LINES = 256  # of the filter's power, from zero to half the rate
-_SETTLES = 3.0  # time constants of the narrowest notch until it has forgotten its beginning
+SETTLING_TIME_CONSTANTS = (
+    3.0  # time constants of the narrowest notch until it has forgotten its beginning
+)
 
 
 class Notch(NamedTuple):
@@ -140,7 +145,7 @@ def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ..
 
     signal = np.nan_to_num(nu)
     notches: list[Notch] = []
-    while signal.size and len(notches) < _MOST:
+    while signal.size and len(notches) < MOST_TONES:
         left = sosfilt(notch_filter(notches, rate), signal, axis=0) if notches else signal
         frequency = _peak(left, rate, alarm)
         if frequency is None:
@@ -184,7 +189,7 @@ def engine_tones(
 
     def plain(tone: Notch) -> bool:
         f = tone.frequency
-        if f < _IDLE or f > _NEAR_HALF_RATE * 0.5 * rate:
+        if f < IDLE_FREQUENCY or f > _NEAR_HALF_RATE * 0.5 * rate:
             return False
         if any(abs(f - rate / rows) < 1.5 * bin_width for rows in range(2, _MOST_ROWS + 1)):
             return False
@@ -239,7 +244,7 @@ def _harmonic(tone: Notch, other: Notch, bin_width: float) -> bool:
         < _ORDERS_OFF * tone.frequency + 0.5 * bin_width
         for i in orders
         for j in orders
-        if other.frequency * 2.0 / j >= _IDLE
+        if other.frequency * 2.0 / j >= IDLE_FREQUENCY
     )
 
 
@@ -334,7 +339,7 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
             curve = CubicSpline(at, recording.values[c, usable[c]])
         values[c, np.isin(recording.times[c], at)] = _cut(curve, at, rate, sections)
     narrowest = min(notch.half_width for notch in notches)
-    settled = max(recording.times[:, 0]) + _SETTLES / (2.0 * math.pi * narrowest)
+    settled = max(recording.times[:, 0]) + SETTLING_TIME_CONSTANTS / (2.0 * math.pi * narrowest)
     wheels = tuple(
         _wheel(wheel, values[c], recording.times[c], recording.clipped[c], settled)
         for wheel, c in zip(recording.wheels, recording.inputs, strict=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.filters.consistency_sums import (
     LAGS,
     ConsistencyLimits,
@@ -32,7 +33,6 @@ WINDOW = 0.5
 WHITENESS_WINDOW = 2.0
 """Length of the window of the Box–Pierce statistic, s."""
 
-_Z95 = 1.959964
 _NIS_ONSET = 4.5  # standard deviations of the mean NIS: 7 in a million by chance
 # For each output χ² with LAGS = 10 degrees of freedom: mean 10 and standard deviation 4.5.
 _BOX_PIERCE_ONSET = 150.0
@@ -43,7 +43,7 @@ _REQUIRED_SHARE = 0.9  # of the rows that have to be consistent
 _NIS_TOLERANCE = 0.05  # on the mean NIS of a whole recording: 2.5 % of a standard deviation
 
 
-def nis_band(readings: Array, z: float = _Z95) -> tuple[Array, Array]:
+def nis_band(readings: Array, z: float = NORMAL_975) -> tuple[Array, Array]:
     """Interval of the mean of n squared standard normals (Wilson & Hilferty 1931).
 
     The cube root of χ²_n / n is close to N(1 − c, c) with c = 2 / (9 n).

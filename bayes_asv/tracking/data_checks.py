@@ -15,6 +15,9 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.identifiability import unidentified_sentence
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
 from bayes_asv.preprocessing.data_checks import (
+    FEWEST_ROWS,
+    LEAST_PERIODS,
+    MIN_EXCITATION,
     min_sampling_rate,
     mistaken_time_unit,
     still_wheel,
@@ -27,10 +30,7 @@ __all__ = ["DataChecks", "unidentified_parameters"]
 Array = NDArray[np.float64]
 
 # As for `estimate`, see bayes_asv.preprocessing.data_checks.
-_MIN_ROWS = 100
-_MIN_PERIODS = 1.0  # of the slowest mode
 _MAX_MISSING = 0.2  # share of the readings of a channel
-_MIN_EXCITATION = 5.0  # rms of a wheel over its noise
 _MIN_RMS = 0.05  # of a wheel, m/s²
 
 
@@ -79,12 +79,12 @@ class DataChecks:
         modes = nominal_modes(sensors.car)
         slowest, fastest = modes[0].natural, modes[-1].natural
         seconds = max(self.last - self.first, 0.0)
-        needed = max(_MIN_PERIODS / slowest, 0.3)
+        needed = max(LEAST_PERIODS / slowest, 0.3)
         out = []
-        if seconds < needed or self.rows < _MIN_ROWS:
+        if seconds < needed or self.rows < FEWEST_ROWS:
             out.append(
                 f"{source} is too short: {seconds:.2f} s in {self.rows} rows, and this car needs "
-                f"at least {needed:.2f} s and {_MIN_ROWS} rows; record longer"
+                f"at least {needed:.2f} s and {FEWEST_ROWS} rows; record longer"
             )
         mistaken = mistaken_time_unit(source, self.rate, min_sampling_rate(modes))
         if mistaken:
@@ -112,7 +112,7 @@ class DataChecks:
         for c in sensors.inputs:
             quantization = sensors.resolution[c] / np.sqrt(12.0)
             floor = max(float(np.nan_to_num(sensors.noise[c])), quantization)
-            if rms[c] < max(_MIN_EXCITATION * floor, _MIN_RMS):
+            if rms[c] < max(MIN_EXCITATION * floor, _MIN_RMS):
                 out.append(still_wheel(source, sensors.channels, c, rms.tolist()))
         return out
 

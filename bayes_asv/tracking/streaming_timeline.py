@@ -25,7 +25,7 @@ from bayes_asv.filters.ukf_state import ALL, NOTHING, STATES, Steps
 from bayes_asv.models.car_model import CarModel, fastest_rate, state_space
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.preprocessing.data_checks import min_sampling_rate
-from bayes_asv.preprocessing.prepare import SAME_INSTANT
+from bayes_asv.preprocessing.prepare import LONGEST_PHASE, LONGEST_STEP, SAME_INSTANT
 from bayes_asv.preprocessing.quantization import (
     STILL_STEPS,
     STILL_WINDOW,
@@ -41,8 +41,6 @@ Array = NDArray[np.float64]
 
 # A step of h truncates the moments' series with a relative error of (λh)⁸/8!, see
 # preprocessing.prepare.
-_MAX_STEP = 0.005  # s
-_MAX_PHASE = 0.25  # λh
 # Longest gap between two samples of a wheel that a spline spans: the longer of
 _GAP_ROWS = 6.0  # rows
 _GAP_SECONDS = 0.02  # s
@@ -109,7 +107,7 @@ class _BandwidthMatcher:
 def max_step(car: CarModel) -> float:
     """Longest step (s) over which the moments describe the wheels accurately for a car."""
     fastest = fastest_rate(state_space(car, car.nominal, ()))
-    return min(_MAX_STEP, _MAX_PHASE / fastest)
+    return min(LONGEST_STEP, LONGEST_PHASE / fastest)
 
 
 def max_gap(rate: float) -> float:
