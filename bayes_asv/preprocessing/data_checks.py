@@ -168,8 +168,8 @@ def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str]
     if duration < needed or rows < FEWEST_ROWS:
         reasons.append(
             f"{recording.source} is too short: {duration:.2f} s in {rows} rows, and this car needs "
-            f"at least {needed:.2f} s and {FEWEST_ROWS} rows; start the recording a second before the "
-            "bump and let it run until the car has stopped bouncing"
+            f"at least {needed:.2f} s and {FEWEST_ROWS} rows; start the recording a second before "
+            "the bump and let it run until the car has stopped bouncing"
         )
     mistaken = mistaken_time_unit(recording.source, rate, min_sampling_rate(found))
     if mistaken:
