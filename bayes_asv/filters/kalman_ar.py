@@ -165,7 +165,7 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
         reading: Array,
         extra: Array,
         start: Array,
-        closes: NDArray[np.bool_],
+        ends_group: NDArray[np.bool_],
         ar: Array,
         root: Array,
         used: int,
@@ -250,7 +250,7 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
                 condition_vectors(n, columns, PC, shift, shrink, mean, P)
                 there[y] = True
                 own[y] = k
-            if not closes[k]:
+            if not ends_group[k]:
                 continue
             jacobian += _whiten(there, nus_flat, ar, root, history, w_flat)
             for y in range(ny):
@@ -291,7 +291,7 @@ def _passes(
     system: StateSpace,
     noise: SensorNoise,
     data: Measurements,
-    closes: NDArray[np.bool_],
+    ends_group: NDArray[np.bool_],
     ar: Array,
     root: Array,
     keep: bool,
@@ -305,7 +305,7 @@ def _passes(
     for b in range(len(A)):
         first = b * LANES
         run(
-            A[b], B[b], C[b], system.N, *(x[b] for x in noises), *data, closes, ar, root,
+            A[b], B[b], C[b], system.N, *(x[b] for x in noises), *data, ends_group, ar, root,
             min(LANES, W - first), keep, total[b], kept[first : first + LANES],
         )  # fmt: skip
     return total.ravel()[:W], kept
@@ -315,7 +315,7 @@ def log_likelihood(
     system: StateSpace,
     noise: SensorNoise,
     data: Measurements,
-    closes: NDArray[np.bool_],
+    ends_group: NDArray[np.bool_],
     ar: Array,
     root: Array,
 ) -> Array:
@@ -325,21 +325,21 @@ def log_likelihood(
     ----------
     system, noise, data : StateSpace, SensorNoise and Measurements
         As :func:`bayes_asv.filters.kalman.log_likelihood` takes them.
-    closes : (N,) bool array
+    ends_group : (N,) bool array
         True at the last instant of a group of readings that belong together; boards with clocks of
         their own make several instants a group.
     ar, root : (p, ny, ny) and (ny, ny) arrays
         Vector autoregression on the normalised innovations, and the lower triangular inverse root
         of the covariance of what it leaves; p = 0 for none.
     """
-    return _passes(system, noise, data, closes, ar, root, keep=False)[0]
+    return _passes(system, noise, data, ends_group, ar, root, keep=False)[0]
 
 
 def innovations(
     system: StateSpace,
     noise: SensorNoise,
     data: Measurements,
-    closes: NDArray[np.bool_],
+    ends_group: NDArray[np.bool_],
     ar: Array,
     root: Array,
 ) -> Array:
@@ -347,4 +347,4 @@ def innovations(
 
     They are taken at the most probable initial state and biases.
     """
-    return _passes(system, noise, data, closes, ar, root, keep=True)[1]
+    return _passes(system, noise, data, ends_group, ar, root, keep=True)[1]

@@ -74,7 +74,7 @@ class MeasurementSchedule(NamedTuple):
     moments: Array
     spread: Array
     kind: NDArray[np.int8]
-    closes: Flags
+    ends_group: Flags
     reading: Array
     extra: Array
     instants: Array
@@ -277,7 +277,7 @@ def schedule(
         ),
         spread=_spread(wheels, instants),
         kind=kind,
-        closes=closes,
+        ends_group=closes,
         reading=reading,
         extra=np.zeros_like(reading),
         instants=instants,
