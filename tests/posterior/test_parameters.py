@@ -14,9 +14,9 @@ from tests.posterior.cases import DECLARED, EXACT, case, prepared, vehicle
 
 
 @pytest.fixture(scope="module")
-def line() -> PreparedRecording:
-    _, _, recording = case("bump", 1, DECLARED, seconds=1.0)
-    return prepared(recording, vehicle(DECLARED))
+def recording() -> PreparedRecording:
+    _, _, raw = case("bump", 1, DECLARED, seconds=1.0)
+    return prepared(raw, vehicle(DECLARED))
 
 
 def test_the_prior_is_the_one_that_is_promised(recording: PreparedRecording) -> None:
