@@ -238,7 +238,7 @@ def with_offset(
         begin = end
         by_run.append(offset)
         log_variances.append(logs)
-    plain = {f: getattr(model.target, f) for f in ("space", "colours", "patterns")}
+    plain = {f: getattr(model.target, f) for f in ("space", "residual_ars", "patterns")}
     return OffsetPosterior(
         **plain, offset=tuple(by_run), log_variances=tuple(log_variances), cost=cost
     )

@@ -38,7 +38,7 @@ from bayes_asv.reference.greybox import (
     largest_travel,
     nominal_car,
 )
-from bayes_asv.reference.integrated import DETRENDINGS, Integrated, integrate
+from bayes_asv.reference.integrated import DETRENDINGS, REST_TIME, Integrated, integrate
 from bayes_asv.reference.modal import axle_matrices
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import Road
@@ -46,7 +46,6 @@ from bayes_asv.simulation.simulate import simulate
 
 __all__ = [
     "POINTS",
-    "REST_TIME",
     "RUNS",
     "ExactStates",
     "Readings",
@@ -69,7 +68,6 @@ POINTS = 300
 """Number of points in the reference (section 5.3)."""
 STEP = 0.005  # s, not given in the reference; 300 points cover the bump and the decay
 _SUBSTEPS = 10  # of the exact solution per step
-REST_TIME = 0.1  # s at rest
 _HEIGHT, _LENGTH, _SPEED = 3 * INCH, 60 * INCH, 10 * MPH  # m, m, m/s
 
 

@@ -14,11 +14,12 @@ from bayes_asv.domain.recording import Recording, accelerations, nominal_rate, s
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.discretization import Step, exact_step
 from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
-from bayes_asv.reference.experiments import REST_TIME
 
-__all__ = ["DETRENDINGS", "Integrated", "integrate", "simulate_states"]
+__all__ = ["DETRENDINGS", "REST_TIME", "Integrated", "integrate", "simulate_states"]
 
 Array = NDArray[np.float64]
+
+REST_TIME = 0.1  # s at rest before a motion
 
 DETRENDINGS: Final = ("none", "rest", "trend", "constant")
 """Detrending of the accelerations before integration: none; the mean of the first tenth of a

@@ -88,7 +88,7 @@ def bounds(case: Case, space: ParameterSpace, names: tuple[str, ...]) -> dict[st
 def information(case: Case, space: ParameterSpace) -> Array:
     """Information (n, n) in the readings about the n coordinates of the car, prior left out."""
     own = {entry.name: getattr(space, entry.name) for entry in fields(ParameterSpace)}
-    own["timelines"] = (_ideal(case),)
+    own["recordings"] = (_ideal(case),)
     target = Posterior(_KnownNoise(**own, known=true_noise(case.sensors)), (WHITE,))
     z = coordinates(space, case.car)
     columns = []
