@@ -28,6 +28,7 @@ from bayes_asv.analysis.run_consistency import (
     compare_runs,
     fit_single_run,
 )
+from bayes_asv.analysis.spring_curves import SpringCurve, spring_curves
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget, find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
@@ -141,6 +142,8 @@ class Estimate:
         Draws of the parameters of every effect in the model, SI units.
     dampers : tuple of DampingRates
         Rates of every damper whose force is not proportional to speed.
+    springs : tuple of SpringCurve
+        Curves of every spring that has a free one.
     doubt : Doubt or None
         Why the input is probably wrong or the model does not hold, so that no verdict on a damper
         may rest on this estimate; None where nothing speaks against it.
@@ -181,6 +184,7 @@ class Estimate:
     below: float | None = None
     effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
     dampers: tuple[DampingRates, ...] = ()
+    springs: tuple[SpringCurve, ...] = ()
     doubt: Doubt | None = None
     logs: tuple[LogEvents, ...] = ()
 
@@ -456,6 +460,7 @@ def _estimate_prepared(
     exact = timed is None or not any(timed.modes)
     budget = ensembles.converged and exact and not sites and lacking is None
     dampers = damping_rates(target, found.mode.z, flat, draws)
+    springs = spring_curves(target, found.mode.z, flat, draws)
     draws = with_equal_power(draws, dampers)
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
     width = find_budget(target, found.mode, vehicle) if budget else None
@@ -484,6 +489,7 @@ def _estimate_prepared(
         agreement=agreement,
         below=below,
         dampers=dampers,
+        springs=springs,
         doubt=doubt,
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}

@@ -49,6 +49,7 @@ from bayes_asv.diagnosis.model_comparison import (
     draw_dampers,
     draw_effects,
     draw_quantities,
+    draw_springs,
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
@@ -192,6 +193,7 @@ def diagnose(
         quantities_after={**draw_quantities(posteriors, seed), **rates},
         effect_draws=draw_effects(assessed.model, spread, seed),
         dampers=dampers,
+        springs=draw_springs(final, spread, seed),
         seconds=time.perf_counter() - clock,
     )
 

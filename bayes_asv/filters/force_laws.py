@@ -29,6 +29,10 @@ __all__ = [
     "OUTSIDE",
     "PROGRESSIVE",
     "SERIES_STIFFNESS",
+    "SPRING_CURVE",
+    "SPRING_FIRST",
+    "SPRING_KNOTS",
+    "SPRING_RATIO",
     "damper_force",
     "excess",
     "excess_many",
@@ -47,12 +51,19 @@ __all__ = [
     OUTSIDE,
     DAMPER_CURVE,
     SERIES_STIFFNESS,
-) = range(10)
+    SPRING_CURVE,
+) = range(11)
 
 CURVE_KNOTS = 8
 """Knots of a free damping curve on either side of rest."""
 CURVE_FIRST = 0.00625
 """Speed of the first of them, m/s; each next one is at twice the speed of the last."""
+SPRING_KNOTS = 10
+"""Knots of a free spring curve on either side of rest."""
+SPRING_FIRST = 0.004
+"""Deflection of the first of them, m."""
+SPRING_RATIO = math.sqrt(2.0)
+"""Deflection of each next one over that of the last: the tenth is at 90.5 mm."""
 
 Array = NDArray[np.float64]
 
@@ -67,24 +78,29 @@ def _rounded(beyond: float, width: float) -> tuple[float, float]:
 
 
 @njit(**INLINE)
-def _on_curve(table: Array, lane: int, row: int, rate: float) -> tuple[float, float]:
-    """Return the integral of a piecewise linear slope from rest to a speed, and the slope there."""
-    rest, side = 2 + CURVE_KNOTS, 1 if rate >= 0.0 else -1
-    speed, low, high = abs(rate), 0.0, CURVE_FIRST
+def _on_curve(
+    table: Array, lane: int, row: int, x: float, knots: int, first: float, ratio: float
+) -> tuple[float, float]:
+    """Return the integral of a piecewise linear slope from rest to x, and the slope there.
+
+    Its knots are at rest, at ``first`` and each at ``ratio`` times the last, on either side.
+    """
+    rest, side = 2 + knots, 1 if x >= 0.0 else -1
+    far, low, high = abs(x), 0.0, first
     slope = table[lane, row, rest]
     total, at, knot = 0.0, slope, 1
-    while knot <= CURVE_KNOTS:
+    while knot <= knots:
         after = table[lane, row, rest + side * knot]
-        if speed <= high:
-            come = speed - low
+        if far <= high:
+            come = far - low
             at = slope + (after - slope) * come / (high - low)
             total += 0.5 * (slope + at) * come
             break
         total += 0.5 * (slope + after) * (high - low)
-        slope, low, high, knot = after, high, 2.0 * high, knot + 1
-    if knot > CURVE_KNOTS:
+        slope, low, high, knot = after, high, ratio * high, knot + 1
+    if knot > knots:
         at = slope
-        total += slope * (speed - low)
+        total += slope * (far - low)
     return side * total, at
 
 
@@ -127,7 +143,7 @@ def damper_force(
                 damper_v = damper_v * factor + damper * slope
                 damper *= factor
         elif code == DAMPER_CURVE:  # slopes at the knots over c, from the fastest compression on
-            along, at = _on_curve(table, lane, row, rate)
+            along, at = _on_curve(table, lane, row, rate, CURVE_KNOTS, CURVE_FIRST, 2.0)
             factor = along / rate if abs(rate) > 1e-9 else at
             slope = (at - factor) / rate if abs(rate) > 1e-9 else 0.0
             damper_v = damper_v * factor + damper * slope
@@ -162,6 +178,12 @@ def undamped_excess(
             x = p0 * delta * delta
             factor = 1.0 + x + p1 * x * x
             slope = (2.0 * p0 + 4.0 * p1 * p0 * x) * delta
+            spring_d = spring_d * factor + spring * slope
+            spring *= factor
+        elif code == SPRING_CURVE:  # slopes at the knots over k, from the deepest compression on
+            along, at = _on_curve(table, lane, row, delta, SPRING_KNOTS, SPRING_FIRST, SPRING_RATIO)
+            factor = along / delta if abs(delta) > 1e-9 else at
+            slope = (at - factor) / delta if abs(delta) > 1e-9 else 0.0
             spring_d = spring_d * factor + spring * slope
             spring *= factor
         elif code in (BUMP_STOP, DROOP_STOP):
