@@ -7,8 +7,8 @@
 3. One test over all candidate effects: is any missing?
 4. Forward selection: the most probable effect is added and everything is fitted again, until no
    effect is missing; effects that turned out unnecessary are removed.
-5. Where something is left that no effect of the list explains, free laws of the dampers are tried
-   in the place of the named effects.
+5. Where something is left that no effect of the list explains, free laws of the dampers or springs
+   are tried in the place of the named effects.
 6. Validation on held-out recordings with everything frozen: an effect that makes the simulation
    worse there is removed, and another is selected once.
 7. Misspecification tests on all recordings together: is anything left that is not in the list?
