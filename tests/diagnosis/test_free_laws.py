@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayes_asv.diagnosis.workflow import diagnose
+from bayes_asv.domain.recording import Recording
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import findings
 from tests.battery.cases import case
@@ -50,7 +51,7 @@ def test_a_spring_that_is_stiffer_beyond_a_play_is_a_curve() -> None:
     force = car.k_r * (force - force[2500])
     spring = CurveSpring(tuple(delta[::4]), tuple(force[::4]))
     car = replace(car, rear_law=(spring, LinearDamper(car.c_r)))
-    runs = []
+    runs: list[Recording] = []
     for terrain in ("stops", "bump", "stops"):
         declared = draw_biases(SensorSpec(), rng)
         road, seed = (int(v) for v in rng.integers(2**31, size=2))
