@@ -19,6 +19,7 @@ from bayes_asv.analysis.predictive_checks import Check
 from bayes_asv.analysis.run_consistency import (
     RunConsistency,
 )
+from bayes_asv.analysis.spring_curves import SpringCurve
 from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
@@ -114,6 +115,8 @@ class Estimate:
         Draws of the parameters of every effect in the model, SI units.
     dampers : tuple of DampingRates
         Rates of every damper whose force is not proportional to speed.
+    springs : tuple of SpringCurve
+        Curves of every spring that has a free one.
     input_check : Doubt or None
         Why the input is probably wrong or the model does not hold, so that no verdict on a damper
         may rest on this estimate; None where nothing speaks against it.
@@ -154,6 +157,7 @@ class Estimate:
     below: float | None = None
     effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
     dampers: tuple[DampingRates, ...] = ()
+    springs: tuple[SpringCurve, ...] = ()
     input_check: InputCheck | None = None
     logs: tuple[LogEvents, ...] = ()
 

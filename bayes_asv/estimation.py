@@ -28,6 +28,7 @@ from bayes_asv.analysis.run_consistency import (
     compare_runs,
     fit_single_run,
 )
+from bayes_asv.analysis.spring_curves import spring_curves
 from bayes_asv.analysis.uncertainty_budget import find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
@@ -350,6 +351,7 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
         run_consistency=fit.run_consistency,
         below=task.below,
         dampers=dampers,
+        springs=spring_curves(target, found.mode.z, flat, draws),
         effects={
             site: {n: x.reshape(by_ensemble) for n, x in values.items()}
             for site, values in space.effect_draws(flat).items()

@@ -48,6 +48,10 @@ class Example(NamedTuple):
 
 
 _STEPS = {f"{side}_{k}": -0.25 for side in ("compression", "extension") for k in range(1, 9)}
+_SPRING = {  # a second spring of the same stiffness from 16 mm of compression on
+    **{f"{side}_{k}": 0.0 for side in ("compression", "extension") for k in range(1, 11)},
+    "compression_5": 0.7,
+}
 _STOP = {"rate": 1.2e5, "gap": 0.03, "onset": 0.004, "power": 1.0}
 EXAMPLES = {
     "bound_rebound": Example("bump", 4.0, {"ratio": 2.5, "rounding": 0.015}, "rate"),
@@ -56,6 +60,7 @@ EXAMPLES = {
     "damper_hysteresis": Example("stops", 3.0, {"stiffness": 6e4}, "rate"),
     "coulomb_friction": Example("rough", 3.0, {"force": 150.0, "slip": 0.005}, "rate"),
     "progressive_spring": Example("bump", 4.0, {"kappa": 120.0, "curl": 0.3}, "deflection"),
+    "spring_curve": Example("stops", 3.0, _SPRING, "deflection"),
     "bump_stop": Example("stops", 3.0, _STOP, "deflection"),
     "droop_stop": Example("stops", 3.0, _STOP, "deflection"),
     "damper_fade": Example("rollers", 5.0, {"loss": 0.6, "bend": 0.0}, "time"),

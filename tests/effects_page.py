@@ -33,6 +33,9 @@ linear damper lags by $c/K$.""",
     "coulomb_friction": r"""$F=-k\delta-c\,\dot\delta
 -\text{force}\cdot\dot\delta/\sqrt{\dot\delta^2+\text{slip}^2}$.""",
     "progressive_spring": r"""$F=-k\delta\,(1+\kappa\delta^2+q\,\kappa^2\delta^4)-c\,\dot\delta$.""",
+    "spring_curve": r"""$F=-k\int_0^{\delta} g(x)\,\mathrm dx-c\,\dot\delta$. The slope $g>0$ is piecewise linear
+between knots at rest, at ±4 mm and at each $\sqrt2$ times that up to ±91 mm; $g(0)=1$, so that $k$ is the stiffness at
+rest. From knot to knot $\ln g$ takes independent steps.""",
     "bump_stop": r"""$F=-k\delta-c\,\dot\delta+\text{rate}\cdot w\,(d/w)^p$ with
 $d=\tfrac12\big(e+\sqrt{e^2+w^2}\big)$ minus its value at rest, and $e=-\delta-\text{gap}$ the
 compression beyond the gap.""",
@@ -84,6 +87,10 @@ MEANINGS = {
         "kappa": "$\\kappa$: relative stiffening per squared deflection",
         "curl": "$q$: fourth-order coefficient; 0.3 for a $\\sinh$ law",
     },
+    "spring_curve": {
+        **{f"{side}_{k}": "step of $\\ln g$ to the next knot"
+           for side in ("compression", "extension") for k in range(1, 11)},
+    },
     "bump_stop": {
         "rate": "spring rate of the stop", "gap": "compression from rest at which the stop is reached",
         "onset": "travel $w$ over which the force sets in",
@@ -116,9 +123,9 @@ _ABOUT = """\
 # Effects
 
 This page lists the effects that `bayes-asv diagnose` tests and that
-`bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve` and `damper_hysteresis`
-are not tested one by one: a diagnosis gives both to a damper where the other effects leave something unexplained,
-and keeps them where that explains the recordings decisively better. Each effect is one file under
+`bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve`, `damper_hysteresis` and
+`spring_curve` are not tested one by one: a diagnosis gives them to a damper or a spring where the other effects leave
+something unexplained, and keeps them where that explains the recordings decisively better. Each effect is one file under
 `bayes_asv/models/effects`; `python -m tests.effects_page` generates this page from them. Extension is
 positive, and so is a force upward on the chassis.
 
@@ -207,9 +214,10 @@ composes with other laws, and is listed with those of the damper or the spring.
 
 ```diff
      SERIES_STIFFNESS,
--) = range(10)
+     SPRING_CURVE,
+-) = range(11)
 +    QUADRATIC,
-+) = range(11)
++) = range(12)
 ```
 
 ```diff
@@ -238,7 +246,7 @@ composes with other laws, and is listed with those of the damper or the spring.
 ```diff
          progressive_spring.EFFECT,
 +        quadratic_damper.EFFECT,
-         stops.BUMP,
+         spring_curve.EFFECT,
 ```
 
 `diagnose` then tests the effect, `estimate --with quadratic_damper@rear` adds it, and

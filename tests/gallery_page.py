@@ -24,6 +24,7 @@ SIGNATURES = {
     "damper_hysteresis": "Force over velocity forms a loop: where the damper reverses, its force is still that of a moment ago. Fast reversals show it; on a slow ride the damper looks linear. A late sensor moves whole signals instead.",
     "coulomb_friction": "The body follows small bumps as if the suspension were locked, and comes to rest abruptly. Its share grows as the ride becomes gentler, whereas a damper's share shrinks.",
     "progressive_spring": "The body's oscillation becomes faster as it becomes larger. What is missing depends on deflection, not on velocity.",
+    "spring_curve": "A curve of any rising shape, compression and extension each its own. It contains the effect above and is used where neither that nor a stop fits: a second spring that comes in, a spring that is stiffer on one side, one that softens.",
     "bump_stop": "A short, hard push upward whenever compression passes one particular deflection, with ringing after it. Below that deflection nothing differs.",
     "droop_stop": "A short pull downward whenever extension passes one particular deflection.",
     "damper_fade": "The first bumps fit and the last ones do not, or the other way round: the misfit grows with time, not with the size of the bump.",

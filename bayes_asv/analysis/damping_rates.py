@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bayes_asv.analysis.curve_shapes import SLOWEST, bend_statements, log_bend, ratio
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.filters.suspension_forces import damper_force_history
 from bayes_asv.models.effects import Site
@@ -35,10 +36,8 @@ MAX_DRAWS = 2000
 
 _AT_REST = 1e-4  # m/s, at which the slope at rest is taken
 _FASTEST = 0.95  # quantile of the speeds driven up to which the shape is described
-_SLOWEST = 0.125  # of that speed: the piece of the curve that stands for slow motion
 _BENT = 1.25  # ratio of slopes from which a curve is called bent
 _POINTS = 41  # of a curve over the range driven
-_LEAST_RATIO = 1e-3  # that is stated: a damper that does not resist at all is a thousandth
 _UNEQUAL = 1.1  # ratio of rates from which the sides are called unequal
 
 
@@ -146,7 +145,7 @@ def damping_rates(
         square = sum(float(np.sum(rate**2)) for rate in rates)
         speed = math.sqrt(square / sum(map(len, rates)))
         fastest = float(np.quantile(np.abs(np.concatenate(rates)), _FASTEST))
-        side = np.array([_AT_REST, speed, _SLOWEST * fastest, 0.5 * fastest, fastest])
+        side = np.array([_AT_REST, speed, SLOWEST * fastest, 0.5 * fastest, fastest])
         ends = min(map(np.min, rates)), max(map(np.max, rates))
         shown = np.linspace(*ends, _POINTS)
         grid = np.concatenate([-side, side, shown])
@@ -211,32 +210,15 @@ def _shapes(compression: Array, extension: Array) -> tuple[DamperShape, ...]:
         Draws of the force on either side at the speeds that :func:`damping_rates` takes.
     """
     bends = {
-        side: np.log(_ratio((force[:, 4] - force[:, 3]) / (1.0 - 0.5), force[:, 2] / _SLOWEST))
+        side: log_bend(force[:, 2], force[:, 3], force[:, 4])
         for side, force in (("compression", compression), ("extension", extension))
     }
-    out = []
-    for name, sign in (("digressive", -1.0), ("progressive", 1.0)):
-        holds = {side: sign * bend > math.log(_BENT) for side, bend in bends.items()}
-        everywhere = float(np.mean(np.logical_and(*holds.values())))
-        if everywhere > 0.5:
-            ratio = np.exp(0.5 * sum(bends.values()))
-            out.append(DamperShape(name, "both", everywhere, ratio))
-            continue
-        for side, true in holds.items():
-            if np.mean(true) > 0.5:
-                out.append(DamperShape(name, side, float(np.mean(true)), np.exp(bends[side])))
-    ratio = _ratio(extension[:, 1], compression[:, 1])
-    unequal = float(np.mean(np.abs(np.log(ratio)) > math.log(_UNEQUAL)))
+    out = bend_statements(bends, ("digressive", "progressive"), _BENT, DamperShape)
+    sides = ratio(extension[:, 1], compression[:, 1])
+    unequal = float(np.mean(np.abs(np.log(sides)) > math.log(_UNEQUAL)))
     if unequal > 0.5:
-        out.append(DamperShape("unequal_sides", "both", unequal, ratio))
+        out.append(DamperShape("unequal_sides", "both", unequal, sides))
     return tuple(out)
-
-
-def _ratio(above: Array, below: Array) -> Array:
-    """Ratio of slopes or forces (N,), of which a draw may have one that is not positive."""
-    least = _LEAST_RATIO * np.maximum(np.abs(above), np.abs(below))
-    least = np.maximum(least, np.finfo(float).tiny)
-    return np.asarray(np.maximum(above, least) / np.maximum(below, least))
 
 
 def _table(target: Posterior, laws: list[Site], z: Array) -> Array:

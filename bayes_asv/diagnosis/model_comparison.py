@@ -23,6 +23,7 @@ from bayes_asv.analysis.damping_rates import (
     damping_rates,
     with_equal_power,
 )
+from bayes_asv.analysis.spring_curves import SpringCurve, spring_curves
 from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.score_test import ScoreTest, one_sided_squares, score_test, standardized
 from bayes_asv.diagnosis.thresholds import PRIOR_NONE, SPLIT_EVIDENCE
@@ -44,6 +45,7 @@ __all__ = [
     "draw_dampers",
     "draw_effects",
     "draw_quantities",
+    "draw_springs",
     "evidence_without",
     "fit_candidates",
     "leading_candidates",
@@ -357,6 +359,19 @@ def draw_dampers(
     dampers = damping_rates(model.target, model.mode.z, z, draws)
     rates = with_equal_power(draws, dampers)
     return dampers, {name: x for name, x in rates.items() if x is not draws[name]}
+
+
+def draw_springs(model: FittedModel, evidence: ModelEvidence, seed: int) -> tuple[SpringCurve, ...]:
+    """Draw the curves of springs that have a free one, under the tolerance prior.
+
+    Deflections driven are those at the model's mode.
+    """
+    if not any(site.effect.on_spring and site.effect.free_form for site in model.sites):
+        return ()
+    rng = np.random.default_rng([seed, 59])
+    mean = model.mode.z + evidence.mode_shift
+    z = draw_cars(model.space, mean, evidence.covariance, MAX_DRAWS, rng)
+    return spring_curves(model.target, model.mode.z, z, model.space.quantities(z, seed))
 
 
 def draw_effects(

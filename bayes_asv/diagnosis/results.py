@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.damping_rates import DampingRates
+from bayes_asv.analysis.spring_curves import SpringCurve
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Localization
 from bayes_asv.diagnosis.misspecification_test import Unexplained
@@ -97,6 +98,8 @@ class Diagnosis:
         Draws of the parameters of each named effect, by site, SI units.
     dampers : tuple of DampingRates
         Rates of the dampers whose force is not proportional to speed, under the final model.
+    springs : tuple of SpringCurve
+        Curves of the springs that have a free one, under the final model.
     seconds : float
         Computing time.
     """
@@ -123,6 +126,7 @@ class Diagnosis:
     quantities_after: dict[str, Array] | None = None
     effect_draws: dict[str, dict[str, Array]] | None = None
     dampers: tuple[DampingRates, ...] = ()
+    springs: tuple[SpringCurve, ...] = ()
     seconds: float = 0.0
 
     @property

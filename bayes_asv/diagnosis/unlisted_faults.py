@@ -11,7 +11,8 @@ A model that allows any force finds only what is large.  A test along the direct
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,24 +29,31 @@ from bayes_asv.diagnosis.unlisted_fault_models import (
     unlisted_faults,
 )
 from bayes_asv.filters.force_laws import OUTSIDE, excess_many, table_of_laws
-from bayes_asv.models.effects.damper_curve import KNOTS
+from bayes_asv.models.effects.damper_curve import KNOTS as DAMPER_KNOTS
+from bayes_asv.models.effects.spring_curve import KNOTS as SPRING_KNOTS
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.likelihood import Perturbation, shared_work
 
 __all__ = [
-    "FreeDamper",
+    "PARTS",
+    "FreeLaw",
+    "Part",
     "UnlistedExplanation",
     "UnlistedFaultScores",
     "best_unlisted_explanation",
-    "free_damper",
-    "free_damper_evidence",
     "free_force_evidence",
+    "free_law_evidence",
+    "free_laws",
     "pulse_sensitivities",
     "unlisted_fault_scores",
     "unlisted_fault_sensitivities",
 ]
 
 Array = NDArray[np.float64]
+
+Part = Literal["damper", "spring"]
+"""What of a suspension a free law is of."""
+PARTS: tuple[Part, ...] = ("damper", "spring")
 
 _LAGS = ("hysteresis", "a damper in a soft mount")  # faults by which force lags velocity
 _SMALL = 0.01  # size of a perturbation, of the damper's rms force or of a channel's rms
@@ -175,13 +183,17 @@ def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) ->
     return by_axle[axle], axle
 
 
-def free_damper_evidence(
-    model: DenoisedModel, projection: NuisanceProjection, scores: UnlistedFaultScores
+def free_law_evidence(
+    model: DenoisedModel,
+    projection: NuisanceProjection,
+    scores: UnlistedFaultScores,
+    part: Part,
 ) -> tuple[float, str]:
-    """Log Bayes factor (nats) of a free damper law against none, and the axle where it is largest.
+    """Log Bayes factor (nats) of a free law against none, and the axle where it is largest.
 
-    To first order such a law adds a force that is any piecewise linear function of the rate of
-    deflection, and the unlisted faults by which force lags velocity.
+    To first order a damper law adds a force that is any piecewise linear function of the rate of
+    deflection, and the unlisted faults by which force lags velocity; a spring law adds a force that
+    is any piecewise linear function of deflection.
 
     Parameters
     ----------
@@ -189,6 +201,8 @@ def free_damper_evidence(
         As :func:`unlisted_fault_scores` takes them.
     scores : UnlistedFaultScores
         Of the same model.
+    part : {'damper', 'spring'}
+        Whose law.
     """
     posterior, z = model.filters[0].posterior, model.model.mode.z
     motions = [
@@ -196,18 +210,26 @@ def free_damper_evidence(
         for k in range(len(model.dataset.recordings))
     ]
     car, values = posterior.space.car, posterior.space.values(z[None])
+    knots = DAMPER_KNOTS if part == "damper" else SPRING_KNOTS
     by_axle = {}
     for axle in car.axles:
         own = [e for e, element in enumerate(car.elements) if element.axle == axle]
-        rates = [motion.velocity[:, own].T for motion in motions]
-        spread = float(np.std(np.concatenate(rates, axis=1)))
-        size = _SMALL * spread * float(np.mean([values[car.elements[e].damping][0] for e in own]))
-        hats = size * np.delete(np.eye(len(KNOTS)), len(KNOTS) // 2, axis=0)  # no force at rest
-        changes = [[np.interp(rate, KNOTS, hat) for rate in rates] for hat in hats]
-        places = tuple(f"at the {car.elements[e].words}" for e in own)
-        lags = [d.startswith(_LAGS) and d.endswith(places) for d in scores.descriptions]
-        along = [_force_sensitivities(model, own, changes), scores.sensitivities[lags]]
-        by_axle[axle] = _log_bayes_factor(*projection.project_out(np.concatenate(along)))
+        if part == "damper":
+            driven = [motion.velocity[:, own].T for motion in motions]
+            names = [car.elements[e].damping for e in own]
+        else:
+            driven = [motion.deflection[:, own].T for motion in motions]
+            names = [car.elements[e].spring for e in own]
+        spread = float(np.std(np.concatenate(driven, axis=1)))
+        size = _SMALL * spread * float(np.mean([values[name][0] for name in names]))
+        hats = size * np.delete(np.eye(len(knots)), len(knots) // 2, axis=0)  # no force at rest
+        changes = [[np.interp(x, knots, hat) for x in driven] for hat in hats]
+        along = _force_sensitivities(model, own, changes)
+        if part == "damper":
+            places = tuple(f"at the {car.elements[e].words}" for e in own)
+            lags = [d.startswith(_LAGS) and d.endswith(places) for d in scores.descriptions]
+            along = np.concatenate([along, scores.sensitivities[lags]])
+        by_axle[axle] = _log_bayes_factor(*projection.project_out(along))
     axle = max(by_axle, key=lambda name: by_axle[name])
     return by_axle[axle], axle
 
@@ -302,11 +324,13 @@ def best_unlisted_explanation(dataset: Dataset, evidence: ModelEvidence) -> Unli
     return _best_explanation(dataset, evidence, denoised, projection, scores)
 
 
-class FreeDamper(NamedTuple):
-    """A damper law of any form next to a model, to first order.
+class FreeLaw(NamedTuple):
+    """A damper or spring law of any form next to a model, to first order.
 
     Parameters
     ----------
+    part : {'damper', 'spring'}
+        Whose law.
     axle : str
         Where it gains most.
     gain : float
@@ -315,22 +339,34 @@ class FreeDamper(NamedTuple):
         The same of the best unlisted explanation.
     """
 
+    part: Part
     axle: str
     gain: float
     best_gain: float
 
 
-def free_damper(dataset: Dataset, evidence: ModelEvidence) -> FreeDamper:
-    """Compare a free damper law with the best unlisted explanation.
+def free_laws(
+    dataset: Dataset, evidence: ModelEvidence, parts: Sequence[Part] = PARTS
+) -> list[FreeLaw]:
+    """Compare free laws with the best unlisted explanation; the one that gains most comes first.
 
-    Parameters are those of :func:`best_unlisted_explanation`.
+    Parameters
+    ----------
+    dataset, evidence
+        As :func:`best_unlisted_explanation` takes them.
+    parts : sequence of {'damper', 'spring'}
+        Whose laws.
     """
     denoised = denoised_model(dataset, evidence.model)
     projection = projection_with_tolerances(denoised.derivatives, evidence)
     scores = unlisted_fault_scores(denoised, projection)
     best = _best_explanation(dataset, evidence, denoised, projection, scores)
-    gain, axle = free_damper_evidence(denoised, projection, scores)
-    return FreeDamper(axle, gain, best.log_evidence - evidence.log_evidence)
+    best_gain = best.log_evidence - evidence.log_evidence
+    laws = []
+    for part in parts:
+        gain, axle = free_law_evidence(denoised, projection, scores, part)
+        laws.append(FreeLaw(part, axle, gain, best_gain))
+    return sorted(laws, key=lambda law: -law.gain)
 
 
 def _best_explanation(

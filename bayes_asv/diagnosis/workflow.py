@@ -7,8 +7,8 @@
 3. One test over all candidate effects: is any missing?
 4. Forward selection: the most probable effect is added and everything is fitted again, until no
    effect is missing; effects that turned out unnecessary are removed.
-5. Where something is left that no effect of the list explains, free laws of the dampers are tried
-   in the place of the named effects.
+5. Where something is left that no effect of the list explains, free laws of the dampers or springs
+   are tried in the place of the named effects.
 6. Validation on held-out recordings with everything frozen: an effect that makes the simulation
    worse there is removed, and another is selected once.
 7. Misspecification tests on all recordings together: is anything left that is not in the list?
@@ -49,6 +49,7 @@ from bayes_asv.diagnosis.model_comparison import (
     draw_dampers,
     draw_effects,
     draw_quantities,
+    draw_springs,
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
@@ -192,6 +193,7 @@ def diagnose(
         quantities_after={**draw_quantities(posteriors, seed), **rates},
         effect_draws=draw_effects(assessed.model, spread, seed),
         dampers=dampers,
+        springs=draw_springs(final, spread, seed),
         seconds=time.perf_counter() - clock,
     )
 

@@ -7,6 +7,7 @@ branch keeps the value and its slopes.  The readable forms stand in :mod:`bayes_
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -40,6 +41,10 @@ __all__ = [
     "OUTSIDE",
     "PROGRESSIVE",
     "SERIES_STIFFNESS",
+    "SPRING_CURVE",
+    "SPRING_FIRST",
+    "SPRING_KNOTS",
+    "SPRING_RATIO",
     "apply_laws",
     "damper_forces",
     "excess_many",
@@ -58,14 +63,21 @@ __all__ = [
     DROOP_STOP,
     OUTSIDE,
     SERIES_STIFFNESS,
-) = range(10)
+    SPRING_CURVE,
+) = range(11)
 
 CURVE_KNOTS = 8
 """Knots of a free damping curve on either side of rest."""
 CURVE_FIRST = 0.00625
 """Speed of the first of them, m/s; each next one is at twice the speed of the last."""
+SPRING_KNOTS = 10
+"""Knots of a free spring curve on either side of rest."""
+SPRING_FIRST = 0.004
+"""Deflection of the first of them, m."""
+SPRING_RATIO = math.sqrt(2.0)
+"""Deflection of each next one over that of the last: the tenth is at 90.5 mm."""
 
-_NUMBERS = 2 * CURVE_KNOTS + 1
+_NUMBERS = 2 * max(CURVE_KNOTS, SPRING_KNOTS) + 1
 _COLUMNS = 2 + _NUMBERS
 
 _DEFLECTION, _RATE, _DAMPER, _SPRING, _ADDED = 0, 1, 2, 4, 6
@@ -113,18 +125,14 @@ def _fade(p: Numbers, rate: Vector, share: Vector) -> Pair:
 
 def _damper_curve(p: Numbers, rate: Vector, share: Vector) -> Pair:
     """Take slopes at the knots over c, from the fastest compression on."""
-    along, at = integral_of_slopes(p, CURVE_KNOTS, CURVE_FIRST, rate)
-    moving = abs(rate) - 1e-9
-    speed = where_positive(moving, rate, 1.0)
-    factor = where_positive(moving, along / speed, at)
-    return factor, where_positive(moving, (at - factor) / speed, 0.0)
+    return _on_curve(p, CURVE_KNOTS, CURVE_FIRST, 2.0, rate)
 
 
-def integral_of_slopes(p: Numbers, knots: int, first: float, x: Vector) -> Pair:
-    """Return the integral of a piecewise linear slope from rest to x, and the slope there.
+def _on_curve(p: Numbers, knots: int, first: float, ratio: float, x: Vector) -> Pair:
+    """Return the factor of a force whose slope is piecewise linear, and the factor's slope.
 
-    The first knot on either side is at ``first``, each next one at twice the distance of the last;
-    beyond the last the slope stays.
+    The first knot on either side is at ``first``, each next one at ``ratio`` times the distance of
+    the last; beyond the last the slope stays.
     """
     far = abs(x)
     at = slope = p[knots]
@@ -136,15 +144,24 @@ def integral_of_slopes(p: Numbers, knots: int, first: float, x: Vector) -> Pair:
         come = where_positive(beyond - (high - low), high - low, beyond)
         gained = (after - slope) * (come * (1.0 / (high - low)))
         total = total + come * (slope + 0.5 * gained)
-        at, slope, low, high = at + gained, after, high, 2.0 * high
+        at, slope, low, high = at + gained, after, high, ratio * high
     total = total + where_positive(far - low, far - low, 0.0) * slope
-    return where_positive(x, total, -total), at
+    away = far - 1e-9
+    safe = where_positive(away, far, 1.0)
+    factor = where_positive(away, total / safe, at)
+    bend = where_positive(away, (at - factor) / safe, 0.0)
+    return factor, where_positive(x, bend, -bend)
 
 
 def _progressive(p: Numbers, delta: Vector) -> Pair:
     """Take p0 = κ, 1/m², and p1 = share of κ² δ⁴."""
     x = p[0] * delta * delta
     return 1.0 + x + p[1] * x * x, (2.0 * p[0] + 4.0 * p[1] * p[0] * x) * delta
+
+
+def _spring_curve(p: Numbers, delta: Vector) -> Pair:
+    """Take slopes at the knots over k, from the deepest compression on."""
+    return _on_curve(p, SPRING_KNOTS, SPRING_FIRST, SPRING_RATIO, delta)
 
 
 def _coulomb(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
@@ -196,7 +213,10 @@ _DAMPER_LAWS: dict[int, Callable[..., Pair]] = {
     DAMPER_CURVE: _damper_curve,
 }
 """Factor of a damper's force, and its slope in the rate."""
-_SPRING_LAWS: dict[int, Callable[..., Pair]] = {PROGRESSIVE: _progressive}
+_SPRING_LAWS: dict[int, Callable[..., Pair]] = {
+    PROGRESSIVE: _progressive,
+    SPRING_CURVE: _spring_curve,
+}
 """Factor of a spring's force, and its slope in the deflection."""
 _FORCES: dict[int, Callable[..., tuple[Vector, ...]]] = {
     COULOMB: _coulomb,

@@ -137,11 +137,17 @@ class Estimate(Result):
 
     def lines(self) -> list[str]:
         """State the result in sentences, as the command line prints them."""
-        from bayes_asv.report.sections.effects import clock_lines, damper_lines, effect_lines
+        from bayes_asv.report.sections.effects import (
+            clock_lines,
+            damper_lines,
+            effect_lines,
+            spring_lines,
+        )
         from bayes_asv.report.sections.verdict import verdict_lines
 
         lines = [*verdict_lines(self.document), *effect_lines(self.document.effects)]
         lines += damper_lines(self.document.dampers)
+        lines += spring_lines(self.document.springs)
         lines += clock_lines(self.document.clocks)
         if self._searched and not self.effects and self.verdict != "refused":
             lines.append("No effect was named, so the model is linear.")

@@ -1,9 +1,28 @@
-"""Dampers of a form that no listed effect has get a free law."""
+"""Dampers and springs of forms that no listed effect has get a free law."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from bayes_asv.diagnosis.workflow import diagnose
+from bayes_asv.domain.recording import Recording
+from bayes_asv.report.documents.diagnose import diagnose_document
+from bayes_asv.report.sections.diagnosis import findings
 from tests.battery.cases import case
+from tests.posterior.cases import DECLARED, as_recording, vehicle
+from tests.rig import (
+    DEFAULT_SPEEDS,
+    TERRAINS,
+    CurveSpring,
+    LinearDamper,
+    SensorSpec,
+    baja,
+    draw,
+    draw_biases,
+    drive,
+)
 
 
 def test_a_progressive_damper_is_a_curve() -> None:
@@ -19,3 +38,33 @@ def test_a_progressive_damper_is_a_curve() -> None:
     assert rear.element == "rear"
     assert diagnosis.quantities_after is not None
     assert diagnosis.quantities_after["c_r"].shape == rear.equal_power.shape
+    assert diagnosis.springs == ()
+
+
+def test_a_spring_that_is_stiffer_beyond_a_play_is_a_curve() -> None:
+    """Its slope grows by 70 % between 5 and 10 mm to either side, and is constant beyond."""
+    rng = np.random.default_rng([0, 78])
+    car = draw(baja(), rng, DECLARED)
+    delta = np.linspace(-0.25, 0.25, 5001)
+    slope = 1.0 + 0.7 * np.clip((np.abs(delta) - 0.005) / 0.005, 0.0, 1.0)
+    force = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * np.diff(delta))])
+    force = car.k_r * (force - force[2500])
+    spring = CurveSpring(tuple(delta[::4]), tuple(force[::4]))
+    car = replace(car, rear_law=(spring, LinearDamper(car.c_r)))
+    runs: list[Recording] = []
+    for terrain in ("stops", "bump", "stops"):
+        declared = draw_biases(SensorSpec(), rng)
+        road, seed = (int(v) for v in rng.integers(2**31, size=2))
+        speed = DEFAULT_SPEEDS[terrain]
+        run = drive(car, TERRAINS[terrain](road), speed, 400.0, 2.0, declared, seed)
+        runs.append(as_recording(run, f"{terrain}-{len(runs)}.csv"))
+    diagnosis = diagnose(runs[:2], runs[2:], vehicle(DECLARED), 0)
+    assert [str(effect.site) for effect in diagnosis.named] == ["spring_curve@rear"]
+    assert diagnosis.unexplained is not None
+    assert not diagnosis.unexplained.present
+    error = (diagnosis.errors or {})["holdout"]
+    assert error.closed is not None
+    assert error.closed > 0.95
+    document = diagnose_document(diagnosis, runs)
+    assert document.laws["rear"].spring is not None
+    assert any("Rear spring: grows stiffer with travel; " in line for line in findings(document))

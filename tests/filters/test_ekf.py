@@ -25,6 +25,10 @@ CASES = {
     "progressive_spring@rear": {"kappa": 200.0, "curl": 0.15},
     "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003, "power": 1.3},
     "damper_fade@rear": {"loss": 0.4, "bend": 1.2},
+    "spring_curve@rear": {
+        **{f"compression_{k}": 0.2 for k in range(1, 11)},
+        **{f"extension_{k}": -0.06 for k in range(1, 11)},
+    },
     "damper_curve@front": {
         **{f"compression_{k}": -0.5 for k in range(1, 9)},
         **{f"extension_{k}": 0.15 for k in range(1, 9)},

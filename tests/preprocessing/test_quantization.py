@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.residual_tests import whiteness_test
@@ -17,7 +18,9 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import (
     is_slow,
     is_stationary,
+    noise_level,
     offset,
+    quiet_level,
     with_noise_of_still_wheels,
     without_standstill,
 )
@@ -130,3 +133,28 @@ def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:
     line = _line("stops", 1000, SensorSpec(noise=_LOUD))
     same = with_noise_of_still_wheels(line)
     assert np.array_equal(same.spread, line.spread)
+
+
+def test_motion_below_an_empty_band_is_no_noise() -> None:
+    """Motion up to 6 Hz in readings at 30 Hz, which third differences take for noise."""
+    _, _, recording = case("bump", 1, DECLARED)
+    (line,), _, _ = prepare_runs((recording,), vehicle(DECLARED))
+    rng = np.random.default_rng(2)
+    spectrum = np.zeros(801, complex)
+    spectrum[1:320] = rng.normal(size=319) + 1j * rng.normal(size=319)
+    motion = np.fft.irfft(spectrum)
+    motion *= 0.5 / motion.std()
+    white = 0.02 * rng.normal(size=len(motion))
+
+    def level(readings: NDArray[np.float64]) -> float:
+        values = np.tile(np.round(readings, 6), (len(line.values), 1))
+        return noise_level(
+            replace(
+                line, values=values, quantization_steps=0.0 * line.quantization_steps, quiet=None
+            ),
+            0,
+        )
+
+    assert quiet_level(motion, 1e-6) > 0.02
+    assert level(motion) == pytest.approx(0.005)  # the least that is believed
+    assert level(motion + white) == pytest.approx(quiet_level(motion + white, 1e-6), rel=1e-3)

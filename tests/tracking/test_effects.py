@@ -171,6 +171,7 @@ def test_wrong_given_values_follow_from_their_coordinates(name: str, seed: int) 
         ("damper_fade@front", "--forget 60"),
         ("sensor_lag@front_chassis", "before and after"),
         ("damper_curve@front", "estimate with it"),
+        ("spring_curve@front", "estimate with it"),
         ("damper_hysteresis@front", "estimate with it"),
         ("sensor_gain@front_travel", "not measured"),
         ("bound_rebound@front_left", "no suspension of the half car"),

@@ -18,6 +18,7 @@ from bayes_asv.models.effects import (
     given_values,
     progressive_spring,
     sensors,
+    spring_curve,
     stops,
 )
 from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter, Scale, Site
@@ -33,6 +34,7 @@ EFFECTS: dict[str, Effect] = {
         damper_hysteresis.EFFECT,
         coulomb_friction.EFFECT,
         progressive_spring.EFFECT,
+        spring_curve.EFFECT,
         stops.BUMP,
         stops.DROOP,
         damper_fade.EFFECT,

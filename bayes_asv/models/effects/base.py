@@ -160,10 +160,13 @@ class Effect:
         It acts in one recording only, at a time of its own.
     on_damper : bool
         It changes the force of a damper over its speed.
+    on_spring : bool
+        It changes the force of a spring over its deflection.
     contains : tuple of str
         Names of effects that are special forms of it.
     free_form : bool
-        A damper with it has no single rate to hold against a nominal one.
+        Its law is a curve without a formula: a damper with it has no single rate to hold against a
+        nominal one.
     on_request : bool
         It is added where a user names it, or where no other effect explains what is left; no score
         test looks for it.
@@ -193,6 +196,7 @@ class Effect:
     stops: Literal["", "compression", "extension"] = ""
     in_one_run: bool = False
     on_damper: bool = False
+    on_spring: bool = False
     contains: tuple[str, ...] = ()
     free_form: bool = False
     on_request: bool = False

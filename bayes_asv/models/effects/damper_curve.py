@@ -20,6 +20,7 @@ from scipy.stats import norm
 
 from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
+from bayes_asv.models.effects.piecewise_slope import integral
 
 __all__ = ["CURVE_SPEED", "EFFECT", "KNOTS", "slopes"]
 
@@ -68,14 +69,7 @@ def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
 def _force(
     values: Mapping[str, float], c: float, k: float, delta: Array, rate: Array, share: Array
 ) -> Array:
-    g = slopes(values)
-    areas = np.concatenate([[0.0], np.cumsum(0.5 * (g[1:] + g[:-1]) * np.diff(KNOTS))])
-    areas -= areas[CURVE_KNOTS]
-    j = np.clip(np.searchsorted(KNOTS, rate) - 1, 0, len(KNOTS) - 2)
-    inside = np.clip(rate, KNOTS[0], KNOTS[-1])
-    at = np.interp(inside, KNOTS, g)
-    total = areas[j] + 0.5 * (g[j] + at) * (inside - KNOTS[j]) + at * (rate - inside)
-    return np.asarray(-c * (total - rate))
+    return np.asarray(-c * (integral(KNOTS, slopes(values), rate) - rate))
 
 
 EFFECT = Effect(

@@ -43,6 +43,7 @@ EFFECT = Effect(
     code=PROGRESSIVE,
     packed=_packed,
     force=_force,
+    on_spring=True,
     drive="a higher bump, so that more of the travel is used",
     travel=True,
 )

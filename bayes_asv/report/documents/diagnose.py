@@ -26,6 +26,7 @@ from bayes_asv.report.documents.quantities import (
     damper_rates,
     effect_value,
     parameter,
+    spring_curve,
     without_single_rate,
 )
 from bayes_asv.report.schema import DiagnoseDocument
@@ -83,6 +84,15 @@ def diagnose_document(
         },
         laws=force_curves(diagnosis),
         dampers=[damper_rates(one, Units(vehicle.units)) for one in diagnosis.dampers],
+        springs=[
+            spring_curve(
+                one,
+                float(diagnosis.final_model.space.car.nominal[one.parameter][0]),
+                Units(vehicle.units),
+            )
+            for one in diagnosis.springs
+            if diagnosis.final_model is not None
+        ],
         residuals=_residuals(diagnosis),
         runs=schema.FittedRuns(
             fit=[prepared.source for prepared in diagnosis.training],

@@ -25,6 +25,7 @@ from bayes_asv.report.documents.quantities import (
     parameter,
     possible_mistakes,
     provenance,
+    spring_curve,
     summary,
     without_single_rate,
 )
@@ -96,6 +97,10 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         agreement=run_consistency(result),
         effects=effects(result.effects, vehicle),
         dampers=[damper_rates(one, units) for one in result.dampers],
+        springs=[
+            spring_curve(one, float(car.nominal[one.parameter][0]), units)
+            for one in result.springs
+        ],
         clocks=_clocks(result),
         fit=pooled_fit(result.runs),
         fit_by_run=[pooled_fit((run,), run.prepared.source) for run in result.runs],

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bayes_asv import __version__
 from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.analysis.nominal_values import NominalDamping
+from bayes_asv.analysis.spring_curves import SpringCurve
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
@@ -42,6 +43,7 @@ __all__ = [
     "parameter",
     "possible_mistakes",
     "provenance",
+    "spring_curve",
     "summary",
     "without_single_rate",
 ]
@@ -146,12 +148,8 @@ def possible_mistakes(found: NominalDamping | None) -> list[schema.PossibleMista
 def damper_rates(damper: DampingRates, units: Units) -> schema.DampingRates:
     """Entry of a damper whose force is not proportional to speed."""
 
-    def value(draws: Array, unit: str = "") -> EffectValue:
-        low, high = (float(q) for q in np.quantile(draws, [0.025, 0.975]))
-        return EffectValue(mean=float(np.mean(draws)), eti95=[low, high], unit=unit)
-
     def rate(draws: Array) -> EffectValue:
-        return value(units.convert(draws, "damping"), units.unit("damping"))
+        return _value(units.convert(draws, "damping"), units.unit("damping"))
 
     return schema.DampingRates(
         element=damper.element,
@@ -163,11 +161,49 @@ def damper_rates(damper: DampingRates, units: Units) -> schema.DampingRates:
         extension=rate(damper.extension),
         shapes=[
             schema.DamperShape(
-                name=one.name, side=one.side, probability=one.probability, ratio=value(one.ratio)
+                name=one.name, side=one.side, probability=one.probability, ratio=_value(one.ratio)
             )
             for one in damper.shapes
         ],
     )
+
+
+def spring_curve(spring: SpringCurve, nominal: float, units: Units) -> schema.SpringCurve:
+    """Entry of a spring with a free curve; the nominal stiffness is in N/m."""
+
+    def stiffness(draws: Array) -> EffectValue:
+        return _value(units.convert(draws, "stiffness"), units.unit("stiffness"))
+
+    low, median, high = (
+        units.curve(curve, "force")
+        for curve in np.quantile(spring.force, [0.025, 0.5, 0.975], axis=0)
+    )
+    compression, extension = spring.travel
+    return schema.SpringCurve(
+        element=spring.element,
+        travel=[units.convert(x, "deflection") for x in (-compression, extension)],
+        unit=units.unit("deflection"),
+        force_unit=units.unit("force"),
+        at_rest=stiffness(spring.at_rest),
+        compression=stiffness(spring.compression),
+        extension=stiffness(spring.extension),
+        shapes=[
+            schema.SpringShape(
+                name=one.name, side=one.side, probability=one.probability, ratio=_value(one.ratio)
+            )
+            for one in spring.shapes
+        ],
+        deflection=units.curve(spring.deflection, "deflection"),
+        median=median,
+        band95=[low, high],
+        nominal=units.curve(nominal * spring.deflection, "force"),
+    )
+
+
+def _value(draws: Array, unit: str = "") -> EffectValue:
+    """Mean and 95 % interval of draws (N,)."""
+    low, high = (float(q) for q in np.quantile(draws, [0.025, 0.975]))
+    return EffectValue(mean=float(np.mean(draws)), eti95=[low, high], unit=unit)
 
 
 def without_single_rate(dampers: Iterable[DampingRates]) -> set[str]:

@@ -29,6 +29,7 @@ from bayes_asv.report.schema.parts import (
     Provenance,
     QuantityName,
     Share,
+    SpringCurve,
     Text,
     Texts,
     Unit,
@@ -295,6 +296,8 @@ class DiagnoseDocument(Model):
     """Force curves that an effect changes."""
     dampers: Annotated[list[DampingRates], Field(max_length=10)] = Field(default_factory=list)
     """Rates of dampers whose force is not proportional to speed."""
+    springs: Annotated[list[SpringCurve], Field(max_length=10)] = Field(default_factory=list)
+    """Curves of springs that have a free one."""
     residuals: Annotated[list[Residual], Field(max_length=1000)] = Field(default_factory=list)
     runs: FittedRuns = FittedRuns()
     vehicle: VehicleInfo = VehicleInfo()

@@ -35,6 +35,7 @@ from bayes_asv.report.schema.parts import (
     Quantity,
     QuantityName,
     Share,
+    SpringCurve,
     Summary,
     Text,
     Texts,
@@ -519,6 +520,8 @@ class EstimateDocument(Model):
     effects: Annotated[list[Effect], Field(max_length=50)] = Field(default_factory=list)
     """Effects in the model."""
     dampers: Annotated[list[DampingRates], Field(max_length=10)] = Field(default_factory=list)
+    springs: Annotated[list[SpringCurve], Field(max_length=10)] = Field(default_factory=list)
+    """Curves of springs that have a free one."""
     clocks: Annotated[list[ClockErrors], Field(max_length=1000)] = Field(default_factory=list)
     """Errors of clocks that are declared or were asked for."""
     fit: Fits

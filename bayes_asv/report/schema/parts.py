@@ -50,6 +50,8 @@ __all__ = [
     "QuantityName",
     "Share",
     "SourceFile",
+    "SpringCurve",
+    "SpringShape",
     "Summary",
     "Text",
     "Texts",
@@ -244,6 +246,46 @@ class DampingRates(Model):
     extension: EffectValue
     shapes: Annotated[list[DamperShape], Field(max_length=5)] = Field(default_factory=list)
     """What is more probable than not of its curve."""
+
+
+class SpringShape(Model):
+    """A statement about a spring's curve."""
+
+    name: Annotated[str, OneOf("softening", "stiffening", "unequal_sides")]
+    side: Annotated[str, OneOf("compression", "extension", "both")]
+    probability: Share
+    ratio: EffectValue
+    """Slope far from rest over slope near rest, or force in extension over compression."""
+
+
+class SpringCurve(Model):
+    """Force over deflection of a spring whose force is not proportional to travel.
+
+    Extension is positive, and so is a force that resists it.
+    """
+
+    element: ElementName
+    travel: Interval
+    """Compression and extension that were used, extension positive."""
+    unit: Unit
+    force_unit: Unit
+    at_rest: EffectValue
+    """Stiffness at rest."""
+    compression: EffectValue
+    """Force over deflection in compression at ``travel``."""
+    extension: EffectValue
+    shapes: Annotated[list[SpringShape], Field(max_length=5)] = Field(default_factory=list)
+    """What is more probable than not of its curve."""
+    deflection: Curve
+    median: Curve
+    band95: Band
+    nominal: Curve
+    """Of the nominal stiffness."""
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        check_lengths(len(self.deflection), self.median, *self.band95, self.nominal)
+        return self
 
 
 class SourceFile(Model):

@@ -21,6 +21,7 @@ from bayes_asv.report.sections.effects import (
     effect_name,
     effect_sentence,
     rate_lines,
+    spring_lines,
 )
 from bayes_asv.report.sections.localization import where_to_look
 from bayes_asv.report.sections.simulation_error import (
@@ -168,6 +169,7 @@ def findings(document: DiagnoseDocument) -> list[str]:
     lines += damper_lines(
         [one for one in document.dampers if not _has_rates(document.laws.get(one.element))]
     )
+    lines += spring_lines(document.springs)
     return lines
 
 

@@ -15,6 +15,8 @@ from bayes_asv.report.schema.parts import (
     Effect,
     EffectName,
     EffectValue,
+    SpringCurve,
+    SpringShape,
     Summary,
 )
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
@@ -43,6 +45,7 @@ __all__ = [
     "effect_name",
     "effect_sentence",
     "rate_lines",
+    "spring_lines",
     "value_text",
 ]
 
@@ -63,6 +66,7 @@ _SENTENCES: Final = {
     ),
     "damper_fade": _Sentence("{} damper", "it loses {loss} of its damping during the run"),
     "coulomb_friction": _Sentence("{} suspension", "dry friction of {force}"),
+    "spring_curve": _Sentence("{} spring", "its force is not proportional to travel"),
     "progressive_spring": _Sentence("{} spring", "it stiffens with travel, kappa {kappa}"),
     "spring_rate": _Sentence("{} spring", "its rate is {factor} times the given value"),
     "bump_stop": _Sentence("{} bump stop", "met at {gap} from rest, with a rate of {rate}"),
@@ -90,6 +94,12 @@ _FORCES: Final = (
 )
 
 
+_SPRING_FORCES: Final = (
+    "The band is the 95 % band, over the range that the recordings covered. Bump is a negative "
+    "deflection; a force that resists extension is positive."
+)
+
+
 def _content(document: DiagnoseDocument) -> Iterator[Block]:
     if document.effects:
         yield _effect_table(document.effects)
@@ -102,6 +112,10 @@ def _model_content(document: EstimateDocument) -> Iterator[Block]:
         yield _model_table(document.effects)
     if document.dampers:
         yield _damper_table(document.dampers)
+    if document.springs:
+        yield _spring_table(document.springs)
+        panels = tuple(_spring_panel(spring) for spring in document.springs)
+        yield Figure("springs", "Force of the spring", _SPRING_FORCES, panels)
 
 
 def _model_limits(document: EstimateDocument) -> list[str]:
@@ -215,6 +229,92 @@ def _damper_table(dampers: Sequence[DampingRates]) -> Table:
         "rates of deflection that were driven; their root mean square is the speed at which force "
         "over speed is given.",
     )
+
+
+def spring_lines(springs: Sequence[SpringCurve]) -> list[str]:
+    """State shape and stiffness of each spring that has a free curve."""
+    lines = []
+    for spring in springs:
+        name = f"{capitalized(plain(spring.element).replace('_', ' '))} spring"
+        lines += [f"{name}: {_spring_shape_text(shape)}." for shape in spring.shapes]
+        lines.append(f"{name}: {_stiffness_text(spring)}.")
+    return lines
+
+
+def _spring_shape_text(shape: SpringShape) -> str:
+    """``grows stiffer with travel; far from rest it is 1.8 (…) times as stiff as near rest``."""
+    where = "" if shape.side == "both" else f" in {shape.side}"
+    size = f"{value_text(shape.ratio)} times"
+    if shape.name == "unequal_sides":
+        text = f"its force in extension is {size} that in compression"
+    else:
+        word = "stiffer" if shape.name == "stiffening" else "softer"
+        text = f"grows {word} with travel{where}; far from rest it is {size} as stiff as near rest"
+    return f"{text} (probability {probability(shape.probability)})"
+
+
+def _stiffness_text(spring: SpringCurve) -> str:
+    low, high = (two_digits(abs(x)) for x in spring.travel)
+    unit = readable_unit(spring.unit)
+    return (
+        f"{value_text(spring.at_rest)} at rest; force over deflection is "
+        f"{value_text(spring.compression)} at {low} {unit} of compression and "
+        f"{value_text(spring.extension)} at {high} {unit} of extension"
+    )
+
+
+def _spring_table(springs: Sequence[SpringCurve]) -> Table:
+    """Stiffness of springs that have a free curve."""
+    rows = []
+    for spring in springs:
+        low, high = (two_digits(abs(x)) for x in spring.travel)
+        unit = readable_unit(spring.unit)
+        values = (
+            ("slope at rest", spring.at_rest),
+            (f"force over deflection at {low} {unit} of compression", spring.compression),
+            (f"force over deflection at {high} {unit} of extension", spring.extension),
+        )
+        for n, (label, value) in enumerate(values):
+            sd, (lower, upper) = _sd(value), value.eti95
+            name = capitalized(plain(spring.element).replace("_", " ")) if n == 0 else ""
+            rows.append(
+                [
+                    name, f"{label} [{readable_unit(value.unit)}]", number(value.mean, sd),
+                    f"{number(lower, sd)} to {number(upper, sd)}",
+                ]
+            )  # fmt: skip
+    return Table(
+        "Stiffness",
+        ["spring", "stiffness", "value", "95 % interval"],
+        rows,
+        "Compression and extension are those that the recordings used, from rest.",
+    )
+
+
+def _spring_panel(spring: SpringCurve) -> svg.Panel:
+    """Draw the force of a spring over deflection with its band, beside the nominal one."""
+    words = plain(spring.element).replace("_", " ")
+    figure = svg.canvas(height=1.9)
+    axes = figure.subplots()
+    muted, grid = svg.COLOURS["muted"], svg.curve_array(spring.deflection)
+    low, high = (svg.curve_array(side) for side in spring.band95)
+    paint = svg.axle_colour(spring.element)
+    axes.axhline(0.0, color=muted, linewidth=0.8)
+    axes.axvline(0.0, color=muted, linewidth=0.8)
+    axes.fill_between(grid, low, high, color=paint, alpha=0.3, linewidth=0)
+    axes.plot(grid, svg.curve_array(spring.median), color=paint, label="estimated")
+    axes.plot(
+        grid, svg.curve_array(spring.nominal), color=svg.COLOURS["ink"], linestyle=(0, (5, 3)),
+        linewidth=1.0, label="nominal",
+    )  # fmt: skip
+    label_sides(axes, "bump", "droop")
+    axes.set(
+        xlabel=f"suspension deflection [{readable_unit(spring.unit)}], extension +",
+        ylabel=f"{words} spring force [{readable_unit(spring.force_unit)}]\nagainst extension +",
+    )
+    svg.legend_above(axes)
+    alt = f"{words} spring: force over deflection with its 95 % band, and the nominal force"
+    return svg.panel(figure, f"spring-{spring.element.replace('_', '-')}", alt)
 
 
 def clock_lines(clocks: Sequence[ClockErrors]) -> list[str]:
