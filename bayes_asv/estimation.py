@@ -34,6 +34,7 @@ from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declare
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimate_result import Estimate, RunFit
+from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
@@ -442,7 +443,7 @@ def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, see
     elements = len(prepared.car.elements)
     each = [free_run(target, z, run) for z in picked]
     innovations = target.innovations(centre, run)
-    innovations[prepared.kind != 1] = np.nan
+    innovations[prepared.kind != VALUE] = np.nan
     return RunFit(
         recording=recording,
         prepared=prepared,

@@ -80,7 +80,7 @@ def upper_tail(z: float) -> tuple[float, float]:
 
 
 ORDER = 8
-"""Input moments that are kept; with `TAYLOR` it bounds the step, see the time line."""
+"""Input moments that are kept; with `TAYLOR` it bounds the step, see ``preprocessing.prepare``."""
 TAYLOR = 12
 """Powers of A h that are kept."""
 STEP_SERIES = 4

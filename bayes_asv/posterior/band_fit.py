@@ -36,7 +36,16 @@ from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.events import FEWEST_PARTS, PART_PERIODS
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["FEWEST_PARTS", "PART_PERIODS", "BandFit", "agreement", "fit_in_band", "notes", "share"]
+__all__ = [
+    "FEWEST_PARTS",
+    "PART_PERIODS",
+    "BandFit",
+    "agreement",
+    "climb",
+    "fit_in_band",
+    "notes",
+    "share",
+]
 
 _STEP = 0.1  # of a posterior deviation, for derivatives of what is all but linear
 
@@ -151,12 +160,12 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
     BandFit
     """
     if all(noise is not None for recording in recordings for noise in recording.noise):
-        mode, target = _climb(
+        mode, target = climb(
             Posterior(space(vehicle, recordings), (WHITE,) * len(recordings)), None
         )
         if _sensors_explain(target, mode):
             return BandFit(mode, target)
-    mode, target = _climb(
+    mode, target = climb(
         Posterior(space(vehicle, recordings, "coloured"), (WHITE,) * len(recordings)), None
     )
     # The colour has the scale of what is left, so that the noise levels are but units.
@@ -165,14 +174,14 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
         colours = tuple(_colour(target, mode.z, run) for run in range(len(recordings)))
         start = parameter_space.origin
         start[: parameter_space.car_dimension] = mode.z[: parameter_space.car_dimension]
-        mode, target = _climb(Posterior(parameter_space, colours), start)
+        mode, target = climb(Posterior(parameter_space, colours), start)
     slowest = _slowest(recordings[0])
     shares = tuple(share(target, mode, run, slowest) for run in range(len(recordings)))
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
         for colour, part in zip(target.residual_ars, shares, strict=True)
     )
-    mode, target = _climb(Posterior(parameter_space, counted), mode.z)
+    mode, target = climb(Posterior(parameter_space, counted), mode.z)
     return BandFit(mode, target, shares)
 
 
@@ -205,7 +214,8 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     ]
 
 
-def _climb(target: Posterior, start: Array | None) -> tuple[PosteriorMode, Posterior]:
+def climb(target: Posterior, start: Array | None = None) -> tuple[PosteriorMode, Posterior]:
+    """Find the mode of a posterior with all processors; return it and the posterior."""
     with shared_work(target) as shared:
         return find_mode(shared, start), replace(target, pool=None)
 

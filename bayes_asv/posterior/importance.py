@@ -179,7 +179,7 @@ def importance_sample(target: Density, mode: PosteriorMode, count: int, seed: in
 
     Returns
     -------
-    Weighted
+    WeightedDraws
     """
     proposal = Proposal.around(mode, INFLATION)
     z = proposal.even(count, np.random.default_rng(seed))

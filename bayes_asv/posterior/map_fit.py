@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Site
-from bayes_asv.posterior.band_fit import fit_in_band
+from bayes_asv.posterior.band_fit import climb, fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.effects import SensorPatterns
@@ -172,12 +172,14 @@ def _at_full_band(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
 ) -> tuple[PosteriorMode, Posterior]:
     """Climb to the mode, cut tones out, and climb again with the colour that is left."""
-    mode, target = _climb(space(vehicle, recordings, likelihood), None)
+    parameter_space = space(vehicle, recordings, likelihood)
+    mode, target = climb(Posterior(parameter_space, (WHITE,) * len(recordings)))
     if likelihood != "innovations":
         return mode, target
     quiet = _without_tones(target, mode, vehicle)
     if quiet is not None:
-        mode, target = _climb(space(vehicle, quiet, likelihood), None)
+        parameter_space = space(vehicle, quiet, likelihood)
+        mode, target = climb(Posterior(parameter_space, (WHITE,) * len(quiet)))
     return _with_colour(target, mode, vehicle)
 
 
@@ -234,14 +236,6 @@ def _cut_out(recording: PreparedRecording) -> list[str]:
     ]
 
 
-def _climb(parameter_space: ParameterSpace, start: Array | None) -> tuple[PosteriorMode, Posterior]:
-    """Climb to the mode of a space, all innovations taken to be white."""
-    with shared_work(
-        Posterior(parameter_space, (WHITE,) * len(parameter_space.recordings))
-    ) as target:
-        return find_mode(target, start), replace(target, pool=None)
-
-
 def _without_tones(
     target: Posterior, mode: PosteriorMode, vehicle: Vehicle
 ) -> tuple[PreparedRecording, ...] | None:
@@ -284,9 +278,7 @@ def _with_colour(
         parameter_space = space(vehicle, whole.recordings, whole.likelihood, hold)
         start = parameter_space.origin
         start[: parameter_space.shared_dimension] = mode.z[: parameter_space.shared_dimension]
-        with shared_work(Posterior(parameter_space, found)) as shared:
-            mode = find_mode(shared, start)
-        target = Posterior(parameter_space, found)
+        mode, target = climb(Posterior(parameter_space, found), start)
     return mode, target
 
 

@@ -75,7 +75,7 @@ _CERTAIN = 2.0  # times the noise that a line has to hold before any of it passe
 
 
 def denoise_wheel(
-    recording: PreparedRecording, axle: int, corner: float | None
+    recording: PreparedRecording, number: int, corner: float | None
 ) -> tuple[Array, Array]:
     """Knots (K,) of a wheel's signal, s, and its readings there without most of their noise.
 
@@ -83,13 +83,13 @@ def denoise_wheel(
     ----------
     recording : PreparedRecording
         A recording.
-    axle : int
+    number : int
         Number of the input.
     corner : float or None
         Of the wheel's sensor, Hz.
     """
-    wheel = recording.wheels[axle]
-    noise = sample_noise(recording, recording.inputs[axle])
+    wheel = recording.wheels[number]
+    noise = sample_noise(recording, recording.inputs[number])
     return wheel.knots, denoised(wheel.knots, wheel.spline(wheel.knots), noise, corner)
 
 

@@ -381,11 +381,11 @@ def _peak(left: Array, rate: float, alarm: float) -> float | None:
     floor[:half], floor[-half:] = floor[half], floor[-half - 1]
     ratio = power / np.maximum(floor, 1e-12) * gamma(segments).median() / segments
     ratio[(frequency < _LOWEST) | (frequency > 0.5 * rate - 1.0)] = 0.0
-    best, axle = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    best, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     # The floor is uncertain as well: a median is worth 0.64, Hann lines 0.67 of as many lines.
     degrees = 2.0 * segments
     limit = float(f(degrees, 0.4 * neighbours * degrees).isf(alarm / power.size))
-    return float(frequency[best]) if ratio[best, axle] > limit else None
+    return float(frequency[best]) if ratio[best, column] > limit else None
 
 
 def _cut(curve: CubicSpline, at: Array, rate: float, sections: Array) -> Array:
