@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.fleet`` makes 500 recordings of a car whose front damper loses 12 % half-way,
 runs the command on all processors, and kills one of its workers on the way.  It writes
-``benchmarks/results/fleet.json`` (half an hour of two processors).
+``benchmarks/results/fleet.json`` (6 minutes of two processors).
 """
 
 from __future__ import annotations

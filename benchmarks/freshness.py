@@ -62,6 +62,7 @@ RESULTS = {
     "change points": Result("change_points.json", "benchmarks.change_points", 5),
     "clocks": Result("clocks.json", "benchmarks.clocks", 30),
     "compare": Result("compare.json", "benchmarks.compare", 30),
+    "fleet": Result("fleet.json", "benchmarks.fleet", 15),
     "growth": Result("growth.json", "benchmarks.growth", 15),
     "live": Result("live.json", "benchmarks.live", 5),
     "logger": Result("logger.json", "benchmarks.logger --seed 41", 60),
