@@ -15,19 +15,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.curve_shapes import SLOWEST, bend_statements, log_bend, ratio
+from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, log_bend, ratio
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.filters.suspension_forces import damper_force_history
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["MAX_DRAWS", "DamperShape", "DampingRates", "damping_rates", "with_equal_power"]
+__all__ = ["MAX_DRAWS", "DampingRates", "damping_rates", "with_equal_power"]
 
 Array = NDArray[np.float64]
 
@@ -38,29 +37,6 @@ _AT_REST = 1e-4  # m/s, at which the slope at rest is taken
 _FASTEST = 0.95  # quantile of the speeds driven up to which the shape is described
 _BENT = 1.25  # ratio of slopes from which a curve is called bent
 _POINTS = 41  # of a curve over the range driven
-_UNEQUAL = 1.1  # ratio of rates from which the sides are called unequal
-
-
-class DamperShape(NamedTuple):
-    """A statement about a damper's curve.
-
-    Parameters
-    ----------
-    name : {'digressive', 'progressive', 'unequal_sides'}
-        What it says.
-    side : {'compression', 'extension', 'both'}
-        Where it holds.
-    probability : float
-        Posterior probability.
-    ratio : (N,) array
-        Draws of what it rests on: slope in fast over slope in slow motion (geometric mean of both
-        sides where it holds on both), or force in extension over force in compression.
-    """
-
-    name: str
-    side: str
-    probability: float
-    ratio: Array
 
 
 @dataclass(frozen=True)
@@ -85,7 +61,7 @@ class DampingRates:
         Rate of the linear damper that takes the same power at the speeds driven.
     compression, extension : (N,) arrays
         Force over speed at ``speed`` on either side.
-    shapes : tuple of DamperShape
+    shapes : tuple of CurveShape
         Statements that are more probable than not.
     velocity : (P,) array
         Rates of deflection over the range driven, m/s.
@@ -102,7 +78,7 @@ class DampingRates:
     equal_power: Array
     compression: Array
     extension: Array
-    shapes: tuple[DamperShape, ...]
+    shapes: tuple[CurveShape, ...]
     velocity: Array
     force: Array
 
@@ -201,7 +177,7 @@ def with_equal_power(
     return out
 
 
-def _shapes(compression: Array, extension: Array) -> tuple[DamperShape, ...]:
+def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
     """Statements that are more probable than not.
 
     Parameters
@@ -213,12 +189,8 @@ def _shapes(compression: Array, extension: Array) -> tuple[DamperShape, ...]:
         side: log_bend(force[:, 2], force[:, 3], force[:, 4])
         for side, force in (("compression", compression), ("extension", extension))
     }
-    out = bend_statements(bends, ("digressive", "progressive"), _BENT, DamperShape)
     sides = ratio(extension[:, 1], compression[:, 1])
-    unequal = float(np.mean(np.abs(np.log(sides)) > math.log(_UNEQUAL)))
-    if unequal > 0.5:
-        out.append(DamperShape("unequal_sides", "both", unequal, sides))
-    return tuple(out)
+    return curve_shapes(bends, sides, ("digressive", "progressive"), _BENT)
 
 
 def _table(target: Posterior, laws: list[Site], z: Array) -> Array:

@@ -9,51 +9,26 @@ sides used, force in extension over force in compression.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.curve_shapes import SLOWEST, bend_statements, log_bend, ratio
+from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, log_bend, ratio
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["SpringCurve", "SpringShape", "spring_curves"]
+__all__ = ["SpringCurve", "spring_curves"]
 
 Array = NDArray[np.float64]
 
 _MAX_DRAWS = 2000  # of which curves are worked out: intervals of 95 % to a twentieth of their width
 _DEEPEST = 0.99  # quantile of the travel on either side up to which the shape is described
 _BENT = 1.1  # ratio of slopes from which a curve is called bent: twice a spring's tolerance
-_UNEQUAL = 1.1  # ratio of forces from which the sides are called unequal
 _POINTS = 61  # of a curve over the range driven
 _LEAST = 1e-6  # m, of travel on a side that was not used
-
-
-class SpringShape(NamedTuple):
-    """A statement about a spring's curve.
-
-    Parameters
-    ----------
-    name : {'softening', 'stiffening', 'unequal_sides'}
-        What it says.
-    side : {'compression', 'extension', 'both'}
-        Where it holds.
-    probability : float
-        Posterior probability.
-    ratio : (N,) array
-        Draws of what it rests on: slope far from rest over slope near rest (geometric mean of both
-        sides where it holds on both), or force in extension over force in compression.
-    """
-
-    name: str
-    side: str
-    probability: float
-    ratio: Array
 
 
 @dataclass(frozen=True)
@@ -72,7 +47,7 @@ class SpringCurve:
         Stiffness at rest, N/m.
     compression, extension : (N,) arrays
         Force over deflection at ``travel`` on either side, N/m.
-    shapes : tuple of SpringShape
+    shapes : tuple of CurveShape
         Statements that are more probable than not.
     deflection : (P,) array
         Deflections over the range driven, m, extension positive.
@@ -86,7 +61,7 @@ class SpringCurve:
     at_rest: Array
     compression: Array
     extension: Array
-    shapes: tuple[SpringShape, ...]
+    shapes: tuple[CurveShape, ...]
     deflection: Array
     force: Array
 
@@ -146,11 +121,7 @@ def spring_curves(
             "compression": log_bend(*-force[:, 0:3].T),
             "extension": log_bend(*force[:, 3:6].T),
         }
-        shapes = bend_statements(bends, ("softening", "stiffening"), _BENT, SpringShape)
         sides = ratio(force[:, 7], -force[:, 6])
-        unequal = float(np.mean(np.abs(np.log(sides)) > math.log(_UNEQUAL)))
-        if unequal > 0.5:
-            shapes.append(SpringShape("unequal_sides", "both", unequal, sides))
         out.append(
             SpringCurve(
                 element=element.name,
@@ -159,7 +130,7 @@ def spring_curves(
                 at_rest=k,
                 compression=-force[:, 2] / travel[0],
                 extension=force[:, 5] / travel[1],
-                shapes=tuple(shapes),
+                shapes=curve_shapes(bends, sides, ("softening", "stiffening"), _BENT),
                 deflection=shown,
                 force=force[:, 8:],
             )

@@ -320,7 +320,7 @@ def fit_with_effect(
     target = dataset.target(sites)
     scale = target.space.sizes
     first = site.effect.parameters[0]
-    begun: list[tuple[float, int, Array]] = []
+    starts: list[tuple[float, int, Array]] = []
     for candidate in group:
         tried = [candidate.values]  # a little of it: next to where the model stands already
         if not candidate.begin:
@@ -330,10 +330,10 @@ def fit_with_effect(
             tried += [{**candidate.values, first.name: size} for size in sizes]
         for values in tried:
             z = transfer_coordinates(model.space, model.mode.z, target.space, site, values)
-            begun.append((float(target.log_posterior(z[None])[0]), len(begun), z))
-    begun.sort(key=lambda b: (-b[0], b[1]))
+            starts.append((float(target.log_posterior(z[None])[0]), len(starts), z))
+    starts.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
-    for fits, (_, _, z) in enumerate(begun[:_AT_MOST], 1):
+    for fits, (_, _, z) in enumerate(starts[:_AT_MOST], 1):
         one = fitted(target, z, floor)
         if best is None or one.mode.log_posterior > best.mode.log_posterior:
             best = one

@@ -83,13 +83,12 @@ def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) ->
     )
     found = tuple(patterns(recording, vehicle, recording.reading) for recording in recordings)
     dataset = Dataset(vehicle, recordings, found)
-    begun = [
-        _begun(dataset, run) for run in range(len(recordings))
-    ]  # a wait tells where a car begins
-    return replace(dataset, recordings=tuple(without_standstill(recording) for recording in begun))
+    # a wait tells where a car begins
+    from_rest = [_beginning_as_shown(dataset, run) for run in range(len(recordings))]
+    return replace(dataset, recordings=tuple(map(without_standstill, from_rest)))
 
 
-def _begun(dataset: Dataset, run: int) -> PreparedRecording:
+def _beginning_as_shown(dataset: Dataset, run: int) -> PreparedRecording:
     """Return a recording that begins no further from rest than the whole of it shows.
 
     A linear car may begin anywhere.  A law that bends is drawn as a line at wherever the filter

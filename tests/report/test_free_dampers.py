@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.damping_rates import DamperShape, DampingRates
+from bayes_asv.analysis.curve_shapes import CurveShape
+from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.estimation import estimate
 from bayes_asv.report.documents.estimate import estimate_document
 from bayes_asv.report.page import report_page
@@ -33,7 +34,7 @@ def document() -> EstimateDocument:
         900.0 * draws,
         800.0 * draws,
         1000.0 * draws,
-        (DamperShape("digressive", "both", 0.98, 0.4 * draws),),
+        (CurveShape("digressive", "both", 0.98, 0.4 * draws),),
         np.linspace(-0.5, 0.5, 5),
         np.outer(900.0 * draws, np.linspace(-0.5, 0.5, 5)),
     )

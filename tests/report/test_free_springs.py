@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.analysis.spring_curves import SpringCurve, SpringShape
+from bayes_asv.analysis.curve_shapes import CurveShape
+from bayes_asv.analysis.spring_curves import SpringCurve
 from bayes_asv.estimation import estimate
 from bayes_asv.report.documents.estimate import estimate_document
 from bayes_asv.report.page import report_page
@@ -31,8 +32,8 @@ def document() -> EstimateDocument:
         compression=21000.0 * draws,
         extension=16000.0 * draws,
         shapes=(
-            SpringShape("stiffening", "compression", 0.98, 1.6 * draws),
-            SpringShape("unequal_sides", "both", 0.9, 0.8 * draws),
+            CurveShape("stiffening", "compression", 0.98, 1.6 * draws),
+            CurveShape("unequal_sides", "both", 0.9, 0.8 * draws),
         ),
         deflection=deflection,
         force=np.outer(17000.0 * draws, deflection),

@@ -20,7 +20,7 @@ from scipy.stats import norm
 
 from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
-from bayes_asv.models.effects.piecewise_slope import integral
+from bayes_asv.models.effects.piecewise_slope import integral, slopes_of_steps, step_names
 
 __all__ = ["CURVE_SPEED", "EFFECT", "KNOTS", "slopes"]
 
@@ -30,11 +30,8 @@ CURVE_SPEED = 0.15
 _SIDE = CURVE_FIRST * 2.0 ** np.arange(CURVE_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Rates of deflection at the knots, m/s."""
-_STEPS = tuple(
-    f"{side}_{k + 1}" for side in ("compression", "extension") for k in range(CURVE_KNOTS)
-)
+_STEPS = step_names(CURVE_KNOTS)
 _USUAL = 0.3  # step of ln g from knot to knot
-_MOST = 50.0  # of |ln g|, so that nothing overflows
 
 
 def _weights() -> Array:
@@ -55,10 +52,7 @@ _WEIGHTS = _weights()
 
 def slopes(values: Mapping[str, float]) -> Array:
     """Relative slopes g at :data:`KNOTS`."""
-    steps = np.array([values[name] for name in _STEPS])
-    compression, extension = np.cumsum(steps[:CURVE_KNOTS]), np.cumsum(steps[CURVE_KNOTS:])
-    logs = np.concatenate([compression[::-1], [0.0], extension])
-    g = np.exp(np.clip(logs, -_MOST, _MOST))
+    g = slopes_of_steps(values, _STEPS)
     return np.asarray(g / (_WEIGHTS @ g))
 
 

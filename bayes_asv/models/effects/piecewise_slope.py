@@ -1,12 +1,37 @@
-"""Integral of a slope that is piecewise linear between knots and constant beyond them."""
+"""A force curve whose slope is piecewise linear between knots and constant beyond them."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from bayes_asv.models.effects.base import Array
 
-__all__ = ["integral"]
+__all__ = ["integral", "slopes_of_steps", "step_names"]
+
+_MOST = 50.0  # of |ln g|, so that nothing overflows
+
+
+def step_names(count: int) -> tuple[str, ...]:
+    """Return the names of the steps of ln g, from rest on, to so many knots on either side."""
+    return tuple(f"{side}_{k + 1}" for side in ("compression", "extension") for k in range(count))
+
+
+def slopes_of_steps(values: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    """Return relative slopes g at all knots, 1 at rest.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        The step of ln g from each knot to the next one.
+    names : tuple of str
+        Of :func:`step_names`.
+    """
+    steps = np.array([values[name] for name in names])
+    compression, extension = (np.cumsum(side) for side in np.split(steps, 2))
+    logs = np.concatenate([compression[::-1], [0.0], extension])
+    return np.asarray(np.exp(np.clip(logs, -_MOST, _MOST)))
 
 
 def integral(knots: Array, slopes: Array, x: Array) -> Array:

@@ -16,18 +16,15 @@ import numpy as np
 
 from bayes_asv.filters.force_laws import SPRING_CURVE, SPRING_FIRST, SPRING_KNOTS, SPRING_RATIO
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
-from bayes_asv.models.effects.piecewise_slope import integral
+from bayes_asv.models.effects.piecewise_slope import integral, slopes_of_steps, step_names
 
 __all__ = ["EFFECT", "KNOTS", "slopes"]
 
 _SIDE = SPRING_FIRST * SPRING_RATIO ** np.arange(SPRING_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Deflections at the knots, m."""
-_STEPS = tuple(
-    f"{side}_{k + 1}" for side in ("compression", "extension") for k in range(SPRING_KNOTS)
-)
+_STEPS = step_names(SPRING_KNOTS)
 _STEP = 0.22  # of ln g from knot to knot
-_MOST = 50.0  # of |ln g|, so that nothing overflows
 
 
 def slopes(values: Mapping[str, float]) -> Array:
@@ -43,10 +40,7 @@ def slopes(values: Mapping[str, float]) -> Array:
     (K,) array
         Relative slopes g at :data:`KNOTS`; 1 at rest.
     """
-    steps = np.array([values[name] for name in _STEPS])
-    compression, extension = np.cumsum(steps[:SPRING_KNOTS]), np.cumsum(steps[SPRING_KNOTS:])
-    logs = np.concatenate([compression[::-1], [0.0], extension])
-    return np.asarray(np.exp(np.clip(logs, -_MOST, _MOST)))
+    return slopes_of_steps(values, _STEPS)
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:

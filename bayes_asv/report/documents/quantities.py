@@ -7,12 +7,13 @@ import platform
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import TypedDict, overload
+from typing import Any, TypedDict, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv import __version__
+from bayes_asv.analysis.curve_shapes import CurveShape
 from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.analysis.nominal_values import NominalDamping
 from bayes_asv.analysis.spring_curves import SpringCurve
@@ -159,12 +160,7 @@ def damper_rates(damper: DampingRates, units: Units) -> schema.DampingRates:
         equal_power=rate(damper.equal_power),
         compression=rate(damper.compression),
         extension=rate(damper.extension),
-        shapes=[
-            schema.DamperShape(
-                name=one.name, side=one.side, probability=one.probability, ratio=_value(one.ratio)
-            )
-            for one in damper.shapes
-        ],
+        shapes=[schema.DamperShape(**_shape(one)) for one in damper.shapes],
     )
 
 
@@ -187,17 +183,16 @@ def spring_curve(spring: SpringCurve, nominal: float, units: Units) -> schema.Sp
         at_rest=stiffness(spring.at_rest),
         compression=stiffness(spring.compression),
         extension=stiffness(spring.extension),
-        shapes=[
-            schema.SpringShape(
-                name=one.name, side=one.side, probability=one.probability, ratio=_value(one.ratio)
-            )
-            for one in spring.shapes
-        ],
+        shapes=[schema.SpringShape(**_shape(one)) for one in spring.shapes],
         deflection=units.curve(spring.deflection, "deflection"),
         median=median,
         band95=[low, high],
         nominal=units.curve(nominal * spring.deflection, "force"),
     )
+
+
+def _shape(shape: CurveShape) -> dict[str, Any]:
+    return {**shape._asdict(), "ratio": _value(shape.ratio)}
 
 
 def _value(draws: Array, unit: str = "") -> EffectValue:

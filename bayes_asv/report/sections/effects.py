@@ -20,7 +20,7 @@ from bayes_asv.report.schema.parts import (
     Summary,
 )
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
-from bayes_asv.report.sections.damper_force import label_sides
+from bayes_asv.report.sections.damper_force import draw_force_curve, label_sides
 from bayes_asv.report.words import (
     MISSING,
     capitalized,
@@ -174,20 +174,25 @@ def damper_lines(dampers: Sequence[DampingRates]) -> list[str]:
     lines = []
     for damper in dampers:
         name = f"{capitalized(plain(damper.element).replace('_', ' '))} damper"
-        lines += [f"{name}: {_shape_text(shape)}." for shape in damper.shapes]
+        lines += [f"{name}: {_damper_shape_text(shape)}." for shape in damper.shapes]
         lines.append(f"{name}: {_rates_text(damper)}.")
     return lines
 
 
-def _shape_text(shape: DamperShape) -> str:
+def _damper_shape_text(shape: DamperShape) -> str:
     """``digressive: its slope in fast motion is 0.27 (…) times that in slow motion``."""
-    where = "" if shape.side == "both" else f" in {shape.side}"
+    return _shape_text(
+        shape, f"{shape.name}{{side}}; its slope in fast motion is {{size}} that in slow motion"
+    )
+
+
+def _shape_text(shape: DamperShape | SpringShape, bent: str) -> str:
+    """State a shape with its probability; ``bent`` is said of a curve with bent sides."""
+    text = "its force in extension is {size} that in compression"
+    side = "" if shape.side == "both" else f" in {shape.side}"
     size = f"{value_text(shape.ratio)} times"
-    if shape.name == "unequal_sides":
-        text = f"its force in extension is {size} that in compression"
-    else:
-        text = f"{shape.name}{where}; its slope in fast motion is {size} that in slow motion"
-    return f"{text} (probability {probability(shape.probability)})"
+    said = (text if shape.name == "unequal_sides" else bent).format(side=side, size=size)
+    return f"{said} (probability {probability(shape.probability)})"
 
 
 def _rates_text(damper: DampingRates) -> str:
@@ -211,16 +216,7 @@ def _damper_table(dampers: Sequence[DampingRates]) -> Table:
             (f"force over speed, compression at {speed}", damper.compression),
             (f"force over speed, extension at {speed}", damper.extension),
         )
-        for n, (label, value) in enumerate(values):
-            sd, (low, high) = _sd(value), value.eti95
-            name = capitalized(plain(damper.element).replace("_", " ")) if n == 0 else ""
-            unit = readable_unit(value.unit)
-            rows.append(
-                [
-                    name, f"{label} [{unit}]", number(value.mean, sd),
-                    f"{number(low, sd)} to {number(high, sd)}",
-                ]
-            )  # fmt: skip
+        rows += _value_rows(damper.element, values)
     return Table(
         "Damping rates",
         ["damper", "rate", "value", "95 % interval"],
@@ -229,6 +225,17 @@ def _damper_table(dampers: Sequence[DampingRates]) -> Table:
         "rates of deflection that were driven; their root mean square is the speed at which force "
         "over speed is given.",
     )
+
+
+def _value_rows(element: str, values: Sequence[tuple[str, EffectValue]]) -> list[list[str]]:
+    """Rows of a table: the element's name in the first, label, value and interval in each."""
+    rows = []
+    for n, (label, value) in enumerate(values):
+        sd, (low, high) = _sd(value), value.eti95
+        name = capitalized(plain(element).replace("_", " ")) if n == 0 else ""
+        ends = f"{number(low, sd)} to {number(high, sd)}"
+        rows.append([name, f"{label} [{readable_unit(value.unit)}]", number(value.mean, sd), ends])
+    return rows
 
 
 def spring_lines(springs: Sequence[SpringCurve]) -> list[str]:
@@ -243,14 +250,11 @@ def spring_lines(springs: Sequence[SpringCurve]) -> list[str]:
 
 def _spring_shape_text(shape: SpringShape) -> str:
     """``grows stiffer with travel; far from rest it is 1.8 (…) times as stiff as near rest``."""
-    where = "" if shape.side == "both" else f" in {shape.side}"
-    size = f"{value_text(shape.ratio)} times"
-    if shape.name == "unequal_sides":
-        text = f"its force in extension is {size} that in compression"
-    else:
-        word = "stiffer" if shape.name == "stiffening" else "softer"
-        text = f"grows {word} with travel{where}; far from rest it is {size} as stiff as near rest"
-    return f"{text} (probability {probability(shape.probability)})"
+    word = "stiffer" if shape.name == "stiffening" else "softer"
+    return _shape_text(
+        shape,
+        f"grows {word} with travel{{side}}; far from rest it is {{size}} as stiff as near rest",
+    )
 
 
 def _stiffness_text(spring: SpringCurve) -> str:
@@ -274,15 +278,7 @@ def _spring_table(springs: Sequence[SpringCurve]) -> Table:
             (f"force over deflection at {low} {unit} of compression", spring.compression),
             (f"force over deflection at {high} {unit} of extension", spring.extension),
         )
-        for n, (label, value) in enumerate(values):
-            sd, (lower, upper) = _sd(value), value.eti95
-            name = capitalized(plain(spring.element).replace("_", " ")) if n == 0 else ""
-            rows.append(
-                [
-                    name, f"{label} [{readable_unit(value.unit)}]", number(value.mean, sd),
-                    f"{number(lower, sd)} to {number(upper, sd)}",
-                ]
-            )  # fmt: skip
+        rows += _value_rows(spring.element, values)
     return Table(
         "Stiffness",
         ["spring", "stiffness", "value", "95 % interval"],
@@ -296,16 +292,9 @@ def _spring_panel(spring: SpringCurve) -> svg.Panel:
     words = plain(spring.element).replace("_", " ")
     figure = svg.canvas(height=1.9)
     axes = figure.subplots()
-    muted, grid = svg.COLOURS["muted"], svg.curve_array(spring.deflection)
-    low, high = (svg.curve_array(side) for side in spring.band95)
-    paint = svg.axle_colour(spring.element)
-    axes.axhline(0.0, color=muted, linewidth=0.8)
-    axes.axvline(0.0, color=muted, linewidth=0.8)
-    axes.fill_between(grid, low, high, color=paint, alpha=0.3, linewidth=0)
-    axes.plot(grid, svg.curve_array(spring.median), color=paint, label="estimated")
-    axes.plot(
-        grid, svg.curve_array(spring.nominal), color=svg.COLOURS["ink"], linestyle=(0, (5, 3)),
-        linewidth=1.0, label="nominal",
+    draw_force_curve(
+        axes, spring.deflection, spring.median, spring.band95, spring.nominal,
+        svg.axle_colour(spring.element),
     )  # fmt: skip
     label_sides(axes, "bump", "droop")
     axes.set(
