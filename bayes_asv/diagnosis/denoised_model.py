@@ -99,8 +99,12 @@ class FixedGainFilter:
         if not 0.0 < largest < np.inf:
             return np.full(np.count_nonzero(valid), 0.0 if largest == 0.0 else np.nan)
         scale = _PERTURBATION / largest
-        moments = self.posterior.space.recordings[self.run].moments
-        perturbation = Perturbation(np.zeros_like(moments), scale * change, np.zeros_like(change))
+        recording = self.posterior.space.recordings[self.run]
+        perturbation = Perturbation(
+            np.zeros_like(recording.moments),
+            scale * change,
+            np.zeros((len(change), len(recording.car.elements))),
+        )
         return self.response(perturbation) / scale
 
     def response(self, perturbation: Perturbation) -> Array:

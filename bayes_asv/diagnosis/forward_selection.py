@@ -43,6 +43,7 @@ from bayes_asv.diagnosis.thresholds import (
     SIGNIFICANCE_LEVEL,
     TOLERANCE_PREFERRED,
 )
+from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
 from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_again, fitted
@@ -354,6 +355,9 @@ def _next_step(
 def _better_unlisted(assessed: AssessedModel, best: ExtendedModel, without: float) -> str:
     """Return the unlisted explanation that is decisively better than any effect of the list.
 
+    It takes the place of that effect, and may not have its tolerance as well, which explains a part
+    of what the effect does.
+
     Parameters
     ----------
     assessed : AssessedModel
@@ -368,11 +372,19 @@ def _better_unlisted(assessed: AssessedModel, best: ExtendedModel, without: floa
     str
         Its description; empty where an effect or the tolerances are as good.
     """
-    unlisted = best_unlisted_explanation(assessed.denoised, assessed.evidence)
     listed = max(best.evidence.log_evidence, without)
-    margin = FIRST_ORDER_ERROR * (listed - assessed.evidence.log_evidence)
-    decisive = unlisted.log_evidence > listed + DECISIVE_EVIDENCE + margin
-    return unlisted.description if decisive else ""
+
+    def decisive(base: ModelEvidence) -> str:
+        unlisted = best_unlisted_explanation(assessed.denoised, base)
+        margin = FIRST_ORDER_ERROR * (listed - base.log_evidence)
+        better = unlisted.log_evidence > listed + DECISIVE_EVIDENCE + margin
+        return unlisted.description if better else ""
+
+    description = decisive(assessed.evidence)
+    if not description or best.evidence.log_evidence < without:
+        return description
+    new = tuple(site for site in best.model.sites if site not in assessed.model.sites)
+    return decisive(model_evidence(assessed.denoised, assessed.model, new))
 
 
 def _rescaled(selection: Selection, factor: float, p_none: float) -> Selection:

@@ -6,7 +6,8 @@ part: a damping curve that may rise in any way, each side its own, and a stiffne
 it; or such a curve of the spring.  The other axle follows if the same holds there.  Further effects
 are selected beside these laws, and the validation removes those that turn out unnecessary.  That
 model takes the place of the listed effects where its evidence is larger by as much as was asked of
-the law.  The part whose law gains more is tried first, and the other one only if that fails.
+the law, and its error on held-out recordings is not.  The part whose law gains more is tried first,
+and the other one only if that fails.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from bayes_asv.diagnosis.misspecification_test import misspecification_tests
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.model_comparison import weighted_posterior
 from bayes_asv.diagnosis.results import NamedEffect
+from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_faults import FreeLaw, Part, free_laws
 from bayes_asv.models.effects import EFFECTS, Site
 from bayes_asv.posterior.effect_fit import with_effects
+from bayes_asv.posterior.fitted_model import Dataset
 
 __all__ = ["with_free_laws"]
 
@@ -33,7 +36,11 @@ _LAWS: dict[Part, tuple[str, ...]] = {
 
 
 def with_free_laws(
-    selection: Selection, linear: AssessedModel, seed: int, progress: Progress
+    selection: Selection,
+    linear: AssessedModel,
+    holdout: Dataset | None,
+    seed: int,
+    progress: Progress,
 ) -> Selection:
     """Return the selection with free laws of a part where those explain decisively more.
 
@@ -43,6 +50,8 @@ def with_free_laws(
         The effects of the list that were selected.
     linear : AssessedModel
         The linear car on the same recordings.
+    holdout : Dataset or None
+        Held-out recordings.
     seed : int
         Seed of the tests.
     progress : callable
@@ -60,7 +69,10 @@ def with_free_laws(
         if free is None:
             continue
         gain = free.assessed.evidence.log_evidence - own.evidence.log_evidence
-        if _explains_enough(left._replace(gain=gain)):
+        if not _explains_enough(left._replace(gain=gain)):
+            continue
+        models = own.model, free.assessed.model
+        if holdout is None or not compare_errors(holdout, *models, seed).worse:
             return free
     return selection
 

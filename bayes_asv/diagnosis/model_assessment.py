@@ -202,9 +202,24 @@ def _evidence_for(assessed: AssessedModel, sites: tuple[Site, ...]) -> float:
     return assessed.evidence.log_evidence - max(without, as_tolerance)
 
 
-def model_evidence(denoised: Dataset, model: FittedModel) -> ModelEvidence:
-    """Evidence of a model under the tolerance prior of all effects that it does not contain."""
-    return _model_evidence(denoised, model, _tolerances(denoised, model))
+def model_evidence(
+    denoised: Dataset, model: FittedModel, without: tuple[Site, ...] = ()
+) -> ModelEvidence:
+    """Evidence of a model under the tolerance prior of all effects that it does not contain.
+
+    Parameters
+    ----------
+    denoised, model : Dataset, FittedModel
+        Recordings with denoised inputs, and the model at its mode there.
+    without : tuple of Site
+        Effects that have no tolerance either.
+    """
+    tolerances = [
+        candidate
+        for candidate in _tolerances(denoised, model)
+        if not any(site.meets(candidate.site) for site in without)
+    ]
+    return _model_evidence(denoised, model, tolerances)
 
 
 def _model_evidence(

@@ -25,7 +25,7 @@ from bayes_asv.models.effects import Site
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["Diagnosis", "NamedEffect"]
+__all__ = ["Diagnosis", "NamedEffect", "UnnamedCause"]
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,31 @@ class NamedEffect:
     probability: float
     indistinguishable: tuple[ExtendedModel, ...]
     errors: dict[str, ErrorChange]
+
+
+@dataclass(frozen=True)
+class UnnamedCause:
+    """Something that no listed effect explains, as it was added to the model.
+
+    Parameters
+    ----------
+    kind, place : str
+        The unlisted fault that changes the recordings as it does, and where that acts.
+    share : float
+        Its share of the squared change of the predictions.
+    dimensions : (str, str)
+        Of what it changes, and of what that depends on.
+    changes, along : tuple of (E,) arrays
+        What it changes in each fitted run: a force on the body, or what is to be added to a
+        reading; and the rate of deflection, acceleration or reading there.  SI units.
+    """
+
+    kind: str
+    place: str
+    share: float
+    dimensions: tuple[str, str]
+    changes: tuple[Array, ...]
+    along: tuple[Array, ...]
 
 
 @dataclass(frozen=True)
@@ -83,6 +108,8 @@ class Diagnosis:
         Probability that nothing beyond tolerances is missing.
     unexplained : Unexplained or None
         Tests for something that no listed effect explains.
+    unnamed : tuple of UnnamedCause
+        What was added to the model without a name, the largest first.
     localization : Localization or None
         Where the linear car disagrees, engine tones removed.
     errors : dict of str to ErrorChange
@@ -90,7 +117,7 @@ class Diagnosis:
     training, holdout : tuples of PreparedRecording
         Recordings that were fitted, as given, and held out, engine tones removed.
     base_model, final_model : FittedModel or None
-        The linear car, and the model with all named effects, engine tones removed.
+        The linear car, and the model with all that was added to it, engine tones removed.
     quantities_before, quantities_after : dict of str to (N,) array
         Draws of the car's quantities, SI units: under the linear car on the recordings as
         given, and averaged over all explanations.
@@ -116,6 +143,7 @@ class Diagnosis:
     engine: Engine | None = None
     p_none: float = 1.0
     unexplained: Unexplained | None = None
+    unnamed: tuple[UnnamedCause, ...] = ()
     localization: Localization | None = None
     errors: dict[str, ErrorChange] | None = None
     training: tuple[PreparedRecording, ...] = ()

@@ -27,6 +27,7 @@ __all__ = [
     "SimulationResiduals",
     "compare_errors",
     "error_increased",
+    "frozen",
     "simulation_residuals",
 ]
 
@@ -98,7 +99,7 @@ class ErrorChange:
         return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else None
 
 
-def _frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
+def frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
     """Carry a model's car and effects to recordings; effects of a single run only to their own."""
     sites: tuple[Site, ...] = tuple(s for s in model.sites if own or s.run is None)
     posterior = dataset.target(sites)
@@ -136,7 +137,7 @@ def simulation_residuals(
     own : bool
         The model was fitted to these recordings: effects of a single run act in it.
     """
-    posterior, z = _frozen(dataset, model, own)
+    posterior, z = frozen(dataset, model, own)
     dimension, scales = _scales(dataset)
     residuals, times, floors = [], [], []
     for run, recording in enumerate(dataset.recordings):
@@ -198,7 +199,13 @@ def error_increased(before: SimulationResiduals, after: SimulationResiduals, see
 
 
 def compare_errors(
-    dataset: Dataset, before: FittedModel, after: FittedModel, seed: int, *, own: bool = False
+    dataset: Dataset,
+    before: FittedModel,
+    after: FittedModel,
+    seed: int,
+    *,
+    own: bool = False,
+    perturbed: Dataset | None = None,
 ) -> ErrorChange:
     """Compare the simulation errors of two frozen models.
 
@@ -210,8 +217,10 @@ def compare_errors(
         Without and with what was added.
     dataset, seed, own
         As :func:`simulation_residuals` takes them; the seed is that of the bootstrap as well.
+    perturbed : Dataset, optional
+        The same recordings with an unlisted fault, for the model after.
     """
     one = simulation_residuals(dataset, before, seed, own=own)
-    two = simulation_residuals(dataset, after, seed, own=own)
+    two = simulation_residuals(dataset if perturbed is None else perturbed, after, seed, own=own)
     floor, worse = min(one.floor, two.floor), error_increased(one, two, seed)
     return ErrorChange(one.rms, two.rms, floor, worse, one.dimension)

@@ -238,7 +238,8 @@ def with_offset(
         begin = end
         by_run.append(offset)
         log_variances.append(logs)
-    plain = {f: getattr(model.target, f) for f in ("space", "residual_ars", "patterns")}
+    fields = ("space", "residual_ars", "patterns", "perturbations")
+    plain = {name: getattr(model.target, name) for name in fields}
     return OffsetPosterior(
         **plain, offset=tuple(by_run), log_variances=tuple(log_variances), cost=cost
     )

@@ -7,7 +7,9 @@ with a drifting clock.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -22,18 +24,29 @@ from bayes_asv.models.car_model import CarModel, Output, Values, state_space
 from bayes_asv.models.effects import BOTH
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.posterior.likelihood import Perturbation, Posterior
+from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.measured_inputs import denoise_wheel, denoised, sample_noise
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["PredictedMotion", "UnlistedFault", "predicted_motion", "unlisted_faults"]
+__all__ = [
+    "FaultKind",
+    "FaultTerm",
+    "PredictedMotion",
+    "UnlistedFault",
+    "fault_terms",
+    "predicted_motions",
+    "rms_travel",
+    "unit_size",
+]
 
 Array = NDArray[np.float64]
-ForceLaw = Callable[[Array, Array, Array], Array]
-"""From time (s), deflection (m) and velocity (m/s) to a force on the chassis (N), all (E,)."""
-Distortion = Callable[[Array, Array], Array]
-"""From the times (s) and samples of a channel to a change of the samples, all (n,)."""
+Form = tuple[float, ...]
+"""Constants of a fault, or the order of a term of a series."""
+ForceLaw = Callable[[Form, Array, Array, Array], Array]
+"""From form, time (s), deflection (m) and velocity (m/s) to a force on the chassis, N, (E,)."""
+Distortion = Callable[[Form, "PredictedMotion", Array, Array], Array]
+"""From form, motion, and times (s) and samples of a channel to a change of the samples, (n,)."""
 
 _MOUNT_TIME_CONSTANTS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
 _PLAY = (0.05, 0.2, 0.5)  # in rms deflections
@@ -42,27 +55,94 @@ _SEAT_FREQUENCIES = (2.5, 3.0, 3.5, 4.2, 5.0, 6.0)  # Hz, a seat's resonance wid
 _SEAT_DAMPING = 0.2  # damping ratio
 # Hz.  A mount whose resonance f₀ is above what the car excites still reads high by f²/f₀².
 _MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
+_RESONANCE = "a sensor mount that resonates"
 _MOUNT_DAMPING = 0.03  # damping ratio
+_SMALL = 0.01  # size of a fault, of the damper's rms force or of a channel's rms
+_POWERS = (2, 3, 5)  # of a sensor's curve: lopsided, and a saturation's first two
 _SUBSTEPS = 4  # steps of a linear system to one of its signal
 
 
 class UnlistedFault(NamedTuple):
-    """Perturbation of one run by an unlisted fault of arbitrary size.
+    """Perturbation of one run by an unlisted fault.
 
     Parameters
     ----------
-    description : str
-        What the fault is.
     perturbation : Perturbation
         The change of the run.
-    power, reference : float
-        Mean square of the change, and of what it is to be a small share of.
+    change : (E,) array
+        The change itself: a force (N), or of a channel's reading.
+    along : (E,) array
+        What it depends on: a rate of deflection, an acceleration of the body, or the reading.
+    reference : float
+        Mean square of what the change is to be a small share of.
     """
 
-    description: str
     perturbation: Perturbation
-    power: float
+    change: Array
+    along: Array
     reference: float
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A kind of unlisted fault at one place.
+
+    Parameters
+    ----------
+    name, place : str
+        What it is, and where.
+    forms : tuple of tuple of float
+        Values of its constants that are tried, or the order of a term of a series.
+    continuous : bool
+        Any values between these are possible; terms of a series have none between them.
+    dimensions : (str, str)
+        Of the change, and of what it depends on.
+    change : callable
+        From recording, motion and form to the fault there.
+    """
+
+    name: str
+    place: str
+    forms: tuple[Form, ...]
+    continuous: bool
+    dimensions: tuple[str, str]
+    change: Callable[[PreparedRecording, PredictedMotion, Form], UnlistedFault]
+
+
+class FaultTerm(NamedTuple):
+    """A kind of unlisted fault in one of its forms.
+
+    Parameters
+    ----------
+    kind : FaultKind
+        The kind.
+    form : tuple of float
+        The form.
+    """
+
+    kind: FaultKind
+    form: Form
+
+    @property
+    def site(self) -> tuple[str, str]:
+        """What it is, and where; kinds that share both are one."""
+        return self.kind.name, self.kind.place
+
+    @property
+    def description(self) -> str:
+        """What it is, and where; of a resonance, its frequency as well."""
+        frequency = self.kind.name == _RESONANCE and self.kind.continuous
+        detail = f" near {self.form[0]:.0f} Hz" if frequency else ""
+        return f"{self.kind.name}{detail} {self.kind.place}"
+
+    def faults(
+        self, dataset: Dataset, motions: Sequence[PredictedMotion]
+    ) -> tuple[UnlistedFault, ...]:
+        """Return the fault in each run, of one size: in each as large as the motion makes it."""
+        return tuple(
+            self.kind.change(recording, motion, self.form)
+            for recording, motion in zip(dataset.recordings, motions, strict=True)
+        )
 
 
 class PredictedMotion(NamedTuple):
@@ -70,28 +150,73 @@ class PredictedMotion(NamedTuple):
 
     Parameters
     ----------
+    instants : (E,) array
+        Times of the readings, s.
+    inputs : tuple of ((K,) array, (K,) array)
+        Knots (s) of each measured input, and what was read there, without most of its noise.
     readings : (E, ny) array
         What the outputs would read without noise, SI units.
     deflection, velocity : (E, ne) arrays
         Deflections (m) and their rates (m/s) of the elements before the sensors' filter.
+    damping_force : (E, ne) array
+        Of the linear dampers, N.
     body : (E, ne) array
         Acceleration of the body above each element behind that filter, m/s²; as the sensor above it
         would read it, where there is one.
     """
 
+    instants: Array
+    inputs: tuple[tuple[Array, Array], ...]
     readings: Array
     deflection: Array
     velocity: Array
+    damping_force: Array
     body: Array
 
 
-def predicted_motion(dataset: Dataset, posterior: Posterior, z: Array, run: int) -> PredictedMotion:
-    """Predict the motion of a car in one run by its free simulation.
+def predicted_motions(
+    dataset: Dataset, posterior: Posterior, z: Array
+) -> tuple[PredictedMotion, ...]:
+    """Predict the motion of a car in each run by its free simulation.
 
     The filtered states follow the readings and would share their noise.
     """
+    with shared_work(posterior) as shared:
+        assert shared.pool is not None
+        runs = range(len(dataset.recordings))
+        return tuple(shared.pool.map(partial(_predicted_motion, dataset, posterior, z), runs))
+
+
+def rms_travel(motions: Sequence[PredictedMotion]) -> Array:
+    """Root mean square of the deflections (ne,) over all runs, m."""
+    mean_square = np.mean([motion.deflection.var(axis=0) for motion in motions], axis=0)
+    return np.asarray(np.sqrt(mean_square))
+
+
+def unit_size(faults: Sequence[UnlistedFault]) -> float:
+    """Factor by which a fault becomes a hundredth of the damper's rms force or of the rms reading.
+
+    One factor for all runs.
+    """
+    power = sum(float(one.change.var()) for one in faults)
+    whole = sum(one.reference for one in faults)
+    return _SMALL * math.sqrt(whole / max(power, 1e-24))
+
+
+def _predicted_motion(
+    dataset: Dataset,
+    posterior: Posterior,
+    z: Array,
+    run: int,
+) -> PredictedMotion:
     recording = dataset.recordings[run]
     readings, states, _ = free_run(posterior, z, run)
+    for known in posterior.perturbations[run : run + 1]:
+        readings = readings + known.reading
+    inputs = []
+    for u, c in enumerate(recording.inputs):
+        bandwidth = dataset.vehicle.sensor(recording.channels[c].name).bandwidth
+        inputs.append(denoise_wheel(recording, u, bandwidth))
     time = recording.instants - recording.instants[0]
     pole = posterior.patterns[run].pole
     of_elements = slice(2 * len(recording.car.elements))
@@ -100,11 +225,17 @@ def predicted_motion(dataset: Dataset, posterior: Posterior, z: Array, run: int)
     for e, c in enumerate(recording.inputs):
         derivative = CubicSpline(time, velocity[:, e])(time, 1)
         acceleration[:, e] = denoised(time, derivative, sample_noise(recording, c), None)
+    values = posterior.space.values(z[None])
+    before_filter = velocity + acceleration / pole
+    rates = np.array([values[element.damping][0] for element in recording.car.elements])
     return PredictedMotion(
+        recording.instants,
+        tuple(inputs),
         readings,
         deflection + velocity / pole,
-        velocity + acceleration / pole,
-        _body(recording, posterior.space.values(z[None]), readings, states),
+        before_filter,
+        before_filter * rates,
+        _body(recording, values, readings, states),
     )
 
 
@@ -127,53 +258,60 @@ def _body(recording: PreparedRecording, values: Values, readings: Array, states:
     return np.asarray(out)
 
 
-def unlisted_faults(
-    dataset: Dataset,
-    run: int,
-    motion: PredictedMotion,
-    car: CarModel,
-    values: Values,
-    travel: Array,
-) -> Iterator[UnlistedFault]:
-    """Yield every unlisted fault of one run; ``travel`` (ne,) are rms deflections over all runs."""
-    recording = dataset.recordings[run]
-    nothing = Perturbation(
+def fault_terms(dataset: Dataset, travel: Array) -> tuple[FaultTerm, ...]:
+    """Return every unlisted fault in every form; ``travel`` (ne,) are the rms deflections."""
+    kinds = _fault_kinds(dataset, dataset.recordings[0].car, travel)
+    return tuple(FaultTerm(kind, form) for kind in kinds for form in kind.forms)
+
+
+def _fault_kinds(dataset: Dataset, car: CarModel, travel: Array) -> Iterator[FaultKind]:
+    for e, element in enumerate(car.elements):
+        for name, forms, continuous, law in _force_laws(float(travel[e])):
+            change = partial(_force, e, law)
+            place = f"at the {element.words}"
+            yield FaultKind(name, place, forms, continuous, ("force", "velocity"), change)
+    for place, shares in _seat_places(car).items():
+        change = partial(_reaction, shares)
+        forms = tuple((f, _SEAT_DAMPING) for f in _SEAT_FREQUENCIES)
+        dimensions = "force", "acceleration"
+        yield FaultKind("a mass on a spring", f"near {place}", forms, True, dimensions, change)
+    for channel in dataset.channels:
+        place, dimensions = f"({channel.words})", (channel.dimension, channel.dimension)
+        for name, forms, continuous, distortion in _distortions(car, channel):
+            change = partial(_distorted, channel, distortion)
+            yield FaultKind(name, place, forms, continuous, dimensions, change)
+
+
+def _nothing(recording: PreparedRecording) -> Perturbation:
+    return Perturbation(
         np.zeros_like(recording.moments),
         np.zeros_like(recording.reading),
-        np.zeros_like(motion.deflection),
+        np.zeros((len(recording.elapsed), len(recording.car.elements))),
     )
+
+
+def _force(
+    e: int, law: ForceLaw, recording: PreparedRecording, motion: PredictedMotion, form: Form
+) -> UnlistedFault:
+    """Force of one suspension element, whose size is that of its damper."""
     time = recording.instants - recording.instants[0]
-    dampers = [
-        float(values[element.damping][0] ** 2 * motion.velocity[:, e].var())
-        for e, element in enumerate(car.elements)
-    ]
-    for e, element in enumerate(car.elements):
-        for description, law in _force_laws(float(travel[e])):
-            force = np.zeros_like(motion.deflection)
-            force[:, e] = law(time, motion.deflection[:, e], motion.velocity[:, e])
-            yield UnlistedFault(
-                f"{description} at the {element.words}",
-                nothing._replace(force=force),
-                float(force[:, e].var()),
-                dampers[e],
-            )
-    for frequency in _SEAT_FREQUENCIES:
-        for place, shares in _seat_places(car).items():
-            reaction = _oscillator(time, motion.body @ shares, frequency, _SEAT_DAMPING)
-            yield UnlistedFault(
-                f"a mass on a spring near {place}",
-                nothing._replace(force=np.outer(reaction, shares)),
-                float(reaction.var()),
-                dampers[0],
-            )
-    for channel in dataset.channels:
-        bandwidth = dataset.vehicle.sensor(channel.name).bandwidth
-        for description, distortion in _distortions(recording, motion, channel):
-            changed = nothing, 0.0, 0.0
-            if channel in recording.channels:
-                c = recording.channels.index(channel)
-                changed = _distorted(nothing, recording, motion.readings, c, distortion, bandwidth)
-            yield UnlistedFault(f"{description} ({channel.words})", *changed)
+    perturbation = _nothing(recording)
+    force = law(form, time, motion.deflection[:, e], motion.velocity[:, e])
+    perturbation.force[:, e] = force
+    reference = float(motion.damping_force[:, e].var())
+    return UnlistedFault(perturbation, force, motion.velocity[:, e], reference)
+
+
+def _reaction(
+    shares: Array, recording: PreparedRecording, motion: PredictedMotion, form: Form
+) -> UnlistedFault:
+    """Force of a mass on a spring, shared out among the elements."""
+    time = recording.instants - recording.instants[0]
+    body = motion.body @ shares
+    reaction = _oscillator(time, body, *form)
+    perturbation = _nothing(recording)._replace(force=np.outer(reaction, shares))
+    reference = float(motion.damping_force[:, 0].var())
+    return UnlistedFault(perturbation, reaction, body, reference)
 
 
 def _seat_places(car: CarModel) -> dict[str, Array]:
@@ -185,20 +323,32 @@ def _seat_places(car: CarModel) -> dict[str, Array]:
     return dict([front, ("the middle", car.shares(BOTH)), *rear])
 
 
-def _force_laws(travel: float) -> Iterator[tuple[str, ForceLaw]]:
+def _force_laws(travel: float) -> Iterator[tuple[str, tuple[Form, ...], bool, ForceLaw]]:
     """Yield unlisted force laws of a suspension element, for its rms deflection."""
-    for time_constant in _MOUNT_TIME_CONSTANTS:
-        yield "a damper in a soft mount", partial(_soft_mount, time_constant)
-    for share in _PLAY:
-        yield "a damper with play", partial(_play, share * travel)
-    for share in _YIELD_TRAVEL:
-        yield "hysteresis", partial(_hysteresis, share * travel)
-    yield "a damper that depends on travel", lambda t, d, v: -v * d**2
-    yield "a damper that depends on travel", lambda t, d, v: -v * d
-    yield "a progressive damper", lambda t, d, v: -v * np.abs(v)
-    yield "a progressive damper", lambda t, d, v: -(v**3)
-    yield "an asymmetric spring", lambda t, d, v: -(d**2)
-    yield "an asymmetric spring", lambda t, d, v: -d * np.abs(d)
+    yield "a damper in a soft mount", _each(_MOUNT_TIME_CONSTANTS), True, _soft_mount
+    yield "a damper with play", _each(share * travel for share in _PLAY), True, _play
+    yield "hysteresis", _each(share * travel for share in _YIELD_TRAVEL), True, _hysteresis
+    yield "a damper that depends on travel", _each((1, 2)), False, _damper_by_travel
+    yield "a progressive damper", _each((2, 3)), False, _damper_by_speed
+    yield "an asymmetric spring", ((2.0, 1.0), (2.0, 0.0)), False, _spring_by_travel
+
+
+def _each(values: Iterable[float]) -> tuple[Form, ...]:
+    return tuple((float(value),) for value in values)
+
+
+def _damper_by_travel(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    return np.asarray(-velocity * deflection ** form[0])
+
+
+def _damper_by_speed(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    return np.asarray(-velocity * np.abs(velocity) ** (form[0] - 1.0))
+
+
+def _spring_by_travel(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Return the square of deflection, of its own sign where the second constant is zero."""
+    sign = 1.0 if form[1] else np.sign(deflection)
+    return np.asarray(-sign * np.abs(deflection) ** form[0])
 
 
 def _filtered(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
@@ -216,14 +366,14 @@ def _filtered(time: Array, signal: Array, system: tuple[list[float], list[float]
     return np.interp(time, even, out)
 
 
-def _soft_mount(time_constant: float, time: Array, deflection: Array, velocity: Array) -> Array:
-    """Force that a damper in series with a spring lacks, per damping rate."""
-    return velocity - _filtered(time, velocity, ([1.0], [time_constant, 1.0]))
+def _soft_mount(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Force that a damper in series with a spring lacks, per damping rate, for c/k in s."""
+    return velocity - _filtered(time, velocity, ([1.0], [form[0], 1.0]))
 
 
-def _play(gap: float, time: Array, deflection: Array, velocity: Array) -> Array:
+def _play(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
     """Force that a damper with play lacks, per damping rate: its end waits until it is taken up."""
-    end = float(deflection[0])
+    gap, end = form[0], float(deflection[0])
     transmitted = np.zeros_like(velocity)
     for k in range(len(deflection)):
         if deflection[k] > end + gap:
@@ -233,13 +383,11 @@ def _play(gap: float, time: Array, deflection: Array, velocity: Array) -> Array:
     return np.asarray(velocity - transmitted)
 
 
-def _hysteresis(yield_travel: float, time: Array, deflection: Array, velocity: Array) -> Array:
-    """Friction that builds up over a travel: an elastic-plastic element of unit force."""
-    force = np.zeros_like(deflection)
+def _hysteresis(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Friction that builds up over a travel (m): an elastic-plastic element of unit force."""
+    force, steps = np.zeros_like(deflection), np.diff(deflection, prepend=deflection[0]) / form[0]
     for k in range(1, len(deflection)):
-        force[k] = np.clip(
-            force[k - 1] - (deflection[k] - deflection[k - 1]) / yield_travel, -1.0, 1.0
-        )
+        force[k] = min(max(force[k - 1] - steps[k], -1.0), 1.0)
     return force
 
 
@@ -251,53 +399,73 @@ def _oscillator(time: Array, base: Array, frequency: float, damping_ratio: float
 
 
 def _distortions(
-    recording: PreparedRecording, motion: PredictedMotion, channel: Channel
-) -> Iterator[tuple[str, Distortion]]:
-    """Yield distortions of one channel as functions of its times and samples."""
+    car: CarModel, channel: Channel
+) -> Iterator[tuple[str, tuple[Form, ...], bool, Distortion]]:
+    """Yield name, forms and law of the distortions of one channel.
+
+    An output's reading is distorted as its sensor distorts it.  What an input's sensor has read is
+    turned back: the inverse of a series is a series in the reading, and that of a resonance with
+    little damping, a share of the reading's second derivative.
+    """
     accelerometer = channel.quantity == "acceleration"
-    for frequency in _MOUNT_FREQUENCIES if accelerometer else ():
-        resonance = partial(_oscillator, frequency=frequency, damping_ratio=_MOUNT_DAMPING)
-        yield f"a sensor mount that resonates near {frequency:.0f} Hz", resonance
-    yield "a sampling clock that drifts", _drifting_clock
-    yield "a nonlinear sensor scale", lambda time, signal: signal**2
-    yield "a nonlinear sensor scale", lambda time, signal: signal**3
+    if accelerometer:
+        resonance = tuple((f, _MOUNT_DAMPING) for f in _MOUNT_FREQUENCIES)
+        yield _RESONANCE, resonance, True, _resonance
+        yield _RESONANCE, _each((2,)), False, _derivative
+    yield "a sampling clock that drifts", _each((1,)), False, _drifting_clock
+    yield "a nonlinear sensor scale", _each(_POWERS), False, _power
     if not accelerometer or channel.is_input:
         return
-    for e, element in enumerate(recording.car.elements):
+    for e, element in enumerate(car.elements):
         if (element.axle, element.side) != (channel.axle, channel.side):
-            yield "a sensor at another position", partial(_displaced, recording, motion.body[:, e])
+            yield "a sensor at another position", _each((e,)), False, _displaced
 
 
-def _displaced(recording: PreparedRecording, there: Array, time: Array, signal: Array) -> Array:
-    """How a reading differs from the acceleration of another place of the body (E,)."""
-    return np.asarray(signal - np.interp(time, recording.instants, there))
+def _resonance(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
+    return _oscillator(time, signal, *form)
 
 
-def _drifting_clock(time: Array, signal: Array) -> Array:
+def _derivative(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
+    return np.asarray(CubicSpline(time, signal)(time, int(form[0])))
+
+
+def _drifting_clock(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
     return np.asarray((time - time[0]) * CubicSpline(time, signal)(time, 1))
 
 
+def _power(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
+    return np.asarray(signal ** int(form[0]))
+
+
+def _displaced(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
+    """Return how a reading differs from the acceleration of another place of the body."""
+    there = motion.body[:, int(form[0])]
+    return np.asarray(signal - np.interp(time, motion.instants, there))
+
+
 def _distorted(
-    nothing: Perturbation,
-    recording: PreparedRecording,
-    readings: Array,
-    c: int,
+    channel: Channel,
     distortion: Distortion,
-    bandwidth: float | None,
-) -> tuple[Perturbation, float, float]:
-    """Perturbation of a run by the distortion of one channel; mean squares of change and signal."""
+    recording: PreparedRecording,
+    motion: PredictedMotion,
+    form: Form,
+) -> UnlistedFault:
+    """Distortion of one channel of a run."""
+    perturbation, instants = _nothing(recording), recording.instants
+    if channel not in recording.channels:
+        return UnlistedFault(perturbation, np.zeros(len(instants)), np.zeros(len(instants)), 0.0)
+    c = recording.channels.index(channel)
     if c in recording.inputs:
         u = recording.inputs.index(c)
-        knots, samples = denoise_wheel(recording, u, bandwidth)
-        change = distortion(knots, samples)
-        signal = WheelSignal(CubicSpline(knots, change), knots, recording.wheels[u].deviation)
-        driven = np.zeros_like(recording.moments)
-        driven[:, u] = moments(signal, recording.instants, ORDER)
-        return nothing._replace(moments=driven), float(change.var()), float(samples.var())
-    y = recording.outputs.index(c)
-    valid = recording.kind[:, y] != MISSING
-    samples = readings[valid, y]
-    change = distortion(recording.instants[valid], samples)
-    reading = np.zeros_like(recording.reading)
-    reading[valid, y] = change
-    return nothing._replace(reading=reading), float(change.var()), float(samples.var())
+        time, samples = motion.inputs[u]
+        change = distortion(form, motion, time, samples)
+        signal = WheelSignal(CubicSpline(time, change), time, recording.wheels[u].deviation)
+        perturbation.moments[:, u] = moments(signal, instants, ORDER)
+    else:
+        y = recording.outputs.index(c)
+        valid = recording.kind[:, y] != MISSING
+        time, samples = instants[valid], motion.readings[valid, y]
+        change = distortion(form, motion, time, samples)
+        perturbation.reading[valid, y] = change
+    change, along = np.interp(instants, time, change), np.interp(instants, time, samples)
+    return UnlistedFault(perturbation, change, along, float(samples.var()))

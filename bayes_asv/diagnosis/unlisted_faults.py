@@ -24,9 +24,12 @@ from bayes_asv.diagnosis.score_test import NuisanceProjection
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE, UNKNOWN_SIZE_COST
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, projection_with_tolerances
 from bayes_asv.diagnosis.unlisted_fault_models import (
-    UnlistedFault,
-    predicted_motion,
-    unlisted_faults,
+    FaultTerm,
+    PredictedMotion,
+    fault_terms,
+    predicted_motions,
+    rms_travel,
+    unit_size,
 )
 from bayes_asv.filters.force_laws import OUTSIDE, excess_many, table_of_laws
 from bayes_asv.models.effects.damper_curve import KNOTS as DAMPER_KNOTS
@@ -56,42 +59,39 @@ Part = Literal["damper", "spring"]
 PARTS: tuple[Part, ...] = ("damper", "spring")
 
 _LAGS = ("hysteresis", "a damper in a soft mount")  # faults by which force lags velocity
-_SMALL = 0.01  # size of a perturbation, of the damper's rms force or of a channel's rms
+_SMALL = 0.01  # size of a free law's force, of the damper's at the rms rate
 
 
-def unlisted_fault_sensitivities(model: DenoisedModel) -> tuple[Array, tuple[str, ...]]:
-    """Sensitivities (K, N) along unlisted faults, and a description of each.
+def unlisted_fault_sensitivities(
+    model: DenoisedModel, terms: Sequence[FaultTerm], motions: Sequence[PredictedMotion]
+) -> tuple[Array, Array]:
+    """Sensitivities (K, N) along unlisted faults, and the factors (K,) that their size has there.
 
     Parameters
     ----------
     model : DenoisedModel
         A model at its mode.
+    terms : sequence of FaultTerm
+        K faults.
+    motions : sequence of PredictedMotion
+        Motion of the car in each run.
     """
-    dataset, posterior, z = model.dataset, model.filters[0].posterior, model.model.mode.z
-    runs = range(len(dataset.recordings))
-    motions = [predicted_motion(dataset, posterior, z, run) for run in runs]
-    travel = np.sqrt(np.mean([m.deflection.var(axis=0) for m in motions], axis=0))
-    car, values = posterior.space.car, posterior.space.values(z[None])
 
-    def of_run(run: int) -> list[UnlistedFault]:
-        return list(unlisted_faults(dataset, run, motions[run], car, values, travel))
+    def sensitivity(term: FaultTerm) -> tuple[Array, float]:
+        faults = term.faults(model.dataset, motions)
+        factor = unit_size(faults)
+        responses = {
+            run: model.filters[run].response(
+                Perturbation(*(factor * part for part in fault.perturbation))
+            )
+            for run, fault in enumerate(faults)
+        }
+        return model.concatenate(responses), factor
 
-    def sensitivity(k: int) -> Array:
-        # One coefficient for all runs: in each the change is as large as the motion makes it.
-        power = sum(by_run[k].power for by_run in faults)
-        size = _SMALL * math.sqrt(sum(by_run[k].reference for by_run in faults))
-        factor = size / math.sqrt(max(power, 1e-24))
-        changes = [
-            Perturbation(*(factor * part for part in by_run[k].perturbation)) for by_run in faults
-        ]
-        return model.concatenate({run: model.filters[run].response(changes[run]) for run in runs})
-
-    with shared_work(posterior) as shared:
+    with shared_work(model.filters[0].posterior) as shared:
         assert shared.pool is not None
-        faults = list(shared.pool.map(of_run, runs))
-        descriptions = tuple(fault.description for fault in faults[0])
-        out = np.array(list(shared.pool.map(sensitivity, range(len(descriptions)))))
-    return out, descriptions
+        found = list(shared.pool.map(sensitivity, terms))
+    return np.array([one for one, _ in found]), np.array([factor for _, factor in found])
 
 
 # Share of the jitter's gain that counts against one named effect: a variance that varies covers
@@ -113,14 +113,19 @@ class UnlistedFaultScores(NamedTuple):
         Its covariance under the model.
     sensitivities : (K, N) array
         Changes of the predictions, in standard deviations.
-    descriptions : tuple of str
-        What each fault is.
+    terms : tuple of FaultTerm
+        The faults.
     """
 
     gradient: Array
     information: Array
     sensitivities: Array
-    descriptions: tuple[str, ...]
+    terms: tuple[FaultTerm, ...]
+
+    @property
+    def descriptions(self) -> tuple[str, ...]:
+        """What each fault is, and where."""
+        return tuple(term.description for term in self.terms)
 
     @property
     def raw_information(self) -> Array:
@@ -162,9 +167,11 @@ def unlisted_fault_scores(
     projection : NuisanceProjection
         What it can reproduce.
     """
-    sensitivities, descriptions = unlisted_fault_sensitivities(model)
+    motions = predicted_motions(model.dataset, model.filters[0].posterior, model.model.mode.z)
+    terms = fault_terms(model.dataset, rms_travel(motions))
+    sensitivities, _ = unlisted_fault_sensitivities(model, terms, motions)
     gradient, information = projection.project_out(sensitivities)
-    return UnlistedFaultScores(gradient, information, sensitivities, descriptions)
+    return UnlistedFaultScores(gradient, information, sensitivities, terms)
 
 
 def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) -> tuple[float, str]:
@@ -205,10 +212,7 @@ def free_law_evidence(
         Whose law.
     """
     posterior, z = model.filters[0].posterior, model.model.mode.z
-    motions = [
-        predicted_motion(model.dataset, posterior, z, k)
-        for k in range(len(model.dataset.recordings))
-    ]
+    motions = predicted_motions(model.dataset, posterior, z)
     car, values = posterior.space.car, posterior.space.values(z[None])
     knots = DAMPER_KNOTS if part == "damper" else SPRING_KNOTS
     by_axle = {}
@@ -226,8 +230,8 @@ def free_law_evidence(
         changes = [[np.interp(x, knots, hat) for x in driven] for hat in hats]
         along = _force_sensitivities(model, own, changes)
         if part == "damper":
-            places = tuple(f"at the {car.elements[e].words}" for e in own)
-            lags = [d.startswith(_LAGS) and d.endswith(places) for d in scores.descriptions]
+            places = {f"at the {car.elements[e].words}" for e in own}
+            lags = [t.kind.name in _LAGS and t.kind.place in places for t in scores.terms]
             along = np.concatenate([along, scores.sensitivities[lags]])
         by_axle[axle] = _log_bayes_factor(*projection.project_out(along))
     axle = max(by_axle, key=lambda name: by_axle[name])

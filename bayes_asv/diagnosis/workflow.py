@@ -12,6 +12,7 @@
 6. Validation on held-out recordings with everything frozen: an effect that makes the simulation
    worse there is removed, and another is selected once.
 7. Misspecification tests on all recordings together: is anything left that is not in the list?
+   What is found joins the model without a name, where that makes the held-out error smaller.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import numpy as np
 
 from bayes_asv.analysis.input_mistakes import check_input
 from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
+from bayes_asv.diagnosis.fault_regression import FaultRegression, regress_on_unlisted_faults
 from bayes_asv.diagnosis.forward_selection import (
     Progress,
     Selection,
@@ -50,10 +52,12 @@ from bayes_asv.diagnosis.model_comparison import (
     draw_effects,
     draw_quantities,
     draw_springs,
+    weighted_posterior,
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
+from bayes_asv.diagnosis.simulation_error import ErrorChange, compare_errors
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.domain.clocks import declared_clocks
 from bayes_asv.domain.recording import Recording
@@ -62,7 +66,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import Site
 from bayes_asv.posterior.clock_errors import synchronised
 from bayes_asv.posterior.fit_checks import explained_power_findings
-from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
+from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.model_error import model_error
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -154,8 +158,16 @@ def diagnose(
         unexplained = replace(unexplained, alternative=alternative)
         if alternative > ALTERNATIVE_MARGIN and not unexplained.detected:
             unexplained = replace(unexplained, closest_fault=fault)
+    regression, errors = None, validated.errors
+    if unexplained.detected:
+        progress(0.92, "adding to the model what is left")
+        regression, errors = _without_name(assessed, search.without_tones, errors, seed)
     progress(0.95, "looking for indistinguishable explanations")
     named = with_indistinguishable(assessed, named)
+    posteriors = selection.posteriors
+    if regression is not None:
+        assessed = regression.assessed
+        posteriors = weighted_posterior(assessed.model, assessed.evidence)
     verdict = "agreement"
     engine = search.engine
     if search.p_value < SIGNIFICANCE_LEVEL or unexplained.present or engine is not None:
@@ -163,7 +175,7 @@ def diagnose(
     linear = given.linear
     before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
     final = assessed.on_inputs_as_read
-    posteriors, spread = selection.posteriors, assessed.evidence
+    spread = assessed.evidence
     if unexplained.detected:
         posteriors = [
             one._replace(covariance=one.covariance + model_error(one.model)) for one in posteriors
@@ -184,7 +196,8 @@ def diagnose(
         p_none=selection.p_none,
         unexplained=unexplained,
         localization=localization,
-        errors=validated.errors,
+        unnamed=() if regression is None else regression.causes,
+        errors=errors,
         training=fit,
         holdout=search.held,
         base_model=search.without_tones.linear,
@@ -196,6 +209,31 @@ def diagnose(
         springs=draw_springs(final, spread, seed),
         seconds=time.perf_counter() - clock,
     )
+
+
+def _without_name(
+    assessed: AssessedModel, runs: Split, errors: dict[str, ErrorChange], seed: int
+) -> tuple[FaultRegression | None, dict[str, ErrorChange]]:
+    """Explain what is left by unlisted faults, with the errors then; None where that fails."""
+    regression = regress_on_unlisted_faults(assessed, runs.holdout)
+    if regression is None:
+        return None, errors
+    model, changed = regression.assessed.model, dict(errors)
+    parts = (
+        ("fit", runs.fit, regression.assessed.dataset),
+        ("holdout", runs.holdout, regression.holdout),
+    )
+    for name, dataset, perturbed in parts:
+        if dataset is None or perturbed is None:
+            continue
+        own = name == "fit"
+        error = compare_errors(dataset, assessed.model, model, seed, own=own, perturbed=perturbed)
+        if error.worse or (not own and error.after >= error.before):
+            return None, errors
+        floor = min(error.floor, errors[name].floor)
+        worse = error.after > errors[name].before and error.worse
+        changed[name] = replace(errors[name], after=error.after, floor=floor, worse=worse)
+    return regression, changed
 
 
 def _misread_channel(
@@ -258,7 +296,8 @@ def _search(
         first = assess(dataset, linear, seed)
     start = start_selection(first, other_cause=engine is not None)
     selection = select_effects(start, seed, progress)
-    selection = with_free_laws(selection, first, seed, progress)
+    held_out = _held_out(given, held, engine)
+    selection = with_free_laws(selection, first, held_out, seed, progress)
     if engine is None:
         # the missing effects may have hidden an engine
         assessed = selection.assessed
@@ -271,9 +310,17 @@ def _search(
             dataset, linear = removed, fit_linear_car(removed)
             again = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
             selection = select_effects(again, seed, progress)
-    holdout = given.holdout if engine is None or not held else make_dataset(given.fit.vehicle, held)
-    split = Split(dataset, holdout, linear)
+    split = Split(dataset, _held_out(given, held, engine), linear)
     return _Search(selection, engine, split, held, first.p_value, first.test.site_count)
+
+
+def _held_out(
+    given: Split, held: tuple[PreparedRecording, ...], engine: Engine | None
+) -> Dataset | None:
+    """Held-out recordings, without the tones of an engine that was found."""
+    if engine is None or not held:
+        return given.holdout
+    return make_dataset(given.fit.vehicle, held)
 
 
 def _explained_energy(assessed: AssessedModel) -> float:

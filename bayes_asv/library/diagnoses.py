@@ -27,7 +27,7 @@ class Diagnosis(Result):
     """What the linear car lacks, from :func:`bayes_asv.diagnose`.
 
     ``verdict`` is ``"agreement"``, ``"named"``, ``"unexplained"`` or ``"refused"``.
-    ``result["c_f"]`` and the other parameters are those of the model with the named effects;
+    ``result["c_f"]`` and the other parameters are those of the model with all that was added;
     ``result.before`` holds those of the linear car.
     """
 
@@ -56,6 +56,15 @@ class Diagnosis(Result):
     def unexplained(self) -> bool:
         """Whether something remains that no listed effect explains."""
         return self.document.unexplained.present
+
+    @property
+    def unnamed(self) -> list[Any]:
+        """What remains, as it was added to the model without a name; the largest first.
+
+        Each has ``like`` (the unlisted fault that changes the recordings as it does, and where),
+        ``share`` and the curves ``time``, ``change`` and ``along`` with their units.
+        """
+        return list(self.document.unnamed)
 
     @cached_property
     def plot(self) -> DiagnosisPlots:

@@ -16,7 +16,7 @@ from bayes_asv.posterior.denoised_inputs import above, denoise_and_predict
 from bayes_asv.posterior.effects import SensorPatterns, patterns
 from bayes_asv.posterior.fisher_scoring import LaplaceFit, maximise
 from bayes_asv.posterior.free_simulation import initial_state
-from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
+from bayes_asv.posterior.likelihood import WHITE, Perturbation, Posterior, shared_work
 from bayes_asv.posterior.parameters import ParameterSpace, space
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -53,12 +53,15 @@ class Dataset:
         What sensors that are not as declared would change in each.
     inputs_denoised : bool
         The wheels have lost most of their noise already.
+    perturbations : tuple of Perturbation
+        What an unlisted fault changes in each recording; empty without one.
     """
 
     vehicle: Vehicle
     recordings: tuple[PreparedRecording, ...]
     patterns: tuple[SensorPatterns, ...]
     inputs_denoised: bool = False
+    perturbations: tuple[Perturbation, ...] = ()
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -73,7 +76,10 @@ class Dataset:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
         held = frozenset(range(len(self.recordings))) if hold else frozenset()
         parameter_space = space(self.vehicle, self.recordings, hold=held, sites=sites, near=True)
-        return Posterior(parameter_space, (WHITE,) * len(self.recordings), patterns=self.patterns)
+        return Posterior(
+            parameter_space, (WHITE,) * len(self.recordings),
+            patterns=self.patterns, perturbations=self.perturbations,
+        )  # fmt: skip
 
 
 def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Dataset:

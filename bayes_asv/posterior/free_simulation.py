@@ -135,12 +135,11 @@ def simulated(
 
 def _laws(target: Posterior, z: Array, run: int, nominal: NominalReadings) -> Laws | None:
     table = law_table(target.space.car, target.space.effects(z), run)[None]
-    if table.shape[1] == 0:
+    known = target.known_force(run)
+    if table.shape[1] == 0 and not np.any(known):
         return None
     recording = target.space.recordings[run]
-    none = np.zeros((len(recording.step), len(target.space.car.elements)))
-    pole = target.patterns[run].pole
-    return Laws(table, pole, nominal.wheel, recording.elapsed, none)
+    return Laws(table, target.patterns[run].pole, nominal.wheel, recording.elapsed, known)
 
 
 def _responses(

@@ -134,6 +134,8 @@ class Posterior:
     expansions : tuple of ClockExpansion or None
         One a run, to be used in place of the recordings with other errors of the clocks; empty to
         use those.
+    perturbations : tuple of Perturbation
+        One a run: known changes of what was read, and known forces; empty without any.
     """
 
     space: ParameterSpace
@@ -142,6 +144,7 @@ class Posterior:
     patterns: tuple[SensorPatterns, ...] = ()
     retimed_patterns: tuple[tuple[SensorPatterns, ...], ...] = ()
     expansions: tuple[ClockExpansion | None, ...] = ()
+    perturbations: tuple[Perturbation, ...] = ()
 
     def with_residual_ar(self, colours: tuple[ResidualAR, ...]) -> Posterior:
         """Return the same posterior with other residual autoregressions."""
@@ -213,7 +216,7 @@ class Posterior:
             value = kalman_ar.log_likelihood(
                 system, noise, recording.measurements, recording.ends_group, *colour
             )
-        elif not self.space.sites:
+        elif not (self.space.sites or self.perturbations):
             value = kalman.log_likelihood(system, noise, recording.measurements)
             value += self.removed_band_correction(z, run)
         else:
@@ -273,9 +276,11 @@ class Posterior:
     ) -> tuple[Measurements, Laws | None]:
         """Measurements of sensors as declared, and the laws; None where no force acts."""
         moments, reading = nominal.moments, nominal.reading
-        added = np.zeros((len(recording.step), len(self.space.car.elements)))
+        added = self.known_force(run)
+        for change in (*self.perturbations[run : run + 1], *(() if nudge is None else (nudge,))):
+            moments, reading = moments + change.moments, reading + change.reading
         if nudge is not None:
-            moments, reading, added = moments + nudge.moments, reading + nudge.reading, nudge.force
+            added = added + nudge.force
         data = recording.measurements._replace(moments=moments, reading=reading)
         if tables.shape[1] == 0 and not np.any(added):
             return data, None
@@ -326,7 +331,7 @@ class Posterior:
 
     def _innovations(self, z: Array, run: int, colour: ResidualAR) -> Array:
         """Normalised innovations (W, E, ny) of one run at coordinates (W, D)."""
-        if self.space.sites:
+        if self.space.sites or self.perturbations:
             return self.filter_passes(z, run)[0]
         recording = self.space.recordings[run]
         retimed = recording.retimed
@@ -399,9 +404,20 @@ class Posterior:
         recording = self.space.recordings[run] if recording is None else recording
         if not self.patterns:
             return NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
-        return self.patterns[run].corrected(
+        nominal = self.patterns[run].corrected(
             recording, self.space.effects(z), self.space.zeros(z[None], run)[0]
         )
+        for change in self.perturbations[run : run + 1]:
+            nominal = nominal._replace(
+                moments=nominal.moments + change.moments, reading=nominal.reading + change.reading
+            )
+        return nominal
+
+    def known_force(self, run: int) -> Array:
+        """Known forces (E, ne) on the body at the suspension elements in one run, N."""
+        if self.perturbations:
+            return self.perturbations[run].force
+        return np.zeros((len(self.space.recordings[run].step), len(self.space.car.elements)))
 
 
 def _used(

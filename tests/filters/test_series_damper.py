@@ -74,3 +74,21 @@ def test_its_force_does_not_depend_on_where_the_search_for_its_rate_begins() -> 
             )
             found.append(np.concatenate([series.ravel(), ahead]))
         assert found[1] == pytest.approx(found[0], rel=1e-5, abs=1e-5)
+
+
+def test_a_curve_that_hardly_rises_leaves_its_force_finite() -> None:
+    """Where a force does not rise at all, no rate at the damper belongs to a larger one."""
+    effect = EFFECTS["damper_curve"]
+    count = len(effect.parameters) // 2
+    steps = (*[0.5] * count, *[-8.0] * count)  # to e⁻⁶⁴ of the slope at rest in extension
+    values = {p.name: step for p, step in zip(effect.parameters, steps, strict=True)}
+    law = np.concatenate(
+        [table("damper_curve", values), table("damper_hysteresis", {"stiffness": STIFFNESS})]
+    )
+    time = np.arange(0.0, 1.0, 0.0025)
+    rates = 0.8 * np.sin(2.0 * np.pi * 3.0 * time)
+    (force,) = damper_force_history(
+        law[None], 0, np.array([1400.0]), rates, np.diff(time, prepend=0.0)
+    )
+    assert np.all(np.isfinite(force))
+    assert np.max(force) < 0.5 * -np.min(force)

@@ -31,6 +31,8 @@ _SIDE = CURVE_FIRST * 2.0 ** np.arange(CURVE_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Rates of deflection at the knots, m/s."""
 _STEPS = step_names(CURVE_KNOTS)
+# A force that does not rise with speed leaves the rate of a damper in series undetermined.
+_FLATTEST = 1e-3
 _USUAL = 0.3  # step of ln g from knot to knot
 
 
@@ -53,7 +55,7 @@ _WEIGHTS = _weights()
 def slopes(values: Mapping[str, float]) -> Array:
     """Relative slopes g at :data:`KNOTS`."""
     g = slopes_of_steps(values, _STEPS)
-    return np.asarray(g / (_WEIGHTS @ g))
+    return np.asarray(np.maximum(g / (_WEIGHTS @ g), _FLATTEST))
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv import __version__
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Cell
+from bayes_asv.diagnosis.results import UnnamedCause
 from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.workflow import Diagnosis, NamedEffect
 from bayes_asv.domain.channels import Channel
@@ -45,6 +47,11 @@ __all__ = ["diagnose_document", "nominal_quantities"]
 Array = NDArray[np.float64]
 
 _MAX_POINTS: Final = 1200  # of a curve
+_SHOWN: Final = 1.0  # s of a run
+_ALONG: Final = {
+    ("force", "velocity"): "damper velocity",
+    ("force", "acceleration"): "acceleration of the body",
+}
 
 
 def diagnose_document(
@@ -70,6 +77,7 @@ def diagnose_document(
         preflight=[schema.RecordingFault.model_validate(f) for f in diagnosis.recording_faults],
         effects=_effects(diagnosis),
         unexplained=_unexplained(diagnosis),
+        unnamed=[_unnamed(cause, diagnosis) for cause in diagnosis.unnamed],
         disagreement=_disagreement(diagnosis),
         gap=_gap(diagnosis.errors or {}, vehicle),
         parameters_before=_parameters(diagnosis.quantities_before, diagnosis),
@@ -213,6 +221,32 @@ def _unexplained(diagnosis: Diagnosis) -> schema.Unexplained:
         p_jitter=left.p_jitter,
         jitters=left.jitter_channel,
         rival=left.alternative,
+    )
+
+
+def _unnamed(cause: UnnamedCause, diagnosis: Diagnosis) -> schema.UnnamedCause:
+    """Draw a cause without a name for a while of the run in which it changes most."""
+    units = Units(diagnosis.vehicle.units)
+    power = [float(np.mean(change**2)) for change in cause.changes]
+    run = int(np.argmax(power))
+    prepared = diagnosis.training[run]
+    time, change = prepared.instants, cause.changes[run]
+    count = max(int(np.searchsorted(time, time[0] + _SHOWN)), 2)
+    energy = np.convolve(change**2, np.ones(min(count, len(change))), "valid")
+    begin = int(np.argmax(energy))
+    shown = np.arange(begin, min(begin + count, len(time)))
+    shown = shown[:: max(1, math.ceil(len(shown) / _MAX_POINTS))]
+    of_change, of_along = cause.dimensions
+    return schema.UnnamedCause(
+        like=f"{cause.kind} {cause.place}",
+        share=cause.share,
+        source=prepared.source,
+        time=units.curve(time[shown]),
+        change=units.curve(change[shown], of_change),
+        unit=units.unit(of_change),
+        along=units.curve(cause.along[run][shown], of_along),
+        along_unit=units.unit(of_along),
+        along_words=_ALONG.get(cause.dimensions, "reading"),
     )
 
 

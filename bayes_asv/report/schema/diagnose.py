@@ -46,6 +46,7 @@ __all__ = [
     "NamedEffect",
     "SimulationError",
     "Unexplained",
+    "UnnamedCause",
 ]
 
 Intervals = Annotated[list[Interval], Field(max_length=10_000)]
@@ -57,7 +58,7 @@ class SimulationError(Model):
     before: NonNegative
     """Of the linear car."""
     after: NonNegative
-    """With the named effects."""
+    """With all that was added to the model."""
     floor: NonNegative
     """What sensor noise alone would leave."""
     closed: MaybeNumber = None
@@ -114,6 +115,31 @@ class Unexplained(Model):
     """The channel of that test."""
     rival: MaybeNumber = None
     """Log likelihood that an unlisted fault gains over the named effects, nats."""
+
+
+class UnnamedCause(Model):
+    """Something that no listed effect explains, as it was added to the model."""
+
+    like: Text
+    """The unlisted fault that changes the recordings as it does, and where."""
+    share: Share
+    """Its share of the squared change of the predictions."""
+    source: Text
+    """The fitted run that is drawn."""
+    time: Annotated[Curve, Field(min_length=2)]
+    """Seconds, by the recording's clock, where it changes most."""
+    change: Curve
+    """A force on the body, or what is to be added to a reading."""
+    unit: Unit
+    along: Curve
+    """What it depends on: rate of deflection, acceleration of the body, or the reading."""
+    along_unit: Unit
+    along_words: Text
+
+    @model_validator(mode="after")
+    def _check_curves(self) -> Self:
+        check_lengths(len(self.time), self.change, self.along)
+        return self
 
 
 class Cell(Model):
@@ -281,6 +307,8 @@ class DiagnoseDocument(Model):
     effects: Annotated[list[NamedEffect], Field(max_length=50)]
     """In the order in which they were added."""
     unexplained: Unexplained
+    unnamed: Annotated[list[UnnamedCause], Field(max_length=10)] = Field(default_factory=list)
+    """What is left, as it was added to the model without a name; the largest first."""
     disagreement: Disagreement | None = None
     gap: Gap
     """Simulation error before and after."""

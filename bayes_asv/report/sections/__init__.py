@@ -35,6 +35,7 @@ from bayes_asv.report.sections import (
     travel,
     uncertainty_budget,
     undeclared_faults,
+    unnamed_causes,
 )
 from bayes_asv.report.sections.blocks import Section
 
@@ -59,6 +60,7 @@ ESTIMATE: Final[tuple[Section[EstimateDocument], ...]] = (
 DIAGNOSIS: Final[tuple[Section[DiagnoseDocument], ...]] = (
     diagnosis.SECTION,
     effects.SECTION,
+    unnamed_causes.SECTION,
     simulation_error.SECTION,
     localization.SECTION,
     diagnosis.FAULTS_SECTION,

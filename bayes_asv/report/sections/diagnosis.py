@@ -30,6 +30,7 @@ from bayes_asv.report.sections.simulation_error import (
     error_sentences,
     shift_sentence,
 )
+from bayes_asv.report.sections.unnamed_causes import unnamed_cause_lines
 from bayes_asv.report.words import MISSING, enumerated, p_value, plain, readable_unit
 
 __all__ = [
@@ -90,25 +91,33 @@ def diagnosis_headline(document: DiagnoseDocument) -> str:
     if verdict == "agreement":
         return "These recordings show no missing effect."
     if verdict == "unexplained" and unexplained:
-        return "Something remains that no listed effect explains."
+        something = "Something remains that no listed effect explains."
+        return " ".join([something, *_falling_error(document)] if document.unnamed else [something])
     if verdict == "unexplained":
         return "Simulation and measurement disagree, but within the usual tolerances."
-    sentences = _missing(document)
+    sentences = [*_missing(document), *_falling_error(document)]
+    if unexplained:
+        sentences.append("Something else remains unexplained.")
+    return " ".join(sentences)
+
+
+def _falling_error(document: DiagnoseDocument) -> list[str]:
+    """Say how far the simulation error falls with what was added to the model."""
     held = document.gap.holdout is not None
     error = document.gap.holdout or document.gap.fit
     runs = "held-out runs" if held else "the fitted runs"
     if error is not None and error.worse:
-        sentences.append(f"But the simulation error on {runs} increased.")
-    elif error is not None and error.closed is not None:
-        before, after, floor = error_numbers(error)
-        it = "it" if len(document.effects) == 1 else "them"
-        sentences.append(
-            f"With {it} the simulation error on {runs} falls from {before} to {after} "
-            f"{readable_unit(document.gap.unit)}; sensor noise alone leaves {floor}."
-        )
-    if unexplained:
-        sentences.append("Something else remains unexplained.")
-    return " ".join(sentences)
+        return [f"But the simulation error on {runs} increased."]
+    if error is None or error.closed is None:
+        return []
+    before, after, floor = error_numbers(error)
+    it = "it" if len(document.effects) == 1 else "them"
+    if document.unnamed:
+        it = "this and what remains" if document.effects else "it in the model"
+    return [
+        f"With {it} the simulation error on {runs} falls from {before} to {after} "
+        f"{readable_unit(document.gap.unit)}; sensor noise alone leaves {floor}."
+    ]
 
 
 def _missing(document: DiagnoseDocument) -> list[str]:
@@ -136,7 +145,7 @@ def diagnosis_lines(document: DiagnoseDocument) -> list[str]:
     if document.verdict == "refused":
         return [_REFUSED, *(f"Why: {plain(reason)}." for reason in document.reasons)]
     lines = [*findings(document), *error_sentences(document.gap)]
-    if document.verdict == "named":
+    if document.verdict == "named" or document.unnamed:
         lines += [shift_sentence(name, document) for name in asked(document)]
     return lines + [f"Note: {plain(note)}." for note in document.warnings]
 
@@ -165,6 +174,7 @@ def findings(document: DiagnoseDocument) -> list[str]:
         lines = [f"No listed effect is missing ({p}), but something remains unexplained."]
     if unexplained.present:
         lines.append(f"Evidence: {'; '.join(_evidence(unexplained))}.")
+        lines += unnamed_cause_lines(document)
     lines += rate_lines(document)
     lines += damper_lines(
         [one for one in document.dampers if not _has_rates(document.laws.get(one.element))]

@@ -13,7 +13,7 @@ from bayes_asv.report.schema import DiagnoseDocument
 from bayes_asv.report.schema.diagnose import Cell, Disagreement, Residual
 from bayes_asv.report.sections.blocks import Block, Figure, Section
 from bayes_asv.report.sections.effects import car_words
-from bayes_asv.report.words import plain, readable_unit
+from bayes_asv.report.words import enumerated, plain, readable_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,6 +71,9 @@ def where_to_look(document: DiagnoseDocument) -> str:
         parts.append(f"from {begin:.2f} to {end:.2f} s{source}")
     if parts:
         text += f"; it shows {' and '.join(parts)}"
+    if document.unnamed:
+        likes = enumerated([plain(cause.like) for cause in document.unnamed], "or")
+        return f"{text}. It acts as {likes} would."
     return (
         f"{text}. Common causes are a loose mount, a seat, a panel, tyres off the ground, and roll."
     )
@@ -170,8 +173,8 @@ def residual_overview(document: DiagnoseDocument) -> Figure:
     return Figure(
         "overview",
         "" if run is None else f"Measured less simulated motion, {plain(run.source)}",
-        "Before: the linear car. After: with the named effects. A model that holds leaves sensor "
-        "noise alone, without a pattern.",
+        "Before: the linear car. After: with all that was added to it. A model that holds leaves "
+        "sensor noise alone, without a pattern.",
         () if run is None else _residuals(run, document.disagreement or Disagreement(), None),
     )
 

@@ -57,7 +57,7 @@ def _content(document: DiagnoseDocument) -> Iterator[Block]:
         yield Figure(
             "gap", "Simulation error before and after", _ERROR, (_error_bars(document.gap),)
         )
-    if document.verdict == "named":
+    if document.verdict == "named" or document.unnamed:
         caption = _CHANGES.format(car=car_words(document))
         yield Figure("moved", "Parameters before and after", caption, _parameter_changes(document))
 
@@ -189,8 +189,8 @@ def _parameters_table(document: DiagnoseDocument) -> Table:
         "Parameters before and after",
         ["parameter", "before, 95 %", "after, 95 %", "nominal", "P(below nominal) after"],
         rows,
-        f"Before: linear {car_words(document)}. After: with the named effects and the tolerances "
-        "of all others. Both are approximations near the most probable values.",
+        f"Before: linear {car_words(document)}. After: with all that was added to it and the "
+        "tolerances of all other effects. Both are approximations near the most probable values.",
     )
 
 

@@ -1,0 +1,107 @@
+"""What no listed effect explains joins the model without a name, and the held-out error falls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayes_asv.diagnosis.denoised_model import denoised_model
+from bayes_asv.diagnosis.fault_regression import regress_on_unlisted_faults
+from bayes_asv.diagnosis.model_comparison import draw_quantities, weighted_posterior
+from bayes_asv.diagnosis.simulation_error import compare_errors
+from bayes_asv.posterior.fitted_model import make_dataset
+from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.likelihood import Perturbation
+from bayes_asv.preprocessing.run_preparation import prepare_runs
+from tests.battery.cases import case
+from tests.diagnosis.models import assess_case, prepared
+
+
+@pytest.mark.parametrize(
+    ("name", "like", "least"),
+    [
+        # a force that lags and bends, a resonance on the car, off the grid of frequencies, and one
+        # of an input's sensor that reads several times what is there
+        ("bouc_wen-4000", ("hysteresis", "at the rear"), 0.9),
+        ("panel_resonance-4000", ("a sensor mount that resonates", "(rear chassis)"), 0.85),
+        ("bracket_resonance-4000", ("a sensor mount that resonates", "(rear wheel)"), 0.9),
+    ],
+)
+def test_the_held_out_error_falls(name: str, like: tuple[str, str], least: float) -> None:
+    one, assessed = case(name, 191, 0, "dev"), assess_case(name, 191, 0, "dev")
+    holdout = prepared(one.holdout, one.vehicle)
+    regression = regress_on_unlisted_faults(assessed, holdout)
+    assert regression is not None
+    cause = regression.causes[0]
+    assert (cause.kind, cause.place) == like
+    error = compare_errors(
+        holdout, assessed.model, regression.assessed.model, 1, perturbed=regression.holdout
+    )
+    assert error.closed is not None
+    assert error.closed > least
+    found = regression.assessed
+    draws = draw_quantities(weighted_posterior(found.model, found.evidence), 1)
+    for parameter, (low, high) in one.truth.meant.items():
+        if parameter in ("c_f", "c_r", "i"):
+            begin, end = np.quantile(draws[parameter], [0.001, 0.999])
+            assert begin < high, parameter
+            assert end > low, parameter
+
+
+def test_an_exact_car_needs_nothing() -> None:
+    one = case("null/bump~baja", 3, 0)
+    holdout = prepared(one.holdout, one.vehicle)
+    assert regress_on_unlisted_faults(assess_case("null/bump~baja", 3, 0, "dev"), holdout) is None
+
+
+def test_known_changes_of_the_readings_are_those_of_the_recording() -> None:
+    """A recording and its changes are as good as the changed recording."""
+    one = case("null/bump~baja", 3, 0)
+    runs, _, _ = prepare_runs(one.recordings[:1], one.vehicle)
+    dataset = make_dataset(one.vehicle, runs)
+    (recording,) = dataset.recordings
+    wave = np.sin(30.0 * recording.instants)
+    change = Perturbation(
+        np.zeros_like(recording.moments),
+        0.1 * np.outer(wave, [1.0, -2.0]) * (recording.kind != 0),
+        np.zeros((len(recording.elapsed), 2)),
+    )
+    known = replace(dataset, perturbations=(change,)).target(())
+    changed = replace(recording, reading=recording.reading + change.reading)
+    other = replace(dataset, recordings=(changed,)).target(())
+    z = 0.3 * np.random.default_rng(1).standard_normal((3, known.space.dimension))
+    assert np.allclose(known.log_posterior(z), other.log_posterior(z), rtol=0.0, atol=1e-6)
+    assert np.allclose(known.innovations(z[0], 0), other.innovations(z[0], 0), atol=1e-9)
+    # what the sensors read beyond what was declared belongs to the simulated reading
+    expected = free_run(other, z[0], 0).output - change.reading
+    assert np.allclose(free_run(known, z[0], 0).output, expected, atol=1e-9)
+
+
+def test_a_known_force_moves_the_simulation_as_it_moves_the_filter() -> None:
+    """The innovations are linear in a force: adding it twice changes them twice."""
+    assessed = assess_case("null/bump~baja", 3, 0, "dev")
+    model = assessed.model
+    at = denoised_model(assessed.denoised, model).filters[0]
+    recording = assessed.denoised.recordings[0]
+    force = np.outer(np.sin(12.0 * recording.elapsed), [30.0, 0.0])
+    nothing = Perturbation(
+        np.zeros_like(recording.moments), np.zeros_like(recording.reading), 0.0 * force
+    )
+    once = at.response(nothing._replace(force=force))
+    others = tuple(
+        Perturbation(np.zeros_like(r.moments), np.zeros_like(r.reading), np.zeros((len(r.step), 2)))
+        for r in assessed.denoised.recordings[1:]
+    )
+    with_force = replace(
+        assessed.denoised, perturbations=(nothing._replace(force=force), *others)
+    ).target(model.sites)
+    own = with_force.innovations_and_variances(model.mode.z, 0)[0][at.has_reading]
+    assert np.allclose(at.innovations[at.has_reading] - own, once, atol=1e-6)
+    twice = at.response(nothing._replace(force=2.0 * force))
+    assert np.allclose(twice, 2.0 * once, atol=1e-5)
+    still, moved = (
+        free_run(target, model.mode.z, 0).output for target in (model.target, with_force)
+    )
+    assert np.std(moved - still) > 1e-3
