@@ -19,7 +19,7 @@ change the simulation of held-out recordings along their own motion.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -59,6 +59,8 @@ _MAX_KINDS = 3
 _ROUNDS = 2  # of working the changes out along the motion
 # Of the search for a fault's own constants: trials, and logarithm and evidence (nats) that are left
 _TRIALS, _TOLERANCE, _GAIN = 40, 0.01, 0.1
+_BEGINS = 2  # forms that it begins at
+_SCAN_STEP = 0.06  # of the logarithm of a frequency: the width of a resonance with 3 % damping
 # Prior standard deviations, in sizes of a hundredth of the damper's force or of a channel's reading
 _DEVIATIONS = np.exp(0.5 * np.arange(-2.0, 14.0))
 
@@ -76,14 +78,14 @@ class FaultRegression:
         Held-out recordings less what the fault changes there.
     causes : tuple of UnnamedCause
         Kinds of fault, the largest first.
-    log_bayes_factor : float
-        Log evidence (nats) that they gain over the model without, to first order.
+    log_evidence : float
+        Log evidence (nats) of the model with them, their choice paid for.
     """
 
     assessed: AssessedModel
     holdout: Dataset | None
     causes: tuple[UnnamedCause, ...]
-    log_bayes_factor: float
+    log_evidence: float
 
 
 class _Regression(NamedTuple):
@@ -99,15 +101,16 @@ class _Regression(NamedTuple):
         Factors of the faults as they are written down.
     covariance : (K, K) array
         Of these.
-    gain : float
-        Log evidence over none, nats.
+    log_occam_factor : float
+        What the sizes' priors and uncertainties add to the log evidence of the model with the
+        faults at these sizes (nats).
     """
 
     terms: tuple[FaultTerm, ...] = ()
     deviations: Mapping[Kind, float] = {}
     sizes: Array = np.zeros(0)
     covariance: Array = np.zeros((0, 0))
-    gain: float = 0.0
+    log_occam_factor: float = 0.0
 
 
 class _Linearized:
@@ -185,7 +188,9 @@ class _Scores(NamedTuple):
             self.sensitivities**2, axis=1
         )
         own = [k for k, term in enumerate(self.terms) if enough[k] and term.site in kinds]
-        return own, np.array([kinds[self.terms[k].site] for k in own])
+        usual = [self.terms[k].kind.usual / float(self.factors[k]) for k in own]
+        of_kinds = [kinds[self.terms[k].site] for k in own]
+        return own, np.minimum(of_kinds, usual)
 
     def log_bayes_factor(self, kinds: Mapping[Kind, float]) -> float:
         """Log evidence (nats) that kinds of fault gain, at given prior deviations."""
@@ -207,6 +212,10 @@ class _Scores(NamedTuple):
 
         return at(minimize(loss, np.log(list(kinds.values())), method="Nelder-Mead").x)
 
+    def largest(self, kinds: Mapping[Kind, float], kind: Kind) -> float:
+        """Log evidence (nats) that kinds gain, at the prior deviation of one that gains most."""
+        return max(self.log_bayes_factor({**kinds, kind: d}) for d in _DEVIATIONS.tolist())
+
     def further(self, kinds: Mapping[Kind, float]) -> dict[Kind, float]:
         """Add the kind that gains most; nothing where none is worth its cost."""
         others = {term.site for term in self.terms} - set(kinds)
@@ -226,13 +235,14 @@ class _Scores(NamedTuple):
         own, deviations = self.members(kinds)
         precision = self.information[np.ix_(own, own)] + np.diag(deviations**-2)
         covariance = np.linalg.inv(precision)
-        factors = self.factors[own]
+        factors, sizes = self.factors[own], covariance @ self.gradient[own]
+        spread = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(deviations).sum()
         return _Regression(
             tuple(self.terms[k] for k in own),
             dict(kinds),
-            factors * (covariance @ self.gradient[own]),
+            factors * sizes,
             factors[:, None] * covariance * factors,
-            self.log_bayes_factor(kinds),
+            0.5 * float(spread - np.sum((sizes / deviations) ** 2)),
         )
 
 
@@ -260,9 +270,10 @@ def regress_on_unlisted_faults(
         own = [term for term in every if term.site in kinds and term.site not in now.deviations]
         terms = [*now.terms, *own]
         for _ in range(_ROUNDS):
-            terms, scores = _refined(at, terms, kinds)
+            scores = _refined(at, terms, kinds)
             kinds = scores.most_evidence(kinds)
             now = scores.regression(kinds)
+            terms = list(now.terms)
             changes = _perturbations(dataset, at.motions, now)
             dataset = replace(dataset, perturbations=changes)
             model = fit_again(dataset, model, model.sites)
@@ -282,45 +293,80 @@ def regress_on_unlisted_faults(
         evidence=replace(evidence, covariance=spread),
     )
     held = None if holdout is None else _apply(holdout, model, now)
-    return FaultRegression(changed, held, _causes(at, now, scores), now.gain)
+    choice = UNKNOWN_SIZE_COST + math.log(len({term.site for term in every}))
+    log_evidence = evidence.log_evidence + now.log_occam_factor - len(now.deviations) * choice
+    return FaultRegression(changed, held, _causes(at, now, scores), log_evidence)
 
 
-def _refined(
-    at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, float]
-) -> tuple[list[FaultTerm], _Scores]:
-    """Replace the forms of each kind by the one of largest evidence, where any is possible.
+def _refined(at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, float]) -> _Scores:
+    """Replace the terms of each kind by the one form of largest evidence, where any is possible.
 
-    A kind keeps the forms that it has where they explain decisively more together.
+    A kind keeps the terms that it has where they explain decisively more together.
     """
-    terms, scores = list(terms), at.along(terms)
+    scores = at.along(terms)
     for kind in kinds:
-        forms = [t for t in terms if t.site == kind and t.kind.continuous]
+        forms = [term for term in scores.terms if term.site == kind and term.kind.continuous]
         if not forms:
             continue
-        others = [t for t in terms if t not in forms]
-        rest = at.along(others) if others else None
+        others = [term for term in scores.terms if term.site != kind]
+        one = _SingleForm(at, forms[0], at.along(others) if others else None, kinds)
+        begins = sorted(_scan(forms), key=one.loss)[:_BEGINS]
+        fits = [
+            minimize(
+                one.loss, begin, method="Nelder-Mead",
+                options={
+                    "maxfev": _TRIALS, "xatol": _TOLERANCE, "fatol": _GAIN,
+                    "initial_simplex": _simplex(begin),
+                },
+            )
+            for begin in begins
+        ]  # fmt: skip
+        best = min(fits, key=lambda fit: float(fit.fun))
+        if -float(best.fun) > scores.largest(kinds, kind) - DECISIVE_EVIDENCE:
+            scores = one.scores(best.x)
+    return scores
 
-        def with_form(
-            logs: Array, like: FaultTerm = forms[0], rest: _Scores | None = rest
-        ) -> _Scores:
-            return _joined(at, rest, at.along([like._replace(form=tuple(np.exp(logs).tolist()))]))
 
-        def loss(logs: Array, scores: Callable[[Array], _Scores] = with_form) -> float:
-            return -scores(logs).log_bayes_factor(kinds)
+@dataclass(frozen=True)
+class _SingleForm:
+    """A kind of fault in one form beside all other kinds.
 
-        begin = min((np.log(t.form) for t in forms), key=loss)
-        best = minimize(
-            loss, begin, method="Nelder-Mead",
-            options={
-                "maxfev": _TRIALS, "xatol": _TOLERANCE, "fatol": _GAIN,
-                "initial_simplex": _simplex(begin),
-            },
-        )  # fmt: skip
-        gain = -float(best.fun) - scores.log_bayes_factor(kinds)
-        if gain > -DECISIVE_EVIDENCE:
-            scores = with_form(best.x)
-            terms = list(scores.terms)
-    return terms, scores
+    Parameters
+    ----------
+    at : _Linearized
+        The model.
+    like : FaultTerm
+        A term of that kind.
+    others : _Scores or None
+        Terms of the other kinds.
+    kinds : dict
+        All kinds, with prior deviations.
+    """
+
+    at: _Linearized
+    like: FaultTerm
+    others: _Scores | None
+    kinds: Mapping[Kind, float]
+
+    def scores(self, logs: Array) -> _Scores:
+        """Return the scores with logarithms of the form's constants."""
+        form = tuple(np.exp(logs).tolist())
+        return _joined(self.at, self.others, self.at.along([self.like._replace(form=form)]))
+
+    def loss(self, logs: Array) -> float:
+        """Minus the log evidence that it gains, at the prior deviation of most."""
+        return -self.scores(logs).largest(self.kinds, self.like.site)
+
+
+def _scan(forms: Sequence[FaultTerm]) -> list[Array]:
+    """Logarithms of constants over the range of some forms, the first in small steps."""
+    logs = np.log([term.form for term in forms])
+    first = logs[:, 0]
+    count = 1 + math.ceil((first.max() - first.min()) / _SCAN_STEP)
+    return [
+        np.concatenate([[value], logs[0, 1:]])
+        for value in np.linspace(first.min(), first.max(), count)
+    ]
 
 
 def _simplex(begin: Array) -> Array:

@@ -27,7 +27,6 @@ import numpy as np
 
 from bayes_asv.analysis.input_mistakes import check_input
 from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
-from bayes_asv.diagnosis.fault_regression import FaultRegression, regress_on_unlisted_faults
 from bayes_asv.diagnosis.forward_selection import (
     Progress,
     Selection,
@@ -55,9 +54,9 @@ from bayes_asv.diagnosis.model_comparison import (
     weighted_posterior,
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
+from bayes_asv.diagnosis.remainder import explain_remainder
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
-from bayes_asv.diagnosis.simulation_error import ErrorChange, compare_errors
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.domain.clocks import declared_clocks
 from bayes_asv.domain.recording import Recording
@@ -161,7 +160,12 @@ def diagnose(
     regression, errors = None, validated.errors
     if unexplained.detected:
         progress(0.92, "adding to the model what is left")
-        regression, errors = _without_name(assessed, search.without_tones, errors, seed)
+        remainder = explain_remainder(
+            assessed, len(named), search.site_count, search.without_tones, errors, seed
+        )
+        regression, errors = remainder.regression, remainder.errors
+        alternative = max(unexplained.alternative, remainder.alternative)
+        unexplained = replace(unexplained, alternative=alternative)
     progress(0.95, "looking for indistinguishable explanations")
     named = with_indistinguishable(assessed, named)
     posteriors = selection.posteriors
@@ -209,31 +213,6 @@ def diagnose(
         springs=draw_springs(final, spread, seed),
         seconds=time.perf_counter() - clock,
     )
-
-
-def _without_name(
-    assessed: AssessedModel, runs: Split, errors: dict[str, ErrorChange], seed: int
-) -> tuple[FaultRegression | None, dict[str, ErrorChange]]:
-    """Explain what is left by unlisted faults, with the errors then; None where that fails."""
-    regression = regress_on_unlisted_faults(assessed, runs.holdout)
-    if regression is None:
-        return None, errors
-    model, changed = regression.assessed.model, dict(errors)
-    parts = (
-        ("fit", runs.fit, regression.assessed.dataset),
-        ("holdout", runs.holdout, regression.holdout),
-    )
-    for name, dataset, perturbed in parts:
-        if dataset is None or perturbed is None:
-            continue
-        own = name == "fit"
-        error = compare_errors(dataset, assessed.model, model, seed, own=own, perturbed=perturbed)
-        if error.worse or (not own and error.after >= error.before):
-            return None, errors
-        floor = min(error.floor, errors[name].floor)
-        worse = error.after > errors[name].before and error.worse
-        changed[name] = replace(errors[name], after=error.after, floor=floor, worse=worse)
-    return regression, changed
 
 
 def _misread_channel(
