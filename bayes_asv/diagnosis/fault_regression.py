@@ -277,6 +277,8 @@ def regress_on_unlisted_faults(
             changes = _perturbations(dataset, at.motions, now)
             dataset = replace(dataset, perturbations=changes)
             model = fit_again(dataset, model, model.sites)
+            if not math.isfinite(model.mode.log_posterior):
+                return None
             at = _Linearized(dataset, model, evidence, now)
     if not now.terms:
         return None

@@ -220,6 +220,7 @@ def _predicted_motion(
 ) -> PredictedMotion:
     recording = dataset.recordings[run]
     readings, states, _ = free_run(posterior, z, run)
+    states = np.nan_to_num(states, posinf=0.0, neginf=0.0)  # of a car that diverges
     for known in posterior.perturbations[run : run + 1]:
         readings = readings + known.reading
     inputs = []

@@ -86,7 +86,9 @@ def unlisted_fault_sensitivities(
             )
             for run, fault in enumerate(faults)
         }
-        return model.concatenate(responses), factor
+        changed = model.concatenate(responses)
+        # a fault whose simulation diverges has no score
+        return changed if np.all(np.isfinite(changed)) else np.zeros_like(changed), factor
 
     with shared_work(model.filters[0].posterior) as shared:
         assert shared.pool is not None
