@@ -1,8 +1,8 @@
 """Faults that are not in the list: what each would change in a recording, along the motion.
 
 A damper in a rubber mount or with play, hysteresis, a damper that depends on travel or on the
-square of its speed, a mass on a spring, a resonant sensor mount, a sensor at another position,
-cross-talk between channels, or a drifting clock.
+square of its speed, a mass on a spring, a resonant sensor mount, a sensor at another position or
+with a drifting clock.
 """
 
 from __future__ import annotations
@@ -162,8 +162,6 @@ class PredictedMotion(NamedTuple):
         Knots (s) of each measured input, and what was read there, without most of its noise.
     readings : (E, ny) array
         What the outputs would read without noise, SI units.
-    channels : dict of Channel to ((n,) array, (n,) array)
-        Times and readings of all of them.
     deflection, velocity : (E, ne) arrays
         Deflections (m) and their rates (m/s) of the elements before the sensors' filter.
     damping_force : (E, ne) array
@@ -176,7 +174,6 @@ class PredictedMotion(NamedTuple):
     instants: Array
     inputs: tuple[tuple[Array, Array], ...]
     readings: Array
-    channels: dict[Channel, tuple[Array, Array]]
     deflection: Array
     velocity: Array
     damping_force: Array
@@ -235,9 +232,6 @@ def _predicted_motion(
     for e, c in enumerate(recording.inputs):
         derivative = CubicSpline(time, velocity[:, e])(time, 1)
         acceleration[:, e] = denoised(time, derivative, sample_noise(recording, c), None)
-    channels = {recording.channels[c]: inputs[u] for u, c in enumerate(recording.inputs)}
-    for y, c in enumerate(recording.outputs):
-        channels[recording.channels[c]] = recording.instants, readings[:, y]
     values = posterior.space.values(z[None])
     before_filter = velocity + acceleration / pole
     rates = np.array([values[element.damping][0] for element in recording.car.elements])
@@ -245,7 +239,6 @@ def _predicted_motion(
         recording.instants,
         tuple(inputs),
         readings,
-        channels,
         deflection + velocity / pole,
         before_filter,
         before_filter * rates,
@@ -291,7 +284,7 @@ def _fault_kinds(dataset: Dataset, car: CarModel, travel: Array) -> Iterator[Fau
         yield FaultKind("a mass on a spring", f"near {place}", forms, True, dimensions, change)
     for channel in dataset.channels:
         place, dimensions = f"({channel.words})", (channel.dimension, channel.dimension)
-        for name, forms, continuous, distortion in _distortions(car, dataset.channels, channel):
+        for name, forms, continuous, distortion in _distortions(car, channel):
             change = partial(_distorted, channel, distortion)
             usual = _SHARE if continuous else math.inf
             yield FaultKind(name, place, forms, continuous, dimensions, change, usual)
@@ -414,7 +407,7 @@ def _oscillator(time: Array, base: Array, frequency: float, damping_ratio: float
 
 
 def _distortions(
-    car: CarModel, channels: Sequence[Channel], channel: Channel
+    car: CarModel, channel: Channel
 ) -> Iterator[tuple[str, tuple[Form, ...], bool, Distortion]]:
     """Yield name, forms and law of the distortions of one channel.
 
@@ -428,9 +421,6 @@ def _distortions(
         yield _RESONANCE, resonance, True, _resonance
         yield _RESONANCE, _each((2,)), False, _derivative
     yield "a sampling clock that drifts", _each((1,)), False, _drifting_clock
-    for other in channels:
-        if other != channel:
-            yield f"cross-talk from the {other.words}", _each((1,)), False, partial(_other, other)
     yield "a nonlinear sensor scale", _each(_POWERS), False, _power
     if not accelerometer or channel.is_input:
         return
@@ -453,15 +443,6 @@ def _drifting_clock(form: Form, motion: PredictedMotion, time: Array, signal: Ar
 
 def _power(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
     return np.asarray(signal ** int(form[0]))
-
-
-def _other(
-    other: Channel, form: Form, motion: PredictedMotion, time: Array, signal: Array
-) -> Array:
-    """Return what another channel reads at these times; nothing where it was not read."""
-    if other not in motion.channels:
-        return np.zeros_like(signal)
-    return np.interp(time, *motion.channels[other])
 
 
 def _displaced(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:

@@ -9,12 +9,9 @@ import pytest
 
 from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.fault_regression import regress_on_unlisted_faults
-from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.model_comparison import draw_quantities, weighted_posterior
 from bayes_asv.diagnosis.simulation_error import compare_errors
-from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation
-from bayes_asv.domain.recording import Recording
-from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
+from bayes_asv.posterior.fitted_model import make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -57,22 +54,6 @@ def test_an_exact_car_needs_nothing() -> None:
     one = case("null/bump~baja", 3, 0)
     holdout = prepared(one.holdout, one.vehicle)
     assert regress_on_unlisted_faults(assess_case("null/bump~baja", 3, 0, "dev"), holdout) is None
-
-
-def test_cross_talk_between_channels_is_the_closest_fault() -> None:
-    """Three hundredths of the rear wheel's reading are added to that of the body above it."""
-    one = case("null/bump~baja", 5, 0)
-
-    def mixed(recording: Recording) -> Recording:
-        values = recording.values.copy()
-        wheel, body = (recording.channels.index(f"rear_{part}") for part in ("wheel", "chassis"))
-        values[body] += 0.03 * values[wheel]
-        return replace(recording, values=values)
-
-    dataset = prepared([mixed(recording) for recording in one.recordings], one.vehicle)
-    assessed = assess(dataset, fit_linear_car(dataset), 1)
-    best = best_unlisted_explanation(assessed.denoised, assessed.evidence)
-    assert best.description == "cross-talk from the rear wheel (rear chassis)"
 
 
 def test_known_changes_of_the_readings_are_those_of_the_recording() -> None:
