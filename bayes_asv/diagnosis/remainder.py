@@ -62,7 +62,7 @@ def explain_remainder(
     if named:
         model = submodel(assessed, ())
         plain = replace(assessed, model=model, evidence=model_evidence(assessed.denoised, model))
-        alone = regress_on_unlisted_faults(plain, runs.holdout)
+        alone = regress_on_unlisted_faults(plain, None)
         own, other = (
             base.evidence.log_evidence if found is None else found.log_evidence
             for base, found in ((assessed, beside), (plain, alone))
@@ -96,6 +96,6 @@ def _changed_errors(
         if error.worse or (not own and error.after >= error.before):
             return {}
         floor = min(error.floor, errors[name].floor)
-        worse = error.after > errors[name].before and error.worse
+        worse = errors[name].worse and error.after > errors[name].before
         changed[name] = replace(errors[name], after=error.after, floor=floor, worse=worse)
     return changed

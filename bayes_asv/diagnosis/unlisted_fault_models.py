@@ -30,6 +30,7 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = [
+    "UNIT_SHARE",
     "FaultKind",
     "FaultTerm",
     "PredictedMotion",
@@ -48,6 +49,9 @@ ForceLaw = Callable[[Form, Array, Array, Array], Array]
 Distortion = Callable[[Form, "PredictedMotion", Array, Array], Array]
 """From form, motion, and times (s) and samples of a channel to a change of the samples, (n,)."""
 
+UNIT_SHARE = 0.01
+"""Share of the damper's rms force, or of a channel's rms reading, that is a fault of unit size."""
+
 _MOUNT_TIME_CONSTANTS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
 _PLAY = (0.05, 0.2, 0.5)  # in rms deflections
 _YIELD_TRAVEL = (0.05, 0.2, 0.6)  # in rms deflections, over which friction builds up
@@ -60,7 +64,6 @@ _SHARE = (
     1.0  # of the motion below it that a resonance adds: all of it on a bracket, less on a panel
 )
 _MOUNT_DAMPING = 0.03  # damping ratio
-_SMALL = 0.01  # size of a fault, of the damper's rms force or of a channel's rms
 _POWERS = (2, 3, 5)  # of a sensor's curve: lopsided, and a saturation's first two
 _SUBSTEPS = 4  # steps of a linear system to one of its signal
 
@@ -206,7 +209,7 @@ def unit_size(faults: Sequence[UnlistedFault]) -> float:
     """
     power = sum(float(one.change.var()) for one in faults)
     whole = sum(one.reference for one in faults)
-    return _SMALL * math.sqrt(whole / max(power, 1e-24))
+    return UNIT_SHARE * math.sqrt(whole / max(power, 1e-24))
 
 
 def _predicted_motion(

@@ -24,6 +24,7 @@ from bayes_asv.diagnosis.score_test import NuisanceProjection
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE, UNKNOWN_SIZE_COST
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, projection_with_tolerances
 from bayes_asv.diagnosis.unlisted_fault_models import (
+    UNIT_SHARE,
     FaultTerm,
     PredictedMotion,
     fault_terms,
@@ -59,7 +60,6 @@ Part = Literal["damper", "spring"]
 PARTS: tuple[Part, ...] = ("damper", "spring")
 
 _LAGS = ("hysteresis", "a damper in a soft mount")  # faults by which force lags velocity
-_SMALL = 0.01  # size of a free law's force, of the damper's at the rms rate
 
 
 def unlisted_fault_sensitivities(
@@ -227,7 +227,7 @@ def free_law_evidence(
             driven = [motion.deflection[:, own].T for motion in motions]
             names = [car.elements[e].spring for e in own]
         spread = float(np.std(np.concatenate(driven, axis=1)))
-        size = _SMALL * spread * float(np.mean([values[name][0] for name in names]))
+        size = UNIT_SHARE * spread * float(np.mean([values[name][0] for name in names]))
         hats = size * np.delete(np.eye(len(knots)), len(knots) // 2, axis=0)  # no force at rest
         changes = [[np.interp(x, knots, hat) for x in driven] for hat in hats]
         along = _force_sensitivities(model, own, changes)

@@ -275,11 +275,10 @@ class Posterior:
         nudge: Perturbation | None,
     ) -> tuple[Measurements, Laws | None]:
         """Measurements of sensors as declared, and the laws; None where no force acts."""
-        moments, reading = nominal.moments, nominal.reading
+        moments, reading, _ = self._with_known_changes(nominal, run)
         added = self.known_force(run)
-        for change in (*self.perturbations[run : run + 1], *(() if nudge is None else (nudge,))):
-            moments, reading = moments + change.moments, reading + change.reading
         if nudge is not None:
+            moments, reading = moments + nudge.moments, reading + nudge.reading
             added = added + nudge.force
         data = recording.measurements._replace(moments=moments, reading=reading)
         if tables.shape[1] == 0 and not np.any(added):
@@ -407,11 +406,16 @@ class Posterior:
         nominal = self.patterns[run].corrected(
             recording, self.space.effects(z), self.space.zeros(z[None], run)[0]
         )
-        for change in self.perturbations[run : run + 1]:
-            nominal = nominal._replace(
-                moments=nominal.moments + change.moments, reading=nominal.reading + change.reading
-            )
-        return nominal
+        return self._with_known_changes(nominal, run)
+
+    def _with_known_changes(self, nominal: NominalReadings, run: int) -> NominalReadings:
+        """Add what is known to change the readings of a run."""
+        if not self.perturbations:
+            return nominal
+        known = self.perturbations[run]
+        return nominal._replace(
+            moments=nominal.moments + known.moments, reading=nominal.reading + known.reading
+        )
 
     def known_force(self, run: int) -> Array:
         """Known forces (E, ne) on the body at the suspension elements in one run, N."""

@@ -203,7 +203,9 @@ def _evidence(unexplained: Unexplained) -> list[str]:
     rival = unexplained.rival
     if rival is not None and rival > ALTERNATIVE_MARGIN:
         better = "as well" if rival < 1.0 else f"better by {rival:.0f} nats"
-        evidence.append(f"{like or 'another fault'} alone explains the recordings {better}")
+        closest = f" (closest: {like})" if like else ""
+        instead = f"unlisted faults{closest} in place of the named effects"
+        evidence.append(f"{instead} explain the recordings {better}")
     if unexplained.jitters and _noticed(unexplained.p_jitter):
         channel = plain(unexplained.jitters).replace("_", " ")
         evidence.append(
