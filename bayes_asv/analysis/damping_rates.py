@@ -2,7 +2,9 @@
 
 Three numbers stand for its curve F(v): the slope at rest, the rate of the linear damper that
 takes the same power at the speeds driven, E[F v]/E[v²], and the force over the speed on either
-side at one speed, the root mean square of those driven.
+side at one speed, the root mean square of those driven.  Dry friction at the element is part of
+that power, as it is on a dynamometer: no motion tells that of the damper's seals from that of the
+joints.
 
 Its shape is described by ratios that hold for any curve, with the posterior probability of each
 statement.  On either side the mean slope over the upper half of the speeds driven is compared with
@@ -58,7 +60,7 @@ class DampingRates:
     at_rest : (N,) array
         Slope of the curve at rest.
     equal_power : (N,) array
-        Rate of the linear damper that takes the same power at the speeds driven.
+        Rate of the linear damper that takes the same power at the speeds driven, friction included.
     compression, extension : (N,) arrays
         Force over speed at ``speed`` on either side.
     shapes : tuple of CurveShape
@@ -111,7 +113,9 @@ def damping_rates(
     runs = range(len(space.recordings))
     driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
+    rubbing = [s for s in space.sites if s.effect.rubs]
     tables = np.stack([_table(target, laws, one) for one in z[used]])
+    friction = np.stack([_table(target, rubbing, one) for one in z[used]])
     out = []
     for e, element in enumerate(space.car.elements):
         own = [site for site in laws if e in site.elements(space.car)]
@@ -133,6 +137,7 @@ def damping_rates(
         power = np.zeros(len(used))
         for rate, recording in zip(rates, space.recordings, strict=True):
             power += damper_force_history(tables, e, c, rate, recording.measurements.step) @ rate
+            power -= _added_forces(friction, e, rate) @ rate
         compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
         out.append(
             DampingRates(
@@ -193,7 +198,16 @@ def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
     return curve_shapes(bends, sides, ("digressive", "progressive"), _BENT)
 
 
+def _added_forces(tables: Array, element: int, rate: Array) -> Array:
+    """Forces (N, T) that laws add to those of springs and dampers, N."""
+    nothing = np.zeros_like(rate)
+    if not np.any(tables[:, :, 0] == element):
+        return np.zeros((len(tables), len(rate)))
+    forces = (excess_many(t, element, 0.0, 0.0, nothing, rate, nothing, 1.0)[:, 0] for t in tables)
+    return np.stack(list(forces))
+
+
 def _table(target: Posterior, laws: list[Site], z: Array) -> Array:
-    """Laws of the dampers alone, as they are at the start of a run."""
+    """These laws alone, as they are at the start of a run."""
     values = target.space.effects(z)
     return law_table(target.space.car, {site: values[site] for site in laws}, 0)

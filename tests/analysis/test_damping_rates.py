@@ -35,6 +35,24 @@ def test_rates_are_those_of_the_curve() -> None:
     assert front.speed == pytest.approx(np.sqrt(np.mean(driven**2)))
 
 
+def test_friction_takes_power_beside_the_damper() -> None:
+    car = vehicle(DECLARED)
+    _, _, recording = case("bump", 3, DECLARED)
+    friction = site("coulomb_friction@front")
+    target = make_dataset(car, (prepared(recording, car),)).target(
+        (site("bound_rebound@front"), friction)
+    )
+    mode = np.zeros(target.space.dimension)
+    draws = target.space.quantities(mode[None], 0)
+    (front,) = damping_rates(target, mode, mode[None], draws)
+    values = target.space.effects(mode)[friction]
+    driven = target.innovations_and_variances(mode, 0)[2][:, 1]
+    power = values["force"] * np.sum(driven**2 / np.hypot(driven, values["slip"]))
+    damper = draws["c_f"] * np.sum(driven**2)  # the sides are equal where coordinates are zero
+    np.testing.assert_allclose(front.equal_power, (damper + power) / np.sum(driven**2), rtol=1e-9)
+    np.testing.assert_allclose(front.at_rest, draws["c_f"])
+
+
 def test_a_linear_car_has_no_curves() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)

@@ -162,6 +162,8 @@ class Effect:
         It changes the force of a damper over its speed.
     on_spring : bool
         It changes the force of a spring over its deflection.
+    rubs : bool
+        Its force is against the rate of deflection and takes power beside that of the damper.
     contains : tuple of str
         Names of effects that are special forms of it.
     free_form : bool
@@ -197,6 +199,7 @@ class Effect:
     in_one_run: bool = False
     on_damper: bool = False
     on_spring: bool = False
+    rubs: bool = False
     contains: tuple[str, ...] = ()
     free_form: bool = False
     on_request: bool = False

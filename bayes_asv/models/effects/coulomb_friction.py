@@ -36,5 +36,6 @@ EFFECT = Effect(
     code=COULOMB,
     packed=_packed,
     force=_force,
+    rubs=True,
     drive="a long, gentle ride, so that friction is large against the damper's force",
 )

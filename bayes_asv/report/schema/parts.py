@@ -240,7 +240,10 @@ class DampingRates(Model):
     at_rest: EffectValue
     """Slope of its curve at rest."""
     equal_power: EffectValue
-    """Rate of the linear damper that takes the same power at the speeds driven."""
+    """Rate of the linear damper that takes the same power at the speeds driven.
+
+    Dry friction at the element is part of that power.
+    """
     compression: EffectValue
     """Force over speed in compression at ``speed``."""
     extension: EffectValue

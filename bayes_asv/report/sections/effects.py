@@ -222,8 +222,8 @@ def _damper_table(dampers: Sequence[DampingRates]) -> Table:
         ["damper", "rate", "value", "95 % interval"],
         rows,
         "The rate of equal power is that of the linear damper which takes as much power at the "
-        "rates of deflection that were driven; their root mean square is the speed at which force "
-        "over speed is given.",
+        "rates of deflection that were driven, dry friction at the axle included; their root mean "
+        "square is the speed at which force over speed is given.",
     )
 
 
