@@ -24,7 +24,7 @@ from bayes_asv.analysis.uncertainty_budget import UncertaintyBudget
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.free_simulation import FreeRun
 from bayes_asv.posterior.likelihood import ResidualAR
 from bayes_asv.posterior.parameters import ParameterSpace
@@ -111,7 +111,7 @@ class Estimate:
         explain what is left.
     below : float or None
         Upper edge of the band that was used, Hz; None at full band.
-    effects : dict of Site to dict of str to array
+    effects : dict of PlacedEffect to dict of str to array
         Draws of the parameters of every effect in the model, SI units.
     dampers : tuple of DampingRates
         Rates of every damper whose force is not proportional to speed.
@@ -155,7 +155,7 @@ class Estimate:
     run_consistency: RunConsistency | None = None
     pooled_draws: dict[str, Array] = field(default_factory=dict)
     below: float | None = None
-    effects: dict[Site, dict[str, Array]] = field(default_factory=dict)
+    effects: dict[PlacedEffect, dict[str, Array]] = field(default_factory=dict)
     dampers: tuple[DampingRates, ...] = ()
     springs: tuple[SpringCurve, ...] = ()
     input_check: InputCheck | None = None

@@ -37,7 +37,7 @@ from bayes_asv.estimate_result import Estimate, RunFit
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
 from bayes_asv.posterior.clock_errors import Synchronised, fit_synchronised, synchronised
 from bayes_asv.posterior.free_simulation import free_run
@@ -67,7 +67,7 @@ def estimate(
     below: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
-    sites: tuple[Site, ...] = (),
+    placed_effects: tuple[PlacedEffect, ...] = (),
     car: str = "half",
 ) -> Estimate:
     """Posterior of a car's damping rates and inertias from one or several of its recordings.
@@ -86,7 +86,7 @@ def estimate(
         Same seed, same answer.
     progress : callable, optional
         Told the share done and a few words.
-    sites : tuple of Site
+    placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
@@ -111,7 +111,7 @@ def estimate(
     began = time.perf_counter()
     runs, logs = select_runs(recordings, vehicle, below, car)
     if not logs:
-        return _estimate_runs(runs, vehicle, likelihood, below, seed, progress, sites, car)
+        return _estimate_runs(runs, vehicle, likelihood, below, seed, progress, placed_effects, car)
     model = car_model(car, vehicle)
     empty = tuple(nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
@@ -120,7 +120,9 @@ def estimate(
             "refused", empty, (), vehicle, model, (), likelihood, seed, 0.0, below=below
         )
     else:
-        found = _estimate_runs(runs, vehicle, likelihood, below, seed, progress, sites, car)
+        found = _estimate_runs(
+            runs, vehicle, likelihood, below, seed, progress, placed_effects, car
+        )
         warnings += empty
     return replace(
         found,
@@ -140,7 +142,7 @@ class _Task(NamedTuple):
     likelihood: str
     below: float | None
     seed: int
-    sites: tuple[Site, ...]
+    placed_effects: tuple[PlacedEffect, ...]
     progress: Progress | None
 
     def tell(self, share: float, words: str) -> None:
@@ -188,14 +190,14 @@ def _estimate_runs(
     below: float | None,
     seed: int,
     progress: Progress | None,
-    sites: tuple[Site, ...],
+    placed_effects: tuple[PlacedEffect, ...],
     car: str,
 ) -> Estimate:
     """Estimate from recordings that are taken whole."""
     began = time.perf_counter()
     model = car_model(car, vehicle)
-    clocks, sites = _clocks(recordings, vehicle, sites)
-    task = _Task(recordings, vehicle, model, likelihood, below, seed, sites, progress)
+    clocks, placed_effects = _clocks(recordings, vehicle, placed_effects)
+    task = _Task(recordings, vehicle, model, likelihood, below, seed, placed_effects, progress)
     with ThreadPoolExecutor(1) as other:
         # The sampler takes a while to load; compiled code fits in the meantime.
         loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
@@ -224,7 +226,7 @@ def _estimate_runs(
 
 def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
     """Prepare the recordings, and find the mode of what they have in common."""
-    vehicle, likelihood, sites = task.vehicle, task.likelihood, task.sites
+    vehicle, likelihood, placed_effects = task.vehicle, task.likelihood, task.placed_effects
     prepared, reasons, warnings = prepare_runs(task.recordings, vehicle, task.below, task.car.name)
     if reasons:
         return _Fit(None, None, None, bool(prepared), reasons, warnings)
@@ -242,7 +244,7 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
     if (
         len(prepared) > 1
         and likelihood == "innovations"  # the other form claims too much
-        and not sites
+        and not placed_effects
         and len(task.car.estimated) <= MAX_COMPARED
     ):
         alone = [fit_single_run(one, vehicle, task.seed) for one in prepared]
@@ -252,9 +254,9 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
         notes = (*unidentified, *ambiguity)
         return _Fit(None, agreement, timed, True, agreement.reasons, warnings, notes)
     found = (
-        best_fit(prepared, vehicle, likelihood, sites)
+        best_fit(prepared, vehicle, likelihood, placed_effects)
         if timed is None
-        else fit_synchronised(timed, sites)
+        else fit_synchronised(timed, placed_effects)
     )
     # At the mode the same is known better than at nominal values.
     notes = (*(() if found.mode.converged else unidentified), *ambiguity)
@@ -265,10 +267,10 @@ def _checked(task: _Task, fit: _Fit) -> _Fit:
     """Check the model and the input at the mode."""
     found, error, doubt = fit.map_fit, None, None
     whole = task.below is None and task.likelihood == "innovations" and fit.timed is None
-    if whole and found is not None and (found.faults or task.sites):
+    if whole and found is not None and (found.faults or task.placed_effects):
         found, error = _with_model_error(found, task.vehicle)
     reasons = fit.reasons if found is None else found.reasons
-    if task.below is None and not task.sites and fit.prepared:
+    if task.below is None and not task.placed_effects and fit.prepared:
         task.tell(0.05, "checking the input")
         at_mode = task.recordings if fit.timed is None else fit.timed.recordings
         doubt = check_input(at_mode, task.vehicle, task.car.name, refused=bool(reasons))
@@ -297,7 +299,7 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
         ensembles = sampler.independent_draws(target, cars.reshape(*_APART, -1))
     else:
         # the parameters of a force law are too far from linear for an expansion at the mode
-        exact_form = fit.timed is None or bool(task.sites)
+        exact_form = fit.timed is None or bool(task.placed_effects)
         ensembles = sampler.sample_runs(
             target if exact_form else target.expanded(found.mode.z, found.mode.covariance),
             found.mode,
@@ -307,7 +309,7 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
             else lambda share, words: task.tell(0.1 + 0.85 * share, words),
             _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
         )
-    if any(site.effect.free_form for site in task.sites):
+    if any(placed.effect.free_form for placed in task.placed_effects):
         ensembles = ensembles.thinned(MAX_DRAWS)
     flat = ensembles.draws.reshape(-1, space.dimension)
     by_ensemble = ensembles.log_posterior.shape
@@ -322,7 +324,7 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
     dampers = damping_rates(target, found.mode.z, flat, draws)
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
     clocks_known = fit.timed is None or not any(fit.timed.modes)
-    exact = clocks_known and not task.sites and fit.model_error is None
+    exact = clocks_known and not task.placed_effects and fit.model_error is None
     return Estimate(
         verdict="ok" if ensembles.converged else "not_converged",
         reasons=(),
@@ -354,8 +356,8 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
         dampers=dampers,
         springs=spring_curves(target, found.mode.z, flat, draws),
         effects={
-            site: {n: x.reshape(by_ensemble) for n, x in values.items()}
-            for site, values in space.effect_draws(flat).items()
+            placed: {n: x.reshape(by_ensemble) for n, x in values.items()}
+            for placed, values in space.effect_draws(flat).items()
         },
     )
 
@@ -382,17 +384,19 @@ def _no_single_rate(damper: DampingRates) -> str:
 
 
 def _clocks(
-    recordings: Sequence[Recording], vehicle: Vehicle, sites: tuple[Site, ...]
-) -> tuple[tuple[Clock, ...], tuple[Site, ...]]:
+    recordings: Sequence[Recording], vehicle: Vehicle, placed_effects: tuple[PlacedEffect, ...]
+) -> tuple[tuple[Clock, ...], tuple[PlacedEffect, ...]]:
     """Clocks that are declared or asked for as an effect, and the other effects."""
     declared = declared_clocks(recordings, vehicle)
     names = {name for recording in recordings for name in recording.channels}
     known = [names.intersection(clock.channels) for clock in declared]
-    asked = [clock_of_group(site.where) for site in sites if site.effect is CLOCK_OFFSET]
+    asked = [
+        clock_of_group(placed.where) for placed in placed_effects if placed.effect is CLOCK_OFFSET
+    ]
     new = [clock for clock in asked if names.intersection(clock.channels) not in known]
     clocks = (*declared, *new)
     check_clocks(clocks, "--with clock_offset")
-    return clocks, tuple(site for site in sites if site.effect is not CLOCK_OFFSET)
+    return clocks, tuple(placed for placed in placed_effects if placed.effect is not CLOCK_OFFSET)
 
 
 def _estimate_random_effects(
@@ -456,6 +460,6 @@ def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, see
         # Replicates know the sensors' noise alone; where it explains little there is nothing
         # to check.
         checks=()
-        if target.space.likelihood == "coloured" or target.space.sites
+        if target.space.likelihood == "coloured" or target.space.placed_effects
         else predictive_checks(target, flat, run, seed),
     )

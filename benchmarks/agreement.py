@@ -183,16 +183,16 @@ def gaussian(seed: int, times: int = 200) -> list[dict[str, Any]]:
             for k in range(times):
                 value = own * rng.standard_normal((count, 3))
                 value[:, 0] += spread * rng.standard_normal(count)
-                sites = [
+                placed_effects = [
                     RunLikelihood(np.diag((prior / own) ** 2), prior * v / own**2) for v in value
                 ]
-                found = population(sites, way, DRAWS, k)
+                found = population(placed_effects, way, DRAWS, k)
                 low, high = prior[0] * np.quantile(found.centre[:, 0], [0.025, 0.975])
                 rows.append(
                     {
                         "given": "Gaussian",
                         "what": f"spread {100 * spread:.0f} %, {count} runs",
-                        "p": contrast(sites, way).p,
+                        "p": contrast(placed_effects, way).p,
                         "covers": bool(low < 0.0 < high),
                         "half_width_percent": 50.0 * float(high - low),
                     }

@@ -371,7 +371,7 @@ def _diagnose(case: Case) -> Answer:
         return "refused", " | ".join(result.reasons)
     if doubt is not None:
         return "doubt", doubt.sentence
-    names = [f"{effect.site}" for effect in result.named]
+    names = [f"{effect.placed}" for effect in result.named]
     return ("ok" if result.verdict == "agreement" else result.verdict), " | ".join(names)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
-from bayes_asv.models.effects import Site
-from bayes_asv.models.effects import site as read
+from bayes_asv.models.effects import PlacedEffect
+from bayes_asv.models.effects import placed_effect as read
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fitted_model import make_dataset
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -103,10 +103,10 @@ def _drive(name: str, seed: int) -> tuple[RigCar, float, Recording]:
 def with_effect(name: str, seed: int, *, compare: bool) -> Row:
     """Track a drive with an effect; if asked, compare with the mode of the posterior."""
     car, truth, recording = _drive(name, seed)
-    given, site = vehicle(DECLARED), read(name)
-    result = track(recording, given, effects=[site])
-    parameter = site.effect.parameters[0].name
-    low, high = (float(q) for q in np.quantile(result.effects[site][parameter], [0.025, 0.975]))
+    given, placed = vehicle(DECLARED), read(name)
+    result = track(recording, given, effects=[placed])
+    parameter = placed.effect.parameters[0].name
+    low, high = (float(q) for q in np.quantile(result.effects[placed][parameter], [0.025, 0.975]))
     rates = np.array([car.c_f, car.c_r, car.i])
     row: Row = {
         "seed": seed,
@@ -118,19 +118,19 @@ def with_effect(name: str, seed: int, *, compare: bool) -> Row:
         "without": track(recording, given).consistency.verdict,
     }
     if compare:
-        row |= _compared(result, site, recording)
+        row |= _compared(result, placed, recording)
     return row
 
 
-def _compared(result: TrackResult, site: Site, recording: Recording) -> Row:
+def _compared(result: TrackResult, placed: PlacedEffect, recording: Recording) -> Row:
     """Differences from mode and curvature of the posterior, in its standard deviations."""
     lines, _, _ = prepare_runs((recording,), result.vehicle)
-    _, fitted = with_effects(make_dataset(result.vehicle, lines), (site,))
+    _, fitted = with_effects(make_dataset(result.vehicle, lines), (placed,))
     covariance = fitted.mode.covariance
-    first = site.effect.parameters[0]
-    k = fitted.space.names.index(site.coordinate_name(first))
+    first = placed.effect.parameters[0]
+    k = fitted.space.names.index(placed.coordinate_name(first))
     mean, sd = result.coordinates.effect_moments(result.mean, result.covariance)
-    own = [e.name for e in result.coordinates.effects].index(site.coordinate_name(first))
+    own = [e.name for e in result.coordinates.effects].index(placed.coordinate_name(first))
     names = result.coordinates.answers
     mode = fitted.space.cars(fitted.mode.z[None])[0, : len(names)]
     deviation = np.array([fitted.space.log_deviation(covariance, n) for n in names])

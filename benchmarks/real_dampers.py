@@ -146,7 +146,7 @@ def one(seed: int, curves: list[Curve]) -> dict[str, Any]:
     out["seconds"] = found.seconds
     if found.verdict == "refused":
         return {**out, "reasons": list(found.reasons)}
-    out["named"] = [[str(e.site), found.probability_of(e)] for e in found.named]
+    out["named"] = [[str(e.placed), found.probability_of(e)] for e in found.named]
     out["unexplained"] = bool(found.unexplained and found.unexplained.present)
     assert found.quantities_after is not None
     assert found.errors is not None
@@ -167,7 +167,7 @@ def one(seed: int, curves: list[Curve]) -> dict[str, Any]:
 
 def _shape_right(row: dict[str, Any]) -> bool:
     """Whether bend, sides and lag of the front damper are told right."""
-    names = {site.partition("@")[0] for site, _ in row["named"] if not site.endswith("@rear")}
+    names = {placed.partition("@")[0] for placed, _ in row["named"] if not placed.endswith("@rear")}
     told = {name for name, _, _ in row["shapes"]}
     difference = abs(float(np.log(row["extension_over_compression"])))
     unequal = "unequal_sides" in told

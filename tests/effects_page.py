@@ -196,7 +196,7 @@ EFFECT = Effect(
     name="quadratic_damper",
     title="a damper that stiffens with speed",
     acts="suspension",
-    sites=AXLES,
+    at=AXLES,
     parameters=(Parameter("quadratic", "N*s^2/m^2", "linear", 0.0, 800.0, (200.0, 800.0)),),
     slight={"quadratic": 15.0},
     code=QUADRATIC,
@@ -275,13 +275,13 @@ def _overview() -> str:
 
 
 def _where(effect: Effect) -> str:
-    if effect.sites == (*AXLES, BOTH):
+    if effect.at == (*AXLES, BOTH):
         return "front, rear or both"
-    if effect.sites == AXLES:
+    if effect.at == AXLES:
         return "front, rear"
-    if effect.sites == tuple(GROUPS):
+    if effect.at == tuple(GROUPS):
         return "body, front or left channels"
-    return "any channel" if any(effect.sites) else "the car"
+    return "any channel" if any(effect.at) else "the car"
 
 
 def _section(effect: Effect) -> str:

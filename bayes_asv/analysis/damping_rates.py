@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, log_bend, ratio
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.filters.suspension_forces import damper_force_history
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
 
@@ -107,18 +107,18 @@ def damping_rates(
         The same of the car's quantities, SI units.
     """
     space = target.space
-    laws = [s for s in space.sites if s.effect.on_damper]
+    laws = [s for s in space.placed_effects if s.effect.on_damper]
     if not laws:
         return ()
     runs = range(len(space.recordings))
     driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
-    rubbing = [s for s in space.sites if s.effect.rubs]
+    rubbing = [s for s in space.placed_effects if s.effect.rubs]
     tables = np.stack([_table(target, laws, one) for one in z[used]])
     friction = np.stack([_table(target, rubbing, one) for one in z[used]])
     out = []
     for e, element in enumerate(space.car.elements):
-        own = [site for site in laws if e in site.elements(space.car)]
+        own = [placed for placed in laws if e in placed.elements(space.car)]
         if not own:
             continue
         rates = [run[:, 2 * e + 1] for run in driven]
@@ -144,7 +144,7 @@ def damping_rates(
                 element.name,
                 element.damping,
                 power / square / c,
-                any(site.effect.free_form for site in own),
+                any(placed.effect.free_form for placed in own),
                 speed,
                 (extension[:, 0] + compression[:, 0]) / (2.0 * _AT_REST),
                 power / square,
@@ -199,7 +199,7 @@ def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
 
 
 def _added_forces(tables: Array, element: int, rate: Array) -> Array:
-    """Forces (N, T) that laws add to those of springs and dampers, N."""
+    """Return the forces (N, T) that laws add to those of springs and dampers, N."""
     nothing = np.zeros_like(rate)
     if not np.any(tables[:, :, 0] == element):
         return np.zeros((len(tables), len(rate)))
@@ -207,7 +207,7 @@ def _added_forces(tables: Array, element: int, rate: Array) -> Array:
     return np.stack(list(forces))
 
 
-def _table(target: Posterior, laws: list[Site], z: Array) -> Array:
-    """These laws alone, as they are at the start of a run."""
+def _table(target: Posterior, laws: list[PlacedEffect], z: Array) -> Array:
+    """Return the table of these laws alone, as they are at the start of a run."""
     values = target.space.effects(z)
-    return law_table(target.space.car, {site: values[site] for site in laws}, 0)
+    return law_table(target.space.car, {placed: values[placed] for placed in laws}, 0)

@@ -88,8 +88,8 @@ def spring_curves(
         In the order of the car's suspension elements; empty without a free curve.
     """
     space = target.space
-    laws = [s for s in space.sites if s.effect.on_spring]
-    if not any(site.effect.free_form for site in laws):
+    laws = [s for s in space.placed_effects if s.effect.on_spring]
+    if not any(placed.effect.free_form for placed in laws):
         return ()
     runs = range(len(space.recordings))
     driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
@@ -97,7 +97,7 @@ def spring_curves(
     tables = []
     for one in z[used]:
         values = space.effects(one)
-        tables.append(law_table(space.car, {site: values[site] for site in laws}, 0))
+        tables.append(law_table(space.car, {placed: values[placed] for placed in laws}, 0))
     out = []
     for e, element in enumerate(space.car.elements):
         if not any(s.effect.free_form and e in s.elements(space.car) for s in laws):

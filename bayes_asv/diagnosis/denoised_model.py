@@ -201,7 +201,7 @@ def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
     """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
     recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.recordings)))
     denoised = replace(dataset, recordings=recordings, inputs_denoised=True)
-    return update_patterns(denoised, replace(model, target=denoised.target(model.sites)))
+    return update_patterns(denoised, replace(model, target=denoised.target(model.placed_effects)))
 
 
 def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
@@ -211,7 +211,7 @@ def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedM
     the same ones only.
     """
     denoised = denoise(dataset, model)
-    return denoised, fitted(denoised.target(model.sites), model.mode.z)
+    return denoised, fitted(denoised.target(model.placed_effects), model.mode.z)
 
 
 def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
@@ -225,7 +225,11 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
         At its mode on them.
     """
     dataset = replace(dataset, patterns=model.target.patterns)
-    posterior, z, count = dataset.target(model.sites), model.mode.z, model.space.shared_dimension
+    posterior, z, count = (
+        dataset.target(model.placed_effects),
+        model.mode.z,
+        model.space.shared_dimension,
+    )
     filters = tuple(fixed_gain_filter(posterior, z, run) for run in range(len(dataset.recordings)))
     settled, at_mode = np.concatenate([_settled(one) for one in filters]), model.mode.slopes
     means, scales = at_mode.means.copy(), at_mode.scales.copy()

@@ -187,9 +187,9 @@ class _Scores(NamedTuple):
         enough = np.diag(self.information) > MIN_INFORMATION_SHARE * np.sum(
             self.sensitivities**2, axis=1
         )
-        own = [k for k, term in enumerate(self.terms) if enough[k] and term.site in kinds]
+        own = [k for k, term in enumerate(self.terms) if enough[k] and term.fault in kinds]
         usual = [self.terms[k].kind.usual / float(self.factors[k]) for k in own]
-        of_kinds = [kinds[self.terms[k].site] for k in own]
+        of_kinds = [kinds[self.terms[k].fault] for k in own]
         return own, np.minimum(of_kinds, usual)
 
     def log_bayes_factor(self, kinds: Mapping[Kind, float]) -> float:
@@ -218,7 +218,7 @@ class _Scores(NamedTuple):
 
     def further(self, kinds: Mapping[Kind, float]) -> dict[Kind, float]:
         """Add the kind that gains most; nothing where none is worth its cost."""
-        others = {term.site for term in self.terms} - set(kinds)
+        others = {term.fault for term in self.terms} - set(kinds)
         if not others:
             return {}
         trials = [
@@ -267,7 +267,7 @@ def regress_on_unlisted_faults(
         kinds = at.along([*every, *refined]).further(now.deviations)
         if not kinds:
             break
-        own = [term for term in every if term.site in kinds and term.site not in now.deviations]
+        own = [term for term in every if term.fault in kinds and term.fault not in now.deviations]
         terms = [*now.terms, *own]
         for _ in range(_ROUNDS):
             scores = _refined(at, terms, kinds)
@@ -276,7 +276,7 @@ def regress_on_unlisted_faults(
             terms = list(now.terms)
             changes = _perturbations(dataset, at.motions, now)
             dataset = replace(dataset, perturbations=changes)
-            model = fit_again(dataset, model, model.sites)
+            model = fit_again(dataset, model, model.placed_effects)
             if not math.isfinite(model.mode.log_posterior):
                 return None
             at = _Linearized(dataset, model, evidence, now)
@@ -295,7 +295,7 @@ def regress_on_unlisted_faults(
         evidence=replace(evidence, covariance=spread),
     )
     held = None if holdout is None else _apply(holdout, model, now)
-    choice = UNKNOWN_SIZE_COST + math.log(len({term.site for term in every}))
+    choice = UNKNOWN_SIZE_COST + math.log(len({term.fault for term in every}))
     log_evidence = evidence.log_evidence + now.log_occam_factor - len(now.deviations) * choice
     return FaultRegression(changed, held, _causes(at, now, scores), log_evidence)
 
@@ -307,10 +307,10 @@ def _refined(at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, f
     """
     scores = at.along(terms)
     for kind in kinds:
-        forms = [term for term in scores.terms if term.site == kind and term.kind.continuous]
+        forms = [term for term in scores.terms if term.fault == kind and term.kind.continuous]
         if not forms:
             continue
-        others = [term for term in scores.terms if term.site != kind]
+        others = [term for term in scores.terms if term.fault != kind]
         one = _SingleForm(at, forms[0], at.along(others) if others else None, kinds)
         begins = sorted(_scan(forms), key=one.loss)[:_BEGINS]
         fits = [
@@ -357,7 +357,7 @@ class _SingleForm:
 
     def loss(self, logs: Array) -> float:
         """Minus the log evidence that it gains, at the prior deviation of most."""
-        return -self.scores(logs).largest(self.kinds, self.like.site)
+        return -self.scores(logs).largest(self.kinds, self.like.fault)
 
 
 def _scan(forms: Sequence[FaultTerm]) -> list[Array]:
@@ -415,7 +415,7 @@ def _causes(at: _Linearized, now: _Regression, scores: _Scores) -> tuple[Unnamed
     sizes, dataset = now.sizes / scores.factors, at.denoised.dataset
     found = []
     for kind in now.deviations:
-        own = [k for k, term in enumerate(now.terms) if term.site == kind]
+        own = [k for k, term in enumerate(now.terms) if term.fault == kind]
         part = abs(float(sizes[own] @ scores.information[own] @ sizes))
         terms = [(now.sizes[k], now.terms[k].faults(dataset, at.motions)) for k in own]
         runs = range(len(dataset.recordings))

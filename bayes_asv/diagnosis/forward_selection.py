@@ -62,7 +62,7 @@ __all__ = [
 
 _NO_PREFERENCE = 3.0  # nats: the data do not prefer one to the other by 20 : 1
 _MAX_COMPARED = 4  # explanations, after the best
-_MAX_REFITTED = 2  # sites, in the place of each named effect
+_MAX_REFITTED = 2  # effects, in the place of each named effect
 
 
 def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> float:
@@ -77,7 +77,7 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     predicted = replace(dataset, recordings=recordings)
     modes = []
     for model in (one, other):
-        posterior = predicted.target(model.sites, hold=True)
+        posterior = predicted.target(model.placed_effects, hold=True)
         modes.append(fitted(posterior, model.transfer(posterior.space)).mode)
     # the misfit of the first to its own prediction is that of the initial state alone
     return max(2.0 * (modes[0].log_posterior - modes[1].log_posterior), 0.0)
@@ -124,17 +124,17 @@ def _with_indistinguishable(assessed: AssessedModel, effect: NamedEffect) -> Nam
     groups = similar_candidates(assessed, effect)
     if not groups:
         return effect
-    rest = submodel(assessed, tuple(s for s in assessed.model.sites if s != effect.site))
-    extended = [ExtendedModel(effect.site, assessed.model, assessed.evidence)]
+    rest = submodel(assessed, tuple(s for s in assessed.model.placed_effects if s != effect.placed))
+    extended = [ExtendedModel(effect.placed, assessed.model, assessed.evidence)]
     extended += [_in_its_place(assessed, rest, group) for group in groups[:_MAX_REFITTED]]
-    known = {str(other.site) for other in effect.indistinguishable}
+    known = {str(other.placed) for other in effect.indistinguishable}
     others = indistinguishable_from_best(assessed.denoised, extended)[1:]
-    new = [one for one in others if str(one.site) not in known]
+    new = [one for one in others if str(one.placed) not in known]
     return replace(effect, indistinguishable=(*effect.indistinguishable, *new))
 
 
 def similar_candidates(assessed: AssessedModel, effect: NamedEffect) -> list[list[Candidate]]:
-    """Candidates, by site, that change the predictions as an effect does; the closest first.
+    """Candidates, by effect and place, that change predictions as an effect does; closest first.
 
     To first order: what remains of the effect's change of the predictions after projection on the
     candidate's is indistinguishable from nothing.
@@ -147,7 +147,7 @@ def similar_candidates(assessed: AssessedModel, effect: NamedEffect) -> list[lis
         One of these.
     """
     model, test = assessed.model, assessed.test
-    names = [effect.site.coordinate_name(p) for p in effect.site.effect.parameters]
+    names = [effect.placed.coordinate_name(p) for p in effect.placed.effect.parameters]
     own = np.array([name in names for name in model.space.names])
     derivatives = test.derivatives
     change = model.mode.z[own] @ derivatives.means[own]
@@ -160,8 +160,8 @@ def similar_candidates(assessed: AssessedModel, effect: NamedEffect) -> list[lis
     groups: dict[tuple[str, int | None], list[Candidate]] = {}
     for k in np.argsort(rest):
         candidate = test.candidates[k]
-        if rest[k] < DISTINGUISHABLE_DISTANCE and not effect.site.meets(candidate.site):
-            groups.setdefault(candidate.site.key, []).append(candidate)
+        if rest[k] < DISTINGUISHABLE_DISTANCE and not effect.placed.meets(candidate.placed):
+            groups.setdefault(candidate.placed.key, []).append(candidate)
     return list(groups.values())
 
 
@@ -171,7 +171,7 @@ def _in_its_place(
     """Fit another effect in the place of one."""
     model = fit_with_effect(assessed.denoised, rest, group)
     evidence = model_evidence(assessed.denoised, model)
-    return ExtendedModel(group[0].site, model, evidence)
+    return ExtendedModel(group[0].placed, model, evidence)
 
 
 Array = NDArray[np.float64]
@@ -305,8 +305,8 @@ def select_effects(
         on_trial = not likely and not further
         if not (accepted or on_trial):
             break
-        before, new = current, best.model.sites[len(assessed.model.sites) :]
-        effects = [NamedEffect(site, min(probability, 1.0), tuple(others), {}) for site in new]
+        before, new = current, best.model.placed_effects[len(assessed.model.placed_effects) :]
+        effects = [NamedEffect(placed, min(probability, 1.0), tuple(others), {}) for placed in new]
         current = replace(
             current,
             assessed=assess(assessed.dataset, best.model, seed),
@@ -330,7 +330,7 @@ def _next_step(
         assessed.denoised,
         assessed.model,
         assessed.test,
-        lambda site: progress(done, f"fitting {site}"),
+        lambda placed: progress(done, f"fitting {placed}"),
         excluded,
         further=further,
     )
@@ -340,7 +340,7 @@ def _next_step(
     without, model, evidence = evidence_without(
         assessed.model, assessed.evidence, extended, assessed.test
     )
-    p_none, probabilities = model_probabilities(without, extended, assessed.test.site_count)
+    p_none, probabilities = model_probabilities(without, extended, assessed.test.effect_count)
     stopped_by = _better_unlisted(assessed, best, without)
     if stopped_by:
         posteriors = weighted_posterior(assessed.model, assessed.evidence)
@@ -383,7 +383,11 @@ def _better_unlisted(assessed: AssessedModel, best: ExtendedModel, without: floa
     description = decisive(assessed.evidence)
     if not description or best.evidence.log_evidence < without:
         return description
-    new = tuple(site for site in best.model.sites if site not in assessed.model.sites)
+    new = tuple(
+        placed
+        for placed in best.model.placed_effects
+        if placed not in assessed.model.placed_effects
+    )
     return decisive(model_evidence(assessed.denoised, assessed.model, new))
 
 
@@ -427,8 +431,8 @@ def reconsider_pulses(
     selection, seed, progress, excluded
         As :func:`select_effects` takes and returns them.
     """
-    pulses = [e for e in selection.effects if e.site.run is not None]
-    is_pulse = [e.site.run is not None for e in selection.effects]
+    pulses = [e for e in selection.effects if e.placed.run is not None]
+    is_pulse = [e.placed.run is not None for e in selection.effects]
     followed = any(first and not second for first, second in pairwise(is_pulse))
     if not followed or len(is_pulse) >= MAX_EFFECTS:
         return selection
@@ -437,13 +441,13 @@ def reconsider_pulses(
     posteriors = weighted_posterior(assessed.model, assessed.evidence)
     start = replace(selection, assessed=assessed, effects=tuple(kept), posteriors=posteriors)
     other = select_effects(start, seed, progress, excluded, max_effects=len(kept) + 1)
-    if any(e.site.key == pulse.site.key for e in other.effects for pulse in pulses):
+    if any(e.placed.key == pulse.placed.key for e in other.effects for pulse in pulses):
         return selection
     if len(other.effects) > len(kept):
         other = select_effects(other, seed, progress, excluded)
-    if {e.site.key for e in other.effects} == {e.site.key for e in selection.effects}:
+    if {e.placed.key for e in other.effects} == {e.placed.key for e in selection.effects}:
         return selection
     # evidence is comparable on the same denoised inputs only
     denoised, old = other.assessed.denoised, selection.assessed.model
-    behind = model_evidence(denoised, fit_again(denoised, old, old.sites)).log_evidence
+    behind = model_evidence(denoised, fit_again(denoised, old, old.placed_effects)).log_evidence
     return other if other.assessed.evidence.log_evidence > behind else selection

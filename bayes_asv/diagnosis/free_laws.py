@@ -22,7 +22,7 @@ from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_faults import FreeLaw, Part, free_laws
-from bayes_asv.models.effects import EFFECTS, Site
+from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fitted_model import Dataset
 
@@ -86,15 +86,15 @@ def _with_laws_of(
     while law.axle in axles and _explains_enough(law):
         axles.remove(law.axle)
         progress(0.7, f"fitting free laws of the {law.axle} {part}")
-        sites = [Site(EFFECTS[name], law.axle) for name in _LAWS[part]]
-        dataset, model = with_effects(current.dataset, sites, current.model)
+        placed_effects = [PlacedEffect(EFFECTS[name], law.axle) for name in _LAWS[part]]
+        dataset, model = with_effects(current.dataset, placed_effects, current.model)
         current = assess(dataset, model, seed)
         if not _something_left(current, seed):
             break
         law = _law(part, current)
     if current is linear:
         return None
-    named = [NamedEffect(site, 1.0, (), {}) for site in current.model.sites]
+    named = [NamedEffect(placed, 1.0, (), {}) for placed in current.model.placed_effects]
     posteriors = weighted_posterior(current.model, current.evidence)
     start = replace(selection, assessed=current, effects=tuple(named), posteriors=posteriors)
     return select_effects(start, seed, progress, max_effects=MAX_EFFECTS + len(named))

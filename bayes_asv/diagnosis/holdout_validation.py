@@ -132,7 +132,7 @@ def validate(
         )
         unlisted = bool(selection.stopped_by)
         while failed := failed_effects(without_tones.holdout, assessed, named, silent, seed):
-            excluded += tuple(str(e.site) for e in failed)
+            excluded += tuple(str(e.placed) for e in failed)
             unlisted = (
                 unlisted
                 or misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
@@ -202,9 +202,9 @@ def failed_effects(
         return []
     failed = []
     for effect in effects:
-        if effect.site.run is not None or not _worse(effect.errors["holdout"]):
+        if effect.placed.run is not None or not _worse(effect.errors["holdout"]):
             continue
-        others = tuple(e.site for e in effects if e is not effect)
+        others = tuple(e.placed for e in effects if e is not effect)
         without = submodel(assessed, others)
         worse = compare_errors(holdout, without, assessed.model, seed).worse
         if worse and not supported_by_holdout(assessed, holdout, [effect]):
@@ -244,7 +244,7 @@ def validation_errors(
     """
     models = [without_tones.linear]
     for k in range(1, len(effects)):
-        models.append(submodel(assessed, tuple(e.site for e in effects[:k])))
+        models.append(submodel(assessed, tuple(e.placed for e in effects[:k])))
     if effects:
         models.append(assessed.model)
     errors: dict[str, ErrorChange] = {}

@@ -179,7 +179,7 @@ class _Alternative(NamedTuple):
 
 
 def best_alternative(
-    dataset: Dataset, model: FittedModel, named: int, site_count: int
+    dataset: Dataset, model: FittedModel, named: int, effect_count: int
 ) -> tuple[float, str]:
     """Log evidence (nats) of an unlisted fault alone against all named effects, and which it is.
 
@@ -192,7 +192,7 @@ def best_alternative(
     ----------
     dataset, model : Dataset, FittedModel
         Recordings with denoised inputs, and the model with all named effects at its mode.
-    named, site_count : int
+    named, effect_count : int
         Number of named effects, and of those that they were selected from.
     """
     posterior = dataset.target(())
@@ -203,7 +203,7 @@ def best_alternative(
         if alternative is None:
             break
         loss = _loss(model.target, model.mode, alternative.settled)
-        cost = named * (UNKNOWN_SIZE_COST + math.log(site_count))
+        cost = named * (UNKNOWN_SIZE_COST + math.log(effect_count))
         cost = cost - UNKNOWN_SIZE_COST - math.log(alternative.out_of)
         if loss - alternative.loss + cost > best:
             best, description = loss - alternative.loss + cost, alternative.description

@@ -13,7 +13,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     evidence_as_tolerance,
     tolerance_evidence,
 )
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.fitted_model import (
     Dataset,
@@ -67,7 +67,7 @@ class AssessedModel:
     @property
     def on_inputs_as_read(self) -> FittedModel:
         """The model on recordings as read, at its mode on the denoised inputs."""
-        return replace(self.model, target=self.dataset.target(self.model.sites))
+        return replace(self.model, target=self.dataset.target(self.model.placed_effects))
 
 
 def assess(dataset: Dataset, model: FittedModel, seed: int) -> AssessedModel:
@@ -84,26 +84,30 @@ def _denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, Dataset, F
 
     Sensor patterns follow from the model's predictions, which a faulty sensor changes: two rounds.
     """
-    rounds = 2 if any(site.effect.acts == "reading" for site in model.sites) else 1
+    rounds = 2 if any(placed.effect.acts == "reading" for placed in model.placed_effects) else 1
     for _ in range(rounds):
-        model = replace(model, target=dataset.target(model.sites))
+        model = replace(model, target=dataset.target(model.placed_effects))
         dataset = update_patterns(dataset, model)
-    return dataset, *fit_denoised(dataset, replace(model, target=dataset.target(model.sites)))
+    return dataset, *fit_denoised(
+        dataset, replace(model, target=dataset.target(model.placed_effects))
+    )
 
 
 def refit(model: FittedModel, dataset: Dataset) -> FittedModel:
     """Fit a model again to its recordings, changed or with others appended."""
-    return _refit(model, dataset, model.sites)
+    return _refit(model, dataset, model.placed_effects)
 
 
 def refit_shared(model: FittedModel, dataset: Dataset) -> FittedModel:
     """Fit a model to other recordings; effects of a single run are left out."""
-    return _refit(model, dataset, tuple(s for s in model.sites if s.run is None))
+    return _refit(model, dataset, tuple(s for s in model.placed_effects if s.run is None))
 
 
-def _refit(model: FittedModel, dataset: Dataset, sites: tuple[Site, ...]) -> FittedModel:
-    dataset = update_patterns(dataset, fit_again(dataset, model, sites))
-    return fit_again(dataset, model, sites)
+def _refit(
+    model: FittedModel, dataset: Dataset, placed_effects: tuple[PlacedEffect, ...]
+) -> FittedModel:
+    dataset = update_patterns(dataset, fit_again(dataset, model, placed_effects))
+    return fit_again(dataset, model, placed_effects)
 
 
 def fit_pooled(
@@ -135,9 +139,9 @@ def fit_pooled(
     return denoised, model, model_evidence(denoised, model)
 
 
-def submodel(assessed: AssessedModel, sites: tuple[Site, ...]) -> FittedModel:
+def submodel(assessed: AssessedModel, placed_effects: tuple[PlacedEffect, ...]) -> FittedModel:
     """Fit the model with some of its effects only, on its denoised inputs."""
-    return fit_again(assessed.denoised, assessed.model, sites)
+    return fit_again(assessed.denoised, assessed.model, placed_effects)
 
 
 def remove_effects(
@@ -147,7 +151,7 @@ def remove_effects(
     kept = [e for e in effects if e not in removed]
     if not kept:  # from scratch: the effects may have drawn the car to another mode
         return assess(assessed.dataset, fit_linear_car(assessed.dataset), seed), kept
-    return assess(assessed.dataset, submodel(assessed, tuple(e.site for e in kept)), seed), kept
+    return assess(assessed.dataset, submodel(assessed, tuple(e.placed for e in kept)), seed), kept
 
 
 def prune(
@@ -156,7 +160,7 @@ def prune(
     """Remove the effects that later ones made unnecessary."""
     k = 0
     while len(effects) > 1 and k < len(effects):
-        if _evidence_for(assessed, (effects[k].site,)) < NEEDED_EVIDENCE:
+        if _evidence_for(assessed, (effects[k].placed,)) < NEEDED_EVIDENCE:
             assessed, effects = remove_effects(assessed, effects, [effects[k]], seed)
         else:
             k += 1
@@ -183,27 +187,31 @@ def supported_by_holdout(
     pooled, model, evidence = fit_pooled(assessed, holdout)
     own = len(assessed.dataset.recordings)  # these come first
     fit = replace(pooled, recordings=pooled.recordings[:own], patterns=pooled.patterns[:own])
-    own_model = fit_again(fit, model, model.sites)
+    own_model = fit_again(fit, model, model.placed_effects)
     own_evidence = model_evidence(fit, own_model)
-    sites = tuple(e.site for e in effects)
+    placed_effects = tuple(e.placed for e in effects)
     on_fit = replace(assessed, denoised=fit, model=own_model, evidence=own_evidence)
     on_all = replace(assessed, denoised=pooled, model=model, evidence=evidence)
-    lost = _evidence_for(on_fit, sites)
-    lost -= _evidence_for(on_all, sites)
+    lost = _evidence_for(on_fit, placed_effects)
+    lost -= _evidence_for(on_all, placed_effects)
     return not lost > NEEDED_EVIDENCE
 
 
-def _evidence_for(assessed: AssessedModel, sites: tuple[Site, ...]) -> float:
+def _evidence_for(assessed: AssessedModel, placed_effects: tuple[PlacedEffect, ...]) -> float:
     """Log evidence (nats) that a model loses without some of its effects, on its recordings."""
-    rest = submodel(assessed, tuple(s for s in assessed.model.sites if s not in sites))
+    rest = submodel(
+        assessed, tuple(s for s in assessed.model.placed_effects if s not in placed_effects)
+    )
     tolerances = _tolerances(assessed.denoised, rest)
-    as_tolerance = evidence_as_tolerance(sites, assessed.model, assessed.evidence, tolerances)
+    as_tolerance = evidence_as_tolerance(
+        placed_effects, assessed.model, assessed.evidence, tolerances
+    )
     without = _model_evidence(assessed.denoised, rest, tolerances).log_evidence
     return assessed.evidence.log_evidence - max(without, as_tolerance)
 
 
 def model_evidence(
-    denoised: Dataset, model: FittedModel, without: tuple[Site, ...] = ()
+    denoised: Dataset, model: FittedModel, without: tuple[PlacedEffect, ...] = ()
 ) -> ModelEvidence:
     """Evidence of a model under the tolerance prior of all effects that it does not contain.
 
@@ -211,13 +219,13 @@ def model_evidence(
     ----------
     denoised, model : Dataset, FittedModel
         Recordings with denoised inputs, and the model at its mode there.
-    without : tuple of Site
+    without : tuple of PlacedEffect
         Effects that have no tolerance either.
     """
     tolerances = [
         candidate
         for candidate in _tolerances(denoised, model)
-        if not any(site.meets(candidate.site) for site in without)
+        if not any(placed.meets(candidate.placed) for placed in without)
     ]
     return _model_evidence(denoised, model, tolerances)
 

@@ -33,7 +33,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     marginal_scores,
     tolerance_evidence,
 )
-from bayes_asv.models.effects import BOTH, Site
+from bayes_asv.models.effects import BOTH, PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
 from bayes_asv.posterior.model_error import draw_cars
@@ -61,7 +61,7 @@ _MIN_SQUARE = 1.0  # squared score below which a candidate is not fitted
 # The same for a further effect, which has to gain more than three nats: a fit that gains them where
 # two were expected has left the mode of what is named already.
 _MIN_SQUARE_FURTHER = 4.0
-_MAX_STARTS = 4  # of one site
+_MAX_STARTS = 4  # of one effect at its place
 _HOPELESS = 60.0  # nats behind the best at which a fit is not finished
 _CLOSE = 5.0  # nats behind the best within which the tolerances are integrated out closely
 _PULSE_SQUARE = 15.0  # squared score that the best of all force pulses has where there is none
@@ -75,7 +75,7 @@ class ExtendedModel:
 
     Parameters
     ----------
-    site : Site
+    placed : PlacedEffect
         The effect that is added.
     model : FittedModel
         The model with it, at its mode.
@@ -83,14 +83,14 @@ class ExtendedModel:
         Its evidence and posterior under the tolerance prior of all other effects.
     """
 
-    site: Site
+    placed: PlacedEffect
     model: FittedModel
     evidence: ModelEvidence
 
 
 @dataclass(frozen=True)
 class CandidateGroup:
-    """Candidates of one site that are worth a fit.
+    """Candidates of one effect at its place that are worth a fit.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class CandidateGroup:
 def leading_candidates(
     test: ScoreTest, excluded: Collection[str] = (), *, further: bool = False
 ) -> list[CandidateGroup]:
-    """Return the candidates worth a fit, by site, the most promising site first.
+    """Return the candidates worth a fit, by effect and place, the most promising first.
 
     One ranking takes the rest of the car to be nominal, the other gives every other effect its
     tolerance.
@@ -126,16 +126,16 @@ def leading_candidates(
     marginal = standardized(*marginal_scores(test))
     groups: dict[tuple[str, int | None], CandidateGroup] = {}
     gain = 0.5 * one_sided_squares(scores, test)
-    pulses = np.array([c.site.effect.in_one_run for c in test.candidates])
+    pulses = np.array([c.placed.effect.in_one_run for c in test.candidates])
     for ranked in (scores, marginal):
         squares = one_sided_squares(ranked, test) - _PULSE_SQUARE * pulses
         taken: list[tuple[str, int | None]] = []
         for k in np.argsort(-squares):
             candidate = test.candidates[k]
-            key = candidate.site.key
+            key = candidate.placed.key
             if squares[k] < least or (key not in taken and len(taken) == _SITES_PER_RANKING):
                 continue
-            if str(candidate.site) in excluded:
+            if str(candidate.placed) in excluded:
                 continue
             if key not in taken:
                 taken.append(key)
@@ -149,7 +149,7 @@ def leading_candidates(
 
 def _at_first_order_size(candidate: Candidate, test: ScoreTest, k: int) -> list[Candidate]:
     """Return a candidate at its most probable size to first order, where size is a factor."""
-    first = candidate.site.effect.parameters[0]
+    first = candidate.placed.effect.parameters[0]
     information = float(test.information[k, k])
     size_is_factor = first.form != "log" or first.per
     if not size_is_factor or information < 1.0:
@@ -164,7 +164,7 @@ def fit_candidates(
     dataset: Dataset,
     model: FittedModel,
     test: ScoreTest,
-    on_site: Callable[[str], None] = lambda site: None,
+    on_effect: Callable[[str], None] = lambda placed: None,
     excluded: Collection[str] = (),
     *,
     further: bool = False,
@@ -179,8 +179,8 @@ def fit_candidates(
         The model so far.
     test : ScoreTest
         Of all candidates there.
-    on_site : callable
-        Called with each site before it is fitted.
+    on_effect : callable
+        Called with each effect before it is fitted.
     excluded : collection of str
         Sites that are not fitted.
     further : bool
@@ -189,14 +189,14 @@ def fit_candidates(
     extended, tests = [], []
     floor = -math.inf
     for group in leading_candidates(test, excluded, further=further):
-        site = group.candidates[0].site
-        on_site(str(site))
+        placed = group.candidates[0].placed
+        on_effect(str(placed))
         larger = fit_with_effect(dataset, model, group.candidates, group.expected_gain, floor)
         floor = max(floor, larger.mode.log_posterior - _HOPELESS)
-        others = score_test(denoised_model(dataset, larger), _other_tolerances(site, test))
+        others = score_test(denoised_model(dataset, larger), _other_tolerances(placed, test))
         evidence = tolerance_evidence(larger, others, rough=True)
         if math.isfinite(evidence.log_evidence):  # a fit that diverged is no explanation
-            extended.append(ExtendedModel(site, larger, evidence))
+            extended.append(ExtendedModel(placed, larger, evidence))
             tests.append(others)
     return _with_close_evidence(extended, tests)
 
@@ -241,7 +241,7 @@ def evidence_without(
     approximations = [(evidence.log_evidence, model, evidence)]
     for one in extended:
         if one.evidence.log_evidence > best - _CLOSE:  # the others' evidence is rough
-            new = [s for s in one.model.sites if s not in model.sites]
+            new = [s for s in one.model.placed_effects if s not in model.placed_effects]
             value = evidence_as_tolerance(new, one.model, one.evidence, test.candidates)
             approximations.append((value, one.model, one.evidence))
     return max(approximations, key=lambda approximation: approximation[0])
@@ -250,34 +250,36 @@ def evidence_without(
 def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> ExtendedModel:
     """Give each axle, or each side of one, values of its own where that gains enough evidence."""
     model = extended.model
-    car, effect = model.space.car, extended.site.effect
-    elements = extended.site.elements(car)
-    places = car.axles if extended.site.where == BOTH else [car.elements[e].name for e in elements]
+    car, effect = model.space.car, extended.placed.effect
+    elements = extended.placed.elements(car)
+    places = (
+        car.axles if extended.placed.where == BOTH else [car.elements[e].name for e in elements]
+    )
     if len(places) < 2 or not set(places) <= set(effect.places):
         return extended
-    split = tuple(replace(extended.site, where=place) for place in places)
-    sites = (*(s for s in model.sites if s != extended.site), *split)
-    posterior = dataset.target(sites)
+    split = tuple(replace(extended.placed, where=place) for place in places)
+    placed_effects = (*(s for s in model.placed_effects if s != extended.placed), *split)
+    posterior = dataset.target(placed_effects)
     start = model.transfer(posterior.space)
-    for site in split:
-        for p in site.effect.parameters:
-            z = model.mode.z[model.space.names.index(extended.site.coordinate_name(p))]
-            start[posterior.space.names.index(site.coordinate_name(p))] = z
+    for placed in split:
+        for p in placed.effect.parameters:
+            z = model.mode.z[model.space.names.index(extended.placed.coordinate_name(p))]
+            start[posterior.space.names.index(placed.coordinate_name(p))] = z
     fit = fitted(posterior, start)
-    others = score_test(denoised_model(dataset, fit), _other_tolerances(extended.site, test))
+    others = score_test(denoised_model(dataset, fit), _other_tolerances(extended.placed, test))
     evidence = tolerance_evidence(fit, others)
     if evidence.log_evidence < extended.evidence.log_evidence + SPLIT_EVIDENCE:
         return extended
-    return ExtendedModel(extended.site, fit, evidence)
+    return ExtendedModel(extended.placed, fit, evidence)
 
 
-def _other_tolerances(site: Site, test: ScoreTest) -> list[Candidate]:
+def _other_tolerances(placed: PlacedEffect, test: ScoreTest) -> list[Candidate]:
     """List the tolerances of all effects but one."""
-    return [c for c in test.candidates if c.tolerance and not site.meets(c.site)]
+    return [c for c in test.candidates if c.tolerance and not placed.meets(c.placed)]
 
 
 def model_probabilities(
-    without: float, extended: list[ExtendedModel], site_count: int
+    without: float, extended: list[ExtendedModel], effect_count: int
 ) -> tuple[float, Array]:
     """Posterior probability that nothing is missing, and of each extended model (K,).
 
@@ -286,12 +288,12 @@ def model_probabilities(
     without : float
         Log evidence of the model as it is.
     extended : list of ExtendedModel
-        From :func:`fit_candidates`; sites that were not fitted are taken to be impossible.
-    site_count : int
-        Number of sites that share the prior probability of a missing effect.
+        From :func:`fit_candidates`; effects that were not fitted are taken to be impossible.
+    effect_count : int
+        Number of effects, each at each place, that share the prior probability of a missing effect.
     """
     joint = np.array([np.log(PRIOR_NONE) + without])
-    prior = np.log((1.0 - PRIOR_NONE) / site_count)
+    prior = np.log((1.0 - PRIOR_NONE) / effect_count)
     joint = np.concatenate([joint, [prior + one.evidence.log_evidence for one in extended]])
     probabilities = np.exp(joint - logsumexp(joint))
     return float(probabilities[0]), probabilities[1:]
@@ -366,7 +368,9 @@ def draw_springs(model: FittedModel, evidence: ModelEvidence, seed: int) -> tupl
 
     Deflections driven are those at the model's mode.
     """
-    if not any(site.effect.on_spring and site.effect.free_form for site in model.sites):
+    if not any(
+        placed.effect.on_spring and placed.effect.free_form for placed in model.placed_effects
+    ):
         return ()
     rng = np.random.default_rng([seed, 59])
     mean = model.mode.z + evidence.mode_shift
@@ -377,8 +381,8 @@ def draw_springs(model: FittedModel, evidence: ModelEvidence, seed: int) -> tupl
 def draw_effects(
     model: FittedModel, evidence: ModelEvidence, seed: int
 ) -> dict[str, dict[str, Array]]:
-    """Draw the parameters of a model's effects under the tolerance prior, by site."""
+    """Draw the parameters of a model's effects under the tolerance prior, by effect and place."""
     rng = np.random.default_rng([seed, 52])
     mean = model.mode.z + evidence.mode_shift
     z = draw_cars(model.space, mean, evidence.covariance, _DRAWS, rng)
-    return {str(site): values for site, values in model.space.effect_draws(z).items()}
+    return {str(placed): values for placed, values in model.space.effect_draws(z).items()}

@@ -37,7 +37,7 @@ class Remainder(NamedTuple):
 def explain_remainder(
     assessed: AssessedModel,
     named: int,
-    site_count: int,
+    effect_count: int,
     runs: Split,
     errors: dict[str, ErrorChange],
     seed: int,
@@ -48,7 +48,7 @@ def explain_remainder(
     ----------
     assessed : AssessedModel
         With all named effects.
-    named, site_count : int
+    named, effect_count : int
         Number of these, and of those that they were selected from.
     runs : Split
         Fitted and held-out recordings, engine tones removed.
@@ -67,7 +67,7 @@ def explain_remainder(
             base.evidence.log_evidence if found is None else found.log_evidence
             for base, found in ((assessed, beside), (plain, alone))
         )
-        prior = named * math.log((1.0 - PRIOR_NONE) / site_count)
+        prior = named * math.log((1.0 - PRIOR_NONE) / effect_count)
         alternative = other - (own + prior)
     if beside is None:
         return Remainder(None, errors, alternative)

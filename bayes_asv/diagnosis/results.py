@@ -21,7 +21,7 @@ from bayes_asv.diagnosis.thresholds import (
     RELIABILITY_WITH_ALTERNATIVE,
 )
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
@@ -36,7 +36,7 @@ class NamedEffect:
 
     Parameters
     ----------
-    site : Site
+    placed : PlacedEffect
         Effect and place.
     probability : float
         Probability that this effect, or an indistinguishable one, is present beyond its tolerance,
@@ -47,7 +47,7 @@ class NamedEffect:
         Simulation error on ``fit`` and ``holdout`` before and after this effect was added.
     """
 
-    site: Site
+    placed: PlacedEffect
     probability: float
     indistinguishable: tuple[ExtendedModel, ...]
     errors: dict[str, ErrorChange]
@@ -122,7 +122,7 @@ class Diagnosis:
         Draws of the car's quantities, SI units: under the linear car on the recordings as
         given, and averaged over all explanations.
     effect_draws : dict of str to dict of str to (N,) array
-        Draws of the parameters of each named effect, by site, SI units.
+        Draws of the parameters of each named effect, by effect and place, SI units.
     dampers : tuple of DampingRates
         Rates of the dampers whose force is not proportional to speed, under the final model.
     springs : tuple of SpringCurve

@@ -152,9 +152,9 @@ class ScoreTest:
     quantization_drifts: Array
 
     @property
-    def site_count(self) -> int:
+    def effect_count(self) -> int:
         """Number of effects and places; one that may act in several runs counts once."""
-        return len({str(c.site) for c in self.candidates})
+        return len({str(c.placed) for c in self.candidates})
 
     @property
     def standardized_scores(self) -> Array:
@@ -174,13 +174,13 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
     z = model.mode.z
 
     def sensitivity(candidate: Candidate) -> Array:
-        posterior = dataset.target((*model.sites, candidate.site))
+        posterior = dataset.target((*model.placed_effects, candidate.placed))
         extended = transfer_coordinates(
-            model.space, z, posterior.space, candidate.site, candidate.values
+            model.space, z, posterior.space, candidate.placed, candidate.values
         )
         by_run = {}
         for run, at in enumerate(denoised.filters):
-            if candidate.site.run not in (None, run):
+            if candidate.placed.run not in (None, run):
                 continue
             if candidate.edge:  # an added force leaves the gain as it is: one pass is enough
                 predicted = at.innovations - posterior.innovations_and_variances(extended, run)[0]
@@ -211,11 +211,11 @@ def _quantization_drifts(
     ends = np.cumsum(counts)
     out = []
     for k, candidate in enumerate(candidates):
-        if candidate.site.effect.fault != "drift":
+        if candidate.placed.effect.fault != "drift":
             continue
-        one = candidate.values[candidate.site.effect.parameters[0].name]
+        one = candidate.values[candidate.placed.effect.parameters[0].name]
         for recording, end, count in zip(dataset.recordings, ends, counts, strict=True):
-            slope = _feigned_slope(recording, candidate.site.where)
+            slope = _feigned_slope(recording, candidate.placed.where)
             if slope > 0.0:
                 drift = np.zeros(sensitivities.shape[1])
                 drift[end - count : end] = sensitivities[k, end - count : end] * slope / one
@@ -432,19 +432,21 @@ def with_best_pulses(test: ScoreTest) -> ScoreTest:
 
 def _pulse(test: ScoreTest, scan: _PulseScan, begin: int, end: int) -> Candidate:
     """Return the pulse between two steps."""
-    in_run = [c for c in test.candidates if c.edge and c.site.run == scan.run]
-    steps = [c for c in in_run if c.site.where == in_run[0].site.where]
+    in_run = [c for c in test.candidates if c.edge and c.placed.run == scan.run]
+    steps = [c for c in in_run if c.placed.where == in_run[0].placed.where]
     first = steps[begin]
     grid = steps[1].values["start"] - steps[0].values["start"]
     duration = (end - begin) * grid
-    site = replace(first.site, where=scan.where)
-    return replace(first, site=site, values={**first.values, "duration": duration}, edge=False)
+    placed = replace(first.placed, where=scan.where)
+    return replace(first, placed=placed, values={**first.values, "duration": duration}, edge=False)
 
 
 def _pulse_scans(test: ScoreTest) -> Iterator[_PulseScan]:
     """Yield the pulses at every place of every run."""
     raw = np.sum(test.sensitivities**2, axis=1)
-    for run in sorted({c.site.run for c in test.candidates if c.edge and c.site.run is not None}):
+    for run in sorted(
+        {c.placed.run for c in test.candidates if c.edge and c.placed.run is not None}
+    ):
         steps_of_axle = [
             [k for k, c in enumerate(test.candidates) if c.edge and _acts_at(c, axle, run)]
             for axle in AXLES
@@ -472,7 +474,7 @@ def _pulse_scans(test: ScoreTest) -> Iterator[_PulseScan]:
 
 
 def _acts_at(candidate: Candidate, axle: str, run: int) -> bool:
-    return candidate.site.where == axle and candidate.site.run == run
+    return candidate.placed.where == axle and candidate.placed.run == run
 
 
 def _with_end(of_steps: NDArray[np.floating]) -> Array:

@@ -16,7 +16,7 @@ from scipy.stats import norm, t
 
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, update_patterns_at
 from bayes_asv.posterior.free_simulation import free_run
@@ -101,11 +101,15 @@ class ErrorChange:
 
 def frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
     """Carry a model's car and effects to recordings; effects of a single run only to their own."""
-    sites: tuple[Site, ...] = tuple(s for s in model.sites if own or s.run is None)
-    posterior = dataset.target(sites)
+    placed_effects: tuple[PlacedEffect, ...] = tuple(
+        s for s in model.placed_effects if own or s.run is None
+    )
+    posterior = dataset.target(placed_effects)
     z = model.transfer(posterior.space)
-    if any(s.effect.acts == "reading" for s in sites):  # a sensor's fault follows from its signal
-        posterior = update_patterns_at(dataset, posterior, z).target(sites)
+    if any(
+        s.effect.acts == "reading" for s in placed_effects
+    ):  # a sensor's fault follows from its signal
+        posterior = update_patterns_at(dataset, posterior, z).target(placed_effects)
     return posterior, _fit_noise(posterior, z)
 
 

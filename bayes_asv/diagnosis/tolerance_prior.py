@@ -38,7 +38,7 @@ from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, logsumexp, ndtr
 
 from bayes_asv.diagnosis.score_test import NuisanceProjection, ScoreTest, nuisance_projection
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
@@ -325,10 +325,10 @@ def half_normal_correction(model: FittedModel, z: Array, covariance: Array) -> f
         Its posterior.
     """
     out = 0.0
-    for site in model.sites:
-        for p in site.effect.parameters:
+    for placed in model.placed_effects:
+        for p in placed.effect.parameters:
             if p.form == "positive":
-                k = model.space.names.index(site.coordinate_name(p))
+                k = model.space.names.index(placed.coordinate_name(p))
                 out += float(np.log(2.0 * ndtr(abs(z[k]) / np.sqrt(covariance[k, k]))))
     return out
 
@@ -426,8 +426,10 @@ def marginal_scores(test: ScoreTest) -> tuple[Array, Array]:
     tolerances = np.flatnonzero([c.tolerance for c in test.candidates])
     gradient, information = test.gradient.copy(), np.diag(test.information).copy()
     for k in range(len(gradient)):
-        site = test.candidates[k].site
-        others = np.array([j for j in tolerances if not site.meets(test.candidates[j].site)], int)
+        placed = test.candidates[k].placed
+        others = np.array(
+            [j for j in tolerances if not placed.meets(test.candidates[j].placed)], int
+        )
         precision = test.information[np.ix_(others, others)] + np.eye(len(others))
         cross = test.information[k, others]
         solved = np.linalg.solve(precision, np.column_stack([cross, test.gradient[others]]))
@@ -458,7 +460,7 @@ class _TolerancePrior(NamedTuple):
 
 
 def evidence_as_tolerance(
-    sites: Sequence[Site],
+    placed_effects: Sequence[PlacedEffect],
     model: FittedModel,
     evidence: ModelEvidence,
     candidates: Sequence[Candidate],
@@ -471,7 +473,7 @@ def evidence_as_tolerance(
 
     Parameters
     ----------
-    sites : sequence of Site
+    placed_effects : sequence of PlacedEffect
         The effects.
     model : FittedModel
         A model with them, at its mode.
@@ -489,15 +491,17 @@ def evidence_as_tolerance(
     if evidence.scale == 0.0 or not math.isfinite(evidence.log_evidence):
         return -math.inf
     z = model.mode.z + evidence.mode_shift
-    own = [model.space.names.index(s.coordinate_name(s.effect.parameters[0])) for s in sites]
+    own = [
+        model.space.names.index(s.coordinate_name(s.effect.parameters[0])) for s in placed_effects
+    ]
     covariance = evidence.covariance[np.ix_(own, own)]
     priors = []
-    for site, k in zip(sites, own, strict=True):
-        tolerances = [c for c in candidates if c.tolerance and site.meets(c.site)]
+    for placed, k in zip(placed_effects, own, strict=True):
+        tolerances = [c for c in candidates if c.tolerance and placed.meets(c.placed)]
         if not tolerances:
             return -math.inf
         sd = math.sqrt(evidence.covariance[k, k])
-        priors.append(_tolerance_prior(tolerances, site, model, z, k, sd, evidence.scale))
+        priors.append(_tolerance_prior(tolerances, placed, model, z, k, sd, evidence.scale))
     value = float(evidence.by_scale[int(np.argmax(evidence.scale == TOLERANCE_SCALES))])
     value -= half_normal_correction(model, z, evidence.covariance)
     return value + _log_ratio(z[own], covariance, priors)
@@ -523,7 +527,7 @@ def _log_ratio(mean: Array, covariance: Array, priors: list[_TolerancePrior]) ->
 
 def _tolerance_prior(
     tolerances: list[Candidate],
-    site: Site,
+    placed: PlacedEffect,
     model: FittedModel,
     z: Array,
     k: int,
@@ -536,11 +540,11 @@ def _tolerance_prior(
     """
     moved = z.copy()
     moved[k] += STEP
-    at_mode, next_to = model.space.effects(z)[site], model.space.effects(moved)[site]
+    at_mode, next_to = model.space.effects(z)[placed], model.space.effects(moved)[placed]
     parts = []
     for one in tolerances:
-        count = site.effect.tolerances(at_mode, one.values)
-        slope = (site.effect.tolerances(next_to, one.values) - count) / STEP
+        count = placed.effect.tolerances(at_mode, one.values)
+        slope = (placed.effect.tolerances(next_to, one.values) - count) / STEP
         least = 0.0 if one.one_sided else -MAX_TOLERANCES
         points = z[k] + (scale * np.array([0.0, least, MAX_TOLERANCES]) - count) / slope
         probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))

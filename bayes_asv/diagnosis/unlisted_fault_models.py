@@ -133,7 +133,7 @@ class FaultTerm(NamedTuple):
     form: Form
 
     @property
-    def site(self) -> tuple[str, str]:
+    def fault(self) -> tuple[str, str]:
         """What it is, and where; kinds that share both are one."""
         return self.kind.name, self.kind.place
 

@@ -62,7 +62,7 @@ from bayes_asv.domain.clocks import declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.clock_errors import synchronised
 from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car, make_dataset
@@ -153,7 +153,7 @@ def diagnose(
         stopped_by=selection.stopped_by,
     )
     if named:
-        alternative, fault = best_alternative(pooled, model, len(named), search.site_count)
+        alternative, fault = best_alternative(pooled, model, len(named), search.effect_count)
         unexplained = replace(unexplained, alternative=alternative)
         if alternative > ALTERNATIVE_MARGIN and not unexplained.detected:
             unexplained = replace(unexplained, closest_fault=fault)
@@ -161,7 +161,7 @@ def diagnose(
     if unexplained.detected:
         progress(0.92, "adding to the model what is left")
         remainder = explain_remainder(
-            assessed, len(named), search.site_count, search.without_tones, errors, seed
+            assessed, len(named), search.effect_count, search.without_tones, errors, seed
         )
         regression, errors = remainder.regression, remainder.errors
         alternative = max(unexplained.alternative, remainder.alternative)
@@ -250,8 +250,8 @@ class _Search(NamedTuple):
         The held-out recordings without engine tones.
     p_value : float
         Family-wise p-value of the linear car.
-    site_count : int
-        Number of sites that effects were selected from.
+    effect_count : int
+        Number of effects, each at each place, that were selected from.
     """
 
     selection: Selection
@@ -259,7 +259,7 @@ class _Search(NamedTuple):
     without_tones: Split
     held: tuple[PreparedRecording, ...]
     p_value: float
-    site_count: int
+    effect_count: int
 
 
 def _search(
@@ -290,7 +290,7 @@ def _search(
             again = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
             selection = select_effects(again, seed, progress)
     split = Split(dataset, _held_out(given, held, engine), linear)
-    return _Search(selection, engine, split, held, first.p_value, first.test.site_count)
+    return _Search(selection, engine, split, held, first.p_value, first.test.effect_count)
 
 
 def _held_out(
@@ -315,10 +315,10 @@ def missing_effects(
     seed: int = 0,
     progress: Progress | None = None,
     car: str = "half",
-) -> tuple[Site, ...]:
+) -> tuple[PlacedEffect, ...]:
     """Effects that are more probable than not, for an estimate with them in the model."""
     diagnosis = diagnose(recordings, (), vehicle, seed, progress, car)
-    return tuple(e.site for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
+    return tuple(e.placed for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
 
 
 def _synchronised(

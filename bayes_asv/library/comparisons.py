@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bayes_asv.analysis.session_changes import Session
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.models.effects import Site
+    from bayes_asv.models.effects import PlacedEffect
     from bayes_asv.report.schema import CompareDocument
 
 __all__ = ["Change", "Comparison", "compare"]
@@ -242,9 +242,9 @@ def compare(
             "compare", "both sessions need the same effects, and 'auto' may find others in each",
             "name the effects that bayes-asv diagnose finds",
         )  # fmt: skip
-    from bayes_asv.posterior.effect_fit import read_site
+    from bayes_asv.posterior.effect_fit import read_effect
 
-    _check_effects(read_site(name) for name in names)
+    _check_effects(read_effect(name) for name in names)
     sessions = [_listed(before), _listed(after)]
     # both in the units of the first
     later = vehicle if vehicle_after is None else replace(vehicle_after, units=vehicle.units)
@@ -308,7 +308,7 @@ def _check_alike(before: Estimate, after: Estimate) -> None:
         raise InputError(
             "compare", "the vehicles of the estimates have different units", "use one system"
         )
-    both = [{str(site) for site in one.engine.effects} for one in (before, after)]
+    both = [{str(placed) for placed in one.engine.effects} for one in (before, after)]
     if "refused" not in (before.verdict, after.verdict) and both[0] != both[1]:
         raise InputError(
             "compare", "the estimates have different effects", "estimate both with the same"
@@ -316,12 +316,12 @@ def _check_alike(before: Estimate, after: Estimate) -> None:
     _check_effects(before.engine.effects)
 
 
-def _check_effects(sites: Iterable[Site]) -> None:
+def _check_effects(placed_effects: Iterable[PlacedEffect]) -> None:
     """Refuse effects on given values: draws of these are then no errors of what is given."""
-    for site in sites:
-        if site.effect.acts == "car":
+    for placed in placed_effects:
+        if placed.effect.acts == "car":
             raise InputError(
-                str(site), "changes a given value, whose errors a comparison takes out",
+                str(placed), "changes a given value, whose errors a comparison takes out",
                 "leave it out, and give the value a larger sd in the vehicle file",
             )  # fmt: skip
 

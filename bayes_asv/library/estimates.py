@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bayes_asv.library.diagnoses import Diagnosis
     from bayes_asv.library.plots import EstimatePlots
     from bayes_asv.library.tracks import Track
-    from bayes_asv.models.effects import Site
+    from bayes_asv.models.effects import PlacedEffect
     from bayes_asv.report.schema import EstimateDocument
 
 __all__ = ["Estimate", "car_of", "check_seed", "estimate"]
@@ -230,10 +230,10 @@ def estimate(
         )  # fmt: skip
     with progress_bar(progress) as report:
         short = select_runs(runs, vehicle, below, car)[0] if _AUTO in names else ()
-        sites, report = _sites(names, short, vehicle, car, seed, report)
+        placed_effects, report = _placed_effects(names, short, vehicle, car, seed, report)
         result = estimation.estimate(
             runs, vehicle, likelihood=likelihood, below=below, seed=seed, progress=report,
-            sites=sites, car=car,
+            placed_effects=placed_effects, car=car,
         )  # fmt: skip
     from bayes_asv.report.documents.estimate import estimate_document
 
@@ -267,7 +267,7 @@ def car_of(recordings: object) -> str:
     return next(iter(cars_with(getattr(first, "channels", ()))), "half")
 
 
-def read_sites(effects: str | Sequence[str]) -> tuple[Site, ...]:
+def read_effects(effects: str | Sequence[str]) -> tuple[PlacedEffect, ...]:
     """Effects by their names, such as ``bound_rebound@front``.
 
     Raises
@@ -275,27 +275,27 @@ def read_sites(effects: str | Sequence[str]) -> tuple[Site, ...]:
     InputError
         When there is no such effect or place.
     """
-    from bayes_asv.posterior.effect_fit import read_site
+    from bayes_asv.posterior.effect_fit import read_effect
 
     names = (effects,) if isinstance(effects, str) else effects
-    return tuple(dict.fromkeys(read_site(name) for name in names))
+    return tuple(dict.fromkeys(read_effect(name) for name in names))
 
 
-def _sites(
+def _placed_effects(
     names: tuple[str, ...],
     runs: tuple[Recording, ...],
     vehicle: Vehicle,
     car: str,
     seed: int,
     report: Any,
-) -> tuple[tuple[Site, ...], Any]:
+) -> tuple[tuple[PlacedEffect, ...], Any]:
     """Effects by their names, those that a diagnosis names among them, and what is left to do."""
-    sites = read_sites([name for name in names if name != _AUTO])
+    placed_effects = read_effects([name for name in names if name != _AUTO])
     if _AUTO not in names:
-        return sites, report
+        return placed_effects, report
     from bayes_asv.diagnosis.workflow import missing_effects
 
     share = part_of(report, 0.0, _SHARE_OF_DIAGNOSIS)
     found = missing_effects(runs, vehicle, seed, share, car)
-    sites += tuple(site for site in found if site not in sites)
-    return sites, part_of(report, _SHARE_OF_DIAGNOSIS, 1.0)
+    placed_effects += tuple(placed for placed in found if placed not in placed_effects)
+    return placed_effects, part_of(report, _SHARE_OF_DIAGNOSIS, 1.0)

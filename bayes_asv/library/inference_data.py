@@ -21,7 +21,7 @@ from bayes_asv.estimate_result import Estimate
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.library.extras import import_extra
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior, shared_work
 
@@ -127,7 +127,7 @@ def coordinates(result: Estimate) -> Array | None:
     The inverse of :meth:`bayes_asv.posterior.parameters.ParameterSpace.quantities`.
     """
     space = result.space
-    if space is None or space.sites or result.pooled_draws:
+    if space is None or space.placed_effects or result.pooled_draws:
         return None
     car = space.car_coordinates(result.draws)
     if space.dimension == space.car_dimension:
@@ -139,31 +139,31 @@ def _nuisance(values: dict[str, Array]) -> dict[str, Array]:
     return {name.replace(" ", "_"): x for name, x in values.items()}
 
 
-def _effects(values: dict[Site, dict[str, Array]]) -> dict[str, Array]:
+def _effects(values: dict[PlacedEffect, dict[str, Array]]) -> dict[str, Array]:
     return {
-        _effect_label(site, name): x
-        for site, parameters in values.items()
+        _effect_label(placed, name): x
+        for placed, parameters in values.items()
         for name, x in parameters.items()
     }
 
 
-def _effect_label(site: Site, name: str) -> str:
+def _effect_label(placed: PlacedEffect, name: str) -> str:
     """Name a variable, ``<effect>_<where>_<parameter>``."""
-    return f"{str(site).replace('@', '_')}_{name}"
+    return f"{str(placed).replace('@', '_')}_{name}"
 
 
-def _units(names: Iterable[str], sites: Iterable[Site]) -> dict[str, str]:
+def _units(names: Iterable[str], placed_effects: Iterable[PlacedEffect]) -> dict[str, str]:
     """SI unit of each variable; empty for a number without one."""
     si = display_units("SI")
     units = {name: si[QUANTITIES[name][0]] for name in names if name in QUANTITIES}
     noises = {name: name.removeprefix("noise_").rpartition("_")[0] for name in names}
     units |= {n: channel(c).si_unit for n, c in noises.items() if n.startswith("noise_")}
     units |= {name: "s" for name in names if name.startswith("clock_offset_")}
-    for site in sites:
-        for parameter in site.effect.parameters:
+    for placed in placed_effects:
+        for parameter in placed.effect.parameters:
             # a share is of the declared bandwidth
             unit = "" if parameter.unit == "share" else parameter.unit
-            units[_effect_label(site, parameter.name)] = unit
+            units[_effect_label(placed, parameter.name)] = unit
     return units
 
 
@@ -191,7 +191,9 @@ def _prior(result: Estimate) -> Any:
     values = {**space.quantities(z, result.seed), **_effects(space.effect_draws(z))}
     if not result.pooled_draws:  # of runs that differ, this space is that of the first alone
         values |= _nuisance(space.nuisance(z))
-    return _dataset({name: x[None] for name, x in values.items()}, _units(values, space.sites))
+    return _dataset(
+        {name: x[None] for name, x in values.items()}, _units(values, space.placed_effects)
+    )
 
 
 def _log_likelihood(target: Posterior, z: Array) -> Any:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
-from bayes_asv.library.estimates import car_of, read_sites
+from bayes_asv.library.estimates import car_of, read_effects
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.progress import Progress, Report, progress_bar
 from bayes_asv.library.result import json_text
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.live.sources import Source, StreamInfo
     from bayes_asv.live.worker import StreamFilter
-    from bayes_asv.models.effects import Site
+    from bayes_asv.models.effects import PlacedEffect
     from bayes_asv.report.schema import WatchDocument
     from bayes_asv.tracking.alarm import Alarm, AlarmMonitor
     from bayes_asv.tracking.frames import Frames
@@ -147,15 +147,15 @@ def track_live(
     started = time.perf_counter()
     trackers: list[Tracker] = []
     rows: list[Trace] = []
-    sites = read_sites(effects)
+    placed_effects = read_effects(effects)
     # a recording is kept whole; a drive from a port may last for hours
     kept = DecimatedFrames() if recording is None else DecimatedFrames(len(recording.time))
 
     def make(stream: StreamInfo) -> Tracker:
         trackers.append(
             tracker_for(
-                stream.start, vehicle, car=name, effects=sites, rate=stream.rate, forget=forget,
-                engine=engine,
+                stream.start, vehicle, car=name, effects=placed_effects, rate=stream.rate,
+                forget=forget, engine=engine,
             )
         )  # fmt: skip
         if trace:
@@ -336,7 +336,7 @@ def watch(
         name = port.name if port is not None else ""
     monitor = AlarmMonitor(car_model(model, vehicle), below / 100.0, probability / 100.0, hold)
     tracker, alarm = _until_alarm(
-        source, monitor, vehicle, model, read_sites(effects), forget, engine
+        source, monitor, vehicle, model, read_effects(effects), forget, engine
     )
     if tracker is None:
         return None
@@ -348,7 +348,7 @@ def _until_alarm(
     monitor: AlarmMonitor,
     vehicle: Vehicle,
     car: str,
-    effects: Sequence[Site],
+    effects: Sequence[PlacedEffect],
     forget: float,
     engine: str,
 ) -> tuple[Tracker | None, Alarm | None]:

@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
-from bayes_asv.library.estimates import car_of, check_seed, read_sites
+from bayes_asv.library.estimates import car_of, check_seed, read_effects
 from bayes_asv.library.extras import import_extra
 from bayes_asv.library.inputs import check_inputs
 from bayes_asv.library.parameter import from_log_normal
@@ -176,10 +176,16 @@ def track(
         raise InputError("track", f"{len(runs)} recordings were given", "track one after the other")
     from bayes_asv.tracking import track as engine_track
 
-    sites = read_sites(effects)
+    placed_effects = read_effects(effects)
     with progress_bar(progress) as report:
         result = engine_track.track(
-            runs[0], given, car=name, effects=sites, forget=forget, engine=engine, progress=report
+            runs[0],
+            given,
+            car=name,
+            effects=placed_effects,
+            forget=forget,
+            engine=engine,
+            progress=report,
         )
     return track_of(result, seed)
 

@@ -28,7 +28,7 @@ from bayes_asv.domain.recording import Recording, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.parameters import space
@@ -240,22 +240,22 @@ def synchronised(
     return Synchronised(tuple(jobs), tuple(prepared), tuple(timed), modes)
 
 
-def fit_synchronised(timed: Synchronised, sites: tuple[Site, ...] = ()) -> MapFit:
+def fit_synchronised(timed: Synchronised, placed_effects: tuple[PlacedEffect, ...] = ()) -> MapFit:
     """Fit all runs together, and expand the likelihood again where its mode has moved.
 
     Parameters
     ----------
     timed : Synchronised
         Recordings whose clocks have been compared.
-    sites : tuple of Site
+    placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     """
     first = timed.jobs[0]
-    if len(timed.jobs) == 1 and timed.modes[0] and not sites:
+    if len(timed.jobs) == 1 and timed.modes[0] and not placed_effects:
         return timed.modes[0][0].fit
     recordings = timed.prepared
     for _ in range(_ROUNDS):
-        fit = best_fit(recordings, first.vehicle, first.likelihood, sites)
+        fit = best_fit(recordings, first.vehicle, first.likelihood, placed_effects)
         settled, out = True, []
         for run, (job, recording) in enumerate(zip(timed.jobs, recordings, strict=True)):
             if recording.retimed is not None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.clocks import GROUPS
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.effects import BOTH, EFFECTS, Effect, Site, site
+from bayes_asv.models.effects import BOTH, EFFECTS, Effect, PlacedEffect, placed_effect
 from bayes_asv.posterior.fitted_model import (
     Dataset,
     FittedModel,
@@ -28,7 +28,7 @@ from bayes_asv.posterior.fitted_model import (
 )
 from bayes_asv.posterior.free_simulation import free_run
 
-__all__ = ["Candidate", "candidates", "fit_with_effect", "read_site", "with_effects"]
+__all__ = ["Candidate", "candidates", "fit_with_effect", "read_effect", "with_effects"]
 
 _DEEP = tuple(np.linspace(0.5, 0.95, 10).tolist())  # shares of the travel used where a stop may be
 _SOFT = 1.0  # rate of a stop that is looked for, in spring rates
@@ -45,7 +45,7 @@ class Candidate:
 
     Parameters
     ----------
-    site : Site
+    placed : PlacedEffect
         What and where.
     values : mapping
         Values of its parameters (SI units) that stand for a little of it.
@@ -59,7 +59,7 @@ class Candidate:
         A force that begins and never ends.
     """
 
-    site: Site
+    placed: PlacedEffect
     values: Mapping[str, float]
     tolerance: bool
     one_sided: bool
@@ -99,10 +99,10 @@ def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
         if effect.on_request:
             continue
         for where in effect.places:
-            site = Site(effect, where)
-            elements = site.elements(model.space.car)
-            known = any(other.covers(site) for other in model.sites)
-            if known or not _possible(site, model, vehicle):
+            placed = PlacedEffect(effect, where)
+            elements = placed.elements(model.space.car)
+            known = any(other.covers(placed) for other in model.placed_effects)
+            if known or not _possible(placed, model, vehicle):
                 continue
             if effect.slight is not None:
                 # at several elements or channels a tolerance is that of one and of the others
@@ -112,20 +112,20 @@ def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
                 if effect.straight is not None:
                     own = used[list(elements)].max(axis=0)
                     values = effect.straight(values, max(own[0], own[1]), own[2])
-                out.append(Candidate(site, values, tolerance, effect.one_sided))
+                out.append(Candidate(placed, values, tolerance, effect.one_sided))
             elif effect.stops:
                 travel = used[list(elements), 0 if effect.stops == "compression" else 1].max()
-                out += _stops(site, travel, _SOFT * scale.spring)
+                out += _stops(placed, travel, _SOFT * scale.spring)
             elif not effect.in_one_run:
                 first = effect.parameters[0]
                 sizes = [start * first.size(scale) for start in first.starts]
-                out += [Candidate(site, {first.name: x}, False, effect.one_sided) for x in sizes]
+                out += [Candidate(placed, {first.name: x}, False, effect.one_sided) for x in sizes]
             elif where != BOTH:
                 out += _edges(effect, where, model)
     return out
 
 
-def _stops(site: Site, travel: float, rate: float) -> list[Candidate]:
+def _stops(placed: PlacedEffect, travel: float, rate: float) -> list[Candidate]:
     """List stops within the travel that was used.
 
     They come in over a small part of it: a stop of a light car that was just reached for 15 ms had
@@ -133,7 +133,7 @@ def _stops(site: Site, travel: float, rate: float) -> list[Candidate]:
     """
     onset = min(_ONSET, _SHARP * travel)
     return [
-        Candidate(site, {"gap": share * travel, "rate": rate, "onset": onset}, False, True)
+        Candidate(placed, {"gap": share * travel, "rate": rate, "onset": onset}, False, True)
         for share in _DEEP
         if share * travel > onset
     ]
@@ -152,31 +152,31 @@ def _edges(effect: Effect, where: str, model: FittedModel) -> list[Candidate]:
     grid = max(_GRID, float(np.sum(np.diff(spans))) / _EDGES)
     out = []
     for run, span in enumerate(spans):
-        site = Site(effect, where, run)
+        placed = PlacedEffect(effect, where, run)
         for begin in np.arange(span[0], span[1], grid):
             values = {"force": _PUSH * load, "start": float(begin), "duration": _FOR_EVER}
-            out.append(Candidate(site, {**values, "rise": grid}, False, False, edge=True))
+            out.append(Candidate(placed, {**values, "rise": grid}, False, False, edge=True))
     return out
 
 
-def _possible(site: Site, model: FittedModel, vehicle: Vehicle) -> bool:
+def _possible(placed: PlacedEffect, model: FittedModel, vehicle: Vehicle) -> bool:
     """Whether a car and its sensors can have an effect."""
     car = model.space.car
-    if site.effect.acts == "reading":
+    if placed.effect.acts == "reading":
         names = {channel.name for run in model.space.recordings for channel in run.channels}
-        affected = site.channels(sorted(names))
-        corner = site.effect.fault == "bandwidth"
+        affected = placed.channels(sorted(names))
+        corner = placed.effect.fault == "bandwidth"
         return 0 < len(affected) < len(names) and not (
-            corner and vehicle.sensor(site.where).bandwidth is None
+            corner and vehicle.sensor(placed.where).bandwidth is None
         )
-    if site.where == BOTH:
+    if placed.where == BOTH:
         return len({element.axle for element in car.elements}) > 1
-    return not site.where or bool(site.elements(car))
+    return not placed.where or bool(placed.elements(car))
 
 
 Array = NDArray[np.float64]
 
-_TRIED = 2  # starts from which a site is fitted
+_TRIED = 2  # starts from which an effect is fitted
 _AT_MOST = 4  # the same, where less is gained than its score promises
 _KEPT = 0.7  # share of a promise that is enough
 _LOOKED = (-2.5, -1.5, -0.7, 0.7, 1.5, 2.5)  # deviations along a shape
@@ -187,7 +187,7 @@ _KNOWN = 10.0  # nats that the far end of a shape costs where the data know it
 _LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is asked for
 
 
-def read_site(text: str) -> Site:
+def read_effect(text: str) -> PlacedEffect:
     """Read an effect as the command line takes it, ``name`` or ``name@where``.
 
     Raises
@@ -199,14 +199,14 @@ def read_site(text: str) -> Site:
     if name not in EFFECTS:
         raise InputError(text, "is no effect", f"there are {', '.join(EFFECTS)}")
     try:
-        return site(text)
+        return placed_effect(text)
     except KeyError:
         places = ", ".join(f"{name}@{w}" if w else name for w in EFFECTS[name].places)
         raise InputError(text, f"'{where}' is no place for it", f"say {places}") from None
 
 
 def with_effects(
-    dataset: Dataset, sites: Sequence[Site], start: FittedModel | None = None
+    dataset: Dataset, placed_effects: Sequence[PlacedEffect], start: FittedModel | None = None
 ) -> tuple[Dataset, FittedModel]:
     """Fit a model with given effects, one added after the other.
 
@@ -214,7 +214,7 @@ def with_effects(
     ----------
     dataset : Dataset
         Recordings.
-    sites : sequence of Site
+    placed_effects : sequence of PlacedEffect
         Effects in order.
     start : FittedModel, optional
         What they are added to; the car without effects where it is left out.
@@ -233,10 +233,10 @@ def with_effects(
         target = dataset.target(())
         model = fitted(target, np.zeros(target.space.dimension))
     else:
-        model = fit_again(dataset, start, start.sites)
+        model = fit_again(dataset, start, start.placed_effects)
     dataset = update_patterns(dataset, model)
-    for one in sites:
-        known = next((other for other in model.sites if other.covers(one)), None)
+    for one in placed_effects:
+        known = next((other for other in model.placed_effects if other.covers(one)), None)
         if known is not None:
             raise InputError(
                 str(one), f"is in the model already, in {known}", "leave one of them out"
@@ -257,31 +257,31 @@ def with_effects(
     return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
 
 
-def _groups(model: FittedModel, dataset: Dataset, site: Site) -> list[list[Candidate]]:
+def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[list[Candidate]]:
     """Values from which to add an effect, one group a run that it may be in."""
-    if site.effect.on_request:
-        if not _possible(site, model, dataset.vehicle):
+    if placed.effect.on_request:
+        if not _possible(placed, model, dataset.vehicle):
             return []
-        return [[Candidate(site, values, False, True) for values in site.effect.begins]]
-    if not site.effect.in_one_run:
-        return [[c for c in candidates(model, dataset.vehicle) if str(c.site) == str(site)]]
-    runs = range(len(dataset.recordings)) if site.run is None else (site.run,)
+        return [[Candidate(placed, values, False, True) for values in placed.effect.begins]]
+    if not placed.effect.in_one_run:
+        return [[c for c in candidates(model, dataset.vehicle) if str(c.placed) == str(placed)]]
+    runs = range(len(dataset.recordings)) if placed.run is None else (placed.run,)
     edges = [
         c
         for c in candidates(model, dataset.vehicle)
-        if c.edge and c.site.where == _first_place(model)
+        if c.edge and c.placed.where == _first_place(model)
     ]
     return [
         [
             replace(
                 c,
-                site=replace(site, run=run),
+                placed=replace(placed, run=run),
                 values={**c.values, "duration": lasts},
                 edge=False,
             )
             for c in edges
             for lasts in _LENGTHS
-            if c.site.run == run
+            if c.placed.run == run
         ]
         for run in runs
     ]
@@ -308,18 +308,18 @@ def fit_with_effect(
     model : FittedModel
         The model so far, at its mode.
     group : sequence of Candidate
-        Of one site: sets of values to begin from.
+        Of one effect at its place: sets of values to begin from.
     promised : float
         Nats that a little of it would gain to first order.  A fit that gains much less has climbed
         another hill: a stop that is soft and early where a hard one is just reached.
     floor : float
         Log-posterior that others reach; what stays far below is not followed to its mode.
     """
-    site = group[0].site
-    sites = (*model.sites, site)
-    target = dataset.target(sites)
+    placed = group[0].placed
+    placed_effects = (*model.placed_effects, placed)
+    target = dataset.target(placed_effects)
     scale = target.space.sizes
-    first = site.effect.parameters[0]
+    first = placed.effect.parameters[0]
     starts: list[tuple[float, int, Array]] = []
     for candidate in group:
         tried = [candidate.values]  # a little of it: next to where the model stands already
@@ -329,7 +329,7 @@ def fit_with_effect(
             sizes += [-s for s in sizes if two_sided and s > 0.0]
             tried += [{**candidate.values, first.name: size} for size in sizes]
         for values in tried:
-            z = transfer_coordinates(model.space, model.mode.z, target.space, site, values)
+            z = transfer_coordinates(model.space, model.mode.z, target.space, placed, values)
             starts.append((float(target.log_posterior(z[None])[0]), len(starts), z))
     starts.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
@@ -342,13 +342,13 @@ def fit_with_effect(
         if kept and (at_noise or fits >= _TRIED):  # at the noise no start can end lower
             break
     assert best is not None
-    return _over_the_next_hill(best) if site.effect.acts != "reading" else _again(dataset, best)
+    return _over_the_next_hill(best) if placed.effect.acts != "reading" else _again(dataset, best)
 
 
 def _again(dataset: Dataset, model: FittedModel) -> FittedModel:
     """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
     better = update_patterns(dataset, model)
-    return fitted(better.target(model.sites), model.mode.z)
+    return fitted(better.target(model.placed_effects), model.mode.z)
 
 
 def _over_the_next_hill(model: FittedModel) -> FittedModel:
@@ -361,10 +361,10 @@ def _over_the_next_hill(model: FittedModel) -> FittedModel:
     """
     space, z = model.space, model.mode.z
     shapes = [
-        space.names.index(site.coordinate_name(p))
-        for site in model.sites
-        for p in site.effect.parameters
-        if p.shape and not site.effect.free_form
+        space.names.index(placed.coordinate_name(p))
+        for placed in model.placed_effects
+        for p in placed.effect.parameters
+        if p.shape and not placed.effect.free_form
     ]
     if not shapes:
         return model

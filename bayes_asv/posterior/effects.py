@@ -27,7 +27,7 @@ from bayes_asv.filters.force_laws import table_of_laws
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.models.outputs import relative_offset
 from bayes_asv.preprocessing.measured_inputs import denoise_wheel, unit_input_moments
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -36,7 +36,7 @@ from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 __all__ = ["NO_FILTER", "SensorPatterns", "Values", "law_table", "patterns"]
 
 Array = NDArray[np.float64]
-Values = Mapping[Site, Mapping[str, float]]
+Values = Mapping[PlacedEffect, Mapping[str, float]]
 
 NO_FILTER = 0.4
 """Share of the sampling rate that is the pole of a filter which nobody declared."""
@@ -47,14 +47,14 @@ _DEGREE = 7  # of the spline whose fourth derivative is asked for
 def law_table(car: CarModel, values: Values, run: int) -> Array:
     """Table (K, P) of the laws that act on the suspension elements of a car in one run."""
     out: list[list[float]] = []
-    for site, value in values.items():
-        if site.effect.packed is None or site.run not in (None, run):
+    for placed, value in values.items():
+        if placed.effect.packed is None or placed.run not in (None, run):
             continue
-        packed = site.effect.packed(value)
-        elements = site.elements(car)
-        if site.effect.split_between_axles:
+        packed = placed.effect.packed(value)
+        elements = placed.elements(car)
+        if placed.effect.split_between_axles:
             packed = (packed[0] / len(elements), *packed[1:])
-        out += [[e, site.effect.code, *packed] for e in elements]
+        out += [[e, placed.effect.code, *packed] for e in elements]
     return table_of_laws(out)
 
 
@@ -154,10 +154,10 @@ class SensorPatterns:
         """
         names = [channel.name for channel in recording.channels]
         known = tuple(
-            (names.index(name), site.effect.fault, next(iter(value.values())))
-            for site, value in values.items()
-            if site.effect.fault
-            for name in site.channels(names)
+            (names.index(name), placed.effect.fault, next(iter(value.values())))
+            for placed, value in values.items()
+            if placed.effect.fault
+            for name in placed.channels(names)
         )
         return _corrected(self, recording, known, tuple(float(x) for x in zeros))
 

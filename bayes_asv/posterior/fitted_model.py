@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.denoised_inputs import above, denoise_and_predict
 from bayes_asv.posterior.effects import SensorPatterns, patterns
 from bayes_asv.posterior.fisher_scoring import LaplaceFit, maximise
@@ -72,10 +72,12 @@ class Dataset:
             )
         )
 
-    def target(self, sites: tuple[Site, ...], hold: bool = False) -> Posterior:
+    def target(self, placed_effects: tuple[PlacedEffect, ...], hold: bool = False) -> Posterior:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
         held = frozenset(range(len(self.recordings))) if hold else frozenset()
-        parameter_space = space(self.vehicle, self.recordings, hold=held, sites=sites, near=True)
+        parameter_space = space(
+            self.vehicle, self.recordings, hold=held, placed_effects=placed_effects, near=True
+        )
         return Posterior(
             parameter_space, (WHITE,) * len(self.recordings),
             patterns=self.patterns, perturbations=self.perturbations,
@@ -139,7 +141,7 @@ class FittedModel:
 
     Parameters
     ----------
-    sites : tuple of Site
+    placed_effects : tuple of PlacedEffect
         Its effects, in the order in which they were added.
     target : Posterior
         Its posterior.
@@ -147,7 +149,7 @@ class FittedModel:
         Where it is highest.
     """
 
-    sites: tuple[Site, ...]
+    placed_effects: tuple[PlacedEffect, ...]
     target: Posterior
     mode: LaplaceFit
 
@@ -165,7 +167,7 @@ def transfer_coordinates(
     old: ParameterSpace,
     z: Array,
     new: ParameterSpace,
-    site: Site | None,
+    placed: PlacedEffect | None,
     values: Mapping[str, float],
 ) -> Array:
     """Coordinates of a larger or smaller model, everything in common kept.
@@ -176,14 +178,14 @@ def transfer_coordinates(
         Where one stands.
     new : ParameterSpace
         Where to go.
-    site, values
+    placed, values
         What is new, and the values (SI units) at which it begins; others begin at their centre.
     """
     known = dict(zip(old.names, z, strict=True))
     out = np.array([known.get(name, 0.0) for name in new.names])
-    if site is not None:
-        for parameter in site.effect.parameters:
-            k = new.index[site.coordinate_name(parameter)]
+    if placed is not None:
+        for parameter in placed.effect.parameters:
+            k = new.index[placed.coordinate_name(parameter)]
             if parameter.name in values:
                 out[k] = parameter.coordinate(values[parameter.name], new.sizes)
     return out
@@ -193,12 +195,14 @@ def fitted(target: Posterior, start: Array, floor: float = -math.inf) -> FittedM
     """Maximise the posterior of a model; stop early where a floor (nats) is out of reach."""
     with shared_work(target) as shared:
         mode = maximise(shared, start, floor)
-    return FittedModel(target.space.sites, replace(target, pool=None), mode)
+    return FittedModel(target.space.placed_effects, replace(target, pool=None), mode)
 
 
-def fit_again(dataset: Dataset, model: FittedModel, sites: tuple[Site, ...]) -> FittedModel:
+def fit_again(
+    dataset: Dataset, model: FittedModel, placed_effects: tuple[PlacedEffect, ...]
+) -> FittedModel:
     """Fit a model with some effects to recordings, starting at the mode of another model."""
-    target = dataset.target(sites)
+    target = dataset.target(placed_effects)
     return fitted(target, model.transfer(target.space))
 
 

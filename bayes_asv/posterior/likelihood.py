@@ -216,7 +216,7 @@ class Posterior:
             value = kalman_ar.log_likelihood(
                 system, noise, recording.measurements, recording.ends_group, *colour
             )
-        elif not (self.space.sites or self.perturbations):
+        elif not (self.space.placed_effects or self.perturbations):
             value = kalman.log_likelihood(system, noise, recording.measurements)
             value += self.removed_band_correction(z, run)
         else:
@@ -330,7 +330,7 @@ class Posterior:
 
     def _innovations(self, z: Array, run: int, colour: ResidualAR) -> Array:
         """Normalised innovations (W, E, ny) of one run at coordinates (W, D)."""
-        if self.space.sites or self.perturbations:
+        if self.space.placed_effects or self.perturbations:
             return self.filter_passes(z, run)[0]
         recording = self.space.recordings[run]
         retimed = recording.retimed

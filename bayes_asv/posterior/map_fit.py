@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.band_fit import climb, fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
@@ -95,7 +95,7 @@ def best_fit(
     recordings: tuple[PreparedRecording, ...],
     vehicle: Vehicle,
     likelihood: str = "innovations",
-    sites: tuple[Site, ...] = (),
+    placed_effects: tuple[PlacedEffect, ...] = (),
 ) -> MapFit:
     """Find the mode of the posterior, with the residual autoregression of the innovations there.
 
@@ -107,7 +107,7 @@ def best_fit(
         Gives the priors.
     likelihood : str
         ``innovations`` or ``output-error``.
-    sites : tuple of Site
+    placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have; innovations are then taken to be white.
 
     Returns
@@ -119,8 +119,8 @@ def best_fit(
     near = None
     if likelihood == "innovations" and recordings[0].below is not None:
         mode, target, shares = fit_in_band(recordings, vehicle)
-    elif sites:
-        mode, target, near = _with_sites(recordings, vehicle, sites)
+    elif placed_effects:
+        mode, target, near = _with_effects(recordings, vehicle, placed_effects)
     else:
         mode, target = _at_full_band(recordings, vehicle, likelihood)
     return replace(_judged(target, mode, shares), tight_noise_fit=near)
@@ -183,16 +183,18 @@ def _at_full_band(
     return _with_colour(target, mode, vehicle)
 
 
-def _with_sites(
-    recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, sites: tuple[Site, ...]
+def _with_effects(
+    recordings: tuple[PreparedRecording, ...],
+    vehicle: Vehicle,
+    placed_effects: tuple[PlacedEffect, ...],
 ) -> tuple[PosteriorMode, Posterior, FittedModel]:
     """Climb to the mode of a model with effects, its noise levels free.
 
     Returns the model with noise levels near the declared ones as well.
     """
     alone = tuple(replace(recording, retimed=None) for recording in recordings)
-    dataset, model = with_effects(make_dataset(vehicle, alone), sites)
-    whole = space(vehicle, recordings, sites=model.sites)
+    dataset, model = with_effects(make_dataset(vehicle, alone), placed_effects)
+    whole = space(vehicle, recordings, placed_effects=model.placed_effects)
     others = _retimed_patterns(recordings, vehicle, model)
     target = Posterior(
         whole, (WHITE,) * len(recordings), patterns=dataset.patterns, retimed_patterns=others
@@ -218,7 +220,7 @@ def _retimed_patterns(
             for x in recordings
         )
         dataset = make_dataset(vehicle, there)
-        target = dataset.target(model.sites)
+        target = dataset.target(model.placed_effects)
         z = transfer_coordinates(model.space, model.mode.z, target.space, None, {})
         found.append(update_patterns_at(dataset, target, z).patterns)
     return tuple(zip(*found, strict=True)) if found else ()

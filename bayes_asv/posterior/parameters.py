@@ -29,7 +29,7 @@ from bayes_asv.models.car_model import (
     Values,
     state_space,
 )
-from bayes_asv.models.effects import Parameter, Scale, Site
+from bayes_asv.models.effects import Parameter, PlacedEffect, Scale
 from bayes_asv.posterior.car_prior import CarPrior, effect_scale, prior_of_vehicle
 from bayes_asv.preprocessing.measured_inputs import INPUT_BIAS_SD
 from bayes_asv.preprocessing.prepared_recording import ClockError, PreparedRecording
@@ -40,7 +40,7 @@ __all__ = [
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
-EffectValues = dict[Site, dict[str, float]]
+EffectValues = dict[PlacedEffect, dict[str, float]]
 
 # Where a disagreement is looked for, noise must not swell until it has swallowed it: in no case to
 # more than half as much again, or twice as much where none is given.
@@ -71,7 +71,7 @@ class Coordinate:
         Channel of a gain or a noise level, element of an input bias, or name of a clock.
     run : int or None
         The only run that depends on it; None for all.
-    site : Site or None
+    placed : PlacedEffect or None
         Effect that it belongs to, with
     parameter : Parameter or None
         which of its parameters it is.
@@ -83,7 +83,7 @@ class Coordinate:
     scale: float = 1.0
     channel: str = ""
     run: int | None = None
-    site: Site | None = None
+    placed: PlacedEffect | None = None
     parameter: Parameter | None = None
 
 
@@ -103,7 +103,7 @@ class ParameterSpace:
         ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
     held : tuple of (C,) arrays
         Noise level of each channel of each run (SI units) where it is not sampled.
-    sites : tuple of Site
+    placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     sizes : Scale
         What the effects' priors are given in.
@@ -119,7 +119,7 @@ class ParameterSpace:
     recordings: tuple[PreparedRecording, ...]
     likelihood: str
     held: tuple[Array, ...]
-    sites: tuple[Site, ...] = ()
+    placed_effects: tuple[PlacedEffect, ...] = ()
     sizes: Scale = field(default_factory=lambda: Scale(1.0, 1.0))
     tight_noise: bool = False
     sensors: tuple[int, ...] = ()
@@ -197,26 +197,26 @@ class ParameterSpace:
     def effects(self, z: Array) -> EffectValues:
         """Values of the effects' parameters, SI units, at coordinates (D,)."""
         return {
-            site: {
-                p.name: float(p.value(z[self.index[site.coordinate_name(p)]], self.sizes))
-                for p in site.effect.parameters
+            placed: {
+                p.name: float(p.value(z[self.index[placed.coordinate_name(p)]], self.sizes))
+                for p in placed.effect.parameters
             }
-            for site in self.sites
+            for placed in self.placed_effects
         }
 
-    def effect_draws(self, z: Array) -> dict[Site, dict[str, Array]]:
+    def effect_draws(self, z: Array) -> dict[PlacedEffect, dict[str, Array]]:
         """Values (N,) of the effects' parameters that are reported, at coordinates (N, D)."""
         return {
-            site: {name: x for name, x in self._of_effect(site, z).items() if name in reported}
-            for site in self.sites
-            for reported in [{p.name for p in site.effect.parameters if not p.shape}]
+            placed: {name: x for name, x in self._of_effect(placed, z).items() if name in reported}
+            for placed in self.placed_effects
+            for reported in [{p.name for p in placed.effect.parameters if not p.shape}]
         }
 
-    def _of_effect(self, site: Site, z: Array) -> dict[str, Array]:
+    def _of_effect(self, placed: PlacedEffect, z: Array) -> dict[str, Array]:
         """Values (W,) of an effect's parameters at coordinates (W, D)."""
         return {
-            p.name: p.value(z[:, self.index[site.coordinate_name(p)]], self.sizes)
-            for p in site.effect.parameters
+            p.name: p.value(z[:, self.index[placed.coordinate_name(p)]], self.sizes)
+            for p in placed.effect.parameters
         }
 
     def values(self, z: Array, unidentified: Array | None = None) -> Values:
@@ -239,9 +239,9 @@ class ParameterSpace:
         for k, coordinate in enumerate(self.coordinates[: self.car_dimension]):
             if coordinate.kind == "fraction":
                 out[coordinate.name] = coordinate.centre + coordinate.scale * z[:, k]
-        for site in self.sites:
-            if site.effect.on_car is not None:
-                site.effect.on_car(out, self._of_effect(site, z), site.where, self.car)
+        for placed in self.placed_effects:
+            if placed.effect.on_car is not None:
+                placed.effect.on_car(out, self._of_effect(placed, z), placed.where, self.car)
         return out
 
     def cars(self, z: Array, unidentified: Array | None = None) -> Array:
@@ -280,11 +280,11 @@ class ParameterSpace:
             for c, channel in enumerate(recording.channels):
                 if channel.name == coordinate.channel and recording.scale_sd[c] > 0.0:
                     gains[:, c] *= np.exp(coordinate.centre + coordinate.scale * z[:, k])
-        for site in self.sites:
-            if site.effect.on_gain is not None:
+        for placed in self.placed_effects:
+            if placed.effect.on_gain is not None:
                 for c, channel in enumerate(recording.channels):
-                    if channel.name == site.where:
-                        gains[:, c] *= site.effect.on_gain(self._of_effect(site, z))
+                    if channel.name == placed.where:
+                        gains[:, c] *= placed.effect.on_gain(self._of_effect(placed, z))
         return gains[:, list(recording.inputs)], gains[:, list(recording.outputs)]
 
     def state_space(self, z: Array, run: int) -> StateSpace:
@@ -316,9 +316,9 @@ class ParameterSpace:
             ] ** 2 / 12.0
             filtered[:, column] = passed * variance
             poles[:, column] = recording.poles[c]
-            for site in self.sites:
-                if site.effect.on_pole is not None and site.where == channel:
-                    poles[:, column] *= site.effect.on_pole(self._of_effect(site, z))
+            for placed in self.placed_effects:
+                if placed.effect.on_pole is not None and placed.where == channel:
+                    poles[:, column] *= placed.effect.on_pole(self._of_effect(placed, z))
         return SensorNoise(white, filtered, poles)
 
     def _level(self, z: Array, k: int) -> Array:
@@ -472,7 +472,7 @@ def space(
     recordings: tuple[PreparedRecording, ...],
     likelihood: str = "innovations",
     hold: frozenset[int] = frozenset(),
-    sites: tuple[Site, ...] = (),
+    placed_effects: tuple[PlacedEffect, ...] = (),
     near: bool = False,
 ) -> ParameterSpace:
     """Set up the coordinates for a vehicle and its recordings.
@@ -488,7 +488,7 @@ def space(
     hold : frozenset of int
         Runs whose noise levels are held at the centre of their prior: under a residual
         autoregression they are but the shape of a filter, and the autoregression has the scale.
-    sites : tuple of Site
+    placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     near : bool
         Keep noise levels near what is given.
@@ -516,10 +516,12 @@ def space(
         for channel, sd in scale_sd.items()
         if sd > 0.0
     ]
-    for site in sites:
+    for placed in placed_effects:
         coordinates += [
-            Coordinate("effect", site.coordinate_name(p), site=site, parameter=p, run=site.run)
-            for p in site.effect.parameters
+            Coordinate(
+                "effect", placed.coordinate_name(p), placed=placed, parameter=p, run=placed.run
+            )
+            for p in placed.effect.parameters
         ]
     clocks = {
         _clock_name(error, run): Coordinate(
@@ -534,7 +536,7 @@ def space(
     with_travel = [
         element.name
         for element in car.elements
-        if any(site.effect.travel and element.carries(site.where) for site in sites)
+        if any(placed.effect.travel and element.carries(placed.where) for placed in placed_effects)
     ]
     held = []
     sensors = _sensors(recordings, hold)
@@ -579,7 +581,7 @@ def space(
         recordings=recordings,
         likelihood=likelihood,
         held=tuple(held),
-        sites=sites,
+        placed_effects=placed_effects,
         sizes=effect_scale(car),
         tight_noise=near,
         sensors=sensors,

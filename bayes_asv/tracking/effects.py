@@ -23,7 +23,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
 from bayes_asv.filters.ukf_state import GRID, LawTable
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.effects import Parameter, Scale, Site
+from bayes_asv.models.effects import Parameter, PlacedEffect, Scale
 from bayes_asv.posterior.car_prior import effect_scale
 
 __all__ = [
@@ -47,7 +47,7 @@ class EffectParameter:
 
     Parameters
     ----------
-    site : Site
+    placed : PlacedEffect
         The effect and its place.
     parameter : Parameter
         Which of its parameters.
@@ -57,7 +57,7 @@ class EffectParameter:
         It is the factor on a fraction of the car, one plus ``wide`` times its coordinate.
     """
 
-    site: Site
+    placed: PlacedEffect
     parameter: Parameter
     size: float
     linear: bool = False
@@ -65,7 +65,7 @@ class EffectParameter:
     @property
     def name(self) -> str:
         """Unique name."""
-        return self.site.coordinate_name(self.parameter)
+        return self.placed.coordinate_name(self.parameter)
 
     def values(self, z: Array) -> Array:
         """Values at standard normal coordinates; of a force with the coordinate's sign."""
@@ -97,7 +97,9 @@ class EffectParameter:
         return average, np.sqrt(weights @ (values - average) ** 2)
 
 
-def check_trackable(car: CarModel, sites: Sequence[Site], channels: Sequence[str]) -> None:
+def check_trackable(
+    car: CarModel, placed_effects: Sequence[PlacedEffect], channels: Sequence[str]
+) -> None:
     """Refuse effects that cannot be tracked online.
 
     Raises
@@ -105,8 +107,8 @@ def check_trackable(car: CarModel, sites: Sequence[Site], channels: Sequence[str
     InputError
         In one sentence.
     """
-    for site in sites:
-        effect, where = site.effect, f"--with {site}"
+    for placed in placed_effects:
+        effect, where = placed.effect, f"--with {placed}"
         if effect.in_one_run:
             raise InputError(
                 where, "cannot be tracked: when it acts is known only after the drive",
@@ -127,46 +129,48 @@ def check_trackable(car: CarModel, sites: Sequence[Site], channels: Sequence[str
             raise InputError(
                 where, "cannot be tracked: its force has a state of its own in each damper", _FIX
             )
-        if effect.code >= 0 and not _is_separable(site, effect_scale(car)):
+        if effect.code >= 0 and not _is_separable(placed, effect_scale(car)):
             raise InputError(
                 where, "cannot be tracked: its law is no table of one parameter each", _FIX
             )
-        if effect.acts == "suspension" and not site.elements(car):
+        if effect.acts == "suspension" and not placed.elements(car):
             raise InputError(
                 where, f"is at no suspension of the {car.name} car", "name another place"
             )
-        if effect.acts == "reading" and not site.channels(channels):
+        if effect.acts == "reading" and not placed.channels(channels):
             raise InputError(where, "is of a channel that is not measured", "name another channel")
-        if effect.acts == "car" and not _affected(car, site):
+        if effect.acts == "car" and not _affected(car, placed):
             raise InputError(where, f"changes nothing of the {car.name} car", "leave it out")
-    for k, site in enumerate(sites):
-        if any(site.meets(other) for other in sites[:k]):
-            raise InputError(f"--with {site}", "is named twice", "leave one of them out")
+    for k, placed in enumerate(placed_effects):
+        if any(placed.meets(other) for other in placed_effects[:k]):
+            raise InputError(f"--with {placed}", "is named twice", "leave one of them out")
 
 
-def effect_parameters(car: CarModel, sites: Sequence[Site]) -> tuple[EffectParameter, ...]:
+def effect_parameters(
+    car: CarModel, placed_effects: Sequence[PlacedEffect]
+) -> tuple[EffectParameter, ...]:
     """List the parameters of effects, those of force laws first."""
     scale = effect_scale(car)
-    order = sorted(sites, key=lambda site: site.effect.acts != "suspension")
+    order = sorted(placed_effects, key=lambda placed: placed.effect.acts != "suspension")
     return tuple(
-        EffectParameter(site, one, one.size(scale), _of_fraction(car, site))
-        for site in order
-        for one in site.effect.parameters
+        EffectParameter(placed, one, one.size(scale), _of_fraction(car, placed))
+        for placed in order
+        for one in placed.effect.parameters
     )
 
 
-def with_car_effects(car: CarModel, sites: Sequence[Site]) -> CarModel:
+def with_car_effects(car: CarModel, placed_effects: Sequence[PlacedEffect]) -> CarModel:
     """Return a car whose given values have a term for each effect that makes them wrong."""
     parameters = list(car.parameters)
-    for site in sites:
-        if site.effect.acts != "car":
+    for placed in placed_effects:
+        if placed.effect.acts != "car":
             continue
-        one = site.effect.parameters[0]
-        for k in _affected(car, site):
+        one = placed.effect.parameters[0]
+        for k in _affected(car, placed):
             wide = one.wide
             if parameters[k].kind == "fraction":
                 wide *= parameters[k].nominal
-            term = (site.coordinate_name(one), 1.0, wide)
+            term = (placed.coordinate_name(one), 1.0, wide)
             parameters[k] = replace(parameters[k], terms=(*parameters[k].terms, term))
     return replace(car, parameters=tuple(parameters))
 
@@ -190,22 +194,22 @@ def law_table(
     rows: list[list[float]] = []
     entry: list[tuple[int, int, int]] = []
     numbers: list[Array] = []
-    sites = dict.fromkeys(e.site for e in effects if e.site.effect.code >= 0)
-    for site in sites:
-        own = [(k, e) for k, e in enumerate(effects) if e.site == site]
+    placed_effects = dict.fromkeys(e.placed for e in effects if e.placed.effect.code >= 0)
+    for placed in placed_effects:
+        own = [(k, e) for k, e in enumerate(effects) if e.placed == placed]
         centre = {e.parameter.name: float(e.values(np.zeros(1))[0]) for _, e in own}
-        packed = _packed(site, centre)
+        packed = _packed(placed, centre)
         varying = []
         for k, e in own:
             along = np.array(
-                [_packed(site, {**centre, e.parameter.name: float(v)}) for v in e.values(GRID)]
+                [_packed(placed, {**centre, e.parameter.name: float(v)}) for v in e.values(GRID)]
             )
             moves = np.flatnonzero(np.any(along != packed, axis=0))
             varying += [(2 + int(c), first + k, along[:, c]) for c in moves]
-        for element in site.elements(car):
+        for element in placed.elements(car):
             entry += [(len(rows), column, parameter) for column, parameter, _ in varying]
             numbers += [values for _, _, values in varying]
-            rows.append([float(element), float(site.effect.code), *packed])
+            rows.append([float(element), float(placed.effect.code), *packed])
     return LawTable(
         pole=pole,
         rows=table_of_laws(rows),
@@ -214,22 +218,22 @@ def law_table(
     )
 
 
-def _packed(site: Site, values: dict[str, float]) -> Array:
-    assert site.effect.packed is not None
-    return np.array(site.effect.packed(values))
+def _packed(placed: PlacedEffect, values: dict[str, float]) -> Array:
+    assert placed.effect.packed is not None
+    return np.array(placed.effect.packed(values))
 
 
-def _is_separable(site: Site, scale: Scale) -> bool:
+def _is_separable(placed: PlacedEffect, scale: Scale) -> bool:
     """Whether each number of a law is a function of one of its parameters.
 
     Then moving two parameters moves the numbers as far as moving one after the other.
     """
     points = (-0.7, 0.0, 0.9)
-    parameters = site.effect.parameters
+    parameters = placed.effect.parameters
     values = {p.name: [float(p.value(z, scale)) for z in points] for p in parameters}
 
     def packed(at: dict[str, int]) -> Array:
-        return _packed(site, {n: v[at.get(n, 1)] for n, v in values.items()})
+        return _packed(placed, {n: v[at.get(n, 1)] for n, v in values.items()})
 
     for a in parameters:
         for b in parameters:
@@ -241,16 +245,16 @@ def _is_separable(site: Site, scale: Scale) -> bool:
     return True
 
 
-def _affected(car: CarModel, site: Site) -> list[int]:
+def _affected(car: CarModel, placed: PlacedEffect) -> list[int]:
     """Numbers of the parameters of a car that an effect changes."""
-    assert site.effect.on_car is not None
-    one = site.effect.parameters[0]
+    assert placed.effect.on_car is not None
+    one = placed.effect.parameters[0]
     values = car.nominal
-    site.effect.on_car(values, {one.name: np.array([1.1])}, site.where, car)
+    placed.effect.on_car(values, {one.name: np.array([1.1])}, placed.where, car)
     return [k for k, p in enumerate(car.parameters) if values[p.name][0] != p.nominal]
 
 
-def _of_fraction(car: CarModel, site: Site) -> bool:
-    if site.effect.acts != "car":
+def _of_fraction(car: CarModel, placed: PlacedEffect) -> bool:
+    if placed.effect.acts != "car":
         return False
-    return any(car.parameters[k].kind == "fraction" for k in _affected(car, site))
+    return any(car.parameters[k].kind == "fraction" for k in _affected(car, placed))

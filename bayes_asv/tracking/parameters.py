@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.models.car_model import CarModel, CarParameter
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.tracking.effects import (
     EffectParameter,
     check_trackable,
@@ -86,14 +86,14 @@ class Coordinates:
         return tuple(name for name in self.car.estimated if name in self.names)
 
     @property
-    def sites(self) -> tuple[Site, ...]:
+    def placed_effects(self) -> tuple[PlacedEffect, ...]:
         """The effects."""
-        return tuple(dict.fromkeys(effect.site for effect in self.effects))
+        return tuple(dict.fromkeys(effect.placed for effect in self.effects))
 
     @property
     def law_effects(self) -> tuple[EffectParameter, ...]:
         """Parameters of force laws, whose coordinates follow those of the answers."""
-        return tuple(e for e in self.effects if e.site.effect.code >= 0)
+        return tuple(e for e in self.effects if e.placed.effect.code >= 0)
 
     def effect_moments(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """Means and standard deviations of the effects' coordinates.
@@ -146,7 +146,7 @@ def coordinates(
     car: CarModel,
     channels: Sequence[str],
     scale_sd: Sequence[float] | None = None,
-    sites: Sequence[Site] = (),
+    placed_effects: Sequence[PlacedEffect] = (),
 ) -> Coordinates:
     """Set up the coordinates for a car.
 
@@ -158,7 +158,7 @@ def coordinates(
         Names of the channels.
     scale_sd : (C,) sequence of float, optional
         Relative standard deviation of each sensor's scale, zero where it is exact, as by default.
-    sites : sequence of Site
+    placed_effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
 
     Returns
@@ -171,16 +171,16 @@ def coordinates(
     InputError
         For an effect that cannot be tracked.
     """
-    check_trackable(car, sites, channels)
-    effects = effect_parameters(car, sites)
-    car = with_car_effects(car, sites)
+    check_trackable(car, placed_effects, channels)
+    effects = effect_parameters(car, placed_effects)
+    car = with_car_effects(car, placed_effects)
     scale_sd = [0.0] * len(channels) if scale_sd is None else scale_sd
     order = sorted(range(len(car.parameters)), key=lambda k: car.parameters[k].kind != "estimated")
     chosen: list[tuple[tuple[str, float, float], ...]] = []  # terms of each coordinate
     rows: list[tuple[str, int, bool, float, float]] = []
     tied: dict[str, tuple[str, float]] = {}
     alike: dict[object, CarParameter] = {}
-    laws = [e for e in effects if e.site.effect.code >= 0]
+    laws = [e for e in effects if e.placed.effect.code >= 0]
     first = len(car.parameters) + len(channels)
     for number in order:
         one = car.parameters[number]
@@ -204,7 +204,7 @@ def coordinates(
         own += [
             (effect.name, 1.0, effect.parameter.wide)
             for effect in effects
-            if name in effect.site.channels(channels)
+            if name in effect.placed.channels(channels)
         ]
         if (total := _deviation(own)) > 0.0:
             chosen.append(tuple(own))
@@ -223,7 +223,7 @@ def coordinates(
         base=np.array(
             [p.nominal for p in car.parameters]
             + [1.0] * len(channels)
-            + [0.0] * sum(e.site.effect.code >= 0 for e in effects)
+            + [0.0] * sum(e.placed.effect.code >= 0 for e in effects)
         ),
         element=np.array(element, np.int64),
         log=np.array(log_, np.bool_),

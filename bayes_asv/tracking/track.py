@@ -16,7 +16,7 @@ from bayes_asv.analysis.nominal_values import NominalDamping, nominal_damping
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.tracking.consistency import ConsistencySummary
 from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.parameters import Coordinates
@@ -120,13 +120,15 @@ class TrackResult:
         return values if car.derived is None else {**values, **car.derived(values)}
 
     @property
-    def effects(self) -> dict[Site, dict[str, Array]]:
+    def effects(self) -> dict[PlacedEffect, dict[str, Array]]:
         """Values, in place of draws, of the reported parameters of each effect, SI units."""
-        found: dict[Site, dict[str, Array]] = {site: {} for site in self.coordinates.sites}
+        found: dict[PlacedEffect, dict[str, Array]] = {
+            placed: {} for placed in self.coordinates.placed_effects
+        }
         moments = self.coordinates.effect_moments(self.mean, self.covariance)
         for effect, mean, sd in zip(self.coordinates.effects, *moments, strict=True):
             if not effect.parameter.shape:
-                found[effect.site][effect.parameter.name] = effect.draws(float(mean), float(sd))
+                found[effect.placed][effect.parameter.name] = effect.draws(float(mean), float(sd))
         return found
 
     def log_moments(self, name: str) -> tuple[float, float]:
@@ -162,7 +164,7 @@ def track(
     vehicle: Vehicle,
     *,
     car: str = "half",
-    effects: Sequence[Site] = (),
+    effects: Sequence[PlacedEffect] = (),
     forget: float | None = None,
     engine: str = "compiled",
     progress: Callable[[float, str], None] | None = None,
@@ -177,7 +179,7 @@ def track(
         The car.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
-    effects : sequence of Site
+    effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
     forget, engine
         As for :class:`bayes_asv.tracking.tracker.Tracker`.

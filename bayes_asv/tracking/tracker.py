@@ -18,7 +18,7 @@ from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.recording import COUNTS, Recording, Timing, nominal_rate, timing
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import Site, site
+from bayes_asv.models.effects import PlacedEffect, placed_effect
 from bayes_asv.preprocessing.prepare import used_channels
 from bayes_asv.preprocessing.quantization import smallest_step
 from bayes_asv.preprocessing.resampling import at_own_rate
@@ -73,7 +73,7 @@ class Tracker:
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
     channels : sequence of str
         Names of the channels in a row; those that the car does not explain are left out.
-    effects : sequence of Site
+    effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
     forget : float, optional
         Time constant of the parameters' random walk, s: in this time those that are asked for
@@ -109,7 +109,7 @@ class Tracker:
         *,
         car: str = "half",
         channels: Sequence[str] = CHANNELS,
-        effects: Sequence[Site] = (),
+        effects: Sequence[PlacedEffect] = (),
         forget: float | None = None,
         engine: str = "compiled",
         timing: Timing | None = None,
@@ -365,7 +365,7 @@ class Tracker:
                 engine=settings["engine"],
                 timing=None if clocks is None else Timing(*(tuple(c) for c in clocks)),
                 counts=settings["counts"],
-                effects=[site(name) for name in settings["effects"]],
+                effects=[placed_effect(name) for name in settings["effects"]],
             )
             noise = np.array(settings["noise"])
             if settings["standstill"] is not None:
@@ -577,7 +577,7 @@ def tracker_for(
     vehicle: Vehicle,
     *,
     car: str = "half",
-    effects: Sequence[Site] = (),
+    effects: Sequence[PlacedEffect] = (),
     rate: float | None = None,
     forget: float | None = None,
     engine: str = "compiled",
@@ -592,7 +592,7 @@ def tracker_for(
         The car.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
-    effects : sequence of Site
+    effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
     rate : float, optional
         Rows per second, Hz; that of the recording's stamps without it.

@@ -160,8 +160,8 @@ def between(runs: Sequence[SingleRunFit], counted: bool) -> HomogeneityTest:
         Whether readings count for the share that the parts of each drive say, or all of them.
     """
     scale = [1.0 if counted else 1.0 / (run.fit.shares[0] or 1.0) for run in runs]
-    sites = [_scaled(run.likelihood, by) for run, by in zip(runs, scale, strict=True)]
-    return contrast(sites, _way(runs[0]))
+    placed_effects = [_scaled(run.likelihood, by) for run, by in zip(runs, scale, strict=True)]
+    return contrast(placed_effects, _way(runs[0]))
 
 
 def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> Row:
@@ -171,9 +171,9 @@ def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> R
         run_of(_part(recording, rows), vehicle, seed)[1]
         for rows in (recording.time < middle, recording.time >= middle)
     ]
-    sites = [run.likelihood for run in runs]
-    plain = contrast(sites, _way(runs[0]))
-    counted = contrast([_scaled(site, share) for site in sites], _way(runs[0]))
+    placed_effects = [run.likelihood for run in runs]
+    plain = contrast(placed_effects, _way(runs[0]))
+    counted = contrast([_scaled(placed, share) for placed in placed_effects], _way(runs[0]))
     return {"q": plain.q, "q_counted": counted.q, "freedom": plain.freedom}
 
 
@@ -212,8 +212,8 @@ def _way(run: SingleRunFit) -> Array:
     return np.stack([where.from_logs({name: 1.0})[:n] for name in ("c_f", "c_r", "i")], axis=1)
 
 
-def _scaled(site: RunLikelihood, by: float) -> RunLikelihood:
-    return RunLikelihood(by * site.precision, by * site.linear)
+def _scaled(placed: RunLikelihood, by: float) -> RunLikelihood:
+    return RunLikelihood(by * placed.precision, by * placed.linear)
 
 
 def _part(recording: Recording, rows: NDArray[np.bool_]) -> Recording:

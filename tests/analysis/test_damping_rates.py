@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.analysis.damping_rates import _shapes, damping_rates
-from bayes_asv.models.effects import site
+from bayes_asv.models.effects import placed_effect
 from bayes_asv.posterior.fitted_model import make_dataset
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
 
@@ -14,7 +14,7 @@ from tests.posterior.cases import DECLARED, case, prepared, vehicle
 def test_rates_are_those_of_the_curve() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)
-    digressive = site("digressive_damper@front")
+    digressive = placed_effect("digressive_damper@front")
     target = make_dataset(car, (prepared(recording, car),)).target((digressive,))
     mode = np.zeros(target.space.dimension)
     z = np.tile(mode, (3, 1))
@@ -38,9 +38,9 @@ def test_rates_are_those_of_the_curve() -> None:
 def test_friction_takes_power_beside_the_damper() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)
-    friction = site("coulomb_friction@front")
+    friction = placed_effect("coulomb_friction@front")
     target = make_dataset(car, (prepared(recording, car),)).target(
-        (site("bound_rebound@front"), friction)
+        (placed_effect("bound_rebound@front"), friction)
     )
     mode = np.zeros(target.space.dimension)
     draws = target.space.quantities(mode[None], 0)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.spring_curves import SpringCurve, spring_curves
-from bayes_asv.models.effects import site
+from bayes_asv.models.effects import placed_effect
 from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, as_recording, vehicle
@@ -69,7 +69,7 @@ class _Found:
             TERRAINS["stops"](road), DEFAULT_SPEEDS["stops"], 400.0, 2.0, declared, run,
         )  # fmt: skip
         lines, _, _ = prepare_runs((as_recording(driven, "stops.csv"),), vehicle(DECLARED))
-        found = best_fit(lines, vehicle(DECLARED), "innovations", tuple(map(site, names)))
+        found = best_fit(lines, vehicle(DECLARED), "innovations", tuple(map(placed_effect, names)))
         draws = np.random.default_rng(1)
         z = draws.multivariate_normal(found.mode.z, found.mode.covariance, 1000, method="eigh")
         self.draws = found.target.space.quantities(z, 0)

@@ -27,7 +27,7 @@ def late() -> tuple[Vehicle, list[Recording]]:
 def test_an_undeclared_offset_is_named(late: tuple[Vehicle, list[Recording]]) -> None:
     vehicle, runs = late
     found = diagnose(runs[:1], runs[1:], vehicle, 0)
-    assert [str(one.site) for one in found.named] == ["clock_offset@body"]
+    assert [str(one.placed) for one in found.named] == ["clock_offset@body"]
     assert found.effect_draws is not None
     draws = found.effect_draws["clock_offset@body"]["offset"]
     assert abs(float(draws.mean()) - OFFSET) < 4.0 * float(draws.std()) < 4e-4

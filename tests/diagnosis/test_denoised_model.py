@@ -20,7 +20,7 @@ from bayes_asv.diagnosis.score_test import score_test
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.posterior.denoised_inputs import without_noise
-from bayes_asv.posterior.effect_fit import candidates, read_site, with_effects
+from bayes_asv.posterior.effect_fit import candidates, read_effect, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_linear_car
 from bayes_asv.posterior.free_simulation import free_run, simulated
@@ -98,7 +98,7 @@ def test_denoising_removes_the_noise_of_a_wheel(car: Vehicle) -> None:
 def test_a_score_is_of_the_predictions_and_not_of_their_variances(car: Vehicle) -> None:
     """A stiffer spring as an effect has the sensitivity of the car's own spring rate."""
     dataset, model = _linear(car, 3)
-    springs = [c for c in candidates(model, car) if str(c.site) == "spring_rate@front"]
+    springs = [c for c in candidates(model, car) if str(c.placed) == "spring_rate@front"]
     denoised = denoised_model(*fit_denoised(dataset, model))
     test = score_test(denoised, springs)
     own = denoised.derivatives.means.T
@@ -119,7 +119,7 @@ def test_scores_are_unbiased_without_a_fault() -> None:
         tested = [
             c
             for c in candidates(model, one.vehicle)
-            if c.site.effect.name in ("spring_rate", "coulomb_friction")
+            if c.placed.effect.name in ("spring_rate", "coulomb_friction")
         ]
         test = score_test(denoised_model(*fit_denoised(dataset, model)), tested)
         scores += test.standardized_scores.tolist()
@@ -134,7 +134,7 @@ def _fitted(law: str | None) -> tuple[Dataset, FittedModel]:
     dataset = prepared([recording], vehicle(DECLARED, _NOISY))
     if law is None:
         return dataset, fit_linear_car(dataset)
-    return with_effects(dataset, [read_site(law)])
+    return with_effects(dataset, [read_effect(law)])
 
 
 def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
@@ -145,7 +145,7 @@ def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
     output, _ = simulated(model.target, z, 0, inputs, np.zeros(6))
     reading = output + recording.reading - inputs.reading
     exact = replace(dataset, recordings=(replace(recording, reading=reading),))
-    posterior = replace(exact.target(model.sites), patterns=model.target.patterns)
+    posterior = replace(exact.target(model.placed_effects), patterns=model.target.patterns)
     return posterior, z, model.space.shared_dimension
 
 

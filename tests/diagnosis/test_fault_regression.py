@@ -95,7 +95,7 @@ def test_a_known_force_moves_the_simulation_as_it_moves_the_filter() -> None:
     )
     with_force = replace(
         assessed.denoised, perturbations=(nothing._replace(force=force), *others)
-    ).target(model.sites)
+    ).target(model.placed_effects)
     own = with_force.innovations_and_variances(model.mode.z, 0)[0][at.has_reading]
     assert np.allclose(at.innovations[at.has_reading] - own, once, atol=1e-6)
     twice = at.response(nothing._replace(force=2.0 * force))

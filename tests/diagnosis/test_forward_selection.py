@@ -21,8 +21,8 @@ from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
 from bayes_asv.diagnosis.unlisted_faults import UnlistedExplanation
 from bayes_asv.diagnosis.workflow import diagnose
-from bayes_asv.models.effects import Site
-from bayes_asv.posterior.effect_fit import read_site
+from bayes_asv.models.effects import PlacedEffect
+from bayes_asv.posterior.effect_fit import read_effect
 from bayes_asv.posterior.fitted_model import Dataset
 from tests.battery.cases import case
 from tests.battery.vehicles import Fleet
@@ -36,13 +36,13 @@ def _selected(name: str, seed: int, number: int, fleet: Fleet) -> Selection:
 
 def test_a_listed_effect_is_named() -> None:
     selection = _selected("bound_rebound-400", 5, 0, "dev")
-    assert [e.site.effect.name for e in selection.effects] == ["bound_rebound"]
+    assert [e.placed.effect.name for e in selection.effects] == ["bound_rebound"]
     assert selection.stopped_by == ""
 
 
 def test_a_force_pulse_is_not_an_unknown_force() -> None:
     selection = _selected("external_force-4000", 5, 0, "dev")
-    assert [e.site.effect.name for e in selection.effects] == ["external_force"]
+    assert [e.placed.effect.name for e in selection.effects] == ["external_force"]
     assert selection.stopped_by == ""
 
 
@@ -69,21 +69,21 @@ def test_two_large_faults_are_named_where_tolerances_explain_either() -> None:
     one = case("pair-4000", 56, 1, "test")
     diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
     true = {f"{e.name}@{e.where}" for e in one.truth.effects}
-    assert {str(e.site) for e in diagnosis.named} == true
+    assert {str(e.placed) for e in diagnosis.named} == true
     assert all(e.probability > 0.99 for e in diagnosis.named)
     error = (diagnosis.errors or {})["holdout"]
     assert error.closed is not None
     assert error.closed > 0.95
 
 
-@pytest.mark.parametrize("sites", [0, 1])
+@pytest.mark.parametrize("placed_effects", [0, 1])
 def test_an_effect_on_trial_is_not_named_where_an_unlisted_fault_follows(
-    monkeypatch: pytest.MonkeyPatch, sites: int
+    monkeypatch: pytest.MonkeyPatch, placed_effects: int
 ) -> None:
     """Two dampers of 4000, each of which tolerances explain: the first is on trial."""
 
     def unlisted(_: Dataset, evidence: ModelEvidence) -> UnlistedExplanation:
-        better = len(evidence.model.sites) == sites
+        better = len(evidence.model.placed_effects) == placed_effects
         return UnlistedExplanation(np.inf if better else -np.inf, "an unlisted fault")
 
     monkeypatch.setattr(forward_selection, "best_unlisted_explanation", unlisted)
@@ -94,7 +94,7 @@ def test_an_effect_on_trial_is_not_named_where_an_unlisted_fault_follows(
 
 def test_an_effect_with_values_for_each_axle_is_rescaled_as_one() -> None:
     both = tuple(
-        NamedEffect(read_site(f"digressive_damper@{axle}"), 0.11, (), {})
+        NamedEffect(read_effect(f"digressive_damper@{axle}"), 0.11, (), {})
         for axle in ("front", "rear")
     )
     start = Selection(None, both, [], 0.9)  # type: ignore[arg-type]
@@ -118,7 +118,7 @@ def test_a_further_effect_is_named_where_it_is_more_probable_than_not() -> None:
     one = case("pair-40", 69, 8, "test")
     diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
     true = {e.name: e.where for e in one.truth.effects}
-    assert {e.site.effect.name: e.site.where for e in diagnosis.named} == true
+    assert {e.placed.effect.name: e.placed.where for e in diagnosis.named} == true
     assert diagnosis.named[0].probability > 0.95
     assert 0.5 < diagnosis.named[1].probability < 0.95
     # no single unlisted fault explains both
@@ -130,43 +130,45 @@ def test_excluded_effects_are_not_named() -> None:
     one = case("bound_rebound-400", 5, 0)
     assessed = assess_case("bound_rebound-400", 5, 0, "dev")
     truth = f"bound_rebound@{one.truth.effects[0].where}"
-    every = [str(group.candidates[0].site) for group in leading_candidates(assessed.test)]
+    every = [str(group.candidates[0].placed) for group in leading_candidates(assessed.test)]
     assert truth in every
-    other = [str(g.candidates[0].site) for g in leading_candidates(assessed.test, (truth,))]
+    other = [str(g.candidates[0].placed) for g in leading_candidates(assessed.test, (truth,))]
     assert other
     assert truth not in other
     selection = select_effects(start_selection(assessed), 1, ignore_progress, (truth,))
-    assert truth not in [str(e.site) for e in selection.effects]
+    assert truth not in [str(e.placed) for e in selection.effects]
 
 
 def test_fewer_candidates_are_fitted_for_a_further_effect() -> None:
     """Those that are fitted for a further effect are fitted for the first one as well."""
     test = assess_case("null", 5, 0, "dev").test
     first, further = (
-        {str(g.candidates[0].site) for g in leading_candidates(test, further=f)}
+        {str(g.candidates[0].placed) for g in leading_candidates(test, further=f)}
         for f in (False, True)
     )
     assert further < first
 
 
-def _named(site: Site) -> NamedEffect:
-    return NamedEffect(site, 1.0, (), {})
+def _named(placed: PlacedEffect) -> NamedEffect:
+    return NamedEffect(placed, 1.0, (), {})
 
 
 def _pulse(run: int) -> NamedEffect:
-    return _named(replace(read_site("external_force@front"), run=run))
+    return _named(replace(read_effect("external_force@front"), run=run))
 
 
 def _pulse_then_drift() -> Selection:
     assessed = assess_case("bound_rebound-400", 5, 0, "dev")
-    return Selection(assessed, (_pulse(1), _named(read_site("sensor_drift@front_wheel"))), [], 0.0)
+    return Selection(
+        assessed, (_pulse(1), _named(read_effect("sensor_drift@front_wheel"))), [], 0.0
+    )
 
 
 def test_pulses_that_were_named_last_are_not_reconsidered() -> None:
     selection = _pulse_then_drift()
     last = replace(selection, effects=selection.effects[::-1])
     assert reconsider_pulses(last, 1, ignore_progress) is last
-    damper = _named(read_site("bound_rebound@front"))
+    damper = _named(read_effect("bound_rebound@front"))
     three = replace(last, effects=(damper, *last.effects))
     assert reconsider_pulses(three, 1, ignore_progress) is three
     alone = replace(selection, effects=selection.effects[:1])
@@ -174,8 +176,8 @@ def test_pulses_that_were_named_last_are_not_reconsidered() -> None:
 
 
 def test_as_many_effects_as_may_be_named_are_not_reconsidered() -> None:
-    sites = [read_site(w) for w in ("sensor_gain@rear_wheel", "sensor_lag@rear_wheel")]
-    effects = (_pulse(0), _pulse(0), *(_named(s) for s in sites))
+    placed_effects = [read_effect(w) for w in ("sensor_gain@rear_wheel", "sensor_lag@rear_wheel")]
+    effects = (_pulse(0), _pulse(0), *(_named(s) for s in placed_effects))
     full = Selection(None, effects, [], 0.0)  # type: ignore[arg-type]
     assert reconsider_pulses(full, 0, ignore_progress) is full
 
@@ -195,7 +197,7 @@ def test_a_pulse_is_replaced_by_an_effect_of_more_evidence(
     monkeypatch: pytest.MonkeyPatch, behind: float, replaced: bool
 ) -> None:
     selection = _pulse_then_drift()
-    stop = _named(read_site("droop_stop@front"))
+    stop = _named(read_effect("droop_stop@front"))
 
     def select(start: Selection, *_: object, max_effects: int = 4) -> Selection:
         return replace(start, effects=(selection.effects[1], stop)[:max_effects])
@@ -205,7 +207,9 @@ def test_a_pulse_is_replaced_by_an_effect_of_more_evidence(
     evidence = selection.assessed.evidence
     old = replace(evidence, by_scale=evidence.by_scale - behind)
     monkeypatch.setattr(forward_selection, "model_evidence", lambda denoised, model: old)
-    monkeypatch.setattr(forward_selection, "fit_again", lambda denoised, model, sites: model)
+    monkeypatch.setattr(
+        forward_selection, "fit_again", lambda denoised, model, placed_effects: model
+    )
     effects = reconsider_pulses(selection, 1, ignore_progress).effects
     assert effects == ((selection.effects[1], stop) if replaced else selection.effects)
 

@@ -28,7 +28,7 @@ from tests.rig import (
 def test_a_progressive_damper_is_a_curve() -> None:
     one = case("progressive_damper-4000", 58, 0, "test")
     diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
-    assert [str(effect.site) for effect in diagnosis.named] == ["damper_curve@rear"]
+    assert [str(effect.placed) for effect in diagnosis.named] == ["damper_curve@rear"]
     assert diagnosis.unexplained is not None
     assert not diagnosis.unexplained.present
     error = (diagnosis.errors or {})["holdout"]
@@ -59,7 +59,7 @@ def test_a_spring_that_is_stiffer_beyond_a_play_is_a_curve() -> None:
         run = drive(car, TERRAINS[terrain](road), speed, 400.0, 2.0, declared, seed)
         runs.append(as_recording(run, f"{terrain}-{len(runs)}.csv"))
     diagnosis = diagnose(runs[:2], runs[2:], vehicle(DECLARED), 0)
-    assert [str(effect.site) for effect in diagnosis.named] == ["spring_curve@rear"]
+    assert [str(effect.placed) for effect in diagnosis.named] == ["spring_curve@rear"]
     assert diagnosis.unexplained is not None
     assert not diagnosis.unexplained.present
     error = (diagnosis.errors or {})["holdout"]

@@ -24,8 +24,8 @@ from bayes_asv.diagnosis.simulation_error import (
     error_increased,
     simulation_residuals,
 )
-from bayes_asv.models.effects import Site
-from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.models.effects import PlacedEffect
+from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car
 from tests.battery.cases import case
 from tests.diagnosis.models import fit_linear, prepared
@@ -38,8 +38,8 @@ _BETTER = ErrorChange(1.0, 0.9, 0.5, False)
 def _true() -> tuple[AssessedModel, Dataset]:
     """A damper whose compression and rebound differ, named, and held-out recordings."""
     one = case("bound_rebound-400", 5, 0)
-    site = read_site(f"bound_rebound@{one.truth.effects[0].where}")
-    dataset, model = with_effects(prepared(one.recordings, one.vehicle), (site,))
+    placed = read_effect(f"bound_rebound@{one.truth.effects[0].where}")
+    dataset, model = with_effects(prepared(one.recordings, one.vehicle), (placed,))
     return assess(dataset, model, 1), prepared(one.holdout, one.vehicle)
 
 
@@ -47,19 +47,19 @@ def _wrong() -> tuple[AssessedModel, Dataset]:
     """The same with an effect three times as large and of the opposite sign."""
     assessed, holdout = _true()
     model = assessed.model
-    site = model.sites[0]
+    placed = model.placed_effects[0]
     z = model.mode.z.copy()
-    k = model.space.names.index(site.coordinate_name(site.effect.parameters[0]))
+    k = model.space.names.index(placed.coordinate_name(placed.effect.parameters[0]))
     z[k] *= -3.0
     return replace(assessed, model=replace(model, mode=replace(model.mode, z=z))), holdout
 
 
-def _named(site: Site, error: ErrorChange = _WORSE) -> NamedEffect:
-    return NamedEffect(site, 1.0, (), {"fit": error, "holdout": error})
+def _named(placed: PlacedEffect, error: ErrorChange = _WORSE) -> NamedEffect:
+    return NamedEffect(placed, 1.0, (), {"fit": error, "holdout": error})
 
 
 def _pulse() -> NamedEffect:
-    return _named(replace(read_site("external_force@front"), run=0))
+    return _named(replace(read_effect("external_force@front"), run=0))
 
 
 @pytest.fixture
@@ -70,28 +70,28 @@ def unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_true_effect_does_not_fail() -> None:
     assessed, holdout = _true()
-    effect = _named(assessed.model.sites[0])
+    effect = _named(assessed.model.placed_effects[0])
     assert failed_effects(holdout, assessed, [effect], None, 1) == []
 
 
 @pytest.mark.usefixtures("unsupported")
 def test_a_wrong_effect_fails() -> None:
     assessed, holdout = _wrong()
-    effect = _named(assessed.model.sites[0])
+    effect = _named(assessed.model.placed_effects[0])
     assert failed_effects(holdout, assessed, [effect], None, 1) == [effect]
 
 
 def test_an_effect_of_one_run_is_not_judged_on_others() -> None:
     assessed, holdout = _true()
     assert failed_effects(holdout, assessed, [_pulse()], None, 1) == []
-    assert failed_effects(None, assessed, [_named(assessed.model.sites[0])], None, 1) == []
+    assert failed_effects(None, assessed, [_named(assessed.model.placed_effects[0])], None, 1) == []
 
 
 @pytest.mark.usefixtures("unsupported")
 def test_effects_that_only_together_increase_the_error_all_fail() -> None:
     """Each alone lowers the error, and all together increase it."""
     assessed, holdout = _true()
-    better = _named(assessed.model.sites[0], _BETTER)
+    better = _named(assessed.model.placed_effects[0], _BETTER)
     both, pulse = [better, _pulse()], _pulse()
     assert failed_effects(holdout, assessed, both, _WORSE, 1) == both
     assert failed_effects(holdout, assessed, [pulse], _WORSE, 1) == [pulse]
@@ -108,14 +108,14 @@ def test_the_floor_is_that_of_the_better_model() -> None:
     assert change.floor == simulation_residuals(holdout, right.model, 1).floor
     assert change.floor < simulation_residuals(holdout, wrong.model, 1).floor
     assert compare_errors(holdout, wrong.model, right.model, 1).floor == change.floor
-    effect = _named(wrong.model.sites[0], _BETTER)
+    effect = _named(wrong.model.placed_effects[0], _BETTER)
     assert failed_effects(holdout, wrong, [effect], change, 1) == [effect]
 
 
 def test_an_effect_that_the_likelihood_supports_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error may increase by chance."""
     assessed, holdout = _true()
-    effect = _named(assessed.model.sites[0])
+    effect = _named(assessed.model.placed_effects[0])
     monkeypatch.setattr(holdout_validation, "compare_errors", lambda *_, **__: _WORSE)
     assert failed_effects(holdout, assessed, [effect], _WORSE, 1) == []
     monkeypatch.setattr(holdout_validation, "supported_by_holdout", lambda *_: False)
@@ -126,10 +126,10 @@ def test_an_effect_that_fits_noise_fails() -> None:
     """A false alarm without a fault: the error on the held-out recordings grows by a tenth."""
     one = case("null", 72, 75, "test")
     fit, holdout = (prepared(runs, one.vehicle) for runs in (one.recordings, one.holdout))
-    dataset, model = with_effects(fit, (read_site("sensor_bandwidth@rear_wheel"),))
+    dataset, model = with_effects(fit, (read_effect("sensor_bandwidth@rear_wheel"),))
     assessed = assess(dataset, model, 1)
     change = compare_errors(holdout, fit_linear_car(dataset), assessed.model, 1)
-    effect = NamedEffect(model.sites[0], 1.0, (), {"holdout": change})
+    effect = NamedEffect(model.placed_effects[0], 1.0, (), {"holdout": change})
     assert change.after > 1.05 * change.before
     assert not supported_by_holdout(assessed, holdout, [effect])
     assert failed_effects(holdout, assessed, [effect], None, 1) == [effect]

@@ -13,7 +13,7 @@ import pytest
 
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.score_test import one_sided_squares
-from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, read_site
+from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, read_effect
 from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, update_patterns
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import assess_linear, prepared
@@ -41,8 +41,8 @@ def test_friction_that_acts_near_rest_is_found_on_denoised_inputs() -> None:
     """2.4 N, 1.3 tolerances: 20 nats by its noncentrality, of which the readings show 4."""
     one, assessed = _assessed("coulomb_friction-40", 3, 0)
     (true,) = one.truth.effects
-    site = read_site(f"coulomb_friction@{true.where}")
-    own = [c for c in candidates(assessed.model, one.vehicle) if str(c.site) == str(site)]
+    placed = read_effect(f"coulomb_friction@{true.where}")
+    own = [c for c in candidates(assessed.model, one.vehicle) if str(c.placed) == str(placed)]
     model = fit_with_effect(assessed.denoised, assessed.model, own)
     (values,) = model.space.effects(model.mode.z).values()
     assert values["force"] == pytest.approx(true.size, rel=0.25)
@@ -59,8 +59,12 @@ def test_steps_of_a_force_are_close_enough_for_a_fast_response() -> None:
     (true,) = one.truth.effects
     squares = one_sided_squares(assessed.test.standardized_scores, assessed.test)
     k = int(np.argmax(squares))
-    site = assessed.test.candidates[k].site
-    assert (site.effect.name, site.where, site.run) == ("external_force", true.where, true.run)
+    placed = assessed.test.candidates[k].placed
+    assert (placed.effect.name, placed.where, placed.run) == (
+        "external_force",
+        true.where,
+        true.run,
+    )
     assert squares[k] > 150.0
 
 
@@ -84,5 +88,5 @@ def test_misstated_noise_is_no_fault(
     vehicle = replace(one.vehicle, sensors=sensors)
     dataset = prepared(one.recordings, vehicle)
     test = assess(dataset, fit_linear_car(dataset), 1).test
-    other = np.array([not c.edge and not c.site.effect.in_one_run for c in test.candidates])
+    other = np.array([not c.edge and not c.placed.effect.in_one_run for c in test.candidates])
     assert np.max(np.abs(test.standardized_scores[other])) < 4.0

@@ -17,7 +17,7 @@ from bayes_asv.diagnosis.score_test import (
     with_best_pulses,
 )
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import EFFECTS, Site
+from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
@@ -42,7 +42,7 @@ def _steps(count: int, rng: np.random.Generator) -> ScoreTest:
             row[6 * k : 6 * k + 12] = response
             sensitivities.append(row)
             values = {"force": 1.0, "start": 0.03 * k, "duration": 1e4, "rise": 0.03}
-            steps.append(Candidate(Site(effect, axle, 0), values, False, False, edge=True))
+            steps.append(Candidate(PlacedEffect(effect, axle, 0), values, False, False, edge=True))
     g = np.array(sensitivities)
     n = g.shape[1]
     none = np.zeros((0, n))
@@ -105,7 +105,9 @@ def test_the_family_wise_error_is_shared_whether_pulses_are_drawn_or_not(score: 
     """The weights are those of Bonferroni."""
     rng = np.random.default_rng(6)
     steps = _steps(8, rng)
-    spring = replace(steps.candidates[0], site=Site(EFFECTS["spring_rate"], "front"), edge=False)
+    spring = replace(
+        steps.candidates[0], placed=PlacedEffect(EFFECTS["spring_rate"], "front"), edge=False
+    )
     row = rng.standard_normal((1, steps.sensitivities.shape[1]))
     g = np.concatenate([row / np.linalg.norm(row), steps.sensitivities])
     gradient = g @ rng.standard_normal(g.shape[1])
@@ -147,7 +149,7 @@ def test_a_pulse_between_two_steps_keeps_most_of_its_information() -> None:
     steps = [
         c
         for c in candidates(model, dataset.vehicle)
-        if c.edge and str(c.site) == "external_force@rear" and not c.site.run
+        if c.edge and str(c.placed) == "external_force@rear" and not c.placed.run
     ]
     step = steps[1].values["start"] - steps[0].values["start"]
     between = {"start": steps[40].values["start"] + 0.5 * step, "duration": 11.0 * step}
@@ -163,12 +165,12 @@ def test_a_pulse_between_two_steps_keeps_most_of_its_information() -> None:
 
 def test_at_both_axles_a_force_law_acts_twice_and_a_pulse_in_halves() -> None:
     car = car_model("half", case("null/bump~baja", 5, 0).vehicle)
-    friction = Site(EFFECTS["coulomb_friction"], "both")
+    friction = PlacedEffect(EFFECTS["coulomb_friction"], "both")
     table = law_table(car, {friction: {"force": 3.0, "slip": 0.01}}, 0)
     assert table[:, 0].tolist() == [0.0, 1.0]
     assert table[:, 2].tolist() == [3.0, 3.0]
-    pulse = Site(EFFECTS["external_force"], "both", 0)
+    pulse = PlacedEffect(EFFECTS["external_force"], "both", 0)
     values = {"force": 3.0, "start": 1.0, "duration": 0.2, "rise": 0.03}
     assert law_table(car, {pulse: values}, 0)[:, 2].tolist() == [1.5, 1.5]
-    assert friction.meets(Site(EFFECTS["coulomb_friction"], "rear"))
-    assert not friction.meets(Site(EFFECTS["bound_rebound"], "rear"))
+    assert friction.meets(PlacedEffect(EFFECTS["coulomb_friction"], "rear"))
+    assert not friction.meets(PlacedEffect(EFFECTS["bound_rebound"], "rear"))

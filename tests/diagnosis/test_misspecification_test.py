@@ -82,7 +82,7 @@ def _diagnosis(name: str, seed: int, number: int) -> Diagnosis:
 def test_a_displaced_sensor_that_is_named_a_gain_has_an_alternative(seed: int, axle: str) -> None:
     """Excess noise covers what the gain leaves; with noise held, it would hide the alternative."""
     diagnosis = _diagnosis("sensor_place-400", seed, 1)
-    assert [str(e.site) for e in diagnosis.named] == [f"sensor_gain@{axle}_chassis"]
+    assert [str(e.placed) for e in diagnosis.named] == [f"sensor_gain@{axle}_chassis"]
     unexplained = diagnosis.unexplained
     assert unexplained is not None
     assert unexplained.closest_fault == f"a sensor at another position ({axle} chassis)"

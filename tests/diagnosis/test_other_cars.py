@@ -217,7 +217,7 @@ def test_a_car_without_a_fault_is_given_none(name: str, seed: int) -> None:
 def test_a_damper_that_is_asymmetric_is_named(name: str) -> None:
     diagnosis = diagnosed(name, 0, "damper")
     assert diagnosis.verdict == "named"
-    assert [str(effect.site) for effect in diagnosis.named] == ["bound_rebound@front"]
+    assert [str(effect.placed) for effect in diagnosis.named] == ["bound_rebound@front"]
     assert diagnosis.probability_of(diagnosis.named[0]) > 0.9
     assert diagnosis.effect_draws is not None
     ratio = diagnosis.effect_draws["bound_rebound@front"]["ratio"]
@@ -237,7 +237,7 @@ def test_a_damper_that_is_asymmetric_is_named(name: str) -> None:
 )
 def test_a_sensor_of_a_wrong_scale_is_named(name: str, sensor: str) -> None:
     diagnosis = diagnosed(name, 0, sensor)
-    assert [str(effect.site) for effect in diagnosis.named] == [f"sensor_gain@{sensor}"]
+    assert [str(effect.placed) for effect in diagnosis.named] == [f"sensor_gain@{sensor}"]
     assert diagnosis.effect_draws is not None
     factor = diagnosis.effect_draws[f"sensor_gain@{sensor}"]["factor"]
     assert abs(float(factor.mean()) - _GAIN) < 4.0 * float(factor.std())
@@ -265,10 +265,10 @@ def test_a_worn_damper_of_one_corner_scores_highest_there() -> None:
     dataset = make_dataset(car, lines)
     test = assess(dataset, fit_linear_car(dataset), 0).test
     best = int(np.argmax(one_sided_squares(test.standardized_scores, test)))
-    assert str(test.candidates[best].site) == "bound_rebound@front_left"
+    assert str(test.candidates[best].placed) == "bound_rebound@front_left"
     # a tolerance is that of one corner; both together have none of their own
-    alike = [c for c in test.candidates if c.site.effect.name == "bound_rebound"]
-    places = {c.site.where: c.tolerance for c in alike}
+    alike = [c for c in test.candidates if c.placed.effect.name == "bound_rebound"]
+    places = {c.placed.where: c.tolerance for c in alike}
     assert places == {
         "front": False, "rear": False, "both": False, **dict.fromkeys(_CORNERS, True)
     }  # fmt: skip

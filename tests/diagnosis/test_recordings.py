@@ -20,7 +20,7 @@ from bayes_asv.diagnosis.unlisted_faults import pulse_sensitivities
 from bayes_asv.diagnosis.workflow import diagnose, missing_effects
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.effects import AXLES
-from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import prepared
@@ -31,9 +31,9 @@ def _with_pulse() -> tuple[AssessedModel, NamedEffect]:
     """A car with a force pulse in one of its runs, which is named."""
     one = case("external_force-4000", 66, 1, "test")
     truth = one.truth.effects[0]
-    site = replace(read_site(f"external_force@{truth.where}"), run=truth.run)
-    dataset, model = with_effects(prepared(one.recordings, one.vehicle), (site,))
-    return assess(dataset, model, 1), NamedEffect(site, 1.0, (), {})
+    placed = replace(read_effect(f"external_force@{truth.where}"), run=truth.run)
+    dataset, model = with_effects(prepared(one.recordings, one.vehicle), (placed,))
+    return assess(dataset, model, 1), NamedEffect(placed, 1.0, (), {})
 
 
 def _with_rest(one: Recording, rows: int, *, first: bool) -> Recording:
@@ -76,7 +76,7 @@ def test_an_effect_beside_something_unexplained_is_not_in_the_model(
 ) -> None:
     assessed, _ = _with_pulse()
     vehicle = assessed.dataset.vehicle
-    damper = NamedEffect(read_site("bound_rebound@front"), 0.99, (), {})
+    damper = NamedEffect(read_effect("bound_rebound@front"), 0.99, (), {})
     nothing = Unexplained(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
     results = [nothing, replace(nothing, p_unlisted=1e-6)]
 
@@ -85,7 +85,7 @@ def test_an_effect_beside_something_unexplained_is_not_in_the_model(
         return Diagnosis("named", (), (), (), vehicle, 0, named=(damper,), unexplained=unexplained)
 
     monkeypatch.setattr(workflow, "diagnose", result)
-    assert missing_effects([], vehicle) == (damper.site,)
+    assert missing_effects([], vehicle) == (damper.placed,)
     assert missing_effects([], vehicle) == ()
 
 
@@ -130,8 +130,8 @@ def test_an_engine_does_not_hide_what_effects_do_to_the_error() -> None:
 
 def test_an_effect_of_one_run_does_not_act_in_others() -> None:
     assessed, pulse = _with_pulse()
-    assert pulse.site in assessed.model.sites
-    assert refit_shared(assessed.model, assessed.dataset).sites == ()
+    assert pulse.placed in assessed.model.placed_effects
+    assert refit_shared(assessed.model, assessed.dataset).placed_effects == ()
 
 
 def test_a_free_force_is_added_to_a_named_pulse() -> None:
@@ -140,7 +140,7 @@ def test_a_free_force_is_added_to_a_named_pulse() -> None:
     model = assessed.model
     with_pulse = denoised_model(assessed.denoised, model)
     z = model.mode.z.copy()
-    force = pulse.site.coordinate_name(pulse.site.effect.parameters[0])
+    force = pulse.placed.coordinate_name(pulse.placed.effect.parameters[0])
     z[model.space.names.index(force)] = 0.0
     zero = replace(model, mode=replace(model.mode, z=z))
     without = denoised_model(assessed.denoised, zero)
@@ -155,14 +155,14 @@ def test_draws_of_effects_account_for_tolerances() -> None:
     """A shift of the mode by tolerances shifts the draws."""
     assessed, pulse = _with_pulse()
     model, evidence = assessed.model, assessed.evidence
-    force = pulse.site.effect.parameters[0]
-    k = model.space.names.index(pulse.site.coordinate_name(force))
+    force = pulse.placed.effect.parameters[0]
+    k = model.space.names.index(pulse.placed.coordinate_name(force))
     shift = np.zeros_like(evidence.mode_shift)
     before = draw_effects(model, replace(evidence, mode_shift=shift), 1)
     shift[k] = 1.0
     after = draw_effects(model, replace(evidence, mode_shift=shift), 1)
-    site = str(pulse.site)
-    moved = np.mean(after[site]["force"]) - np.mean(before[site]["force"])
+    placed = str(pulse.placed)
+    moved = np.mean(after[placed]["force"]) - np.mean(before[placed]["force"])
     sizes = model.space.sizes
     assert sizes is not None
     zero, one = force.value(np.array([0.0, 1.0]), sizes)

@@ -38,7 +38,7 @@ def test_a_large_sensor_fault_is_one_effect(
     recordings, holdout = [_driven("bump", spec)], [_driven("rough", spec)]
     diagnosis = diagnose(recordings, holdout, vehicle(DECLARED), 0)
     (effect,) = diagnosis.named
-    names = [str(effect.site), *(str(o.site) for o in effect.indistinguishable)]
+    names = [str(effect.placed), *(str(o.placed) for o in effect.indistinguishable)]
     assert name in names
     assert effect.probability > 0.9
     assert diagnosis.unexplained is not None

@@ -20,8 +20,8 @@ from bayes_asv.diagnosis.tolerance_prior import (
     half_normal_correction,
     tolerance_evidence,
 )
-from bayes_asv.models.effects import AXLES, EFFECTS, Scale, Site
-from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect, read_site
+from bayes_asv.models.effects import AXLES, EFFECTS, PlacedEffect, Scale
+from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect, read_effect
 from bayes_asv.posterior.fitted_model import FittedModel, fitted
 from tests.battery.cases import case
 from tests.diagnosis.models import assess_case, assess_linear, ignore_progress
@@ -51,11 +51,11 @@ def _car() -> AssessedModel:
     return assess_linear(case("sensor_lag-40", 44, 0))
 
 
-def _with_effect(name: str) -> tuple[Site, FittedModel, list[Candidate]]:
-    assessed, site = _car(), read_site(name)
+def _with_effect(name: str) -> tuple[PlacedEffect, FittedModel, list[Candidate]]:
+    assessed, placed = _car(), read_effect(name)
     every = list(assessed.test.candidates)
-    group = [c for c in every if c.site.key == site.key]
-    return site, fit_with_effect(assessed.denoised, assessed.model, group), every
+    group = [c for c in every if c.placed.key == placed.key]
+    return placed, fit_with_effect(assessed.denoised, assessed.model, group), every
 
 
 def _without_other_tolerances(model: FittedModel) -> ModelEvidence:
@@ -71,62 +71,64 @@ def _without_other_tolerances(model: FittedModel) -> ModelEvidence:
     )
 
 
-def _with_narrow_priors(model: FittedModel, sites: list[Site], start: float) -> float:
+def _with_narrow_priors(
+    model: FittedModel, placed_effects: list[PlacedEffect], start: float
+) -> float:
     """Log evidence of a fit with tolerances for priors in place of the wide ones."""
     scale = model.space.sizes
     assert scale is not None
     narrowed = []
-    for site in sites:
-        first = site.effect.parameters[0]
+    for placed in placed_effects:
+        first = placed.effect.parameters[0]
         size = first.size(scale)
-        narrow = replace(first, wide=site.effect.slightly(scale)[first.name] / size)
-        effect = replace(site.effect, parameters=(narrow, *site.effect.parameters[1:]))
-        narrowed.append(Site(effect, site.where))
+        narrow = replace(first, wide=placed.effect.slightly(scale)[first.name] / size)
+        effect = replace(placed.effect, parameters=(narrow, *placed.effect.parameters[1:]))
+        narrowed.append(PlacedEffect(effect, placed.where))
     posterior = _car().denoised.target(tuple(narrowed))
     z = model.transfer(posterior.space)
-    for site in narrowed:
-        first = site.effect.parameters[0]
-        k = posterior.space.names.index(site.coordinate_name(first))
+    for placed in narrowed:
+        first = placed.effect.parameters[0]
+        k = posterior.space.names.index(placed.coordinate_name(first))
         z[k] = first.coordinate(start, scale)
     fit = fitted(posterior, z)
     return fit.mode.log_evidence + half_normal_correction(fit, fit.mode.z, fit.mode.covariance)
 
 
-def _value(model: FittedModel, site: Site) -> float:
-    return model.space.effects(model.mode.z)[site][site.effect.parameters[0].name]
+def _value(model: FittedModel, placed: PlacedEffect) -> float:
+    return model.space.effects(model.mode.z)[placed][placed.effect.parameters[0].name]
 
 
 @pytest.mark.parametrize(
     "name", ["sensor_drift@rear_chassis", "damper_fade@rear", "coulomb_friction@rear"]
 )
 def test_the_evidence_as_a_tolerance_is_that_under_a_narrow_prior(name: str) -> None:
-    site, model, known = _with_effect(name)
-    expected = _with_narrow_priors(model, [site], _value(model, site))
-    value = evidence_as_tolerance([site], model, _without_other_tolerances(model), known)
-    truncation = 0.0 if site.effect.one_sided else _TRUNCATION
+    placed, model, known = _with_effect(name)
+    expected = _with_narrow_priors(model, [placed], _value(model, placed))
+    value = evidence_as_tolerance([placed], model, _without_other_tolerances(model), known)
+    truncation = 0.0 if placed.effect.one_sided else _TRUNCATION
     assert value + truncation == pytest.approx(expected, abs=0.15)
 
 
 @pytest.mark.parametrize("name", ["damper_fade@both", "coulomb_friction@both"])
 def test_at_both_axles_it_is_the_tolerance_of_either(name: str) -> None:
     """These know their own unequally well, and differ: about a nat is left out."""
-    site, model, known = _with_effect(name)
-    own = [Site(site.effect, axle) for axle in AXLES]
-    expected = _with_narrow_priors(model, own, _value(model, site))
-    value = evidence_as_tolerance([site], model, _without_other_tolerances(model), known)
+    placed, model, known = _with_effect(name)
+    own = [PlacedEffect(placed.effect, axle) for axle in AXLES]
+    expected = _with_narrow_priors(model, own, _value(model, placed))
+    value = evidence_as_tolerance([placed], model, _without_other_tolerances(model), known)
     assert value == pytest.approx(expected, abs=1.5)
 
 
 def test_an_effect_without_a_tolerance_has_no_such_evidence() -> None:
-    site, model, known = _with_effect("bump_stop@front")
+    placed, model, known = _with_effect("bump_stop@front")
     evidence = _without_other_tolerances(model)
-    assert evidence_as_tolerance([site], model, evidence, known) == -math.inf
+    assert evidence_as_tolerance([placed], model, evidence, known) == -math.inf
 
 
 def test_a_car_without_other_tolerances_has_no_such_evidence() -> None:
-    site, model, known = _with_effect("damper_fade@rear")
+    placed, model, known = _with_effect("damper_fade@rear")
     evidence = replace(_without_other_tolerances(model), scale=0.0)
-    assert evidence_as_tolerance([site], model, evidence, known) == -math.inf
+    assert evidence_as_tolerance([placed], model, evidence, known) == -math.inf
 
 
 @given(value=st.floats(0.1, 3.0), seed=st.integers(0, 100))

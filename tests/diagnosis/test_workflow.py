@@ -33,7 +33,7 @@ def test_a_hidden_effect_is_named_and_the_simulation_error_falls() -> None:
     one, diagnosis = diagnosed("bound_rebound@rear-4000/bump~baja")
     assert diagnosis.verdict == "named"
     first = diagnosis.named[0]
-    assert str(first.site) == "bound_rebound@rear"
+    assert str(first.placed) == "bound_rebound@rear"
     assert first.probability > 0.9
     assert diagnosis.errors is not None
     assert (diagnosis.errors["holdout"].closed or 0.0) > 0.85
@@ -92,9 +92,9 @@ def test_a_force_pulse_keeps_its_time_when_engine_tones_are_removed() -> None:
     assert diagnosis.engine is not None
     frequency = diagnosis.engine.frequency.value
     assert frequency == pytest.approx(engine.parameters["frequency"], rel=0.03)
-    assert [e.site.effect.name for e in diagnosis.named] == ["external_force"]
+    assert [e.placed.effect.name for e in diagnosis.named] == ["external_force"]
     assert diagnosis.effect_draws is not None
-    start = diagnosis.effect_draws[str(diagnosis.named[0].site)]["start"]
+    start = diagnosis.effect_draws[str(diagnosis.named[0].placed)]["start"]
     assert float(np.mean(start)) == pytest.approx(pulse.parameters["start"], abs=0.03)
     assert diagnosis.errors is not None
     assert (diagnosis.errors["fit"].closed or 0.0) > 0.85  # the pulse acts in its own run

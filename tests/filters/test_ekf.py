@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import Laws, filter_pass, log_likelihood
-from bayes_asv.models.effects import EFFECTS, site
+from bayes_asv.models.effects import EFFECTS, placed_effect
 from bayes_asv.posterior.effects import Values, law_table, patterns
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
@@ -34,11 +34,11 @@ CASES = {
         **{f"extension_{k}": 0.15 for k in range(1, 9)},
     },
 }
-STIFFNESS = site("damper_hysteresis@front")
+STIFFNESS = placed_effect("damper_hysteresis@front")
 SERIES = {
     STIFFNESS: {"stiffness": 90000.0},
-    site("digressive_damper@front"): {"knee": 0.15, "sharpness": 2.0},
-    site("coulomb_friction@front"): {"force": 20.0, "slip": 0.02},
+    placed_effect("digressive_damper@front"): {"knee": 0.15, "sharpness": 2.0},
+    placed_effect("coulomb_friction@front"): {"force": 20.0, "slip": 0.02},
 }
 
 
@@ -67,7 +67,7 @@ def test_without_laws_it_is_the_linear_recursion(target: Posterior) -> None:
 def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
     """Without a law forces and their slopes are not computed at all."""
     rng = np.random.default_rng(4)
-    where = {site("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}
+    where = {placed_effect("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}
     table = law_table(target.space.car, where, 0)[None]
     recording, known = target.space.recordings[0], target.patterns[0]
     z = rng.normal(0.0, 0.3, (1, target.space.dimension))
@@ -91,7 +91,7 @@ def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str)
     Forces that went straight from sample to sample would miss 1.1 % of friction, 0.28 % of unequal
     sides and 0.22 % of a stop.
     """
-    where = site(name)
+    where = placed_effect(name)
     law = EFFECTS[where.effect.name].force
     assert law is not None
     axle = 0 if where.where == "front" else 1
@@ -132,7 +132,7 @@ def test_a_damper_in_series_with_a_stiffness_lags(target: Posterior) -> None:
 def test_a_very_stiff_mount_is_none(target: Posterior) -> None:
     """But for what white noise of the wheels does within a step, which it leaves out."""
     z = np.full((1, target.space.dimension), 0.1)
-    straight = {site("digressive_damper@front"): {"knee": 50.0, "sharpness": 2.0}}
+    straight = {placed_effect("digressive_damper@front"): {"knee": 50.0, "sharpness": 2.0}}
     without = _filtered(target, z, straight)
     found = [
         _filtered(target, z, {**straight, STIFFNESS: {"stiffness": K}}) for K in (1e5, 1e6, 1e7)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bayes_asv.models.effects import EFFECTS, Scale, site
+from bayes_asv.models.effects import EFFECTS, Scale, placed_effect
 from bayes_asv.models.effects.damper_curve import KNOTS, slopes
 
 EFFECT = EFFECTS["damper_curve"]
@@ -59,9 +59,9 @@ def test_no_steps_are_a_linear_damper_and_one_side_leaves_the_other() -> None:
 
 
 def test_it_contains_the_bent_forms_at_its_own_place() -> None:
-    curve = site("damper_curve@front")
-    assert curve.covers(site("digressive_damper@front"))
-    assert curve.covers(site("bound_rebound@both"))
-    assert not curve.covers(site("bound_rebound@rear"))
-    assert not curve.covers(site("damper_hysteresis@front"))
-    assert not site("digressive_damper@front").covers(curve)
+    curve = placed_effect("damper_curve@front")
+    assert curve.covers(placed_effect("digressive_damper@front"))
+    assert curve.covers(placed_effect("bound_rebound@both"))
+    assert not curve.covers(placed_effect("bound_rebound@rear"))
+    assert not curve.covers(placed_effect("damper_hysteresis@front"))
+    assert not placed_effect("digressive_damper@front").covers(curve)

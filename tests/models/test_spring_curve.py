@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 from bayes_asv.filters.force_laws import excess_many
-from bayes_asv.models.effects import EFFECTS, Scale, site
+from bayes_asv.models.effects import EFFECTS, Scale, placed_effect
 from bayes_asv.models.effects.piecewise_slope import integral
 from bayes_asv.models.effects.spring_curve import KNOTS, slopes
 
@@ -120,8 +120,8 @@ def test_the_integral_takes_any_knots() -> None:
 
 
 def test_it_contains_the_parametric_form_at_its_own_place() -> None:
-    curve = site("spring_curve@front")
-    assert curve.covers(site("progressive_spring@both"))
-    assert not curve.covers(site("progressive_spring@rear"))
-    assert not curve.covers(site("bump_stop@front"))
-    assert not curve.covers(site("damper_curve@front"))
+    curve = placed_effect("spring_curve@front")
+    assert curve.covers(placed_effect("progressive_spring@both"))
+    assert not curve.covers(placed_effect("progressive_spring@rear"))
+    assert not curve.covers(placed_effect("bump_stop@front"))
+    assert not curve.covers(placed_effect("damper_curve@front"))

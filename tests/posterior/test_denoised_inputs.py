@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from bayes_asv.posterior.fitted_model import make_dataset
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import case
@@ -18,7 +18,7 @@ def test_a_lag_of_a_chassis_sensor_is_as_long_as_it_is() -> None:
     where = make_dataset(one.vehicle, lines)
     fits = {}
     for name in ("sensor_lag", "sensor_bandwidth"):
-        _, fits[name] = with_effects(where, (read_site(f"{name}@{true.where}"),))
+        _, fits[name] = with_effects(where, (read_effect(f"{name}@{true.where}"),))
     lag = fits["sensor_lag"]
     (values,) = lag.space.effects(lag.mode.z).values()
     k = lag.space.names.index(f"effect sensor_lag@{true.where} lag")

@@ -8,7 +8,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
-from bayes_asv.models.effects import site
+from bayes_asv.models.effects import placed_effect
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, with_effects
 from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, make_dataset
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -29,7 +29,7 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
     where = make_dataset(vehicle, lines)
     where.recordings[0].kind[:silent] = MISSING
     linear = fit_linear_car(where)
-    group = [c for c in candidates(linear, vehicle) if str(c.site) == "bound_rebound@front"]
+    group = [c for c in candidates(linear, vehicle) if str(c.placed) == "bound_rebound@front"]
     found = fit_with_effect(where, linear, group)
     k = found.space.names.index("effect bound_rebound@front rounding")
     for end in (-2.0, 0.0, 2.5):
@@ -42,6 +42,6 @@ def test_an_effect_that_is_in_the_model_already_is_refused() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)
     dataset = make_dataset(car, (prepared(recording, car),))
-    twice = (site("bound_rebound@front"), site("bound_rebound@both"))
+    twice = (placed_effect("bound_rebound@front"), placed_effect("bound_rebound@both"))
     with pytest.raises(InputError, match="in the model already, in bound_rebound@front"):
         with_effects(dataset, twice)

@@ -10,7 +10,7 @@ import pytest
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.effect_fit import read_site, with_effects
+from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, make_dataset
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -33,7 +33,9 @@ def laid(recording: Recording, car: Vehicle) -> Dataset:
 def test_the_slopes_are_those_of_the_log_posterior() -> None:
     _, car, recording = driven("bump", SensorSpec())
     where = laid(recording, car)
-    target = where.target((read_site("bound_rebound@front"), read_site("sensor_lag@rear_wheel")))
+    target = where.target(
+        (read_effect("bound_rebound@front"), read_effect("sensor_lag@rear_wheel"))
+    )
     z = np.random.default_rng(1).normal(0.0, 0.05, target.space.dimension)
     found = slopes(target, z).gradient(z)
     h = 1e-4
@@ -61,15 +63,15 @@ SENSORS = {
 def test_a_sensor_that_is_off_is_measured(name: str) -> None:
     wrong, parameter, truth = SENSORS[name]
     _, car, recording = driven("bump", replace(SensorSpec(), **wrong))  # type: ignore[arg-type]
-    _, stage = with_effects(laid(recording, car), (read_site(name),))
+    _, stage = with_effects(laid(recording, car), (read_effect(name),))
     assert stage.mode.converged
-    site = stage.sites[0]
-    k = stage.space.names.index(site.coordinate_name(site.effect.parameters[0]))
+    placed = stage.placed_effects[0]
+    k = stage.space.names.index(placed.coordinate_name(placed.effect.parameters[0]))
     sd = np.sqrt(np.linalg.inv(stage.mode.slopes.precision())[k, k])
-    z = site.effect.parameters[0].coordinate(truth, stage.space.sizes)
+    z = placed.effect.parameters[0].coordinate(truth, stage.space.sizes)
     assert abs(stage.mode.z[k] - z) < 3.0 * sd
     assert abs(z) > 6.0 * sd  # and it is measured, not merely allowed for
-    assert site.effect.parameters[0].name == parameter
+    assert placed.effect.parameters[0].name == parameter
 
 
 @pytest.mark.parametrize(
@@ -78,4 +80,4 @@ def test_a_sensor_that_is_off_is_measured(name: str) -> None:
 )
 def test_an_effect_that_is_none_gets_one_sentence(text: str, mend: str) -> None:
     with pytest.raises(InputError, match=mend):
-        read_site(text)
+        read_effect(text)

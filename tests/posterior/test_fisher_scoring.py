@@ -23,7 +23,7 @@ def test_a_weight_that_is_wrong_is_reached_along_a_bent_ridge() -> None:
     lines, _, _ = prepare_runs(one.recordings, one.vehicle)
     where = make_dataset(one.vehicle, lines)
     plain = fit_linear_car(where)
-    group = [c for c in candidates(plain, one.vehicle) if str(c.site) == "weight_distribution"]
+    group = [c for c in candidates(plain, one.vehicle) if str(c.placed) == "weight_distribution"]
     stage = fit_with_effect(where, plain, group)
     assert stage.mode.converged
     assert stage.mode.log_posterior > plain.mode.log_posterior + 15.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.model_assessment import assess
-from bayes_asv.posterior.effect_fit import fit_with_effect, read_site, with_effects
+from bayes_asv.posterior.effect_fit import fit_with_effect, read_effect, with_effects
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -39,8 +39,8 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     """Innovations with a level in the readings and the zero that says so, and with neither."""
     one = case("droop_stop-400", 5, 0)
     where = make_dataset(one.vehicle, _lines(one, 0.0))
-    site = read_site("droop_stop@front")
-    target = where.target((site,))
+    placed = read_effect("droop_stop@front")
+    target = where.target((placed,))
     names = target.space.names
     assert [n for n in names if n.startswith("input bias")] == [
         "input bias front 0",
@@ -79,7 +79,7 @@ def test_a_stop_is_found_where_it_is_though_wheels_read_wrong() -> None:
         off[0] = 0.15 * rng.choice((-1.0, 1.0))
         runs.append(replace(run, values=run.values + off[:, None]))
     lines, _, _ = prepare_runs(runs, one.vehicle)
-    _, stage = with_effects(make_dataset(one.vehicle, lines), (read_site("droop_stop@front"),))
+    _, stage = with_effects(make_dataset(one.vehicle, lines), (read_effect("droop_stop@front"),))
     (found,) = stage.space.effects(stage.mode.z).values()
     assert found["gap"] == pytest.approx(truth["gap"], abs=0.002)
     assert float(np.mean(stage.mode.slopes.nu**2)) < 1.1
@@ -93,10 +93,10 @@ def test_a_recording_begins_no_further_from_rest_than_the_car_goes() -> None:
     one = case("digressive_damper-4000", 1, 0, "test")
     (true,) = one.truth.effects
     lines, _, _ = prepare_runs(one.recordings, one.vehicle)
-    site = read_site(f"digressive_damper@{true.where}")
-    where, stage = with_effects(make_dataset(one.vehicle, lines), (site,))
+    placed = read_effect(f"digressive_damper@{true.where}")
+    where, stage = with_effects(make_dataset(one.vehicle, lines), (placed,))
     found = assess(where, stage, 1).test
-    friction = [c.site.effect.name == "coulomb_friction" for c in found.candidates]
+    friction = [c.placed.effect.name == "coulomb_friction" for c in found.candidates]
     assert np.max(np.abs(found.standardized_scores[friction])) < 3.0
     (values,) = stage.space.effects(stage.mode.z).values()
     assert values["knee"] == pytest.approx(true.parameters["knee"], rel=0.15)
@@ -116,7 +116,7 @@ def test_a_filter_begins_where_the_whole_recording_shows() -> None:
     for recording in where.recordings:
         assert np.all(np.sqrt(np.diag(recording.initial_covariance)[[0, 2]]) < 0.01)
     model = assess(where, fit_linear_car(where), 1)
-    stops = [c for c in model.test.candidates if str(c.site) == f"bump_stop@{true.where}"]
+    stops = [c for c in model.test.candidates if str(c.placed) == f"bump_stop@{true.where}"]
     gaps = [c.values["gap"] for c in stops]
     assert max(gaps) < 1.05 * true.parameters["gap"]
     fits = [fit_with_effect(model.denoised, model.model, [stops[k]]) for k in (2, 9)]

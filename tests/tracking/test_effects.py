@@ -17,7 +17,7 @@ from bayes_asv.filters import ukf as unscented
 from bayes_asv.filters.ukf_state import ALL
 from bayes_asv.models.car_model import bias_directions, state_space
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.effects import Site, site
+from bayes_asv.models.effects import PlacedEffect, placed_effect
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.tracking.effects import effect_parameters
 from bayes_asv.tracking.filter import DEFAULT_SETTINGS, initial_state
@@ -58,7 +58,7 @@ def _uneven(seed: int, ratio: float = 1.5) -> tuple[RigCar, Recording]:
     "names", [("bound_rebound@front", "coulomb_friction@both"), ("progressive_spring@rear",)]
 )
 def test_with_known_parameters_it_is_the_filter_of_estimate(names: tuple[str, ...]) -> None:
-    given, sites = vehicle(EXACT), tuple(map(site, names))
+    given, placed_effects = vehicle(EXACT), tuple(map(placed_effect, names))
     _, _, recording = case("bump", 4, EXACT, seconds=1.0)
     car = car_model("half", given)
     sensors = sensor_model(given, car, CHANNELS)
@@ -66,7 +66,7 @@ def test_with_known_parameters_it_is_the_filter_of_estimate(names: tuple[str, ..
         recording.time, accelerations(recording, given).T
     ).steps  # fmt: skip
     steps.use[:] = ALL  # the standstill at its beginning as well
-    model = filter_model(coordinates(car, CHANNELS, sites=sites), sensors)
+    model = filter_model(coordinates(car, CHANNELS, placed_effects=placed_effects), sensors)
     nx = model.sizes.motion - model.sizes.forces
     model.arrays.start[range(nx, nx + 2), range(nx, nx + 2)] = 0.0
     state = initial_state(model)
@@ -78,9 +78,9 @@ def test_with_known_parameters_it_is_the_filter_of_estimate(names: tuple[str, ..
     out = np.zeros((len(steps.step), model.into.width))
     unscented.run(model.sizes, 0, False, state, model.arrays, NEVER, steps, out)
 
-    values: dict[Site, dict[str, float]] = {s: {} for s in sites}
+    values: dict[PlacedEffect, dict[str, float]] = {s: {} for s in placed_effects}
     for effect, z in zip(model.coordinates.law_effects, state.mu[3:], strict=False):
-        values[effect.site][effect.parameter.name] = float(effect.values(np.array(z)))
+        values[effect.placed][effect.parameter.name] = float(effect.values(np.array(z)))
     system = state_space(car, car.nominal, model.outputs)
     system = system._replace(N=bias_directions(system))
     noise = model.arrays.noise.reshape(3, 1, 4)
@@ -99,7 +99,7 @@ def test_with_known_parameters_it_is_the_filter_of_estimate(names: tuple[str, ..
             np.zeros((n, 2)),
         ),
     )  # fmt: skip
-    assert table.shape[1] == sum(len(s.elements(car)) for s in sites)
+    assert table.shape[1] == sum(len(s.elements(car)) for s in placed_effects)
     nu = out[:, model.into.innovation : model.into.innovation + 2]
     np.testing.assert_allclose(nu, expected.innovations[0], rtol=1e-5, atol=1e-6)
     found = state.statistics[model.at.log_likelihood]
@@ -111,15 +111,15 @@ def test_ratio_of_a_damper_is_tracked() -> None:
     car, recording = _uneven(3)
     given = vehicle(DECLARED)
     assert track(recording, given).consistency.verdict == "inconsistent"
-    result = track(recording, given, effects=[site(RATIO)])
+    result = track(recording, given, effects=[placed_effect(RATIO)])
     assert result.verdict == "ok"
     assert result.consistency.verdict == "consistent"
     truth = np.array([car.c_f, car.c_r, car.i])
     assert np.all(np.abs(np.log(result.frames.median[-1] / truth)) < 3 * result.frames.log_sd[-1])
-    low, high = np.quantile(result.effects[site(RATIO)]["ratio"], [0.025, 0.975])
+    low, high = np.quantile(result.effects[placed_effect(RATIO)]["ratio"], [0.025, 0.975])
     assert 1.44 < low < high < 1.51
     assert high - low < 0.03
-    tracker = Tracker(given, 400.0, effects=[site(RATIO)])
+    tracker = Tracker(given, 400.0, effects=[placed_effect(RATIO)])
     values = accelerations(recording, given).T
     for k in range(0, len(values), 77):
         tracker.feed(recording.time[k : k + 77], values[k : k + 77])
@@ -131,7 +131,7 @@ def test_saved_tracker_keeps_its_effects(tmp_path) -> None:  # type: ignore[no-u
     _, recording = _uneven(4)
     given = vehicle(DECLARED)
     values = accelerations(recording, given).T
-    whole = Tracker(given, 400.0, effects=[site(RATIO)])
+    whole = Tracker(given, 400.0, effects=[placed_effect(RATIO)])
     whole.feed(recording.time[:500], values[:500])
     whole.save(tmp_path / "saved.npz")
     restored = Tracker.restore(tmp_path / "saved.npz", given)
@@ -147,7 +147,7 @@ def test_saved_tracker_keeps_its_effects(tmp_path) -> None:  # type: ignore[no-u
 def test_wrong_given_values_follow_from_their_coordinates(name: str, seed: int) -> None:
     """Conditioning on the coordinate by draws of effect and given value."""
     given, rng = vehicle(DECLARED), np.random.default_rng(seed)
-    space = coordinates(car_model("half", given), CHANNELS, sites=[site(name)])
+    space = coordinates(car_model("half", given), CHANNELS, placed_effects=[placed_effect(name)])
     (effect,) = space.effects
     p = len(space)
     mean, sd = space.effect_moments(np.zeros(p), space.factor.T @ space.factor)
@@ -179,18 +179,18 @@ def test_wrong_given_values_follow_from_their_coordinates(name: str, seed: int) 
 )
 def test_what_cannot_be_tracked_is_refused_in_one_sentence(name: str, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        Tracker(vehicle(EXACT), 400.0, effects=[site(name)])
+        Tracker(vehicle(EXACT), 400.0, effects=[placed_effect(name)])
     assert "\n" not in str(caught.value)
 
 
 def test_readable_engine_has_no_force_laws() -> None:
     with pytest.raises(InputError, match="no force laws"):
-        Tracker(vehicle(EXACT), 400.0, effects=[site(RATIO)], engine="filterpy")
+        Tracker(vehicle(EXACT), 400.0, effects=[placed_effect(RATIO)], engine="filterpy")
 
 
 def test_a_force_is_reported_as_positive() -> None:
     car = car_model("half", vehicle(EXACT))
-    force = effect_parameters(car, [site("coulomb_friction@front")])[0]
+    force = effect_parameters(car, [placed_effect("coulomb_friction@front")])[0]
     for mean in (-0.5, 0.0, 2.0):
         draws = force.draws(mean, 0.2)
         assert draws.min() >= 0.0

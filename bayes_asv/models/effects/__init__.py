@@ -21,9 +21,18 @@ from bayes_asv.models.effects import (
     spring_curve,
     stops,
 )
-from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter, Scale, Site
+from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter, PlacedEffect, Scale
 
-__all__ = ["AXLES", "BOTH", "EFFECTS", "Effect", "Parameter", "Scale", "Site", "site"]
+__all__ = [
+    "AXLES",
+    "BOTH",
+    "EFFECTS",
+    "Effect",
+    "Parameter",
+    "PlacedEffect",
+    "Scale",
+    "placed_effect",
+]
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect
@@ -50,7 +59,7 @@ EFFECTS: dict[str, Effect] = {
 }
 
 
-def site(text: str) -> Site:
+def placed_effect(text: str) -> PlacedEffect:
     """Read an effect and its place from ``name`` or ``name@where``.
 
     Raises
@@ -62,4 +71,4 @@ def site(text: str) -> Site:
     effect = EFFECTS[name]
     if where not in effect.places:
         raise KeyError(where)
-    return Site(effect, where)
+    return PlacedEffect(effect, where)

@@ -20,7 +20,7 @@ from bayes_asv.domain.clocks import GROUPS, members
 if TYPE_CHECKING:
     from bayes_asv.models.car_model import CarModel
 
-__all__ = ["AXLES", "BOTH", "CORNERS", "Effect", "Form", "Parameter", "Scale", "Site"]
+__all__ = ["AXLES", "BOTH", "CORNERS", "Effect", "Form", "Parameter", "PlacedEffect", "Scale"]
 
 Array = NDArray[np.float64]
 
@@ -117,7 +117,7 @@ class Effect:
         In words, for reports.
     acts : {'suspension', 'car', 'reading'}
         On the force of an axle, on a given value, or on what a sensor says.
-    sites : tuple of str
+    at : tuple of str
         Where it can be: axles, both of them alike, channels, groups of channels
         (:data:`bayes_asv.domain.clocks.GROUPS`), or an empty string.
     parameters : tuple of Parameter
@@ -179,7 +179,7 @@ class Effect:
     name: str
     title: str
     acts: Acts
-    sites: tuple[str, ...]
+    at: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     slight: Mapping[str, float] | None = None
     straight: Callable[[Mapping[str, float], float, float], dict[str, float]] | None = None
@@ -211,8 +211,8 @@ class Effect:
 
         A push in one run is looked for at axles alone.
         """
-        at_corners = set(AXLES) <= set(self.sites) and not self.in_one_run
-        return (*self.sites, *CORNERS) if at_corners else self.sites
+        at_corners = set(AXLES) <= set(self.at) and not self.in_one_run
+        return (*self.at, *CORNERS) if at_corners else self.at
 
     def slightly(self, scale: Scale) -> dict[str, float]:
         """Values at one tolerance, for one car."""
@@ -235,7 +235,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Site:
+class PlacedEffect:
     """An effect at one place.
 
     Parameters
@@ -258,7 +258,7 @@ class Site:
 
     @property
     def key(self) -> tuple[str, int | None]:
-        """What tells it from every other site."""
+        """What tells it from every other one."""
         return str(self), self.run
 
     def elements(self, car: CarModel) -> tuple[int, ...]:
@@ -278,12 +278,12 @@ class Site:
         """Corners of a car at which it acts; none for a sensor or the car."""
         return frozenset(c for c in CORNERS if self.where in (c, c.partition("_")[0], BOTH))
 
-    def meets(self, other: Site) -> bool:
+    def meets(self, other: PlacedEffect) -> bool:
         """Whether it is the same effect at a corner in common, or at the same place."""
         alike = self.where == other.where or bool(self.corners & other.corners)
         return self.effect.name == other.effect.name and alike
 
-    def covers(self, other: Site) -> bool:
+    def covers(self, other: PlacedEffect) -> bool:
         """Whether another effect at a corner in common is this one, or a special form of it."""
         form = other.effect.name in self.effect.contains and bool(self.corners & other.corners)
         return form or self.meets(other)

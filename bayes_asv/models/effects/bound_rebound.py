@@ -34,7 +34,7 @@ EFFECT = Effect(
     name="bound_rebound",
     title="unequal compression and rebound damping",
     acts="suspension",
-    sites=(*AXLES, BOTH),
+    at=(*AXLES, BOTH),
     parameters=(
         Parameter("ratio", "", "log", 1.0, 0.7, (1.5, 3.0, 0.6)),
         Parameter("rounding", "m/s", "log", 0.015, 0.7, (0.015,), shape=True),

@@ -15,7 +15,7 @@ EFFECT = Effect(
     name="clock_offset",
     title="an offset between clocks",
     acts="reading",
-    sites=tuple(GROUPS),
+    at=tuple(GROUPS),
     parameters=(
         Parameter(
             "offset", "s", "linear", 0.0, OFFSET_SD, (0.0, -0.4 * OFFSET_SD, 0.4 * OFFSET_SD)

@@ -72,7 +72,7 @@ EFFECT = Effect(
     name="damper_curve",
     title="a damper whose force is not proportional to speed",
     acts="suspension",
-    sites=(*AXLES, BOTH),
+    at=(*AXLES, BOTH),
     parameters=tuple(
         Parameter(name, "", "sinh", 0.0, _USUAL, (0.0,), shape=True) for name in _STEPS
     ),

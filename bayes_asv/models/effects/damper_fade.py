@@ -32,7 +32,7 @@ EFFECT = Effect(
     name="damper_fade",
     title="a damper that fades during the run",
     acts="suspension",
-    sites=(*AXLES, BOTH),
+    at=(*AXLES, BOTH),
     parameters=(
         Parameter("loss", "", "linear", 0.0, 0.3, (0.1, 0.4)),
         Parameter("bend", "", "linear", 0.0, 1.5, (0.0,), shape=True),

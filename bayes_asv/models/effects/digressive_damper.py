@@ -51,7 +51,7 @@ EFFECT = Effect(
     name="digressive_damper",
     title="a damper whose force flattens out at speed",
     acts="suspension",
-    sites=(*AXLES, BOTH),
+    at=(*AXLES, BOTH),
     parameters=(
         Parameter("knee", "m/s", "log", 0.5, 1.2, (0.1, 0.25, 0.6, 1.5, 4.0)),
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),

@@ -32,7 +32,7 @@ EFFECT = Effect(
     name="progressive_spring",
     title="a spring that stiffens with travel",
     acts="suspension",
-    sites=(*AXLES, BOTH),
+    at=(*AXLES, BOTH),
     parameters=(
         # 0.4 at 5 cm of travel, but as much within 1 cm on a car that has no more
         Parameter("kappa", "1/m^2", "sinh", 0.0, 150.0, (20.0, 150.0)),

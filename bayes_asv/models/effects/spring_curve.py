@@ -57,7 +57,7 @@ EFFECT = Effect(
     name="spring_curve",
     title="a spring whose force is not proportional to travel",
     acts="suspension",
-    sites=(*AXLES, BOTH),
+    at=(*AXLES, BOTH),
     parameters=tuple(
         Parameter(name, "", "linear", 0.0, _STEP, (0.0,), shape=True) for name in _STEPS
     ),

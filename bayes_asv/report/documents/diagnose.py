@@ -154,30 +154,32 @@ def _engine(engine: Engine, diagnosis: Diagnosis) -> schema.NamedEffect:
 
 
 def _effect(named: NamedEffect, diagnosis: Diagnosis) -> schema.NamedEffect:
-    site = named.site
-    draws = (diagnosis.effect_draws or {}).get(str(site), {})
+    placed = named.placed
+    draws = (diagnosis.effect_draws or {}).get(str(placed), {})
     others = [
-        EffectName(name=o.site.effect.name, where=o.site.where or None, title=o.site.effect.title)
+        EffectName(
+            name=o.placed.effect.name, where=o.placed.where or None, title=o.placed.effect.title
+        )
         for o in named.indistinguishable
     ]
     # A wrong mass scales both springs and has no signature of its own.
-    springs = {n.site.where for n in diagnosis.named if n.site.effect.name == "spring_rate"}
-    if site.effect.name == "spring_rate" and springs == {"front", "rear"}:
+    springs = {n.placed.where for n in diagnosis.named if n.placed.effect.name == "spring_rate"}
+    if placed.effect.name == "spring_rate" and springs == {"front", "rear"}:
         others.append(EffectName(name="mass_scale", where=None, title="a wrong mass"))
     return schema.NamedEffect(
-        name=site.effect.name,
-        where=site.where or None,
-        title=site.effect.title,
+        name=placed.effect.name,
+        where=placed.where or None,
+        title=placed.effect.title,
         probability=diagnosis.probability_of(named),
         indistinguishable_from=others,
-        drive=site.effect.drive,
+        drive=placed.effect.drive,
         parameters={
-            p.name: effect_value(p, draws[p.name], site, diagnosis.vehicle)
-            for p in site.effect.parameters
+            p.name: effect_value(p, draws[p.name], placed, diagnosis.vehicle)
+            for p in placed.effect.parameters
             if p.name in draws
         },
         gap=_gap(named.errors, diagnosis.vehicle),
-        run=None if site.run is None else diagnosis.training[site.run].source,
+        run=None if placed.run is None else diagnosis.training[placed.run].source,
     )
 
 

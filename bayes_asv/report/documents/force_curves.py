@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.diagnosis.workflow import Diagnosis
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.models.car_model import CarModel
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.report.documents.quantities import Units, without_single_rate
@@ -57,9 +57,11 @@ def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
     nominal = {name: float(value[0]) for name, value in model.space.car.nominal.items()}
     curves = {}
     for e, element in enumerate(model.space.car.elements):
-        sites = [s for s in model.sites if e in s.elements(model.space.car) and s.run is None]
-        laws = tuple(s for s in sites if s.effect.acts == "suspension")
-        if not laws and not any(s.effect.name == "spring_rate" for s in sites):
+        placed_effects = [
+            s for s in model.placed_effects if e in s.elements(model.space.car) and s.run is None
+        ]
+        laws = tuple(s for s in placed_effects if s.effect.acts == "suspension")
+        if not laws and not any(s.effect.name == "spring_rate" for s in placed_effects):
             continue
         c_name, k_name = element.damping, element.spring
         law = _ForceLaw(e, model.space.car, laws, values, car[c_name], car[k_name])
@@ -72,13 +74,13 @@ def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
             if any(s.effect.name == "damper_fade" for s in laws):
                 damper.after_end = _band(law.forces(rest, velocity, 1.0), units)
             own.damper = damper
-        if law.is_nonlinear(deflection, rest) or len(laws) < len(sites):
+        if law.is_nonlinear(deflection, rest) or len(laws) < len(placed_effects):
             before = diagnosis.quantities_before.get(k_name, np.array([nominal[k_name]]))
             own.spring = _curve("deflection", deflection, before, nominal[k_name],
                                 law.forces(deflection, rest, 0.0), units)  # fmt: skip
-        for site in laws:
-            if site.effect.name == "bound_rebound":
-                own.rates = _rates(law.c, values[site]["ratio"], units)
+        for placed in laws:
+            if placed.effect.name == "bound_rebound":
+                own.rates = _rates(law.c, values[placed]["ratio"], units)
         if own.model_fields_set:
             curves[element.name] = own
     return curves
@@ -91,14 +93,16 @@ class _ForceLaw:
         self,
         element: int,
         car: CarModel,
-        sites: tuple[Site, ...],
-        values: Mapping[Site, Mapping[str, Array]],
+        placed_effects: tuple[PlacedEffect, ...],
+        values: Mapping[PlacedEffect, Mapping[str, Array]],
         c: Array,
         k: Array,
     ) -> None:
         self.element, self.c, self.k = element, c, k
         self.tables = [
-            law_table(car, {s: {p: float(v[n]) for p, v in values[s].items()} for s in sites}, 0)
+            law_table(
+                car, {s: {p: float(v[n]) for p, v in values[s].items()} for s in placed_effects}, 0
+            )
             for n in range(_DRAWS)
         ]
 
@@ -142,16 +146,16 @@ def _with_ranks(ranked: Array, marginal: Array) -> Array:
 
 def _effect_draws(
     model: FittedModel, z: Array, diagnosis: Diagnosis
-) -> dict[Site, dict[str, Array]]:
+) -> dict[PlacedEffect, dict[str, Array]]:
     drawn = [model.space.effects(one) for one in z]
-    out: dict[Site, dict[str, Array]] = {}
-    for site in model.sites:
-        marginals = (diagnosis.effect_draws or {}).get(str(site), {})
-        out[site] = {}
-        for parameter in site.effect.parameters:
-            own = np.array([values[site][parameter.name] for values in drawn])
+    out: dict[PlacedEffect, dict[str, Array]] = {}
+    for placed in model.placed_effects:
+        marginals = (diagnosis.effect_draws or {}).get(str(placed), {})
+        out[placed] = {}
+        for parameter in placed.effect.parameters:
+            own = np.array([values[placed][parameter.name] for values in drawn])
             marginal = marginals.get(parameter.name)
-            out[site][parameter.name] = own if marginal is None else _with_ranks(own, marginal)
+            out[placed][parameter.name] = own if marginal is None else _with_ranks(own, marginal)
     return out
 
 
@@ -172,11 +176,13 @@ def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, 
             out[name] = _with_ranks(drawn[name], diagnosis.quantities_after[name])
         else:
             out[name] = np.full(_DRAWS, car.nominal[name][0])
-    for site in model.sites:  # the curve of a spring is that of its true rate
-        if site.effect.name == "spring_rate":
-            factor = (diagnosis.effect_draws or {})[str(site)]["factor"]
-            rank = z[:, model.space.names.index(site.coordinate_name(site.effect.parameters[0]))]
-            for e in site.elements(car):
+    for placed in model.placed_effects:  # the curve of a spring is that of its true rate
+        if placed.effect.name == "spring_rate":
+            factor = (diagnosis.effect_draws or {})[str(placed)]["factor"]
+            rank = z[
+                :, model.space.names.index(placed.coordinate_name(placed.effect.parameters[0]))
+            ]
+            for e in placed.elements(car):
                 name = car.elements[e].spring
                 out[name] = out[name] * _with_ranks(rank, factor)
     return out

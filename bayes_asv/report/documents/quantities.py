@@ -21,7 +21,7 @@ from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import Parameter as EffectParameter
-from bayes_asv.models.effects import Site
+from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.models.outputs import relative_offset
 from bayes_asv.report.schema import parts as schema
 from bayes_asv.report.schema.parts import (
@@ -206,33 +206,33 @@ def without_single_rate(dampers: Iterable[DampingRates]) -> set[str]:
     return {name for damper in dampers if damper.free_form for name in damper.names}
 
 
-def effects(draws: Mapping[Site, Mapping[str, Array]], vehicle: Vehicle) -> list[Effect]:
+def effects(draws: Mapping[PlacedEffect, Mapping[str, Array]], vehicle: Vehicle) -> list[Effect]:
     """Effects with draws (any shape) of their parameters, SI units."""
     return [
         Effect(
-            name=site.effect.name,
-            where=site.where or None,
-            title=site.effect.title,
+            name=placed.effect.name,
+            where=placed.where or None,
+            title=placed.effect.title,
             parameters={
-                p.name: effect_value(p, values[p.name].ravel(), site, vehicle)
-                for p in site.effect.parameters
+                p.name: effect_value(p, values[p.name].ravel(), placed, vehicle)
+                for p in placed.effect.parameters
                 if p.name in values
             },
         )
-        for site, values in draws.items()
+        for placed, values in draws.items()
     ]
 
 
 def effect_value(
-    parameter: EffectParameter, draws: Array, site: Site, vehicle: Vehicle
+    parameter: EffectParameter, draws: Array, placed: PlacedEffect, vehicle: Vehicle
 ) -> EffectValue:
     """Mean and 95 % interval of one parameter of an effect from draws (N,), SI units."""
     units = Units(vehicle.units)
     factor, unit = effect_unit(parameter.unit, units)
     if parameter.unit == "share":  # of the declared bandwidth
-        factor, unit = float(vehicle.sensor(site.where).bandwidth or 1.0), "Hz"
+        factor, unit = float(vehicle.sensor(placed.where).bandwidth or 1.0), "Hz"
     if parameter.unit == "m/s^3":  # of another quantity as large a share of its offset
-        channel = vehicle.channel(site.where)
+        channel = vehicle.channel(placed.where)
         factor = relative_offset(channel.quantity) * units.convert(1.0, channel.dimension)
         unit = f"{units.unit(channel.dimension)}/s"
     low, high = (float(q) * factor for q in np.quantile(draws, [0.025, 0.975]))

@@ -292,7 +292,7 @@ def _shown_effects(coordinates: Coordinates) -> list[tuple[int, EffectParameter]
 
 
 def _effect_label(effect: EffectParameter) -> str:
-    return f"{effect.site} {effect.parameter.name}"
+    return f"{effect.placed} {effect.parameter.name}"
 
 
 class Trace:

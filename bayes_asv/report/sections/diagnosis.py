@@ -241,7 +241,7 @@ def diagnosis_steps(document: DiagnoseDocument) -> list[str]:
             "Correct what the reasons above name, and record again.",
             "'bayes-asv plan' shows which road and speed are sufficient.",
         ]
-    steps, sites = [], []
+    steps, placed_effects = [], []
     for effect in document.effects:
         name, drive = effect_name(effect), plain(effect.drive)
         outside_model = effect.name == "engine_vibration" or bool(effect.run)
@@ -252,11 +252,11 @@ def diagnosis_steps(document: DiagnoseDocument) -> list[str]:
             steps.append(f"To confirm {name}: {drive}.")
         if not outside_model:
             where = f"@{plain(effect.where)}" if effect.where else ""
-            sites.append(f"--with {plain(effect.name)}{where}")
-    if sites:
+            placed_effects.append(f"--with {plain(effect.name)}{where}")
+    if placed_effects:
         steps.append(
             "Inspect the part. If it is as designed, or until it is repaired, include the effect "
-            f"in the model: bayes-asv estimate … {' '.join(sites)}."
+            f"in the model: bayes-asv estimate … {' '.join(placed_effects)}."
         )
     if document.unexplained.present:
         steps.append(where_to_look(document))
