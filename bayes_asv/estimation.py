@@ -151,7 +151,7 @@ class _Task(NamedTuple):
             self.progress(share, words)
 
 
-class _Fit(NamedTuple):
+class _ModeAndChecks(NamedTuple):
     """What is known before anything is sampled.
 
     Parameters
@@ -224,12 +224,12 @@ def _estimate_runs(
     return replace(answer, input_check=fit.input_check, seconds=time.perf_counter() - began)
 
 
-def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
+def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
     """Prepare the recordings, and find the mode of what they have in common."""
     vehicle, likelihood, placed_effects = task.vehicle, task.likelihood, task.placed_effects
     prepared, reasons, warnings = prepare_runs(task.recordings, vehicle, task.below, task.car.name)
     if reasons:
-        return _Fit(None, None, None, bool(prepared), reasons, warnings)
+        return _ModeAndChecks(None, None, None, bool(prepared), reasons, warnings)
     task.tell(0.0, "checking what the recordings can tell")
     unidentified = unidentified_before_fit(prepared, vehicle)
     timed, agreement = None, None
@@ -252,7 +252,7 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
     if agreement is not None and agreement.apart:
         warnings += agreement.warnings
         notes = (*unidentified, *ambiguity)
-        return _Fit(None, agreement, timed, True, agreement.reasons, warnings, notes)
+        return _ModeAndChecks(None, agreement, timed, True, agreement.reasons, warnings, notes)
     found = (
         best_fit(prepared, vehicle, likelihood, placed_effects)
         if timed is None
@@ -260,10 +260,10 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _Fit:
     )
     # At the mode the same is known better than at nominal values.
     notes = (*(() if found.mode.converged else unidentified), *ambiguity)
-    return _Fit(found, agreement, timed, True, found.reasons, warnings, notes)
+    return _ModeAndChecks(found, agreement, timed, True, found.reasons, warnings, notes)
 
 
-def _checked(task: _Task, fit: _Fit) -> _Fit:
+def _checked(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
     """Check the model and the input at the mode."""
     found, error, doubt = fit.map_fit, None, None
     whole = task.below is None and task.likelihood == "innovations" and fit.timed is None
@@ -288,20 +288,20 @@ def _checked(task: _Task, fit: _Fit) -> _Fit:
     )
 
 
-def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Estimate:
+def _sampled(task: _Task, fit: _ModeAndChecks, found: MapFit, sampler: ModuleType) -> Estimate:
     """Draw from the posterior around its mode, and compute what is reported of it."""
-    seed, space, target, doubt = task.seed, found.space, found.target, fit.input_check
+    seed, space, posterior, doubt = task.seed, found.space, found.posterior, fit.input_check
     warnings = fit.warnings if doubt is None else (doubt.sentence, *fit.warnings)
     task.tell(0.1, "sampling")
     if fit.model_error is not None:
         rng, spread = np.random.default_rng([seed, 29]), found.mode.covariance + fit.model_error
         cars = draw_cars(space, found.mode.z, spread, math.prod(_APART), rng)
-        ensembles = sampler.independent_draws(target, cars.reshape(*_APART, -1))
+        ensembles = sampler.independent_draws(posterior, cars.reshape(*_APART, -1))
     else:
         # the parameters of a force law are too far from linear for an expansion at the mode
         exact_form = fit.timed is None or bool(task.placed_effects)
         ensembles = sampler.sample_runs(
-            target if exact_form else target.expanded(found.mode.z, found.mode.covariance),
+            posterior if exact_form else posterior.expanded(found.mode.z, found.mode.covariance),
             found.mode,
             seed,
             None
@@ -321,7 +321,7 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
             f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
             "intervals: the recordings may hold motion that the model does not describe",
         )
-    dampers = damping_rates(target, found.mode.z, flat, draws)
+    dampers = damping_rates(posterior, found.mode.z, flat, draws)
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
     clocks_known = fit.timed is None or not any(fit.timed.modes)
     exact = clocks_known and not task.placed_effects and fit.model_error is None
@@ -344,17 +344,17 @@ def _sampled(task: _Task, fit: _Fit, found: MapFit, sampler: ModuleType) -> Esti
         acceptance=ensembles.acceptance,
         sampler=ensembles.sampler,
         runs=tuple(
-            _run_fit(recording, target, flat, run, seed)
+            _run_fit(recording, posterior, flat, run, seed)
             for run, recording in enumerate(task.recordings)
         ),
         space=space,
-        uncertainty_budget=find_budget(target, found.mode, task.vehicle)
+        uncertainty_budget=find_budget(posterior, found.mode, task.vehicle)
         if ensembles.converged and exact
         else None,
         run_consistency=fit.run_consistency,
         below=task.below,
         dampers=dampers,
-        springs=spring_curves(target, found.mode.z, flat, draws),
+        springs=spring_curves(posterior, found.mode.z, flat, draws),
         effects={
             placed: {n: x.reshape(by_ensemble) for n, x in values.items()}
             for placed, values in space.effect_draws(flat).items()
@@ -429,7 +429,7 @@ def _estimate_random_effects(
         ess_tail_min=tail,
         sampler="random effects",
         runs=tuple(
-            _run_fit(recording, alone.fit.target, alone.z, 0, seed + run)
+            _run_fit(recording, alone.fit.posterior, alone.z, 0, seed + run)
             for run, (recording, alone) in enumerate(zip(recordings, agreement.runs, strict=True))
         ),
         space=agreement.space,
@@ -439,27 +439,29 @@ def _estimate_random_effects(
     )
 
 
-def _run_fit(recording: Recording, target: Posterior, flat: Array, run: int, seed: int) -> RunFit:
+def _run_fit(
+    recording: Recording, posterior: Posterior, flat: Array, run: int, seed: int
+) -> RunFit:
     """Simulate one recording at the posterior's centre and at a few of its draws."""
-    prepared = target.space.recordings[run]
+    prepared = posterior.space.recordings[run]
     centre = flat.mean(axis=0)
     picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
     elements = len(prepared.car.elements)
-    each = [free_run(target, z, run) for z in picked]
-    innovations = target.innovations(centre, run)
+    each = [free_run(posterior, z, run) for z in picked]
+    innovations = posterior.innovations(centre, run)
     innovations[prepared.kind != VALUE] = np.nan
     return RunFit(
         recording=recording,
         prepared=prepared,
-        free=free_run(target, centre, run),
+        free=free_run(posterior, centre, run),
         ensemble=np.stack([one.output for one in each]),
         travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),
         velocity=np.stack([one.states[:, 1 : 2 * elements : 2] for one in each]),
         innovations=innovations,
-        residual_ar=target.residual_ars[run],
+        residual_ar=posterior.residual_ars[run],
         # Replicates know the sensors' noise alone; where it explains little there is nothing
         # to check.
         checks=()
-        if target.space.likelihood == "coloured" or target.space.placed_effects
-        else predictive_checks(target, flat, run, seed),
+        if posterior.space.likelihood == "coloured" or posterior.space.placed_effects
+        else predictive_checks(posterior, flat, run, seed),
     )

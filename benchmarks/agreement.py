@@ -162,7 +162,7 @@ def covered(runs: list[SingleRunFit], car: RigCar, spread: float) -> dict[str, A
 
 def told(name: str, run: SingleRunFit) -> dict[str, Any]:
     """Smallest corrected probability of a run's checks."""
-    checks = predictive_checks(run.fit.target, run.z, 0, 0)
+    checks = predictive_checks(run.fit.posterior, run.z, 0, 0)
     return {
         "what": name,
         "p_family": min(check.p_family for check in checks),

@@ -141,7 +141,7 @@ def posterior(car: RigCar, vehicle: Vehicle, planned: Drive, seeds: Sequence[int
     found = fitted(car, vehicle, planned, seeds)
     if found is None:
         return None
-    draws = importance_sample(found.target, found.mode, _DRAWS, seeds[0])
+    draws = importance_sample(found.posterior, found.mode, _DRAWS, seeds[0])
     value = found.space.quantities(draws.z, seeds[0])
     mean = np.array([draws.mean(value[name]) for name in PARAMETERS])
     sd = np.array([draws.sd(value[name]) for name in PARAMETERS])

@@ -54,9 +54,9 @@ def again(fit: MapFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
         fault = Fault(shift.kind, shift.where, shift.size)
         lines = tuple(with_fault(recording, fault, car) for recording in fit.space.recordings)
         where = replace(fit.space, recordings=lines)
-    with shared_work(replace(fit.target, space=where)) as target:
+    with shared_work(replace(fit.posterior, space=where)) as posterior:
         for start in (fit.mode.z, None):
-            mode = find_mode(target, start)
+            mode = find_mode(posterior, start)
             if mode.converged:
                 return answers(where, mode)
     return None
@@ -68,7 +68,7 @@ def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
     lines, _, _ = prepare_runs((case(terrain, seed, KNOWN[known])[2],), car)
     fit = best_fit(lines, car)
     began = time.process_time()
-    width = find_budget(fit.target, fit.mode, car)
+    width = find_budget(fit.posterior, fit.mode, car)
     seconds = time.process_time() - began
     before = answers(fit.space, fit.mode)
     misses, stuck = [], 0

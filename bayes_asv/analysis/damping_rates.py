@@ -91,13 +91,13 @@ class DampingRates:
 
 
 def damping_rates(
-    target: Posterior, mode: Array, z: Array, draws: Mapping[str, Array]
+    posterior: Posterior, mode: Array, z: Array, draws: Mapping[str, Array]
 ) -> tuple[DampingRates, ...]:
     """Rates of every damper that has a law of its own.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         With effects.
     mode : (D,) array
         Coordinates at which the speeds driven are worked out.
@@ -106,16 +106,16 @@ def damping_rates(
     draws : mapping of str to (N,) array
         The same of the car's quantities, SI units.
     """
-    space = target.space
+    space = posterior.space
     laws = [s for s in space.placed_effects if s.effect.on_damper]
     if not laws:
         return ()
     runs = range(len(space.recordings))
-    driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
+    driven = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
     rubbing = [s for s in space.placed_effects if s.effect.rubs]
-    tables = np.stack([_table(target, laws, one) for one in z[used]])
-    friction = np.stack([_table(target, rubbing, one) for one in z[used]])
+    tables = np.stack([_table(posterior, laws, one) for one in z[used]])
+    friction = np.stack([_table(posterior, rubbing, one) for one in z[used]])
     out = []
     for e, element in enumerate(space.car.elements):
         own = [placed for placed in laws if e in placed.elements(space.car)]
@@ -207,7 +207,7 @@ def _added_forces(tables: Array, element: int, rate: Array) -> Array:
     return np.stack(list(forces))
 
 
-def _table(target: Posterior, laws: list[PlacedEffect], z: Array) -> Array:
+def _table(posterior: Posterior, laws: list[PlacedEffect], z: Array) -> Array:
     """Return the table of these laws alone, as they are at the start of a run."""
-    values = target.space.effects(z)
-    return law_table(target.space.car, {placed: values[placed] for placed in laws}, 0)
+    values = posterior.space.effects(z)
+    return law_table(posterior.space.car, {placed: values[placed] for placed in laws}, 0)

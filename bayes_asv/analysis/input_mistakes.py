@@ -42,7 +42,7 @@ from bayes_asv.analysis.nominal_values import implausible_values, nominal_mistak
 from bayes_asv.analysis.screening_fit import (
     COARSE_STEPS,
     STEPS,
-    Fit,
+    ScreeningFit,
     holds_throughout,
     screening_fit,
 )
@@ -165,7 +165,7 @@ def check_input(
     )
 
 
-def _moved(fit: Fit) -> list[str]:
+def _moved(fit: ScreeningFit) -> list[str]:
     """Name the given values that a fit moves by more than is likely."""
     return [name for name, deviations in fit.moved.items() if abs(deviations) > _MOVED]
 
@@ -322,7 +322,7 @@ def _most_active(
 
 def _screened(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str, steps: int = STEPS
-) -> Fit | None:
+) -> ScreeningFit | None:
     """Fit quickly; None where an input cannot be fitted at all."""
     try:
         return screening_fit(recordings, vehicle, car, steps)

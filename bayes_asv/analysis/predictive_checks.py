@@ -96,12 +96,12 @@ class Check(NamedTuple):
         return self.p_larger < 0.5
 
 
-def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> tuple[Check, ...]:
+def predictive_checks(posterior: Posterior, draws: Array, run: int, seed: int) -> tuple[Check, ...]:
     """Check one recording against replicates from its posterior.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         The posterior.
     draws : (S, D) array
         Draws of its coordinates, equally weighted.
@@ -115,23 +115,23 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
     tuple of Check
         Reading and residual of both chassis channels.
     """
-    recording = target.space.recordings[run]
+    recording = posterior.space.recordings[run]
     rng = np.random.default_rng([seed, run, 9])
     count = len(recording.step)
     paths = max(min(_PATHS, _MOST_VALUES // (_CARS * count)), _FEWEST_PATHS)
     cars = min(_CARS, max(_MOST_VALUES // (paths * count), 8), len(draws))
     picked = draws[np.linspace(0, len(draws) - 1, cars).astype(int)]
-    noises = target.space.noises(_believed(target, picked), run)
+    noises = posterior.space.noises(_believed(posterior, picked), run)
     views = [_View.of(recording, y) for y in range(len(recording.outputs))]
     low, high = _rails(recording, views)
     observed, replicated = [], []
     ny = len(views)
     normal_count = normals_needed(len(recording.wheels), ny)
     data = recording.measurements
-    systems = target.space.state_space(picked, run)
+    systems = posterior.space.state_space(picked, run)
     for k, point in enumerate(picked):
         system = systems.some([k])
-        fitted = free_run(target, point, run).output
+        fitted = free_run(posterior, point, run).output
         basis = _basis(system, data, views)
         normals = rng.standard_normal((count, paths, normal_count))
         noisy = simulate_noise(system, noises.some([k]), data, normals)
@@ -152,10 +152,10 @@ def predictive_checks(target: Posterior, draws: Array, run: int, seed: int) -> t
     return _compared(names, np.concatenate(observed, axis=1), np.stack(replicated, axis=1))
 
 
-def _believed(target: Posterior, draws: Array) -> Array:
+def _believed(posterior: Posterior, draws: Array) -> Array:
     """Draws (S, D) with noise levels no farther from the given ones than is believed."""
     out = draws.copy()
-    levels = [k for k, one in enumerate(target.space.coordinates) if one.kind == "noise"]
+    levels = [k for k, one in enumerate(posterior.space.coordinates) if one.kind == "noise"]
     out[:, levels] = np.clip(out[:, levels], -_BELIEVED, _BELIEVED)
     return out
 

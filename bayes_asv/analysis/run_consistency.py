@@ -68,7 +68,7 @@ class SingleRunFit:
     Parameters
     ----------
     fit : MapFit
-        Its mode; the posterior's target with the residual autoregression of this run.
+        Its mode; its posterior has the residual autoregression of this run.
     z : (S, D) array
         Draws of its posterior, equally weighted, in the coordinates of a single run.
     effective : float
@@ -245,7 +245,7 @@ def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) ->
     SingleRunFit
     """
     fit = best_fit((recording,), vehicle)
-    with shared_work(fit.target) as shared:
+    with shared_work(fit.posterior) as shared:
         weighted = importance_sample(shared, fit.mode, _WEIGHTED, seed)
     w = weighted.weight
     rng = np.random.default_rng([seed, 8])
@@ -254,7 +254,7 @@ def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) ->
     z = weighted.z[rng.permutation(np.minimum(at, len(w) - 1))]
     recording = fit.space.recordings[0]
     faults, _ = explained_power_findings(
-        recording, free_run(fit.target, fit.mode.z, 0), bool(fit.shares)
+        recording, free_run(fit.posterior, fit.mode.z, 0), bool(fit.shares)
     )
     return SingleRunFit(fit, z, weighted.effective, _likelihood(fit, weighted), tuple(faults))
 

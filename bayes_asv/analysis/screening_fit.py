@@ -25,7 +25,7 @@ from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["COARSE_STEPS", "STEPS", "Fit", "holds_throughout", "screening_fit"]
+__all__ = ["COARSE_STEPS", "STEPS", "ScreeningFit", "holds_throughout", "screening_fit"]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _FEWEST = 50  # readings of an output in a stretch
 _MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
 
 
-class Fit(NamedTuple):
+class ScreeningFit(NamedTuple):
     """A fit with the noise as declared, and how likely it is with as much noise as it needs.
 
     Parameters
@@ -69,7 +69,7 @@ class Fit(NamedTuple):
 
 def screening_fit(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", steps: int = STEPS
-) -> Fit | None:
+) -> ScreeningFit | None:
     """Fit recordings with the sensors' noise as declared.
 
     Returns None where a channel is dead, or the car moves between the samples.
@@ -91,22 +91,22 @@ def screening_fit(
         if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
             return None
     prepared = tuple(prepare(one, vehicle, model) for one in recordings)
-    target = Posterior(space(vehicle, prepared), tuple(WHITE for _ in prepared))
-    n = target.space.shared_dimension
-    dimension = target.space.dimension
+    posterior = Posterior(space(vehicle, prepared), tuple(WHITE for _ in prepared))
+    n = posterior.space.shared_dimension
+    dimension = posterior.space.dimension
 
     def at(car_part: Array) -> Array:
         z = np.zeros(dimension)
         z[:n] = car_part
         return z
 
-    residual, slopes = residual_functions(target, np.zeros(dimension), range(n))
+    residual, slopes = residual_functions(posterior, np.zeros(dimension), range(n))
     fit = least_squares(
         residual, np.zeros(n), slopes, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
     )
     z = at(fit.x)
     # With more noise the prior counts for more, so that another mode is the likeliest.
-    noise_factor, noisy = _noise_factor(target, z), z
+    noise_factor, noisy = _noise_factor(posterior, z), z
     if noise_factor > _MORE_NOISE and steps > COARSE_STEPS:
         scale = np.append(np.full(fit.fun.size - n, noise_factor), np.ones(n))
 
@@ -121,13 +121,13 @@ def screening_fit(
             max_nfev=steps,
         )  # fmt: skip
         noisy = at(again.x)
-        noise_factor = _noise_factor(target, noisy)
-    value = float(target.log_posterior(noisy[None])[0])
+        noise_factor = _noise_factor(posterior, noisy)
+    value = float(posterior.log_posterior(noisy[None])[0])
     if not math.isfinite(value):
         return None
-    count, square = _innovations(target, noisy)
+    count, square = _innovations(posterior, noisy)
     value += 0.5 * square * (1.0 - noise_factor**-2) - count * math.log(noise_factor)
-    values = {name: float(x[0]) for name, x in target.space.values(z[None]).items()}
+    values = {name: float(x[0]) for name, x in posterior.space.values(z[None]).items()}
     moved = {}
     for p in model.parameters:
         if p.kind == "fraction":
@@ -137,22 +137,22 @@ def screening_fit(
             sd = math.sqrt(sum((c * sd) ** 2 for _, c, sd in p.terms))
             moved[p.name] = math.log(values[p.name] / p.nominal) / sd if sd > 0.0 else 0.0
     spread = [
-        long_run_variance(target.innovations(z, run), one.kind == VALUE, one.instants)
+        long_run_variance(posterior.innovations(z, run), one.kind == VALUE, one.instants)
         for run, one in enumerate(prepared)
     ]
     dispersion = max(1.0, *spread)
     holds = dispersion < _HOLDS * max(_of_filtered_noise(one) for one in prepared)
-    return Fit(value, noise_factor, dispersion, holds, moved, values, fit.x)
+    return ScreeningFit(value, noise_factor, dispersion, holds, moved, values, fit.x)
 
 
 def holds_throughout(
-    fit: Fit, recording: Recording, vehicle: Vehicle, car: str, seconds: float
+    fit: ScreeningFit, recording: Recording, vehicle: Vehicle, car: str, seconds: float
 ) -> bool:
     """Whether a fit to a stretch of a recording explains the rest of it as well.
 
     Parameters
     ----------
-    fit : Fit
+    fit : ScreeningFit
         To the stretch in which the wheels move most.
     recording : Recording
         All of it, with enough readings of every channel.
@@ -168,10 +168,10 @@ def holds_throughout(
     """
     model = car_model(car, vehicle)
     prepared = prepare(recording, vehicle, model)
-    target = Posterior(space(vehicle, (prepared,)), (WHITE,))
-    z = np.zeros(target.space.dimension)
+    posterior = Posterior(space(vehicle, (prepared,)), (WHITE,))
+    z = np.zeros(posterior.space.dimension)
     z[: len(fit.shared)] = fit.shared
-    innovations, use = target.innovations(z, 0), prepared.kind == VALUE
+    innovations, use = posterior.innovations(z, 0), prepared.kind == VALUE
     power = np.interp(prepared.instants, recording.time, wheel_power(recording, vehicle))
     first, last = float(prepared.instants[0]), float(prepared.instants[-1])
     count = max(round((last - first) / seconds), 1)
@@ -194,18 +194,18 @@ def holds_throughout(
     )
 
 
-def _innovations(target: Posterior, z: Array) -> tuple[int, float]:
+def _innovations(posterior: Posterior, z: Array) -> tuple[int, float]:
     """Count the normalised innovations of all runs, and sum their squares."""
     every = np.concatenate(
-        [target.innovations(z, run).ravel() for run in range(len(target.space.recordings))]
+        [posterior.innovations(z, run).ravel() for run in range(len(posterior.space.recordings))]
     )
     there = np.isfinite(every) & (every != 0.0)
     return int(np.count_nonzero(there)), float(np.sum(every[there] ** 2))
 
 
-def _noise_factor(target: Posterior, z: Array) -> float:
+def _noise_factor(posterior: Posterior, z: Array) -> float:
     """Root mean square of the normalised innovations, at least one."""
-    count, square = _innovations(target, z)
+    count, square = _innovations(posterior, z)
     return math.sqrt(max(1.0, square / max(count, 1)))
 
 

@@ -67,13 +67,13 @@ class SpringCurve:
 
 
 def spring_curves(
-    target: Posterior, mode: Array, z: Array, draws: Mapping[str, Array]
+    posterior: Posterior, mode: Array, z: Array, draws: Mapping[str, Array]
 ) -> tuple[SpringCurve, ...]:
     """Curves of every spring that has a free one.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         With effects.
     mode : (D,) array
         Coordinates at which the deflections driven are worked out.
@@ -87,12 +87,12 @@ def spring_curves(
     tuple of SpringCurve
         In the order of the car's suspension elements; empty without a free curve.
     """
-    space = target.space
+    space = posterior.space
     laws = [s for s in space.placed_effects if s.effect.on_spring]
     if not any(placed.effect.free_form for placed in laws):
         return ()
     runs = range(len(space.recordings))
-    driven = [target.innovations_and_variances(mode, run)[2] for run in runs]
+    driven = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), _MAX_DRAWS)).astype(int)
     tables = []
     for one in z[used]:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, update_patterns
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, update_corrections
 from bayes_asv.posterior.free_simulation import free_run, simulated
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -166,7 +166,7 @@ class DenoisedModel:
     model : FittedModel
         The model at its mode there.
     dataset : Dataset
-        Recordings with denoised inputs, and the model's sensor patterns.
+        Recordings with denoised inputs, and the model's sensor corrections.
     filters : tuple of FixedGainFilter
         Its filter on each run, without any tolerances.
     settled : (N,) bool array
@@ -201,7 +201,9 @@ def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
     """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
     recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.recordings)))
     denoised = replace(dataset, recordings=recordings, inputs_denoised=True)
-    return update_patterns(denoised, replace(model, target=denoised.target(model.placed_effects)))
+    return update_corrections(
+        denoised, replace(model, posterior=denoised.posterior(model.placed_effects))
+    )
 
 
 def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
@@ -211,7 +213,7 @@ def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedM
     the same ones only.
     """
     denoised = denoise(dataset, model)
-    return denoised, fitted(denoised.target(model.placed_effects), model.mode.z)
+    return denoised, fitted(denoised.posterior(model.placed_effects), model.mode.z)
 
 
 def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
@@ -224,9 +226,9 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
     model : FittedModel
         At its mode on them.
     """
-    dataset = replace(dataset, patterns=model.target.patterns)
+    dataset = replace(dataset, sensor_corrections=model.posterior.sensor_corrections)
     posterior, z, count = (
-        dataset.target(model.placed_effects),
+        dataset.posterior(model.placed_effects),
         model.mode.z,
         model.space.shared_dimension,
     )
@@ -246,5 +248,7 @@ def _settled(one: FixedGainFilter) -> NDArray[np.bool_]:
 
 
 def _denoised(dataset: Dataset, model: FittedModel, run: int) -> PreparedRecording:
-    recording, before, after = denoise_and_predict(model.target, model.mode.z, run, dataset.vehicle)
+    recording, before, after = denoise_and_predict(
+        model.posterior, model.mode.z, run, dataset.vehicle
+    )
     return replace(recording, reading=recording.reading + after - before)

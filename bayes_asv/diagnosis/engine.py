@@ -240,7 +240,7 @@ def _detect(
 def _accelerations(dataset: Dataset, model: FittedModel, run: int) -> Array:
     """Normalised innovations (R, n) of the accelerations of one run, nan where one is missing."""
     recording = dataset.recordings[run]
-    nu = recording.paired(model.target.innovations_and_variances(model.mode.z, run)[0])
+    nu = recording.paired(model.posterior.innovations_and_variances(model.mode.z, run)[0])
     return nu[:, list(recording.accelerations)]
 
 
@@ -315,7 +315,7 @@ def _tone_bands(
         rate = 1.0 / recording.reading_step
         if tone.frequency >= 0.5 * rate or not recording.accelerations:
             continue
-        output = free_run(model.target, model.mode.z, run).output
+        output = free_run(model.posterior, model.mode.z, run).output
         beyond = np.where(recording.kind == VALUE, recording.reading - output, np.nan)
         residuals = np.nan_to_num(recording.paired(beyond)[:, list(recording.accelerations)])
         signal = _analytic(residuals, Notch(tone.frequency, width), rate)

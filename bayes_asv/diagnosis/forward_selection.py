@@ -71,13 +71,13 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     Noise levels are held at the given ones, so that they cannot cover the difference.
     """
     recordings = tuple(
-        replace(recording, reading=free_run(one.target, one.mode.z, run).output)
+        replace(recording, reading=free_run(one.posterior, one.mode.z, run).output)
         for run, recording in enumerate(dataset.recordings)
     )
     predicted = replace(dataset, recordings=recordings)
     modes = []
     for model in (one, other):
-        posterior = predicted.target(model.placed_effects, hold=True)
+        posterior = predicted.posterior(model.placed_effects, hold=True)
         modes.append(fitted(posterior, model.transfer(posterior.space)).mode)
     # the misfit of the first to its own prediction is that of the initial state alone
     return max(2.0 * (modes[0].log_posterior - modes[1].log_posterior), 0.0)

@@ -81,7 +81,7 @@ class Localization:
 def localize(dataset: Dataset, model: FittedModel) -> Localization:
     """Find where the innovations of a model have too much energy or a systematic mean."""
     passes = [
-        model.target.innovations_and_variances(model.mode.z, run)
+        model.posterior.innovations_and_variances(model.mode.z, run)
         for run in range(len(dataset.recordings))
     ]
     outputs = [channel.name for channel in dataset.channels if not channel.is_input]

@@ -195,14 +195,14 @@ def best_alternative(
     named, effect_count : int
         Number of named effects, and of those that they were selected from.
     """
-    posterior = dataset.target(())
+    posterior = dataset.posterior(())
     z = model.transfer(posterior.space)
     best, description = -math.inf, ""
     for _ in range(_ROUNDS):
         alternative = _fit_alternative(dataset, posterior, z)
         if alternative is None:
             break
-        loss = _loss(model.target, model.mode, alternative.settled)
+        loss = _loss(model.posterior, model.mode, alternative.settled)
         cost = named * (UNKNOWN_SIZE_COST + math.log(effect_count))
         cost = cost - UNKNOWN_SIZE_COST - math.log(alternative.out_of)
         if loss - alternative.loss + cost > best:
@@ -235,7 +235,7 @@ def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alter
     step = projection.gradient - projection.sensitivities @ change
     start[car] += np.linalg.solve(projection.precision, step)
     fit = fitted(with_offset(plain, change[None], np.ones(1)), start)
-    loss = _loss(fit.target, fit.mode, denoised.settled)
+    loss = _loss(fit.posterior, fit.mode, denoised.settled)
     count = len(faults.descriptions)
     return _Alternative(loss, gain, faults.descriptions[k], fit.mode.z, denoised.settled, count)
 

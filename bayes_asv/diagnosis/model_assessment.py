@@ -20,7 +20,7 @@ from bayes_asv.posterior.fitted_model import (
     FittedModel,
     fit_again,
     fit_linear_car,
-    update_patterns,
+    update_corrections,
 )
 
 __all__ = [
@@ -44,7 +44,7 @@ class AssessedModel:
     Parameters
     ----------
     dataset : Dataset
-        Recordings as read; sensor patterns follow from the model's predictions.
+        Recordings as read; sensor corrections follow from the model's predictions.
     denoised : Dataset
         The same with denoised inputs.
     model : FittedModel
@@ -67,7 +67,7 @@ class AssessedModel:
     @property
     def on_inputs_as_read(self) -> FittedModel:
         """The model on recordings as read, at its mode on the denoised inputs."""
-        return replace(self.model, target=self.dataset.target(self.model.placed_effects))
+        return replace(self.model, posterior=self.dataset.posterior(self.model.placed_effects))
 
 
 def assess(dataset: Dataset, model: FittedModel, seed: int) -> AssessedModel:
@@ -82,14 +82,15 @@ def assess(dataset: Dataset, model: FittedModel, seed: int) -> AssessedModel:
 def _denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, Dataset, FittedModel]:
     """Return recordings as read and with denoised inputs, and the model at its mode on the latter.
 
-    Sensor patterns follow from the model's predictions, which a faulty sensor changes: two rounds.
+    Sensor corrections follow from the model's predictions, which a faulty sensor changes: it takes
+    two rounds.
     """
     rounds = 2 if any(placed.effect.acts == "reading" for placed in model.placed_effects) else 1
     for _ in range(rounds):
-        model = replace(model, target=dataset.target(model.placed_effects))
-        dataset = update_patterns(dataset, model)
+        model = replace(model, posterior=dataset.posterior(model.placed_effects))
+        dataset = update_corrections(dataset, model)
     return dataset, *fit_denoised(
-        dataset, replace(model, target=dataset.target(model.placed_effects))
+        dataset, replace(model, posterior=dataset.posterior(model.placed_effects))
     )
 
 
@@ -106,7 +107,7 @@ def refit_shared(model: FittedModel, dataset: Dataset) -> FittedModel:
 def _refit(
     model: FittedModel, dataset: Dataset, placed_effects: tuple[PlacedEffect, ...]
 ) -> FittedModel:
-    dataset = update_patterns(dataset, fit_again(dataset, model, placed_effects))
+    dataset = update_corrections(dataset, fit_again(dataset, model, placed_effects))
     return fit_again(dataset, model, placed_effects)
 
 
@@ -130,11 +131,11 @@ def fit_pooled(
     own = assessed.dataset
     if holdout is None:
         return assessed.denoised, assessed.model, assessed.evidence
-    recordings, patterns = (
+    recordings, corrections = (
         (*own.recordings, *holdout.recordings),
-        (*own.patterns, *holdout.patterns),
+        (*own.sensor_corrections, *holdout.sensor_corrections),
     )
-    pooled = replace(own, recordings=recordings, patterns=patterns)
+    pooled = replace(own, recordings=recordings, sensor_corrections=corrections)
     _, denoised, model = _denoised(pooled, refit(assessed.model, pooled))
     return denoised, model, model_evidence(denoised, model)
 
@@ -186,7 +187,11 @@ def supported_by_holdout(
     """
     pooled, model, evidence = fit_pooled(assessed, holdout)
     own = len(assessed.dataset.recordings)  # these come first
-    fit = replace(pooled, recordings=pooled.recordings[:own], patterns=pooled.patterns[:own])
+    fit = replace(
+        pooled,
+        recordings=pooled.recordings[:own],
+        sensor_corrections=pooled.sensor_corrections[:own],
+    )
     own_model = fit_again(fit, model, model.placed_effects)
     own_evidence = model_evidence(fit, own_model)
     placed_effects = tuple(e.placed for e in effects)

@@ -259,7 +259,7 @@ def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> 
         return extended
     split = tuple(replace(extended.placed, where=place) for place in places)
     placed_effects = (*(s for s in model.placed_effects if s != extended.placed), *split)
-    posterior = dataset.target(placed_effects)
+    posterior = dataset.posterior(placed_effects)
     start = model.transfer(posterior.space)
     for placed in split:
         for p in placed.effect.parameters:
@@ -358,7 +358,7 @@ def draw_dampers(
     mean = model.mode.z + evidence.mode_shift
     z = draw_cars(model.space, mean, evidence.covariance, MAX_DRAWS, rng)
     draws = model.space.quantities(z, seed)
-    dampers = damping_rates(model.target, model.mode.z, z, draws)
+    dampers = damping_rates(model.posterior, model.mode.z, z, draws)
     rates = with_equal_power(draws, dampers)
     return dampers, {name: x for name, x in rates.items() if x is not draws[name]}
 
@@ -375,7 +375,7 @@ def draw_springs(model: FittedModel, evidence: ModelEvidence, seed: int) -> tupl
     rng = np.random.default_rng([seed, 59])
     mean = model.mode.z + evidence.mode_shift
     z = draw_cars(model.space, mean, evidence.covariance, MAX_DRAWS, rng)
-    return spring_curves(model.target, model.mode.z, z, model.space.quantities(z, seed))
+    return spring_curves(model.posterior, model.mode.z, z, model.space.quantities(z, seed))
 
 
 def draw_effects(

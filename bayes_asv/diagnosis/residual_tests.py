@@ -46,7 +46,7 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
     """
     statistic, freedom = 0.0, 0
     for run, recording in enumerate(model.space.recordings):
-        nu = model.target.innovations_and_variances(model.mode.z, run)[0]
+        nu = model.posterior.innovations_and_variances(model.mode.z, run)[0]
         # the error of a coarse converter is autocorrelated where the signal moves slowly
         nu[np.any([is_slow(recording, c) for c in recording.outputs], axis=0)] = np.nan
         nu = recording.paired(nu)
@@ -187,7 +187,7 @@ def _run_slopes(
 
     An input drives all outputs, so that its slope counts at the readings of each.
     """
-    predicted = free_run(model.target, model.mode.z, run).output
+    predicted = free_run(model.posterior, model.mode.z, run).output
     instant, output = np.nonzero(recording.kind == VALUE)
     out = np.zeros((len(channels), len(instant)))
     for c, channel in enumerate(recording.channels):

@@ -174,7 +174,7 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
     z = model.mode.z
 
     def sensitivity(candidate: Candidate) -> Array:
-        posterior = dataset.target((*model.placed_effects, candidate.placed))
+        posterior = dataset.posterior((*model.placed_effects, candidate.placed))
         extended = transfer_coordinates(
             model.space, z, posterior.space, candidate.placed, candidate.values
         )
@@ -191,7 +191,7 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
         # a law whose simulation diverges has no score
         return joined if np.all(np.isfinite(joined)) else np.zeros_like(joined)
 
-    with shared_work(model.target) as shared:
+    with shared_work(model.posterior) as shared:
         assert shared.pool is not None
         sensitivities = np.array(list(shared.pool.map(sensitivity, candidates)))
     sensitivities = sensitivities.reshape(len(candidates), -1)

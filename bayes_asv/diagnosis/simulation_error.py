@@ -18,7 +18,7 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.fisher_scoring import slopes
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, update_patterns_at
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, update_corrections_at
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Posterior
 
@@ -104,12 +104,12 @@ def frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, 
     placed_effects: tuple[PlacedEffect, ...] = tuple(
         s for s in model.placed_effects if own or s.run is None
     )
-    posterior = dataset.target(placed_effects)
+    posterior = dataset.posterior(placed_effects)
     z = model.transfer(posterior.space)
     if any(
         s.effect.acts == "reading" for s in placed_effects
     ):  # a sensor's fault follows from its signal
-        posterior = update_patterns_at(dataset, posterior, z).target(placed_effects)
+        posterior = update_corrections_at(dataset, posterior, z).posterior(placed_effects)
     return posterior, _fit_noise(posterior, z)
 
 

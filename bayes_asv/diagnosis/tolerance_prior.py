@@ -230,7 +230,7 @@ def with_offset(
     by_run, log_variances, begin = [], [], 0
     change = offsets @ sensitivities
     for run in range(len(model.space.recordings)):
-        logs = model.target.innovations_and_variances(model.mode.z, run)[1]
+        logs = model.posterior.innovations_and_variances(model.mode.z, run)[1]
         valid = logs != 0.0
         offset = np.zeros_like(logs)
         end = begin + int(np.count_nonzero(valid))
@@ -238,8 +238,8 @@ def with_offset(
         begin = end
         by_run.append(offset)
         log_variances.append(logs)
-    fields = ("space", "residual_ars", "patterns", "perturbations")
-    plain = {name: getattr(model.target, name) for name in fields}
+    fields = ("space", "residual_ars", "sensor_corrections", "perturbations")
+    plain = {name: getattr(model.posterior, name) for name in fields}
     return OffsetPosterior(
         **plain, offset=tuple(by_run), log_variances=tuple(log_variances), cost=cost
     )

@@ -228,7 +228,7 @@ def _predicted_motion(
         bandwidth = dataset.vehicle.sensor(recording.channels[c].name).bandwidth
         inputs.append(denoise_wheel(recording, u, bandwidth))
     time = recording.instants - recording.instants[0]
-    pole = posterior.patterns[run].pole
+    pole = posterior.sensor_corrections[run].pole
     of_elements = slice(2 * len(recording.car.elements))
     deflection, velocity = states[:, of_elements][:, 0::2], states[:, of_elements][:, 1::2]
     acceleration = np.empty_like(velocity)

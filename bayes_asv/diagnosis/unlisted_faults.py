@@ -257,7 +257,7 @@ def _force_sensitivities(
             responses[run] = model.filters[run].response(nudge)
         return model.concatenate(responses)
 
-    with shared_work(model.model.target) as shared:
+    with shared_work(model.model.posterior) as shared:
         assert shared.pool is not None
         return np.array(list(shared.pool.map(sensitivity, changes)))
 
@@ -290,7 +290,7 @@ def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
         )
         return model.concatenate({run: model.filters[run].response(perturbation)})
 
-    with shared_work(model.model.target) as shared:
+    with shared_work(model.model.posterior) as shared:
         assert shared.pool is not None
         return np.array(list(shared.pool.map(sensitivity, starts)))
 

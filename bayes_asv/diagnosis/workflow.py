@@ -223,9 +223,9 @@ def _misread_channel(
     What an effect describes, such as a sensor that is late or out of calibration, is left to the
     search.
     """
-    target, z = given.linear.target, given.linear.mode.z
+    posterior, z = given.linear.posterior, given.linear.mode.z
     short = [
-        explained_power_findings(recording, free_run(target, z, run))
+        explained_power_findings(recording, free_run(posterior, z, run))
         for run, recording in enumerate(given.fit.recordings)
     ]
     if not any(reasons or warnings for reasons, warnings in short):

@@ -83,7 +83,7 @@ class StateSpace(NamedTuple):
         Damping (N·s/m) and spring rate (N/m) of each element.
     N : (nu, nd) array
         Directions in which a bias of the inputs is not a bias of the outputs.
-    zeros : (W, nu + ny) array
+    biases : (W, nu + ny) array
         Zeros of the sensors that are known, u₀ and y₀; :mod:`.kalman_ar` and
         :mod:`.free_response` take readings that are free of them.
     """
@@ -95,14 +95,14 @@ class StateSpace(NamedTuple):
     G: Array
     rates: Array
     N: Array
-    zeros: Array
+    biases: Array
 
     def some(self, sets: Sequence[int]) -> StateSpace:
         """Pick some of the parameter sets."""
         only = list(sets)
         return StateSpace(
             self.A[only], self.B[only], self.C[only], self.E[only], self.G[only],
-            self.rates[only], self.N, self.zeros[only],
+            self.rates[only], self.N, self.biases[only],
         )  # fmt: skip
 
 
@@ -223,7 +223,7 @@ def _compiled(
         E: Array,
         rates: Array,
         N: Array,
-        zeros: Array,
+        biases: Array,
         white: Array,
         filtered: Array,
         poles: Array,
@@ -252,10 +252,10 @@ def _compiled(
         level = np.zeros((n, lanes))
         for u in range(nu):
             for q in range(lanes):
-                level[coupled - nu + u, q] = zeros[u, q]
+                level[coupled - nu + u, q] = biases[u, q]
         for y in range(ny):
             for q in range(lanes):
-                level[coupled + y, q] = zeros[nu + y, q]
+                level[coupled + y, q] = biases[nu + y, q]
         mean = level.copy()
         P = np.zeros((n, n, lanes))
         place = np.empty(nx + nd + ny, np.int64)
@@ -413,10 +413,10 @@ def _passes(
     ne = system.E.shape[2] if nonlinear else 0
     nm = series_dampers(laws, ne)
     C = readout(system, nm) if nonlinear else system.C
-    A, B, C, E, rates, zeros, white, filtered, poles = (
+    A, B, C, E, rates, biases, white, filtered, poles = (
         lanes_last(x)
         for x in (
-            system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], system.zeros,
+            system.A, system.B, C, system.E[:, :, :ne], system.rates[:, :ne], system.biases,
             noise.white, noise.filtered, noise.poles,
         )
     )  # fmt: skip
@@ -427,7 +427,7 @@ def _passes(
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     for b in range(len(A)):
         run(
-            A[b], B[b], C[b], E[b], rates[b], system.N, zeros[b], white[b], filtered[b], poles[b],
+            A[b], B[b], C[b], E[b], rates[b], system.N, biases[b], white[b], filtered[b], poles[b],
             *data, tables[b], laws.pole, laws.inputs, laws.elapsed, laws.added, keep,
             *(x[b] for x in out),
         )  # fmt: skip

@@ -107,17 +107,17 @@ def groups(result: Estimate) -> dict[str, Any]:
     z = coordinates(result)
     if z is not None:
         assert result.space is not None
-        target = Posterior(result.space, tuple(run.residual_ar for run in result.runs))
+        density = Posterior(result.space, tuple(run.residual_ar for run in result.runs))
         datasets["log_prior"] = _dataset(
             log_priors(result.space, result.draws, result.nuisance), {}
         )
-        datasets["log_likelihood"] = _log_likelihood(target, z)
+        datasets["log_likelihood"] = _log_likelihood(density, z)
         # of several runs the estimate has it by an approximation
         likelihood = datasets["log_likelihood"]["recordings"].sum("recording").values
         prior = result.space.log_prior(z.reshape(-1, z.shape[-1])).reshape(z.shape[:2])
         datasets["sample_stats"] = _dataset({"lp": likelihood + prior}, {})
         if all(run.residual_ar.order == 0 for run in result.runs):
-            datasets["posterior_predictive"] = _readings(result, _predicted(result, target, z))
+            datasets["posterior_predictive"] = _readings(result, _predicted(result, density, z))
     return datasets
 
 
@@ -196,13 +196,13 @@ def _prior(result: Estimate) -> Any:
     )
 
 
-def _log_likelihood(target: Posterior, z: Array) -> Any:
+def _log_likelihood(density: Posterior, z: Array) -> Any:
     """Log likelihood of every recording at every draw."""
     xarray = import_extra("xarray", "inference data")
-    with shared_work(target) as shared:
+    with shared_work(density) as shared:
         values = shared.by_run(z.reshape(-1, z.shape[-1]))
     values = np.moveaxis(values.reshape(-1, *z.shape[:2]), 0, -1)
-    sources = [recording.source for recording in target.space.recordings]
+    sources = [recording.source for recording in density.space.recordings]
     return xarray.Dataset(
         {"recordings": ((*_DIMS, "recording"), values)},
         coords={
@@ -213,21 +213,21 @@ def _log_likelihood(target: Posterior, z: Array) -> Any:
     )
 
 
-def _predicted(result: Estimate, target: Posterior, z: Array) -> list[Array]:
+def _predicted(result: Estimate, density: Posterior, z: Array) -> list[Array]:
     """Draw outputs (S, E, ny) of every recording, as car and sensors make them."""
     out = []
     flat = z.reshape(-1, z.shape[-1])
-    for n, recording in enumerate(target.space.recordings):
+    for n, recording in enumerate(density.space.recordings):
         count, ny = recording.kind.shape
         size = max(min(_PREDICTIVE_DRAWS, _MAX_PREDICTIVE // (ny * count)), 2)
         rng = np.random.default_rng([result.seed, n, 11])
         rows = np.empty((size, count, ny))
         for s, k in enumerate(np.linspace(0, len(flat) - 1, size).astype(int)):
             normals = rng.standard_normal((count, 1, normals_needed(len(recording.wheels), ny)))
-            system = target.space.state_space(flat[k][None], n)
-            noise = target.space.noises(flat[k][None], n)
+            system = density.space.state_space(flat[k][None], n)
+            noise = density.space.noises(flat[k][None], n)
             drawn = simulate_noise(system, noise, recording.measurements, normals)
-            rows[s] = free_run(target, flat[k], n).output + drawn[:, 0]
+            rows[s] = free_run(density, flat[k], n).output + drawn[:, 0]
         out.append(rows)
     return out
 

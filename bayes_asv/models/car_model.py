@@ -343,8 +343,8 @@ def state_space(
         C *= gains[1][:, :, None]
         G *= gains[1][:, :, None]
     N = np.zeros((ne, 0)) if bias_directions is None else bias_directions
-    zeros = np.zeros((W, ne + len(outputs)))
-    return StateSpace(A, B, C, E, G, np.stack([c, k], axis=2), N, zeros)
+    biases = np.zeros((W, ne + len(outputs)))
+    return StateSpace(A, B, C, E, G, np.stack([c, k], axis=2), N, biases)
 
 
 def bias_directions(system: StateSpace) -> Array:

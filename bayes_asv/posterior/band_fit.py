@@ -76,12 +76,12 @@ def agreement(scores: Array, information: Array, covariance: Array) -> float:
     return min(1.0, claimed / varied) if varied > 0.0 else 1.0
 
 
-def share(target: Posterior, mode: PosteriorMode, run: int, slowest: float) -> float | None:
+def share(posterior: Posterior, mode: PosteriorMode, run: int, slowest: float) -> float | None:
     """Share of its readings for which a run should count.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         The posterior.
     mode : Mode
         Its mode.
@@ -95,18 +95,18 @@ def share(target: Posterior, mode: PosteriorMode, run: int, slowest: float) -> f
     float or None
         None when the recording has not :data:`FEWEST_PARTS` parts of :data:`PART_PERIODS` periods.
     """
-    recording = target.space.recordings[run]
+    recording = posterior.space.recordings[run]
     time = recording.instants[recording.pairs.max(axis=1)]
     span = float(time[-1] - time[0])
     count = int(span * slowest / PART_PERIODS)
     if count < FEWEST_PARTS:
         return None
-    n = target.space.car_dimension
+    n = posterior.space.car_dimension
     sd = mode.sd[:n]
 
     steps = _STEP * np.eye(n, len(mode.z)) * mode.sd
     points = mode.z + np.concatenate([np.zeros((1, len(mode.z))), steps, -steps])
-    found = [np.nan_to_num(recording.paired(one)) for one in target.innovations(points, run)]
+    found = [np.nan_to_num(recording.paired(one)) for one in posterior.innovations(points, run)]
     # in units of the posterior's deviations
     slope = np.stack([(found[1 + k] - found[1 + n + k]) / (2.0 * _STEP) for k in range(n)], axis=2)
     information = np.einsum("tak,tal->kl", slope, slope)
@@ -132,7 +132,7 @@ class BandFit(NamedTuple):
     ----------
     mode : Mode
         Mode and curvature.
-    target : Posterior
+    posterior : Posterior
         The posterior; its likelihood is ``innovations`` where the sensors' noise explains what
         is left, ``coloured`` where it does not.
     shares : tuple of float or None
@@ -141,7 +141,7 @@ class BandFit(NamedTuple):
     """
 
     mode: PosteriorMode
-    target: Posterior
+    posterior: Posterior
     shares: tuple[float | None, ...] = ()
 
 
@@ -160,29 +160,29 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
     BandFit
     """
     if all(noise is not None for recording in recordings for noise in recording.noise):
-        mode, target = climb(
+        mode, posterior = climb(
             Posterior(space(vehicle, recordings), (WHITE,) * len(recordings)), None
         )
-        if _sensors_explain(target, mode):
-            return BandFit(mode, target)
-    mode, target = climb(
+        if _sensors_explain(posterior, mode):
+            return BandFit(mode, posterior)
+    mode, posterior = climb(
         Posterior(space(vehicle, recordings, "coloured"), (WHITE,) * len(recordings)), None
     )
     # The colour has the scale of what is left, so that the noise levels are but units.
     parameter_space = space(vehicle, recordings, "coloured", frozenset(range(len(recordings))))
     for _ in range(_ROUNDS):
-        colours = tuple(_colour(target, mode.z, run) for run in range(len(recordings)))
+        colours = tuple(_colour(posterior, mode.z, run) for run in range(len(recordings)))
         start = parameter_space.origin
         start[: parameter_space.car_dimension] = mode.z[: parameter_space.car_dimension]
-        mode, target = climb(Posterior(parameter_space, colours), start)
+        mode, posterior = climb(Posterior(parameter_space, colours), start)
     slowest = _slowest(recordings[0])
-    shares = tuple(share(target, mode, run, slowest) for run in range(len(recordings)))
+    shares = tuple(share(posterior, mode, run, slowest) for run in range(len(recordings)))
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
-        for colour, part in zip(target.residual_ars, shares, strict=True)
+        for colour, part in zip(posterior.residual_ars, shares, strict=True)
     )
-    mode, target = climb(Posterior(parameter_space, counted), mode.z)
-    return BandFit(mode, target, shares)
+    mode, posterior = climb(Posterior(parameter_space, counted), mode.z)
+    return BandFit(mode, posterior, shares)
 
 
 def notes(recording: PreparedRecording, part: float | None) -> list[str]:
@@ -214,26 +214,26 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     ]
 
 
-def climb(target: Posterior, start: Array | None = None) -> tuple[PosteriorMode, Posterior]:
+def climb(posterior: Posterior, start: Array | None = None) -> tuple[PosteriorMode, Posterior]:
     """Find the mode of a posterior with all processors; return it and the posterior."""
-    with shared_work(target) as shared:
-        return find_mode(shared, start), replace(target, pool=None)
+    with shared_work(posterior) as shared:
+        return find_mode(shared, start), replace(posterior, pool=None)
 
 
-def _sensors_explain(target: Posterior, mode: PosteriorMode) -> bool:
+def _sensors_explain(posterior: Posterior, mode: PosteriorMode) -> bool:
     """Whether what is left is as white and as small as the sensors' noise that was given."""
-    noise = {n: float(x[0]) for n, x in target.space.nuisance(mode.z[None]).items()}
-    for run, recording in enumerate(target.space.recordings):
-        nu = recording.paired(target.innovations(mode.z, run))
+    noise = {n: float(x[0]) for n, x in posterior.space.nuisance(mode.z[None]).items()}
+    for run, recording in enumerate(posterior.space.recordings):
+        nu = recording.paired(posterior.innovations(mode.z, run))
         if excess_noise_sentence(recording, noise, run) or fit_residual_ar(nu).order > 0:
             return False
     return mode.converged
 
 
-def _colour(target: Posterior, z: Array, run: int) -> ResidualAR:
+def _colour(posterior: Posterior, z: Array, run: int) -> ResidualAR:
     """Colour and scale of what one run leaves."""
-    recording = target.space.recordings[run]
-    nu = recording.paired(target.innovations(z, run, WHITE))
+    recording = posterior.space.recordings[run]
+    nu = recording.paired(posterior.innovations(z, run, WHITE))
     found = fit_residual_ar(nu, 1, _MOST_LAGS)
     if found.order > 0:
         return found

@@ -340,7 +340,7 @@ def _profile(job: _Job, points: Sequence[Array]) -> Array:
     return np.asarray(-weight * np.log(squares) - 0.5 * np.sum(z**2, axis=1))
 
 
-class _Fit(NamedTuple):
+class _LeastSquaresFit(NamedTuple):
     """A least-squares fit with the noise levels at the centre of their prior.
 
     Parameters
@@ -359,13 +359,15 @@ class _Fit(NamedTuple):
     error_sd: Array
 
 
-def _least_squares(job: _Job, recording: PreparedRecording, clocks: Sequence[int]) -> _Fit:
+def _least_squares(
+    job: _Job, recording: PreparedRecording, clocks: Sequence[int]
+) -> _LeastSquaresFit:
     """Fit the car, and errors of clocks by their numbers, to one run."""
     kind = job.likelihood
     if kind == "innovations" and any(noise is None for noise in recording.noise):
         kind = "coloured"  # what is left is not the sensors' noise where that is not known
-    target = Posterior(space(job.vehicle, (recording,), kind), (WHITE,))
-    parameter_space = target.space
+    posterior = Posterior(space(job.vehicle, (recording,), kind), (WHITE,))
+    parameter_space = posterior.space
     every = parameter_space.clock_coordinates(0)
     free = [*range(parameter_space.shared_dimension), *(every[k] for k in clocks)]
     scale = parameter_space.scales(1.0)[free]
@@ -377,7 +379,7 @@ def _least_squares(job: _Job, recording: PreparedRecording, clocks: Sequence[int
 
     def residual(x: Array) -> Array:
         z = at(x)
-        both = np.concatenate([target.innovations(z, 0).ravel(), z])
+        both = np.concatenate([posterior.innovations(z, 0).ravel(), z])
         return np.asarray(np.nan_to_num(both, nan=1e6, posinf=1e6, neginf=-1e6))
 
     fit = least_squares(
@@ -386,12 +388,12 @@ def _least_squares(job: _Job, recording: PreparedRecording, clocks: Sequence[int
     )  # fmt: skip
     z = at(fit.x)
     use = recording.kind == VALUE
-    nu = target.innovations(z, 0)
+    nu = posterior.innovations(z, 0)
     variance = float(np.mean(nu[use] ** 2))
     spread = long_run_variance(nu, use, recording.instants)
     covariance = np.linalg.pinv(np.asarray(fit.jac).T @ np.asarray(fit.jac))
     sd = scale * np.sqrt(max(variance, spread) * np.diag(covariance))
-    return _Fit(
+    return _LeastSquaresFit(
         2.0 * float(fit.cost),
         spread / variance,
         parameter_space.clock_errors(z[None], 0)[0],

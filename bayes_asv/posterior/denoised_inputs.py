@@ -44,13 +44,13 @@ _LINES = 17  # of a spectrum whose power is averaged
 _CHANCE = 1.5  # times the noise's power, which so many lines hardly reach without anything in them
 
 
-def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
+def without_noise(posterior: Posterior, z: Array, run: int) -> PreparedRecording:
     """Return a recording whose wheels' readings have lost what the chassis show to be noise.
 
     Parameters
     ----------
-    target : Posterior
-        With patterns.
+    posterior : Posterior
+        With sensor corrections.
     z : (D,) array
         Coordinates.
     run : int
@@ -61,9 +61,9 @@ def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
     PreparedRecording
         With other :attr:`wheels`; their moments are as they were.
     """
-    recording = target.space.recordings[run]
+    recording = posterior.space.recordings[run]
     time = np.arange(recording.instants[0], recording.instants[-1], recording.reading_step / _FINER)
-    added = _noise(target, z, run, time)
+    added = _noise(posterior, z, run, time)
     wheels = []
     for wheel, noise in zip(recording.wheels, added, strict=True):
         value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
@@ -71,10 +71,10 @@ def without_noise(target: Posterior, z: Array, run: int) -> PreparedRecording:
     return replace(recording, wheels=tuple(wheels))
 
 
-def _noise(target: Posterior, z: Array, run: int, time: Array) -> Array:
+def _noise(posterior: Posterior, z: Array, run: int, time: Array) -> Array:
     """Mean noise (nu, T) of the inputs' sensors at even instants (T,), m/s²."""
-    recording = target.space.recordings[run]
-    left = recording.reading - free_run(target, z, run)[0]
+    recording = posterior.space.recordings[run]
+    left = recording.reading - free_run(posterior, z, run)[0]
     ny = left.shape[1]
     there = [recording.kind[:, y] == VALUE for y in range(ny)]
     even = np.stack(
@@ -86,10 +86,10 @@ def _noise(target: Posterior, z: Array, run: int, time: Array) -> Array:
     spectrum = np.fft.rfft(even, n).T[..., None]
     # A body rate answers a constant input without bound; at rest nothing is left of it.
     response = np.zeros((len(frequency), ny, len(recording.wheels)), complex)
-    response[1:] = frequency_response(target.space.state_space(z[None], run), frequency[1:])
+    response[1:] = frequency_response(posterior.space.state_space(z[None], run), frequency[1:])
     response[0] = response[1].real
     back = np.conj(np.swapaxes(response, 1, 2))
-    noise = target.space.noises(z[None], run)
+    noise = posterior.space.noises(z[None], run)
     power = _power(noise, frequency, recording.reading_step)
     nu = len(recording.wheels)
     inputs, outputs = power[:, :nu], power[:, nu:]
@@ -116,15 +116,15 @@ Array = NDArray[np.float64]
 
 
 class DenoisedInputs(NamedTuple):
-    """A recording on quiet wheels.
+    """A recording on denoised wheels.
 
     Parameters
     ----------
     recording : PreparedRecording
-        With moments of quiet wheels, and wheels that have lost what the chassis show to be noise.
+        With moments of wheels that have lost what the chassis show to be noise, and those wheels.
     before, after : (E, ny) arrays
         What sensors as declared would have read of the chassis above the wheels as they are, and
-        above quiet ones, m/s².
+        above denoised ones, m/s².
     """
 
     recording: PreparedRecording
@@ -132,13 +132,15 @@ class DenoisedInputs(NamedTuple):
     after: Array
 
 
-def denoise_and_predict(target: Posterior, z: Array, run: int, vehicle: Vehicle) -> DenoisedInputs:
+def denoise_and_predict(
+    posterior: Posterior, z: Array, run: int, vehicle: Vehicle
+) -> DenoisedInputs:
     """Quieten the wheels of a recording, and simulate the chassis above them.
 
     Parameters
     ----------
-    target : Posterior
-        With patterns.
+    posterior : Posterior
+        With sensor corrections.
     z : (D,) array
         Coordinates.
     run : int
@@ -146,24 +148,24 @@ def denoise_and_predict(target: Posterior, z: Array, run: int, vehicle: Vehicle)
     vehicle : Vehicle
         Gives declared bandwidths.
     """
-    recording = without_noise(target, z, run)
+    recording = without_noise(posterior, z, run)
     driven = recording.moments.copy()
     for u, (wheel, c) in enumerate(zip(recording.wheels, recording.inputs, strict=True)):
         knots, signal = denoise_wheel(
             recording, u, vehicle.sensor(recording.channels[c].name).bandwidth
         )
-        quiet = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
-        driven[:, u] = moments(quiet, recording.instants, ORDER)
+        denoised = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
+        driven[:, u] = moments(denoised, recording.instants, ORDER)
     still = replace(recording, moments=driven)
-    begin = free_run(target, z, run)[2]
+    begin = free_run(posterior, z, run)[2]
     before, after = (
-        simulated(target, z, run, target.as_declared(z, run, one), begin)[0]
+        simulated(posterior, z, run, posterior.as_declared(z, run, one), begin)[0]
         for one in (recording, still)
     )
     return DenoisedInputs(still, before, after)
 
 
-def above(target: Posterior, z: Array, run: int) -> Array:
+def above(posterior: Posterior, z: Array, run: int) -> Array:
     """Simulate what chassis sensors as declared would have read (E, ny) in a run, m/s²."""
-    begin = free_run(target, z, run)[2]
-    return simulated(target, z, run, target.as_declared(z, run), begin)[0]
+    begin = free_run(posterior, z, run)[2]
+    return simulated(posterior, z, run, posterior.as_declared(z, run), begin)[0]

@@ -24,7 +24,7 @@ from bayes_asv.posterior.fitted_model import (
     fit_again,
     fitted,
     transfer_coordinates,
-    update_patterns,
+    update_corrections,
 )
 from bayes_asv.posterior.free_simulation import free_run
 
@@ -74,7 +74,7 @@ def _used(model: FittedModel) -> Array:
     """
     used = np.zeros((len(model.space.car.elements), 3))
     for run in range(len(model.space.recordings)):
-        _, states, _ = free_run(model.target, model.mode.z, run)
+        _, states, _ = free_run(model.posterior, model.mode.z, run)
         for e in range(len(used)):
             travel, speed = states[:, 2 * e], states[:, 2 * e + 1]
             reached = -travel.min(), travel.max(), np.abs(speed).max()
@@ -222,7 +222,7 @@ def with_effects(
     Returns
     -------
     Dataset, FittedModel
-        With patterns that stand on the fitted model, and its mode.
+        With sensor corrections that stand on the fitted model, and its mode.
 
     Raises
     ------
@@ -230,18 +230,20 @@ def with_effects(
         For an effect that the car or its sensors cannot have.
     """
     if start is None:
-        target = dataset.target(())
-        model = fitted(target, np.zeros(target.space.dimension))
+        posterior = dataset.posterior(())
+        model = fitted(posterior, np.zeros(posterior.space.dimension))
     else:
         model = fit_again(dataset, start, start.placed_effects)
-    dataset = update_patterns(dataset, model)
+    dataset = update_corrections(dataset, model)
     for one in placed_effects:
         known = next((other for other in model.placed_effects if other.covers(one)), None)
         if known is not None:
             raise InputError(
                 str(one), f"is in the model already, in {known}", "leave one of them out"
             )
-        model = replace(model, target=replace(model.target, patterns=dataset.patterns))
+        model = replace(
+            model, posterior=replace(model.posterior, sensor_corrections=dataset.sensor_corrections)
+        )
         groups = [group for group in _groups(model, dataset, one) if group]
         if not groups:
             raise InputError(
@@ -253,8 +255,10 @@ def with_effects(
             (fit_with_effect(dataset, model, group) for group in groups),
             key=lambda s: s.mode.log_posterior,
         )
-        dataset = update_patterns(dataset, model)
-    return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
+        dataset = update_corrections(dataset, model)
+    return dataset, replace(
+        model, posterior=replace(model.posterior, sensor_corrections=dataset.sensor_corrections)
+    )
 
 
 def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[list[Candidate]]:
@@ -317,8 +321,8 @@ def fit_with_effect(
     """
     placed = group[0].placed
     placed_effects = (*model.placed_effects, placed)
-    target = dataset.target(placed_effects)
-    scale = target.space.sizes
+    posterior = dataset.posterior(placed_effects)
+    scale = posterior.space.sizes
     first = placed.effect.parameters[0]
     starts: list[tuple[float, int, Array]] = []
     for candidate in group:
@@ -329,12 +333,12 @@ def fit_with_effect(
             sizes += [-s for s in sizes if two_sided and s > 0.0]
             tried += [{**candidate.values, first.name: size} for size in sizes]
         for values in tried:
-            z = transfer_coordinates(model.space, model.mode.z, target.space, placed, values)
-            starts.append((float(target.log_posterior(z[None])[0]), len(starts), z))
+            z = transfer_coordinates(model.space, model.mode.z, posterior.space, placed, values)
+            starts.append((float(posterior.log_posterior(z[None])[0]), len(starts), z))
     starts.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
     for fits, (_, _, z) in enumerate(starts[:_AT_MOST], 1):
-        one = fitted(target, z, floor)
+        one = fitted(posterior, z, floor)
         if best is None or one.mode.log_posterior > best.mode.log_posterior:
             best = one
         kept = best.mode.log_posterior > model.mode.log_posterior + _KEPT * promised - _HIGHER
@@ -347,8 +351,8 @@ def fit_with_effect(
 
 def _again(dataset: Dataset, model: FittedModel) -> FittedModel:
     """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
-    better = update_patterns(dataset, model)
-    return fitted(better.target(model.placed_effects), model.mode.z)
+    better = update_corrections(dataset, model)
+    return fitted(better.posterior(model.placed_effects), model.mode.z)
 
 
 def _over_the_next_hill(model: FittedModel) -> FittedModel:
@@ -370,14 +374,14 @@ def _over_the_next_hill(model: FittedModel) -> FittedModel:
         return model
     here = model.mode.log_posterior
     looked = np.array([_with(z, k, z[k] + by) for k in shapes for by in _LOOKED])
-    values = model.target.log_posterior(looked)
+    values = model.posterior.log_posterior(looked)
     if float(values.max()) > here + _HIGHER:
         starts = looked[[int(np.argmax(values))]]
     else:
         far = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
         ends = np.array(far).reshape(-1, len(z))
-        starts = ends[model.target.log_posterior(ends) > here - _KNOWN]
-    others = [fitted(model.target, start, here + _HIGHER) for start in starts]
+        starts = ends[model.posterior.log_posterior(ends) > here - _KNOWN]
+    others = [fitted(model.posterior, start, here + _HIGHER) for start in starts]
     return max((model, *others), key=lambda s: s.mode.log_posterior)
 
 

@@ -1,12 +1,12 @@
 """Effects among the parameters: their forces, and their corrections of readings.
 
-Sensor effects change readings by patterns that follow from the signal.  A wheel's follow from its
+Sensor effects are undone by corrections that follow from the signal.  A wheel's follow from its
 reading without most of the noise: with slow that behind one more pole of the declared corner, a
 sensor whose corner is b times the declared one would, were it as declared, have read
 slow + (signal − slow)/b.  A chassis channel's follow from a simulation that knows the wheels alone:
 with slow what a declared sensor would have read behind one more pole, b times the declared corner,
 this one reads slow + b (signal − slow).  Both are exact for one pole.  A lag is a shift, a Taylor
-series of it.  From a chassis reading itself patterns would share its noise, and a change that
+series of it.  From a chassis reading itself corrections would share its noise, and a change that
 sharpens a channel would be taken for news.
 """
 
@@ -33,7 +33,7 @@ from bayes_asv.preprocessing.measured_inputs import denoise_wheel, unit_input_mo
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["NO_FILTER", "SensorPatterns", "Values", "law_table", "patterns"]
+__all__ = ["NO_FILTER", "SensorCorrections", "Values", "law_table", "sensor_corrections"]
 
 Array = NDArray[np.float64]
 Values = Mapping[PlacedEffect, Mapping[str, float]]
@@ -95,7 +95,7 @@ class Above(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SensorPatterns:
+class SensorCorrections:
     """What sensors that are not as declared change in one recording; itself and no other.
 
     Parameters
@@ -133,7 +133,7 @@ class SensorPatterns:
     level: Array
 
     def corrected(
-        self, recording: PreparedRecording, values: Values, zeros: Array
+        self, recording: PreparedRecording, values: Values, biases: Array
     ) -> NominalReadings:
         """Return what sensors that are as declared would have read.
 
@@ -143,7 +143,7 @@ class SensorPatterns:
             The recording.
         values : mapping
             Effects and their values.
-        zeros : (nu,) array
+        biases : (nu,) array
             What the inputs' sensors read at rest, m/s².
 
         Returns
@@ -159,7 +159,7 @@ class SensorPatterns:
             if placed.effect.fault
             for name in placed.channels(names)
         )
-        return _corrected(self, recording, known, tuple(float(x) for x in zeros))
+        return _corrected(self, recording, known, tuple(float(x) for x in biases))
 
     def undo_sensor_effects(self, c: int, fault: str, value: float) -> Array:
         """Return what to add to one channel to undo one fault of its sensor."""
@@ -183,13 +183,13 @@ class SensorPatterns:
 
 @lru_cache(maxsize=8)  # along all coordinates but a sensor's own and an input's bias it stays
 def _corrected(
-    known: SensorPatterns,
+    known: SensorCorrections,
     recording: PreparedRecording,
     faults: tuple[tuple[int, str, float], ...],
-    zeros: tuple[float, ...],
+    biases: tuple[float, ...],
 ) -> NominalReadings:
     """Return what sensors as declared would have read; faults by channel, kind and value."""
-    level = np.array(zeros)
+    level = np.array(biases)
     driven = recording.moments - level[:, None] * known.level[:, None]
     reading = recording.reading - recording.rigid_gain @ level
     for c, fault, value in faults:
@@ -210,8 +210,10 @@ def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
     return np.asarray(change if of_reading else -change)
 
 
-def patterns(recording: PreparedRecording, vehicle: Vehicle, declared: Array) -> SensorPatterns:
-    """Work out the patterns of a recording once.
+def sensor_corrections(
+    recording: PreparedRecording, vehicle: Vehicle, declared: Array
+) -> SensorCorrections:
+    """Work out the corrections of a recording once.
 
     Parameters
     ----------
@@ -253,7 +255,7 @@ def patterns(recording: PreparedRecording, vehicle: Vehicle, declared: Array) ->
         ramp.append(laid(relative_offset(channel.quantity) * (time - begin)))
     pole = float(np.max(recording.poles)) or 2.0 * math.pi * NO_FILTER / recording.reading_step
     wheel_at = np.stack([w.spline(recording.instants) for w in recording.wheels], axis=1)
-    return SensorPatterns(
+    return SensorCorrections(
         pole, wheel_at, tuple(moved), tuple(later), recording.reading_step, tuple(sharper),
         tuple(above), tuple(ramp), unit_input_moments(recording),
     )  # fmt: skip

@@ -38,7 +38,7 @@ _MISFIT_SQUARE = 1.3  # mean square of innovations beyond which a model is wrong
 
 @dataclass(frozen=True)
 class ScoreAndInformation:
-    """Where a target stands and how its innovations change.
+    """Where a posterior stands and how its innovations change.
 
     Parameters
     ----------
@@ -121,14 +121,14 @@ class LaplaceFit:
 
 
 def slopes(
-    target: Posterior, z: Array, first: int = 0, last: int | None = None
+    posterior: Posterior, z: Array, first: int = 0, last: int | None = None
 ) -> ScoreAndInformation:
     """Take differences along every coordinate, run by run.
 
     Parameters
     ----------
-    target : Posterior
-        With patterns.
+    posterior : Posterior
+        With sensor corrections.
     z : (D,) array
         Where.
     first, last : int
@@ -138,7 +138,7 @@ def slopes(
     -------
     ScoreAndInformation
     """
-    space = target.space
+    space = posterior.space
     runs = range(len(space.recordings))
     last = len(z) if last is None else last
     seen = [space.coordinates_of_run(run) for run in runs]
@@ -148,9 +148,9 @@ def slopes(
 
     def passed(piece: tuple[int, int]) -> tuple[Array, Array, Array]:
         run, k = piece
-        return target.filter_passes(moved[run][k : k + LANES], run)
+        return posterior.filter_passes(moved[run][k : k + LANES], run)
 
-    work = target.pool.map if target.pool else map
+    work = posterior.pool.map if posterior.pool else map
     found = dict(zip(pieces, work(passed, pieces), strict=True))
     parts = []
     returned = np.zeros(len(z))
@@ -165,22 +165,22 @@ def slopes(
         means[own] = -((nu[1:] - nu[0]) / STEP + 0.5 * nu[0] * scales[own])
         parts.append((nu[0], logs[0], means, scales))
         if space.recordings[run].removed_band is not None:
-            corrections = target.removed_band_correction(moved[run], run)
+            corrections = posterior.removed_band_correction(moved[run], run)
             returned[own] += (corrections[1:] - corrections[0]) / STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    value = _value(target, z)
+    value = _value(posterior, z)
     means = np.concatenate([p[2] for p in parts], axis=1)
     scales = np.concatenate([p[3] for p in parts], axis=1)
     return ScoreAndInformation(nu, logs, means, scales, value, returned)
 
 
-def maximise(target: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:
+def maximise(posterior: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:
     """Climb from a start to the mode.
 
     Parameters
     ----------
-    target : Posterior
-        With patterns.
+    posterior : Posterior
+        With sensor corrections.
     start : (D,) array
         Coordinates.
     floor : float
@@ -192,15 +192,15 @@ def maximise(target: Posterior, start: Array, floor: float = -math.inf) -> Lapla
     LaplaceFit
         Not converged when it did not settle in twenty rounds: a value, not an error.
     """
-    lasting = target.space.shared_dimension
+    lasting = posterior.space.shared_dimension
     # noise held: it cannot swell on the way
-    z, _ = _ascend(target, start, lasting, _FIRST, 1.0, tempered=True)
-    z, (here, settled) = _ascend(target, z, len(start), _ROUNDS, _MIN_GAIN, floor=floor)
+    z, _ = _ascend(posterior, start, lasting, _FIRST, 1.0, tempered=True)
+    z, (here, settled) = _ascend(posterior, z, len(start), _ROUNDS, _MIN_GAIN, floor=floor)
     return LaplaceFit(z, here, settled)
 
 
 def _ascend(
-    target: Posterior,
+    posterior: Posterior,
     start: Array,
     last: int,
     rounds: int,
@@ -215,7 +215,7 @@ def _ascend(
     would otherwise go to any length to mend what a damper is to mend, and nothing else would move.
     """
     z = start.copy()
-    here = slopes(target, z, last=last)
+    here = slopes(posterior, z, last=last)
     gradient = here.gradient(z)[:last]
     before: Array = np.zeros(last)
     damping, use_secants = 0.0, False
@@ -245,7 +245,7 @@ def _ascend(
                 return z, (here, False)
             step = np.asarray(step * min(1.0, 3.0 / float(np.max(np.abs(step)))), np.float64)
             tried = (_moved(z, share * step) for share in _STEP_SHARES)
-            ahead = next((x for x in tried if _value(target, x) > here.log_posterior), None)
+            ahead = next((x for x in tried if _value(posterior, x) > here.log_posterior), None)
             if ahead is not None:
                 break
             damping = max(4.0 * damping, 0.03)
@@ -260,7 +260,7 @@ def _ascend(
         use_secants = use_secants or (reversed_step and not tempered)
         damping = max(damping, 1.0) if reversed_step else 0.0 if damping < 0.05 else 0.3 * damping
         before = step
-        here = slopes(target, z, last=last)
+        here = slopes(posterior, z, last=last)
         earlier, gradient = gradient, here.gradient(z)[:last]
         secants = [*secants[1 - _SECANT_PAIRS :], (step, earlier - gradient)]
     return z, (here, False)
@@ -299,5 +299,5 @@ def _moved(z: Array, step: Array) -> Array:
     return out
 
 
-def _value(target: Posterior, z: Array) -> float:
-    return float(target.log_posterior(z[None])[0])
+def _value(posterior: Posterior, z: Array) -> float:
+    return float(posterior.log_posterior(z[None])[0])

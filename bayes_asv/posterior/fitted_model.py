@@ -13,7 +13,7 @@ from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.denoised_inputs import above, denoise_and_predict
-from bayes_asv.posterior.effects import SensorPatterns, patterns
+from bayes_asv.posterior.effects import SensorCorrections, sensor_corrections
 from bayes_asv.posterior.fisher_scoring import LaplaceFit, maximise
 from bayes_asv.posterior.free_simulation import initial_state
 from bayes_asv.posterior.likelihood import WHITE, Perturbation, Posterior, shared_work
@@ -30,8 +30,8 @@ __all__ = [
     "fitted",
     "make_dataset",
     "transfer_coordinates",
-    "update_patterns",
-    "update_patterns_at",
+    "update_corrections",
+    "update_corrections_at",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Dataset:
         As given.
     recordings : tuple of PreparedRecording
         Recordings.
-    patterns : tuple of SensorPatterns
+    sensor_corrections : tuple of SensorCorrections
         What sensors that are not as declared would change in each.
     inputs_denoised : bool
         The wheels have lost most of their noise already.
@@ -59,7 +59,7 @@ class Dataset:
 
     vehicle: Vehicle
     recordings: tuple[PreparedRecording, ...]
-    patterns: tuple[SensorPatterns, ...]
+    sensor_corrections: tuple[SensorCorrections, ...]
     inputs_denoised: bool = False
     perturbations: tuple[Perturbation, ...] = ()
 
@@ -72,7 +72,7 @@ class Dataset:
             )
         )
 
-    def target(self, placed_effects: tuple[PlacedEffect, ...], hold: bool = False) -> Posterior:
+    def posterior(self, placed_effects: tuple[PlacedEffect, ...], hold: bool = False) -> Posterior:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
         held = frozenset(range(len(self.recordings))) if hold else frozenset()
         parameter_space = space(
@@ -80,16 +80,18 @@ class Dataset:
         )
         return Posterior(
             parameter_space, (WHITE,) * len(self.recordings),
-            patterns=self.patterns, perturbations=self.perturbations,
+            sensor_corrections=self.sensor_corrections, perturbations=self.perturbations,
         )  # fmt: skip
 
 
 def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Dataset:
-    """Set recordings up, with patterns that stand on the readings themselves."""
+    """Set recordings up, with sensor corrections that stand on the readings themselves."""
     recordings = tuple(
         without_mean_input(with_noise_of_still_wheels(recording)) for recording in recordings
     )
-    found = tuple(patterns(recording, vehicle, recording.reading) for recording in recordings)
+    found = tuple(
+        sensor_corrections(recording, vehicle, recording.reading) for recording in recordings
+    )
     dataset = Dataset(vehicle, recordings, found)
     # a wait tells where a car begins
     from_rest = [_beginning_as_shown(dataset, run) for run in range(len(recordings))]
@@ -103,8 +105,8 @@ def _beginning_as_shown(dataset: Dataset, run: int) -> PreparedRecording:
     believes the car to be, and beliefs of a decimetre would bend it out of shape for a second; a
     filter that takes a zero of a sensor for travel meets stops that are far away.
     """
-    target = dataset.target(())
-    begin, sd = initial_state(target, np.zeros(target.space.dimension), run)
+    posterior = dataset.posterior(())
+    begin, sd = initial_state(posterior, np.zeros(posterior.space.dimension), run)
     start = dataset.recordings[run].initial_covariance
     states = 2 * len(dataset.recordings[run].car.elements)
     shrink = np.ones(len(start))
@@ -113,26 +115,26 @@ def _beginning_as_shown(dataset: Dataset, run: int) -> PreparedRecording:
     return replace(dataset.recordings[run], initial_covariance=shrink[:, None] * start * shrink)
 
 
-def update_patterns(dataset: Dataset, model: FittedModel) -> Dataset:
+def update_corrections(dataset: Dataset, model: FittedModel) -> Dataset:
     """Recompute the corrections of sensor faults from the outputs that a model predicts."""
-    return update_patterns_at(dataset, model.target, model.mode.z)
+    return update_corrections_at(dataset, model.posterior, model.mode.z)
 
 
-def update_patterns_at(dataset: Dataset, target: Posterior, z: Array) -> Dataset:
+def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> Dataset:
     """Recompute the corrections of sensor faults from the prediction at coordinates (D,)."""
 
-    def one(run: int) -> SensorPatterns:
+    def one(run: int) -> SensorCorrections:
         declared = (
-            above(target, z, run)
+            above(posterior, z, run)
             if dataset.inputs_denoised
-            else denoise_and_predict(target, z, run, dataset.vehicle).after
+            else denoise_and_predict(posterior, z, run, dataset.vehicle).after
         )
-        return patterns(dataset.recordings[run], dataset.vehicle, declared)
+        return sensor_corrections(dataset.recordings[run], dataset.vehicle, declared)
 
-    with shared_work(target) as shared:
+    with shared_work(posterior) as shared:
         assert shared.pool is not None
         found = list(shared.pool.map(one, range(len(dataset.recordings))))
-    return replace(dataset, patterns=tuple(found))
+    return replace(dataset, sensor_corrections=tuple(found))
 
 
 @dataclass(frozen=True)
@@ -143,20 +145,20 @@ class FittedModel:
     ----------
     placed_effects : tuple of PlacedEffect
         Its effects, in the order in which they were added.
-    target : Posterior
+    posterior : Posterior
         Its posterior.
     mode : LaplaceFit
         Where it is highest.
     """
 
     placed_effects: tuple[PlacedEffect, ...]
-    target: Posterior
+    posterior: Posterior
     mode: LaplaceFit
 
     @property
     def space(self) -> ParameterSpace:
         """Coordinates and priors."""
-        return self.target.space
+        return self.posterior.space
 
     def transfer(self, new: ParameterSpace) -> Array:
         """Coordinates of the mode in a larger or smaller model, everything in common kept."""
@@ -191,22 +193,22 @@ def transfer_coordinates(
     return out
 
 
-def fitted(target: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
+def fitted(posterior: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
     """Maximise the posterior of a model; stop early where a floor (nats) is out of reach."""
-    with shared_work(target) as shared:
+    with shared_work(posterior) as shared:
         mode = maximise(shared, start, floor)
-    return FittedModel(target.space.placed_effects, replace(target, pool=None), mode)
+    return FittedModel(posterior.space.placed_effects, replace(posterior, pool=None), mode)
 
 
 def fit_again(
     dataset: Dataset, model: FittedModel, placed_effects: tuple[PlacedEffect, ...]
 ) -> FittedModel:
     """Fit a model with some effects to recordings, starting at the mode of another model."""
-    target = dataset.target(placed_effects)
-    return fitted(target, model.transfer(target.space))
+    posterior = dataset.posterior(placed_effects)
+    return fitted(posterior, model.transfer(posterior.space))
 
 
 def fit_linear_car(dataset: Dataset) -> FittedModel:
     """Fit the linear car to the recordings of a dataset."""
-    target = dataset.target(())
-    return fitted(target, np.zeros(target.space.dimension))
+    posterior = dataset.posterior(())
+    return fitted(posterior, np.zeros(posterior.space.dimension))

@@ -47,7 +47,7 @@ class FreeRun(NamedTuple):
     initial_state: Array
 
 
-def free_run(target: Posterior, z: Array, run: int) -> FreeRun:
+def free_run(posterior: Posterior, z: Array, run: int) -> FreeRun:
     """Simulate one recording from its measured inputs.
 
     Initial state and biases are regressed on the outputs under their priors; nothing else is
@@ -55,38 +55,38 @@ def free_run(target: Posterior, z: Array, run: int) -> FreeRun:
 
     Parameters
     ----------
-    target : Posterior
-        With patterns where it has effects.
+    posterior : Posterior
+        With sensor corrections where it has effects.
     z : (D,) array
         Coordinates; those of noise play no part.
     run : int
         Which recording.
     """
-    recording = target.space.recordings[run]
-    nominal = target.as_declared(z, run)
-    found, _ = _of_posterior(target, z, run, nominal)
+    recording = posterior.space.recordings[run]
+    nominal = posterior.as_declared(z, run)
+    found, _ = _of_posterior(posterior, z, run, nominal)
     # The simulation is of sensors as declared; what the real ones added is put back.
     return found._replace(output=found.output + (recording.reading - nominal.reading))
 
 
-def initial_state(target: Posterior, z: Array, run: int) -> tuple[Array, Array]:
+def initial_state(posterior: Posterior, z: Array, run: int) -> tuple[Array, Array]:
     """Where a recording begins, and its standard deviation, (nx + nd + ny,) each.
 
     What is left of the recording is taken for white noise.
     """
-    found, deviation = _of_posterior(target, z, run, target.as_declared(z, run))
+    found, deviation = _of_posterior(posterior, z, run, posterior.as_declared(z, run))
     return found.initial_state, deviation
 
 
 def _of_posterior(
-    target: Posterior, z: Array, run: int, nominal: NominalReadings
+    posterior: Posterior, z: Array, run: int, nominal: NominalReadings
 ) -> tuple[FreeRun, Array]:
-    recording = target.space.recordings[run]
+    recording = posterior.space.recordings[run]
     return _regressed(
         recording,
-        target.space.state_space(z[None], run),
+        posterior.space.state_space(z[None], run),
         recording.measurements._replace(moments=nominal.moments, reading=nominal.reading),
-        _laws(target, z, run, nominal),
+        _laws(posterior, z, run, nominal),
     )
 
 
@@ -109,13 +109,13 @@ def simulate_free(recording: PreparedRecording, car: Array) -> FreeRun:
 
 
 def simulated(
-    target: Posterior, z: Array, run: int, inputs: NominalReadings, begin: Array
+    posterior: Posterior, z: Array, run: int, inputs: NominalReadings, begin: Array
 ) -> tuple[Array, Array]:
     """Simulate one recording from inputs and a beginning that are given.
 
     Parameters
     ----------
-    target, z, run
+    posterior, z, run
         As for :func:`free_run`.
     inputs : NominalReadings
         What sensors as declared would have read.
@@ -127,19 +127,21 @@ def simulated(
     output, states : (E, ny) and (E, nx + ne) arrays
         As there, the output of sensors as declared.
     """
-    data = target.space.recordings[run].measurements._replace(moments=inputs.moments)
-    system = target.space.state_space(z[None], run)
-    output, states = _responses(system, data, begin[None], _laws(target, z, run, inputs))
+    data = posterior.space.recordings[run].measurements._replace(moments=inputs.moments)
+    system = posterior.space.state_space(z[None], run)
+    output, states = _responses(system, data, begin[None], _laws(posterior, z, run, inputs))
     return output[0], states[0]
 
 
-def _laws(target: Posterior, z: Array, run: int, nominal: NominalReadings) -> Laws | None:
-    table = law_table(target.space.car, target.space.effects(z), run)[None]
-    known = target.known_force(run)
+def _laws(posterior: Posterior, z: Array, run: int, nominal: NominalReadings) -> Laws | None:
+    table = law_table(posterior.space.car, posterior.space.effects(z), run)[None]
+    known = posterior.known_force(run)
     if table.shape[1] == 0 and not np.any(known):
         return None
-    recording = target.space.recordings[run]
-    return Laws(table, target.patterns[run].pole, nominal.wheel, recording.elapsed, known)
+    recording = posterior.space.recordings[run]
+    return Laws(
+        table, posterior.sensor_corrections[run].pole, nominal.wheel, recording.elapsed, known
+    )
 
 
 def _responses(

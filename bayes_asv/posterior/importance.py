@@ -162,12 +162,14 @@ class WeightedDraws:
         return float(np.sqrt(self.weight @ (value - self.mean(value)) ** 2))
 
 
-def importance_sample(target: Density, mode: PosteriorMode, count: int, seed: int) -> WeightedDraws:
+def importance_sample(
+    posterior: Density, mode: PosteriorMode, count: int, seed: int
+) -> WeightedDraws:
     """Draw evenly from a Student t at the mode and weigh by the posterior.
 
     Parameters
     ----------
-    target : Density
+    posterior : Density
         The posterior.
     mode : Mode
         Its mode and curvature.
@@ -183,7 +185,7 @@ def importance_sample(target: Density, mode: PosteriorMode, count: int, seed: in
     """
     proposal = Proposal.around(mode, INFLATION)
     z = proposal.even(count, np.random.default_rng(seed))
-    log_ratio = target.log_posterior(z) - proposal.log_density(z)
+    log_ratio = posterior.log_posterior(z) - proposal.log_density(z)
     top = float(np.max(log_ratio))
     weight = np.exp(log_ratio - top)
     total = float(weight.sum())

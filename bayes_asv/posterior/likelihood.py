@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 
 from bayes_asv.filters import kalman, kalman_ar
 from bayes_asv.filters.kalman import MISSING, Laws, Measurements, SensorNoise, StateSpace
-from bayes_asv.posterior.effects import NominalReadings, SensorPatterns, law_table
+from bayes_asv.posterior.effects import NominalReadings, SensorCorrections, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
 from bayes_asv.preprocessing.missing_band import log_determinant
@@ -127,9 +127,9 @@ class Posterior:
         One a run.
     pool : Threads or None
         Where batches are split; the answer does not depend on it.
-    patterns : tuple of SensorPatterns
+    sensor_corrections : tuple of SensorCorrections
         One a run where the space has effects; their innovations are taken to be white.
-    retimed_patterns : tuple of tuple of SensorPatterns
+    retimed_corrections : tuple of tuple of SensorCorrections
         The same for each recording with other errors of its clocks.
     expansions : tuple of ClockExpansion or None
         One a run, to be used in place of the recordings with other errors of the clocks; empty to
@@ -141,8 +141,8 @@ class Posterior:
     space: ParameterSpace
     residual_ars: tuple[ResidualAR, ...]
     pool: Threads | None = None
-    patterns: tuple[SensorPatterns, ...] = ()
-    retimed_patterns: tuple[tuple[SensorPatterns, ...], ...] = ()
+    sensor_corrections: tuple[SensorCorrections, ...] = ()
+    retimed_corrections: tuple[tuple[SensorCorrections, ...], ...] = ()
     expansions: tuple[ClockExpansion | None, ...] = ()
     perturbations: tuple[Perturbation, ...] = ()
 
@@ -237,11 +237,11 @@ class Posterior:
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
         values = [self.space.effects(point) for point in z]
         tables = np.stack([law_table(self.space.car, v, run) for v in values])
-        known = self._patterns(run, recording) if self.patterns else None
+        known = self._sensor_corrections(run, recording) if self.sensor_corrections else None
         if known is not None:
-            biases = self.space.zeros(z, run)
-            zeros = np.hstack([biases, biases @ recording.rigid_gain.T])
-            system = system._replace(zeros=zeros)
+            biases = self.space.input_biases(z, run)
+            on_outputs = biases @ recording.rigid_gain.T
+            system = system._replace(biases=np.hstack([biases, on_outputs]))
         no_zeros = np.zeros(len(recording.inputs))  # the filter takes them off
         as_read = NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
         parts: dict[int, tuple[NominalReadings, list[int]]] = {}
@@ -259,12 +259,12 @@ class Posterior:
                 ),
             )
 
-    def _patterns(self, run: int, recording: PreparedRecording) -> SensorPatterns:
+    def _sensor_corrections(self, run: int, recording: PreparedRecording) -> SensorCorrections:
         """Patterns of a run, prepared for certain errors of its clocks."""
         retimed = self.space.recordings[run].retimed
         if retimed is None or recording not in retimed.recordings:
-            return self.patterns[run]
-        return self.retimed_patterns[run][retimed.recordings.index(recording)]
+            return self.sensor_corrections[run]
+        return self.retimed_corrections[run][retimed.recordings.index(recording)]
 
     def _declared(
         self,
@@ -283,7 +283,7 @@ class Posterior:
         data = recording.measurements._replace(moments=moments, reading=reading)
         if tables.shape[1] == 0 and not np.any(added):
             return data, None
-        pole = self.patterns[run].pole
+        pole = self.sensor_corrections[run].pole
         return data, Laws(tables, pole, nominal.wheel, recording.elapsed, added)
 
     def removed_band_correction(self, z: Array, run: int) -> Array:
@@ -401,10 +401,10 @@ class Posterior:
         With ``recording``, from its readings in place of the run's own.
         """
         recording = self.space.recordings[run] if recording is None else recording
-        if not self.patterns:
+        if not self.sensor_corrections:
             return NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
-        nominal = self.patterns[run].corrected(
-            recording, self.space.effects(z), self.space.zeros(z[None], run)[0]
+        nominal = self.sensor_corrections[run].corrected(
+            recording, self.space.effects(z), self.space.input_biases(z[None], run)[0]
         )
         return self._with_known_changes(nominal, run)
 
@@ -445,14 +445,14 @@ def _derivatives(values: Array, count: int) -> tuple[Array, Array]:
 
 
 @contextmanager
-def shared_work(target: Posterior) -> Iterator[Posterior]:
+def shared_work(posterior: Posterior) -> Iterator[Posterior]:
     """Give a posterior threads for as long as the context lasts, and BLAS none beside its own.
 
     A thread of BLAS waits for its next small product by spinning, on a core that a filter could
     use.
     """
     with threads() as pool, _BLAS.alone():
-        yield replace(target, pool=pool)
+        yield replace(posterior, pool=pool)
 
 
 class _Blas:

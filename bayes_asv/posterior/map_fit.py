@@ -14,7 +14,7 @@ from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.band_fit import climb, fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
-from bayes_asv.posterior.effects import SensorPatterns
+from bayes_asv.posterior.effects import SensorCorrections
 from bayes_asv.posterior.fit_checks import (
     excess_noise_sentence,
     explained_power_findings,
@@ -25,7 +25,7 @@ from bayes_asv.posterior.fitted_model import (
     fit_linear_car,
     make_dataset,
     transfer_coordinates,
-    update_patterns_at,
+    update_corrections_at,
 )
 from bayes_asv.posterior.free_simulation import free_run, left_in_band
 from bayes_asv.posterior.identifiability import unidentified_after_fit
@@ -62,7 +62,7 @@ class MapFit:
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         The posterior with the colour of each run's innovations.
     mode : Mode
         Its mode and curvature.
@@ -77,7 +77,7 @@ class MapFit:
         The same model with noise levels near the declared ones, where that was fitted.
     """
 
-    target: Posterior
+    posterior: Posterior
     mode: PosteriorMode
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -88,7 +88,7 @@ class MapFit:
     @property
     def space(self) -> ParameterSpace:
         """Coordinates and priors."""
-        return self.target.space
+        return self.posterior.space
 
 
 def best_fit(
@@ -118,12 +118,12 @@ def best_fit(
     shares: tuple[float | None, ...] = ()
     near = None
     if likelihood == "innovations" and recordings[0].below is not None:
-        mode, target, shares = fit_in_band(recordings, vehicle)
+        mode, posterior, shares = fit_in_band(recordings, vehicle)
     elif placed_effects:
-        mode, target, near = _with_effects(recordings, vehicle, placed_effects)
+        mode, posterior, near = _with_effects(recordings, vehicle, placed_effects)
     else:
-        mode, target = _at_full_band(recordings, vehicle, likelihood)
-    return replace(_judged(target, mode, shares), tight_noise_fit=near)
+        mode, posterior = _at_full_band(recordings, vehicle, likelihood)
+    return replace(_judged(posterior, mode, shares), tight_noise_fit=near)
 
 
 def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
@@ -143,12 +143,12 @@ def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
     near = found.tight_noise_fit or fit_linear_car(make_dataset(vehicle, found.space.recordings))
     top = near.mode
     mode = PosteriorMode(top.z, top.covariance, top.log_posterior, top.converged)
-    return replace(_judged(near.target, mode, ()), tight_noise_fit=near)
+    return replace(_judged(near.posterior, mode, ()), tight_noise_fit=near)
 
 
-def _judged(target: Posterior, mode: PosteriorMode, shares: tuple[float | None, ...]) -> MapFit:
+def _judged(posterior: Posterior, mode: PosteriorMode, shares: tuple[float | None, ...]) -> MapFit:
     """Check whether the data identify the parameters and the model explains them, at the mode."""
-    parameter_space = target.space
+    parameter_space = posterior.space
     # Where the search did not converge, the sampler decides.
     reasons, warnings = (
         unidentified_after_fit(parameter_space, mode) if mode.converged else ([], [])
@@ -156,7 +156,7 @@ def _judged(target: Posterior, mode: PosteriorMode, shares: tuple[float | None, 
     faults: list[str] = []
     noise = {name: float(x[0]) for name, x in parameter_space.nuisance(mode.z[None]).items()}
     for run, recording in enumerate(parameter_space.recordings):
-        free = free_run(target, mode.z, run)
+        free = free_run(posterior, mode.z, run)
         why, notes = explained_power_findings(recording, free, bool(shares))
         if recording.below is None and (why or notes):
             top = model_bandwidth(recording)
@@ -165,7 +165,7 @@ def _judged(target: Posterior, mode: PosteriorMode, shares: tuple[float | None, 
         warnings += notes + excess_noise_sentence(recording, noise, run) + _cut_out(recording)
         if shares:
             warnings += band_notes(recording, shares[run])
-    return MapFit(target, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
+    return MapFit(posterior, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
 
 
 def _at_full_band(
@@ -173,14 +173,14 @@ def _at_full_band(
 ) -> tuple[PosteriorMode, Posterior]:
     """Climb to the mode, cut tones out, and climb again with the colour that is left."""
     parameter_space = space(vehicle, recordings, likelihood)
-    mode, target = climb(Posterior(parameter_space, (WHITE,) * len(recordings)))
+    mode, posterior = climb(Posterior(parameter_space, (WHITE,) * len(recordings)))
     if likelihood != "innovations":
-        return mode, target
-    quiet = _without_tones(target, mode, vehicle)
-    if quiet is not None:
-        parameter_space = space(vehicle, quiet, likelihood)
-        mode, target = climb(Posterior(parameter_space, (WHITE,) * len(quiet)))
-    return _with_colour(target, mode, vehicle)
+        return mode, posterior
+    without_tones = _without_tones(posterior, mode, vehicle)
+    if without_tones is not None:
+        parameter_space = space(vehicle, without_tones, likelihood)
+        mode, posterior = climb(Posterior(parameter_space, (WHITE,) * len(without_tones)))
+    return _with_colour(posterior, mode, vehicle)
 
 
 def _with_effects(
@@ -196,18 +196,21 @@ def _with_effects(
     dataset, model = with_effects(make_dataset(vehicle, alone), placed_effects)
     whole = space(vehicle, recordings, placed_effects=model.placed_effects)
     others = _retimed_patterns(recordings, vehicle, model)
-    target = Posterior(
-        whole, (WHITE,) * len(recordings), patterns=dataset.patterns, retimed_patterns=others
+    posterior = Posterior(
+        whole,
+        (WHITE,) * len(recordings),
+        sensor_corrections=dataset.sensor_corrections,
+        retimed_corrections=others,
     )
     start = model.transfer(whole)
     start[whole.shared_dimension :] = whole.origin[whole.shared_dimension :]
-    with shared_work(target) as shared:
-        return find_mode(shared, start), target, model
+    with shared_work(posterior) as shared:
+        return find_mode(shared, start), posterior, model
 
 
 def _retimed_patterns(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, model: FittedModel
-) -> tuple[tuple[SensorPatterns, ...], ...]:
+) -> tuple[tuple[SensorCorrections, ...], ...]:
     """Patterns of each run at other errors of its clocks, by what a fitted model predicts."""
     count = max(
         len(recording.retimed.recordings) if recording.retimed is not None else 0
@@ -220,9 +223,9 @@ def _retimed_patterns(
             for x in recordings
         )
         dataset = make_dataset(vehicle, there)
-        target = dataset.target(model.placed_effects)
-        z = transfer_coordinates(model.space, model.mode.z, target.space, None, {})
-        found.append(update_patterns_at(dataset, target, z).patterns)
+        posterior = dataset.posterior(model.placed_effects)
+        z = transfer_coordinates(model.space, model.mode.z, posterior.space, None, {})
+        found.append(update_corrections_at(dataset, posterior, z).sensor_corrections)
     return tuple(zip(*found, strict=True)) if found else ()
 
 
@@ -239,7 +242,7 @@ def _cut_out(recording: PreparedRecording) -> list[str]:
 
 
 def _without_tones(
-    target: Posterior, mode: PosteriorMode, vehicle: Vehicle
+    posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle
 ) -> tuple[PreparedRecording, ...] | None:
     """Cut the tones of an engine out of every run; None where there are none.
 
@@ -249,8 +252,8 @@ def _without_tones(
     20 Hz, and a line on that slope stands out of the median of its neighbours as a tone does.
     """
     out, any_found = [], False
-    for run, recording in enumerate(target.space.recordings):
-        nu = recording.paired(target.innovations(mode.z, run))
+    for run, recording in enumerate(posterior.space.recordings):
+        nu = recording.paired(posterior.innovations(mode.z, run))
         used, rate = nu[:, list(recording.accelerations)], 1.0 / recording.reading_step
         modes = own_modes(recording.car, vehicle.unsprung)
         tones = engine_tones(find_tones(used, rate), [used], rate, modes)
@@ -262,17 +265,19 @@ def _without_tones(
 
 
 def _with_colour(
-    target: Posterior, mode: PosteriorMode, vehicle: Vehicle
+    posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle
 ) -> tuple[PosteriorMode, Posterior]:
     """Look at the colour of what is left, and climb again until it settles.
 
     Under a colour a run's noise levels are held: left free they swell, since a colour makes
     good for whatever filter they stand for.
     """
-    whole = target.space
-    colours: tuple[ResidualAR, ...] = target.residual_ars
+    whole = posterior.space
+    colours: tuple[ResidualAR, ...] = posterior.residual_ars
     for _ in range(_COLOUR_ROUNDS):
-        found = tuple(_colour_of(target, mode, run) for run in range(len(target.space.recordings)))
+        found = tuple(
+            _colour_of(posterior, mode, run) for run in range(len(posterior.space.recordings))
+        )
         if all(c.order == 0 for c in (*found, *colours)):
             break
         colours = found
@@ -280,14 +285,14 @@ def _with_colour(
         parameter_space = space(vehicle, whole.recordings, whole.likelihood, hold)
         start = parameter_space.origin
         start[: parameter_space.shared_dimension] = mode.z[: parameter_space.shared_dimension]
-        mode, target = climb(Posterior(parameter_space, found), start)
-    return mode, target
+        mode, posterior = climb(Posterior(parameter_space, found), start)
+    return mode, posterior
 
 
-def _colour_of(target: Posterior, mode: PosteriorMode, run: int) -> ResidualAR:
+def _colour_of(posterior: Posterior, mode: PosteriorMode, run: int) -> ResidualAR:
     """Colour of one run's innovations, scaled for what a filter took out of them."""
-    recording = target.space.recordings[run]
-    found = fit_residual_ar(recording.paired(target.innovations(mode.z, run, WHITE)))
+    recording = posterior.space.recordings[run]
+    found = fit_residual_ar(recording.paired(posterior.innovations(mode.z, run, WHITE)))
     if found.order == 0:
         return WHITE
     left = 1.0 if recording.removed_band is None else recording.removed_band.left

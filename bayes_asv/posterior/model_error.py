@@ -123,7 +123,7 @@ def _by_band(fit: FittedModel) -> list[_Band]:
     nothing = _Band(np.zeros(len(fit.mode.z)), np.zeros((len(fit.mode.z),) * 2), 0.0, 0)
     begin = 0
     for run, recording in enumerate(space.recordings):
-        there = fit.target.innovations_and_variances(fit.mode.z, run)[1] != 0.0
+        there = fit.posterior.innovations_and_variances(fit.mode.z, run)[1] != 0.0
         row, channel = np.nonzero(there)
         inside = slice(begin, begin + len(row))
         begin += len(row)

@@ -56,12 +56,12 @@ class PosteriorMode:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
-def find_mode(target: Posterior, start: Array | None = None) -> PosteriorMode:
+def find_mode(posterior: Posterior, start: Array | None = None) -> PosteriorMode:
     """Climb to the posterior's mode.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         The posterior.
     start : (D,) array, optional
         Where to begin; without it several starts are tried.
@@ -72,15 +72,15 @@ def find_mode(target: Posterior, start: Array | None = None) -> PosteriorMode:
         With ``converged`` false when it did not settle: a value, not an error.
     """
     if start is None:
-        start, sd = _least_squares(target)
+        start, sd = _least_squares(posterior)
     else:
-        sd = target.space.scales(0.05)
-    return _newton(target, start, sd)
+        sd = posterior.space.scales(0.05)
+    return _newton(posterior, start, sd)
 
 
-def _least_squares(target: Posterior) -> tuple[Array, Array]:
+def _least_squares(posterior: Posterior) -> tuple[Array, Array]:
     """Best of several least-squares fits, noise held at its prior centre."""
-    space = target.space
+    space = posterior.space
     n = space.shared_dimension
     levels = [
         (k, one.run, [c.name for c in outputs].index(one.channel))
@@ -91,7 +91,7 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         if one.channel in [c.name for c in outputs]
     ]
 
-    residual, slopes = residual_functions(target, space.origin, range(n))
+    residual, slopes = residual_functions(posterior, space.origin, range(n))
     best, best_value, best_sd = space.from_logs({}), -np.inf, space.scales(1.0)
     dampers = {element.damping for element in space.car.elements}
     for of_dampers, of_inertias in _STARTS:
@@ -110,11 +110,11 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
         z[:n] = fit.x
         largest = 0.0
         for k, run, y in levels:  # noise as large as what was left over
-            left = target.innovations(z, run)[:, y]
+            left = posterior.innovations(z, run)[:, y]
             level = float(np.sqrt(np.mean(left[left != 0.0] ** 2)))
             largest = max(largest, level)
             z[k] = np.clip(math.log(max(level, 1e-3)) / space.coordinates[k].scale, -4.0, 4.0)
-        value = float(target.log_posterior(z[None])[0])
+        value = float(posterior.log_posterior(z[None])[0])
         if value > best_value:
             best, best_value = z, value
             curvature = np.sum(np.asarray(fit.jac) ** 2, axis=0)
@@ -126,13 +126,13 @@ def _least_squares(target: Posterior) -> tuple[Array, Array]:
 
 
 def residual_functions(
-    target: Posterior, origin: Array, free: Sequence[int]
+    posterior: Posterior, origin: Array, free: Sequence[int]
 ) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """Make what least squares asks for: residuals and their Jacobian.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         The posterior.
     origin : (D,) array
         Values of the coordinates that are held.
@@ -145,12 +145,12 @@ def residual_functions(
         From values (F,) the normalised innovations of all runs with the values behind them (their
         prior is a standard normal), and the derivatives of these by forward differences.
     """
-    runs, free = range(len(target.space.recordings)), list(free)
+    runs, free = range(len(posterior.space.recordings)), list(free)
 
     def residuals(values: Array) -> Array:
         z = np.repeat(origin[None], len(values), axis=0)
         z[:, free] = values
-        parts = [target.innovations(z, run).reshape(len(z), -1) for run in runs]
+        parts = [posterior.innovations(z, run).reshape(len(z), -1) for run in runs]
         every = np.concatenate([*parts, values], axis=1)
         return np.asarray(np.nan_to_num(every, nan=1e6, posinf=1e6, neginf=-1e6))
 
@@ -166,25 +166,25 @@ def residual_functions(
     return residual, slopes
 
 
-def derivatives(target: Posterior, z: Array, scale: Array) -> tuple[float, Array, Array]:
+def derivatives(posterior: Posterior, z: Array, scale: Array) -> tuple[float, Array, Array]:
     """Value, gradient (D,) and Hessian (D, D) of the log-posterior in units of ``scale``.
 
     Differences are taken run by run, since a run knows nothing of another's noise; the prior
     is a standard normal.  Derivatives are nan where a step leaves the region in which the
     posterior is positive.
     """
-    value = float(target.space.log_prior(z[None])[0])
+    value = float(posterior.space.log_prior(z[None])[0])
     gradient = -z * scale
     hessian = -np.diag(scale**2)
-    for run in range(len(target.space.recordings)):
-        own = target.space.coordinates_of_run(run)
+    for run in range(len(posterior.space.recordings)):
+        own = posterior.space.coordinates_of_run(run)
         d = len(own)
         steps = np.zeros((d, len(z)))
         steps[np.arange(d), own] = _STEP * scale[own]
         first, second = np.triu_indices(d, 1)
         both = steps[first] + steps[second]
         points = np.concatenate([z[None], z + steps, z - steps, z + both, z - both])
-        values = target.by_run(points, [run])[0]
+        values = posterior.by_run(points, [run])[0]
         if not np.all(np.isfinite(values)):
             return float(values[0]), np.full(len(z), np.nan), np.full((len(z), len(z)), np.nan)
         f0, fp, fm = values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1]
@@ -198,17 +198,17 @@ def derivatives(target: Posterior, z: Array, scale: Array) -> tuple[float, Array
     return value, gradient, hessian
 
 
-def _newton(target: Posterior, z: Array, scale: Array) -> PosteriorMode:
+def _newton(posterior: Posterior, z: Array, scale: Array) -> PosteriorMode:
     """Damped Newton steps; the scale follows the curvature."""
     damping = 1.0
     d = len(z)
-    value = float(target.log_posterior(z[None])[0])
+    value = float(posterior.log_posterior(z[None])[0])
     converged = False
     precision = np.eye(d)
     fresh = False
     for _ in range(_ROUNDS):
         if not fresh:
-            value, gradient, hessian = derivatives(target, z, scale)
+            value, gradient, hessian = derivatives(posterior, z, scale)
             if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
                 scale = 0.3 * scale
                 continue
@@ -222,7 +222,7 @@ def _newton(target: Posterior, z: Array, scale: Array) -> PosteriorMode:
         step = np.linalg.solve(ridge, gradient)
         step /= max(1.0, float(np.max(np.abs(step))) / 30.0)
         candidate = z + step * scale
-        reached = float(target.log_posterior(candidate[None])[0])
+        reached = float(posterior.log_posterior(candidate[None])[0])
         gain = 0.5 * float(gradient @ np.linalg.solve(precision, gradient))
         if gain < 1e-3:
             converged = bool(np.linalg.eigvalsh(-hessian)[0] > 0.0)

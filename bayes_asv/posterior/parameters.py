@@ -342,7 +342,7 @@ class ParameterSpace:
         filtered = self.likelihood == "innovations" and np.any(self.recordings[run].poles > 0.0)
         return np.full(len(z), _SHARE_HELD if filtered else 0.0)
 
-    def zeros(self, z: Array, run: int) -> Array:
+    def input_biases(self, z: Array, run: int) -> Array:
         """Return the biases (W, nu) of a run's inputs, m/s², at coordinates (W, D)."""
         out = np.zeros((len(z), len(self.car.elements)))
         for e, element in enumerate(self.car.elements):

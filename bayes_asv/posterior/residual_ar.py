@@ -47,11 +47,11 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
     longest = max(orders, default=0)
     if longest == 0:
         return WHITE
-    target = nu[longest:]
+    posterior = nu[longest:]
     lagged = np.concatenate([nu[longest - j : n - j] for j in range(1, longest + 1)], axis=1)
     best, best_score = 0, math.inf
     for p in orders:
-        rows, design = _whole(target, lagged[:, : ny * p])
+        rows, design = _whole(posterior, lagged[:, : ny * p])
         if len(rows) < max(20 * p, 50):
             break  # too many gaps to tell
         left = rows - design @ _solve(design, rows) if p > 0 else rows
@@ -63,7 +63,7 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
             best, best_score = p, score
     if best == 0:
         return WHITE
-    rows, design = _whole(target, lagged[:, : ny * best])
+    rows, design = _whole(posterior, lagged[:, : ny * best])
     weights = _solve(design, rows)
     left = rows - design @ weights
     covariance = left.T @ left / (len(rows) - ny * best)
@@ -72,16 +72,16 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
     return ResidualAR(np.ascontiguousarray(coefficients), np.ascontiguousarray(root))
 
 
-def _whole(target: Array, lagged: Array) -> tuple[Array, Array]:
+def _whole(posterior: Array, lagged: Array) -> tuple[Array, Array]:
     """Rows in which nothing is missing."""
-    whole = np.isfinite(target).all(axis=1) & np.isfinite(lagged).all(axis=1)
-    return target[whole], lagged[whole]
+    whole = np.isfinite(posterior).all(axis=1) & np.isfinite(lagged).all(axis=1)
+    return posterior[whole], lagged[whole]
 
 
-def _solve(design: Array, target: Array) -> Array:
+def _solve(design: Array, posterior: Array) -> Array:
     gram = design.T @ design
     gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
-    return np.asarray(np.linalg.solve(gram, design.T @ target))
+    return np.asarray(np.linalg.solve(gram, design.T @ posterior))
 
 
 def _criterion(left: Array, p: int) -> float:

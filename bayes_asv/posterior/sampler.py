@@ -95,7 +95,7 @@ _TRUSTED = 0.5  # of the Pareto tail of weights: beyond it their variance is inf
 
 
 def weighted_ensembles(
-    target: Density, mode: PosteriorMode, seed: int, progress: Progress | None = None
+    posterior: Density, mode: PosteriorMode, seed: int, progress: Progress | None = None
 ) -> Ensembles | None:
     """Draw independently, and weigh by the posterior.
 
@@ -105,7 +105,7 @@ def weighted_ensembles(
 
     Parameters
     ----------
-    target, mode, seed, progress
+    posterior, mode, seed, progress
         As for :func:`run_ensembles`.
 
     Returns
@@ -123,7 +123,7 @@ def weighted_ensembles(
     with threads() as pool:
         while count <= _LARGEST:
             new = [proposal.even(count, stream) for stream in streams]
-            logs = np.hstack([logs, np.stack(list(pool.map(target.log_posterior, new)))])
+            logs = np.hstack([logs, np.stack(list(pool.map(posterior.log_posterior, new)))])
             z = np.concatenate([z, np.stack(new)], axis=1)
             proposals, counts = [*proposals, proposal], [*counts, count]
             flat, share = z.reshape(-1, d), np.array(counts) / sum(counts)
@@ -192,7 +192,7 @@ def _resampled(
 
 
 def run_ensembles(
-    target: Density,
+    posterior: Density,
     mode: PosteriorMode,
     seed: int,
     progress: Progress | None = None,
@@ -202,7 +202,7 @@ def run_ensembles(
 
     Parameters
     ----------
-    target : Density
+    posterior : Density
         The posterior.
     mode : Mode
         Its mode and curvature: where ensembles start and what they propose at first.
@@ -223,9 +223,9 @@ def run_ensembles(
     with threads() as pool:
         proposal = Proposal.around(mode, INFLATION)
         streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
-        places = [_start(target, proposal, walkers, stream) for stream in streams]
+        places = [_start(posterior, proposal, walkers, stream) for stream in streams]
         for stage, (burn, used) in enumerate(_BURN):
-            samplers = _samplers(target, proposal, walkers, [seed, ENSEMBLES + stage])
+            samplers = _samplers(posterior, proposal, walkers, [seed, ENSEMBLES + stage])
             running = pool.map(_advance, samplers, places, [burn] * ENSEMBLES)
             if stage == 0:
                 importlib.import_module("arviz_stats.base")  # half a second, while they burn in
@@ -234,7 +234,7 @@ def run_ensembles(
             # What burn-in found replaces the curvature at the mode; fixed while draws are kept.
             found = [s.get_chain(flat=True, discard=burn - used) for s in samplers]
             proposal = Proposal.through(np.concatenate(found), 1.1)
-        samplers = _samplers(target, proposal, walkers, [seed, ENSEMBLES + len(_BURN)])
+        samplers = _samplers(posterior, proposal, walkers, [seed, ENSEMBLES + len(_BURN)])
         steps, block = 0, _BLOCK
         while True:
             places = [
@@ -262,7 +262,7 @@ def run_ensembles(
 
 
 def sample_runs(
-    target: Posterior,
+    posterior: Posterior,
     mode: PosteriorMode,
     seed: int,
     progress: Progress | None = None,
@@ -274,9 +274,9 @@ def sample_runs(
     for them afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  Parameters are those of
     :func:`run_ensembles`.
     """
-    if len(target.space.recordings) == 1:
-        return _sampled(target, mode, seed, progress, most)
-    shared = SharedPosterior(target, mode)
+    if len(posterior.space.recordings) == 1:
+        return _sampled(posterior, mode, seed, progress, most)
+    shared = SharedPosterior(posterior, mode)
     found = _sampled(shared, shared.mode, seed, progress, most)
     count, length, d = found.draws.shape
     rng = np.random.default_rng([seed, 31])
@@ -289,17 +289,17 @@ def sample_runs(
 
 
 def _sampled(
-    target: Density, mode: PosteriorMode, seed: int, progress: Progress | None, most: int
+    posterior: Density, mode: PosteriorMode, seed: int, progress: Progress | None, most: int
 ) -> Ensembles:
-    found = weighted_ensembles(target, mode, seed, progress)
-    return run_ensembles(target, mode, seed, progress, most) if found is None else found
+    found = weighted_ensembles(posterior, mode, seed, progress)
+    return run_ensembles(posterior, mode, seed, progress, most) if found is None else found
 
 
-def independent_draws(target: Density, draws: Array) -> Ensembles:
+def independent_draws(posterior: Density, draws: Array) -> Ensembles:
     """Take independent draws (ENSEMBLES, S, D) for ensembles that have converged."""
     count, _, d = draws.shape
     rhat, bulk, tail = diagnose(draws.reshape(count, -1, 1, d))
-    log_posterior = target.log_posterior(draws.reshape(-1, d)).reshape(count, -1)
+    log_posterior = posterior.log_posterior(draws.reshape(-1, d)).reshape(count, -1)
     return Ensembles(
         draws, log_posterior, rhat, bulk, tail, converged=True, acceptance=math.nan,
         sampler="normal approximation",
@@ -338,7 +338,7 @@ def _advance(sampler: emcee.EnsembleSampler, place: Array, steps: int) -> emcee.
 
 
 def _samplers(
-    target: Density, proposal: Proposal, walkers: int, seed: list[int]
+    posterior: Density, proposal: Proposal, walkers: int, seed: list[int]
 ) -> list[emcee.EnsembleSampler]:
     """Set up one sampler an ensemble, each with a stream of its own."""
     d = len(proposal.middle)
@@ -346,22 +346,22 @@ def _samplers(
     out = []
     for ensemble in range(ENSEMBLES):
         sampler = emcee.EnsembleSampler(
-            walkers, d, target.log_posterior, moves=moves, vectorize=True
+            walkers, d, posterior.log_posterior, moves=moves, vectorize=True
         )
         # without the wrapper that prints a traceback when Ctrl-C breaks off a likelihood
-        sampler.log_prob_fn = target.log_posterior
+        sampler.log_prob_fn = posterior.log_posterior
         sampler.random_state = np.random.RandomState([*seed, ensemble]).get_state()
         out.append(sampler)
     return out
 
 
 def _start(
-    target: Density, proposal: Proposal, walkers: int, random: np.random.RandomState
+    posterior: Density, proposal: Proposal, walkers: int, random: np.random.RandomState
 ) -> Array:
     """Walkers spread as the proposal, each where the posterior is finite."""
     for _ in range(100):
         z = proposal.draw(4 * walkers, random)
-        z = z[np.isfinite(target.log_posterior(z))]
+        z = z[np.isfinite(posterior.log_posterior(z))]
         if len(z) >= walkers:
             return z[:walkers]
     return np.asarray(proposal.middle + 1e-6 * random.normal(size=(walkers, len(z.T))))

@@ -1,9 +1,9 @@
 """Posterior of what several runs share, with what belongs to single runs integrated out.
 
-Noise levels, filtered shares, zeros and clock errors of a run are many, one set a run, and
+Noise levels, filtered shares, biases and clock errors of a run are many, one set a run, and
 emcee needs the more steps the more coordinates there are.  Given the shared coordinates x those of
-the runs, η, are nearly normal: noise levels are known to 1/√(2 N), and zeros are linear.  Laplace's
-approximation integrates them (Tierney & Kadane 1986, J. Am. Stat. Assoc. 81, 82–86)::
+the runs, η, are nearly normal: noise levels are known to 1/√(2 N), and biases are linear.
+Laplace's approximation integrates them (Tierney & Kadane 1986, J. Am. Stat. Assoc. 81, 82–86)::
 
     log p(x | data) ≈ log p(x, η̂(x) | data) + constant,     η̂(x) = η̂ − H⁻¹ H_x (x − x̂),
 
@@ -29,7 +29,7 @@ class SharedPosterior:
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         Of all coordinates.
     mode : Mode
         Its mode.
@@ -40,9 +40,9 @@ class SharedPosterior:
         Mode and covariance of the shared coordinates.
     """
 
-    def __init__(self, target: Posterior, mode: PosteriorMode) -> None:
-        of_runs = np.array([c.run is not None for c in target.space.coordinates])
-        self._target, self._all = target, mode
+    def __init__(self, posterior: Posterior, mode: PosteriorMode) -> None:
+        of_runs = np.array([c.run is not None for c in posterior.space.coordinates])
+        self._posterior, self._all = posterior, mode
         self._shared, self._own = np.flatnonzero(~of_runs), np.flatnonzero(of_runs)
         precision = np.linalg.inv(mode.covariance)
         within = precision[np.ix_(self._own, self._own)]
@@ -63,7 +63,7 @@ class SharedPosterior:
 
     def log_posterior(self, x: Array) -> Array:
         """Log density (W,), not normalised, at shared coordinates (W, d)."""
-        return self._target.log_posterior(self._along(x))
+        return self._posterior.log_posterior(self._along(x))
 
     def completed(self, x: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw the coordinates of the runs for draws of the shared ones.

@@ -201,7 +201,7 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
         quantization_steps=recording.quantization_steps * share,
         poles=np.zeros(len(channels)),
         below=below,
-        quiet=_LEFT * np.std(values, axis=1) / passed * share,
+        noise_prior_centre=_LEFT * np.std(values, axis=1) / passed * share,
     )
 
 

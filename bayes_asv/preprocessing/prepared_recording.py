@@ -136,7 +136,7 @@ class PreparedRecording:
         Relative deviation of each sensor's scale; 0 where it is exact or not in counts.
     below : float or None
         Upper edge of the band that is left of the recording, Hz; None at full band.
-    quiet : (C,) array or None
+    noise_prior_centre : (C,) array or None
         Centre of the prior of a noise level that is not given, SI units; None for the level of the
         record's quietest quarter.
     notches : tuple of (frequency, half-width)
@@ -178,7 +178,7 @@ class PreparedRecording:
     source: str
     scale_sd: Array = field(default_factory=lambda: np.zeros(0))
     below: float | None = None
-    quiet: Array | None = None
+    noise_prior_centre: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
     removed_band: RemovedBand | None = None
     doubt: Array | None = None

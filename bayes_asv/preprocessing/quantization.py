@@ -212,8 +212,8 @@ def noise_level(recording: PreparedRecording, c: int) -> float:
     White noise is as strong at every frequency.  Where the top of the spectrum is empty, what the
     third differences hold is motion, and the least that is believed is taken in its place.
     """
-    if recording.quiet is not None:
-        return float(recording.quiet[c])
+    if recording.noise_prior_centre is not None:
+        return float(recording.noise_prior_centre[c])
     a, step = recording.values[c], float(recording.quantization_steps[c])
     quiet, top = quiet_level(a, step), _top_level(a)
     return quiet if top > _EMPTY * quiet else _at_least(top, a[np.isfinite(a)], step)

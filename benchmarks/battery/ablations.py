@@ -63,7 +63,7 @@ def without(name: str | None) -> Iterator[None]:
 
 
 def _on_inputs_as_read(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
-    return dataset, fitted(dataset.target(model.placed_effects), model.mode.z)
+    return dataset, fitted(dataset.posterior(model.placed_effects), model.mode.z)
 
 
 def _all_explained(*_: Any) -> Unexplained:

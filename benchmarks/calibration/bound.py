@@ -89,13 +89,13 @@ def information(case: Case, space: ParameterSpace) -> Array:
     """Information (n, n) in the readings about the n coordinates of the car, prior left out."""
     own = {entry.name: getattr(space, entry.name) for entry in fields(ParameterSpace)}
     own["recordings"] = (_ideal(case),)
-    target = Posterior(_KnownNoise(**own, known=true_noise(case.sensors)), (WHITE,))
+    posterior = Posterior(_KnownNoise(**own, known=true_noise(case.sensors)), (WHITE,))
     z = coordinates(space, case.car)
     columns = []
     for k in range(space.car_dimension):
         step = np.zeros(len(z))
         step[k] = _STEP
-        ahead, behind = (target.innovations(z + s, 0, WHITE) for s in (step, -step))
+        ahead, behind = (posterior.innovations(z + s, 0, WHITE) for s in (step, -step))
         columns.append((ahead - behind).ravel() / (2.0 * _STEP))
     sensitivity = np.stack(columns, axis=1)
     return np.asarray(sensitivity.T @ sensitivity)

@@ -61,10 +61,10 @@ def posterior(fit: MapFit, seed: int) -> Posterior:
     """
     if fit.mode.converged:
         for count in _COUNTS:
-            draws = importance_sample(fit.target, fit.mode, count, seed)
+            draws = importance_sample(fit.posterior, fit.mode, count, seed)
             if draws.effective >= ENOUGH:
                 return Posterior(draws, str(count))
-    chains = run_ensembles(fit.target, fit.mode, seed)
+    chains = run_ensembles(fit.posterior, fit.mode, seed)
     z = chains.draws.reshape(-1, fit.space.dimension)
     return Posterior(
         WeightedDraws(z, np.full(len(z), 1.0 / len(z)), float("nan")), "ensembles", chains.converged

@@ -108,7 +108,7 @@ def _from_the_rig(cell: Cell, case: Case, run: int) -> Row:
         bounds=bounds(case, fit.space, tuple(judged)),
         effective=found.draws.effective,
         how=found.how,
-        colour=_order(fit.target),
+        colour=_order(fit.posterior),
         clipped=case.clipped,
     )
     if run >= cell.checked:
@@ -135,11 +135,11 @@ def _from_the_model(cell: Cell, drawn: Drawn, run: int) -> Row:
         widths={name: spread(found.draws, judged[name]) for name in NAMES},
         effective=found.draws.effective,
         how=found.how,
-        colour=_order(fit.target),
+        colour=_order(fit.posterior),
     )
     if run >= cell.checked:
         return row
-    chains = run_ensembles(fit.target, fit.mode, run)
+    chains = run_ensembles(fit.posterior, fit.mode, run)
     z = chains.draws.reshape(-1, fit.space.dimension)
     rng = np.random.default_rng([run, 3])
     logs = {
@@ -153,8 +153,8 @@ def _everything(fit: MapFit, z: Array, drawn: Drawn) -> dict[str, Conditional]:
     # a fit that takes white noise for coloured may sample fewer coordinates than were drawn
     truth = np.array([drawn.z[drawn.names.index(name)] for name in fit.space.names])
     out = car_quantities(fit.space, z, drawn.car, _MODEL_NAMES) | nuisance(fit.space, z, truth)
-    likely = float(fit.target.log_likelihood(truth[None])[0])
-    out[LOG_LIKELIHOOD] = Conditional(fit.target.log_likelihood(z), 0.0, likely)
+    likely = float(fit.posterior.log_likelihood(truth[None])[0])
+    out[LOG_LIKELIHOOD] = Conditional(fit.posterior.log_likelihood(z), 0.0, likely)
     return out
 
 
@@ -164,8 +164,8 @@ def _by_counting(x: Array, truth: float) -> tuple[float, float]:
     return float(np.mean(x < truth)), float(high - low) / (2.0 * 1.959964)
 
 
-def _order(target: Posterior) -> int:
-    return max(colour.order for colour in target.residual_ars)
+def _order(posterior: Posterior) -> int:
+    return max(colour.order for colour in posterior.residual_ars)
 
 
 def several(cell: Cell, seed: int, runs: Sequence[int]) -> list[Row]:

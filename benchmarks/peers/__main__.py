@@ -59,12 +59,12 @@ def _fastest(work: Callable[[], object]) -> float:
 
 def likelihoods(problem: Problem, folder: Path) -> dict[str, float]:
     """Time the likelihood of a batch of sets, nanoseconds a step and a set."""
-    space, sets = problem.target.space, problem.points
+    space, sets = problem.posterior.space, problem.points
     data = space.recordings[0].measurements
     system, noise = space.state_space(sets, 0), space.noises(sets, 0)
     per = 1e9 / len(sets) / len(data.step)
     out = {
-        "ours, from coordinates on": per * _fastest(lambda: problem.target.log_likelihood(sets)),
+        "ours, from coordinates on": per * _fastest(lambda: problem.posterior.log_likelihood(sets)),
         "ours": per * _fastest(lambda: kalman.log_likelihood(system, noise, data)),
     }  # fmt: skip
     ours = kalman.log_likelihood(system, noise, data)
@@ -99,15 +99,15 @@ def ours(problem: Problem, seed: int) -> dict[str, Any]:
     evaluations = 0
 
     class Counted:
-        space = problem.target.space
+        space = problem.posterior.space
 
         def __getattr__(self, name: str) -> Any:
-            return getattr(problem.target, name)
+            return getattr(problem.posterior, name)
 
         def log_posterior(self, z: Array) -> Array:
             nonlocal evaluations
             evaluations += len(z)
-            return problem.target.log_posterior(z)
+            return problem.posterior.log_posterior(z)
 
     begin = time.process_time()
     again = make_problem(seed)
@@ -219,7 +219,7 @@ def main() -> int:
                       f"{one['cpu_seconds']:.1f} s", file=sys.stderr, flush=True)  # fmt: skip
     kinds = [name for name in times[0] if name != "largest difference"]
     figures = ("effective", "cpu_seconds", "effective_a_second", "effective_an_evaluation")
-    steps = len(problem.target.space.recordings[0].measurements.step)
+    steps = len(problem.posterior.space.recordings[0].measurements.step)
     result: dict[str, Any] = {
         "commit": current_commit() or "unknown", "seed": arguments.seed,
         "rounds": arguments.rounds,

@@ -34,7 +34,7 @@ class Problem(NamedTuple):
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         Of the recording.
     fit : MapFit
         Its mode.
@@ -42,13 +42,13 @@ class Problem(NamedTuple):
         Coordinates around the mode.
     """
 
-    target: Posterior
+    posterior: Posterior
     fit: MapFit
     points: Array
 
     def data(self) -> dict[str, Any]:
         """Return arrays for :func:`numpy.savez`."""
-        space, recording = self.target.space, self.target.space.recordings[0]
+        space, recording = self.posterior.space, self.posterior.space.recordings[0]
         d = space.dimension
         here = _logs(space.values(np.zeros((1, d))))
         there = _logs(space.values(np.eye(d)))
@@ -67,7 +67,7 @@ class Problem(NamedTuple):
             "step": m.step, "moments": m.moments, "spread": m.spread, "kind": m.kind,
             "reading": m.reading, "extra": m.extra, "start": m.start,
             "mode": self.fit.mode.z, "covariance": self.fit.mode.covariance,
-            "points": self.points, "values": self.target.log_posterior(self.points),
+            "points": self.points, "values": self.posterior.log_posterior(self.points),
             "time": recording.times[recording.outputs[0]],
             "wheels": recording.values[list(recording.inputs)],
             "chassis": recording.values[list(recording.outputs)],
@@ -89,4 +89,4 @@ def make_problem(seed: int) -> Problem:
     rng = np.random.default_rng(seed)
     root = np.linalg.cholesky(fit.mode.covariance)
     points = fit.mode.z + rng.normal(size=(_POINTS, len(fit.mode.z))) @ root.T
-    return Problem(fit.target, fit, points)
+    return Problem(fit.posterior, fit, points)

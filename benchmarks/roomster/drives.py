@@ -93,7 +93,7 @@ def posterior_row(recording: PreparedRecording, run: SingleRunFit) -> Row:
     best = run.fit.space.cars(run.fit.mode.z[None])[0]
     row["nrmse"] = left_over(recording, best).tolist()
     row["share"] = run.fit.shares[0] if run.fit.shares else None
-    row["colour_order"] = run.fit.target.residual_ars[0].order
+    row["colour_order"] = run.fit.posterior.residual_ars[0].order
     row["effective_draws"] = run.effective
     row["refused"] = list(run.fit.reasons)
     row["seconds"] = float(recording.instants[-1] - recording.instants[0])

@@ -15,19 +15,19 @@ def test_rates_are_those_of_the_curve() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)
     digressive = placed_effect("digressive_damper@front")
-    target = make_dataset(car, (prepared(recording, car),)).target((digressive,))
-    mode = np.zeros(target.space.dimension)
+    posterior = make_dataset(car, (prepared(recording, car),)).posterior((digressive,))
+    mode = np.zeros(posterior.space.dimension)
     z = np.tile(mode, (3, 1))
-    draws = target.space.quantities(z, 0)
-    (front,) = damping_rates(target, mode, z, draws)
-    values = target.space.effects(mode)[digressive]
+    draws = posterior.space.quantities(z, 0)
+    (front,) = damping_rates(posterior, mode, z, draws)
+    values = posterior.space.effects(mode)[digressive]
     c, knee, p = draws["c_f"], values["knee"], values["sharpness"]
     assert front.element == "front"
     np.testing.assert_allclose(front.at_rest, c, rtol=1e-5)
     falls = (1.0 + (front.speed / knee) ** p) ** (-1.0 / p)
     np.testing.assert_allclose(front.compression, c * falls, rtol=1e-9)
     np.testing.assert_allclose(front.extension, front.compression)
-    driven = target.innovations_and_variances(mode, 0)[2][:, 1]
+    driven = posterior.innovations_and_variances(mode, 0)[2][:, 1]
     force = driven * (1.0 + np.abs(driven / knee) ** p) ** (-1.0 / p)
     np.testing.assert_allclose(
         front.equal_power, c * np.sum(force * driven) / np.sum(driven**2), rtol=1e-3
@@ -39,14 +39,14 @@ def test_friction_takes_power_beside_the_damper() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)
     friction = placed_effect("coulomb_friction@front")
-    target = make_dataset(car, (prepared(recording, car),)).target(
+    posterior = make_dataset(car, (prepared(recording, car),)).posterior(
         (placed_effect("bound_rebound@front"), friction)
     )
-    mode = np.zeros(target.space.dimension)
-    draws = target.space.quantities(mode[None], 0)
-    (front,) = damping_rates(target, mode, mode[None], draws)
-    values = target.space.effects(mode)[friction]
-    driven = target.innovations_and_variances(mode, 0)[2][:, 1]
+    mode = np.zeros(posterior.space.dimension)
+    draws = posterior.space.quantities(mode[None], 0)
+    (front,) = damping_rates(posterior, mode, mode[None], draws)
+    values = posterior.space.effects(mode)[friction]
+    driven = posterior.innovations_and_variances(mode, 0)[2][:, 1]
     power = values["force"] * np.sum(driven**2 / np.hypot(driven, values["slip"]))
     damper = draws["c_f"] * np.sum(driven**2)  # the sides are equal where coordinates are zero
     np.testing.assert_allclose(front.equal_power, (damper + power) / np.sum(driven**2), rtol=1e-9)
@@ -56,9 +56,11 @@ def test_friction_takes_power_beside_the_damper() -> None:
 def test_a_linear_car_has_no_curves() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 3, DECLARED)
-    target = make_dataset(car, (prepared(recording, car),)).target(())
-    mode = np.zeros(target.space.dimension)
-    assert damping_rates(target, mode, mode[None], target.space.quantities(mode[None], 0)) == ()
+    posterior = make_dataset(car, (prepared(recording, car),)).posterior(())
+    mode = np.zeros(posterior.space.dimension)
+    assert (
+        damping_rates(posterior, mode, mode[None], posterior.space.quantities(mode[None], 0)) == ()
+    )
 
 
 def test_a_draw_that_does_not_resist_leaves_statements_finite() -> None:

@@ -39,7 +39,7 @@ def alone(recording: Recording, sensors: SensorSpec | None = None) -> SingleRunF
 
 
 def checks_of(run: SingleRunFit, seed: int = 0) -> tuple[Check, ...]:
-    return predictive_checks(run.fit.target, run.z, 0, seed)
+    return predictive_checks(run.fit.posterior, run.z, 0, seed)
 
 
 def driven(
@@ -82,7 +82,7 @@ def test_of_the_model_itself_the_probabilities_are_uniform(
         fresh = replace(line, reading=output + made[:, k])
         where = replace(plain.fit.space, recordings=(fresh,))
         found.append(
-            predictive_checks(Posterior(where, plain.fit.target.residual_ars), truth, 0, k)
+            predictive_checks(Posterior(where, plain.fit.posterior.residual_ars), truth, 0, k)
         )
     for column, check in enumerate(found[0]):
         p = [checks[column].p_larger for checks in found]
@@ -157,7 +157,7 @@ def test_a_slow_record_has_no_band_above_what_it_can_hold() -> None:
     slow = replace(recording, time=recording.time[::8], values=recording.values[:, ::8])
     line = prepare_runs([slow], vehicle(EXACT))[0][0]
     fit = best_fit((line,), vehicle(EXACT))
-    checks = predictive_checks(fit.target, np.repeat(fit.mode.z[None], 8, axis=0), 0, 0)
+    checks = predictive_checks(fit.posterior, np.repeat(fit.mode.z[None], 8, axis=0), 0, 0)
     bands = {check.band for check in checks if check.band is not None}
     assert max(high for _, high in bands) == pytest.approx(25.0, rel=1e-6)
 

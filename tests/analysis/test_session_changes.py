@@ -205,9 +205,9 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
     where = fits[0].fit.space
     n = where.car_dimension
     way = np.stack([where.from_logs({name: 1.0})[:n] for name in NAMES], axis=1)
-    target = _Together(fits[0].fit.target, fits[1].fit.target, way)
+    posterior = _Together(fits[0].fit.posterior, fits[1].fit.posterior, way)
     # A proposal from both modes: the precision of each, moved to the common coordinates.
-    size = target.split + fits[1].fit.space.dimension - n
+    size = posterior.split + fits[1].fit.space.dimension - n
     precision, linear = np.zeros((size, size)), np.zeros(size)
     precision[:n, :n] = np.eye(n)
     precision[n : n + 3, n : n + 3] = np.eye(3) / CHANGE_SD**2
@@ -215,7 +215,7 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
         d = one.fit.space.dimension
         M = np.zeros((d, size))
         M[:n, :n] = np.eye(n)
-        start = target.split if number else n + 3
+        start = posterior.split if number else n + 3
         M[n:, start : start + d - n] = np.eye(d - n)
         if number:
             M[:n, n : n + 3] = way
@@ -226,10 +226,10 @@ def test_two_summaries_are_as_good_as_sampling_both_sessions_together(known: Veh
         linear += M.T @ h
     covariance = np.linalg.inv(precision)
     mode = PosteriorMode(covariance @ linear, covariance, 0.0, converged=True)
-    with shared_work(fits[0].fit.target) as first:
-        target.first = first
-        target.second = replace(fits[1].fit.target, pool=first.pool)
-        draws = importance_sample(target, mode, 4096, 0)
+    with shared_work(fits[0].fit.posterior) as first:
+        posterior.first = first
+        posterior.second = replace(fits[1].fit.posterior, pool=first.pool)
+        draws = importance_sample(posterior, mode, 4096, 0)
     assert draws.effective > 300.0
     for k, name in enumerate(NAMES):
         u = draws.z[:, n + k]

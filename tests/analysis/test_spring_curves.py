@@ -72,8 +72,8 @@ class _Found:
         found = best_fit(lines, vehicle(DECLARED), "innovations", tuple(map(placed_effect, names)))
         draws = np.random.default_rng(1)
         z = draws.multivariate_normal(found.mode.z, found.mode.covariance, 1000, method="eigh")
-        self.draws = found.target.space.quantities(z, 0)
-        self.curves = spring_curves(found.target, found.mode.z, z, self.draws)
+        self.draws = found.posterior.space.quantities(z, 0)
+        self.curves = spring_curves(found.posterior, found.mode.z, z, self.draws)
 
     def interval(self, name: str) -> tuple[float, float]:
         low, high = np.quantile(self.draws[name], [0.025, 0.975])

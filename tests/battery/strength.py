@@ -80,11 +80,11 @@ def whitened_distance(
     (n,) array
         Coordinates of the best car.
     """
-    target = _target(recordings, vehicle)
-    n = target.space.shared_dimension
+    posterior = _posterior(recordings, vehicle)
+    n = posterior.space.shared_dimension
 
     def residual(car: Array) -> Array:
-        joint = np.append(_innovations(target, car), car)
+        joint = np.append(_innovations(posterior, car), car)
         return np.asarray(np.nan_to_num(joint, nan=1e6, posinf=1e6, neginf=-1e6))
 
     begin = np.zeros(n) if start is None else start
@@ -104,21 +104,21 @@ def frozen_distance(recordings: Sequence[Recording], vehicle: Vehicle, car: Arra
     car : (n,) array
         Coordinates, as :func:`whitened_distance` returns them for other runs.
     """
-    return float(np.sum(_innovations(_target(recordings, vehicle), car) ** 2))
+    return float(np.sum(_innovations(_posterior(recordings, vehicle), car) ** 2))
 
 
-def _target(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
+def _posterior(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
     plain = without_rails(vehicle)
     car = car_model("half", plain)
     parameters = space(plain, tuple(prepare(recording, plain, car) for recording in recordings))
     return Posterior(parameters, (WHITE,) * len(recordings))
 
 
-def _innovations(target: Posterior, car: Array) -> Array:
+def _innovations(posterior: Posterior, car: Array) -> Array:
     """Normalised innovations (N,) of a car, with noise as given."""
-    z = np.concatenate([car, _levels(target.space)])
-    runs = range(len(target.space.recordings))
-    return np.concatenate([target.innovations(z, run).ravel() for run in runs])
+    z = np.concatenate([car, _levels(posterior.space)])
+    runs = range(len(posterior.space.recordings))
+    return np.concatenate([posterior.innovations(z, run).ravel() for run in runs])
 
 
 def _levels(parameters: ParameterSpace) -> Array:

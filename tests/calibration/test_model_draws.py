@@ -37,7 +37,7 @@ def drawn() -> tuple[PreparedRecording, ParameterSpace]:
     return line, space(case.vehicle, (line,))
 
 
-def _targets(
+def _posteriors(
     recording: PreparedRecording, where: ParameterSpace, truth: Array, runs: int, seed: int
 ) -> list[Posterior]:
     """Posteriors of recordings drawn at a truth."""
@@ -51,8 +51,8 @@ def _targets(
     return out
 
 
-def _squares(targets: list[Posterior], z: Array) -> float:
-    return float(sum(np.sum(target.innovations(z, 0) ** 2) for target in targets))
+def _squares(posteriors: list[Posterior], z: Array) -> float:
+    return float(sum(np.sum(posterior.innovations(z, 0) ** 2) for posterior in posteriors))
 
 
 def test_innovations_of_draws_are_as_large_as_the_kernel_says(
@@ -72,9 +72,9 @@ def test_innovations_of_draws_are_as_large_as_the_kernel_says(
     # length the nominal car sets, no longer holds.
     truth = np.random.default_rng(9).normal(size=where.dimension)
     truth[where.names.index("filtered share 0")] = 0.0  # where both kinds of noise count
-    targets = _targets(recording, where, truth, RUNS, 6)
+    posteriors = _posteriors(recording, where, truth, RUNS, 6)
     count = RUNS * recording.readings
-    assert chi2.cdf(_squares(targets, truth), count) == pytest.approx(0.5, abs=0.4999)
+    assert chi2.cdf(_squares(posteriors, truth), count) == pytest.approx(0.5, abs=0.4999)
     sources = [k for k, name in enumerate(where.names) if name.startswith("noise")]
     assert len(sources) == 4
     share = where.names.index("filtered share 0")
@@ -84,7 +84,9 @@ def test_innovations_of_draws_are_as_large_as_the_kernel_says(
         off = truth.copy()
         off[k] += change
         points = np.stack([truth, off])
-        right, wrong = np.sum([target.log_likelihood(points) for target in targets], axis=0)
+        right, wrong = np.sum(
+            [posterior.log_likelihood(points) for posterior in posteriors], axis=0
+        )
         assert right > wrong + 5.0, where.names[k]
 
 
@@ -96,8 +98,8 @@ def test_readings_have_the_covariance_that_the_kernel_states() -> None:
     line = prepared(cut, case.vehicle)
     where = space(case.vehicle, (line,))
     truth = np.random.default_rng(9).normal(size=where.dimension)
-    targets = _targets(line, where, truth, 100, 7)
-    x = np.array([target.innovations(truth, 0)[:12].ravel() for target in targets])
+    posteriors = _posteriors(line, where, truth, 100, 7)
+    x = np.array([posterior.innovations(truth, 0)[:12].ravel() for posterior in posteriors])
     second = x.T @ x / len(x)
     apart = (second - np.eye(x.shape[1])) * np.sqrt(len(x))
     apart[np.diag_indices_from(apart)] /= np.sqrt(2.0)

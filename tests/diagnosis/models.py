@@ -14,7 +14,7 @@ from bayes_asv.posterior.fitted_model import (
     FittedModel,
     fit_linear_car,
     make_dataset,
-    update_patterns,
+    update_corrections,
 )
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import Case, case
@@ -31,10 +31,12 @@ def prepared(recordings: Sequence[Recording], vehicle: Vehicle) -> Dataset:
 
 
 def fit_linear(dataset: Dataset) -> tuple[Dataset, FittedModel]:
-    """The linear half car, and recordings whose sensor patterns follow from its predictions."""
+    """The linear half car, and recordings whose sensor corrections follow from its predictions."""
     model = fit_linear_car(dataset)
-    dataset = update_patterns(dataset, model)
-    return dataset, replace(model, target=replace(model.target, patterns=dataset.patterns))
+    dataset = update_corrections(dataset, model)
+    return dataset, replace(
+        model, posterior=replace(model.posterior, sensor_corrections=dataset.sensor_corrections)
+    )
 
 
 def assess_linear(one: Case, seed: int = 1) -> AssessedModel:

@@ -55,8 +55,8 @@ def car(tmp_path_factory: pytest.TempPathFactory) -> Vehicle:
 def test_denoising_leaves_the_innovations_unchanged(car: Vehicle) -> None:
     dataset, model = _linear(car, 3)
     denoised = denoise(dataset, model)
-    before, _, _ = model.target.innovations_and_variances(model.mode.z, 0)
-    after, _, _ = denoised.target(()).innovations_and_variances(model.mode.z, 0)
+    before, _, _ = model.posterior.innovations_and_variances(model.mode.z, 0)
+    after, _, _ = denoised.posterior(()).innovations_and_variances(model.mode.z, 0)
     np.testing.assert_allclose(after, before, atol=1e-9)
     change = denoised.recordings[0].moments[:, :, 0] - dataset.recordings[0].moments[:, :, 0]
     assert np.std(change) > 0.0
@@ -73,7 +73,7 @@ def test_denoising_removes_the_noise_of_a_wheel(car: Vehicle) -> None:
     clean = _driven(SensorSpec.clean(), 0).values
     for seed in range(20, 32):
         _, model = _linear(car, seed)
-        posterior, z = model.target, model.mode.z
+        posterior, z = model.posterior, model.mode.z
         recording = posterior.space.recordings[0]
         residuals = recording.reading - free_run(posterior, z, 0).output
         denoised = without_noise(posterior, z, 0)
@@ -141,11 +141,13 @@ def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
     """A model on readings that it predicts exactly, from rest."""
     dataset, model = _fitted(law)
     z, recording = model.mode.z, model.space.recordings[0]
-    inputs = model.target.as_declared(z, 0)
-    output, _ = simulated(model.target, z, 0, inputs, np.zeros(6))
+    inputs = model.posterior.as_declared(z, 0)
+    output, _ = simulated(model.posterior, z, 0, inputs, np.zeros(6))
     reading = output + recording.reading - inputs.reading
     exact = replace(dataset, recordings=(replace(recording, reading=reading),))
-    posterior = replace(exact.target(model.placed_effects), patterns=model.target.patterns)
+    posterior = replace(
+        exact.posterior(model.placed_effects), sensor_corrections=model.posterior.sensor_corrections
+    )
     return posterior, z, model.space.shared_dimension
 
 

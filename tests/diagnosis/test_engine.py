@@ -47,22 +47,22 @@ def test_a_zero_offset_leaves_the_posterior_unchanged() -> None:
     model = _without_tones()
     z = model.mode.z[None]
     zero = with_offset(model, np.zeros((1, len(model.mode.slopes.nu))), np.zeros(1))
-    np.testing.assert_allclose(zero.log_posterior(z), model.target.log_posterior(z), atol=1e-6)
+    np.testing.assert_allclose(zero.log_posterior(z), model.posterior.log_posterior(z), atol=1e-6)
     # and the term is large enough to decide
-    assert sum(abs(model.target.removed_band_correction(z, run)[0]) for run in range(2)) > 20.0
+    assert sum(abs(model.posterior.removed_band_correction(z, run)[0]) for run in range(2)) > 20.0
 
 
 def test_the_gradient_of_noise_levels_accounts_for_the_missing_band() -> None:
     """Against central differences of the log-posterior, 0.01 prior standard deviations wide."""
     model = _without_tones()
     z = model.mode.z + 0.2
-    at_z = slopes(model.target, z)
+    at_z = slopes(model.posterior, z)
     levels = [k for k, name in enumerate(model.space.names) if name.startswith("noise ")]
     assert levels
     ignoring_it = replace(at_z, removed_band_correction=np.zeros(len(z)))
     for k in levels:
         step = 0.01 * np.eye(len(z))[k]
-        up, down = model.target.log_posterior(np.array([z + step, z - step]))
+        up, down = model.posterior.log_posterior(np.array([z + step, z - step]))
         expected = (up - down) / 0.02
         assert abs(at_z.gradient(z)[k] - expected) < 0.02 * abs(expected) + 0.1
     assert np.max(np.abs((at_z.gradient(z) - ignoring_it.gradient(z))[levels])) > 1.0

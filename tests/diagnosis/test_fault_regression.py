@@ -67,9 +67,9 @@ def test_known_changes_of_the_readings_are_those_of_the_recording() -> None:
         0.1 * np.outer(wave, [1.0, -2.0]) * (recording.kind != 0),
         np.zeros((len(recording.elapsed), 2)),
     )
-    known = replace(dataset, perturbations=(change,)).target(())
+    known = replace(dataset, perturbations=(change,)).posterior(())
     changed = replace(recording, reading=recording.reading + change.reading)
-    other = replace(dataset, recordings=(changed,)).target(())
+    other = replace(dataset, recordings=(changed,)).posterior(())
     z = 0.3 * np.random.default_rng(1).standard_normal((3, known.space.dimension))
     assert np.allclose(known.log_posterior(z), other.log_posterior(z), rtol=0.0, atol=1e-6)
     assert np.allclose(known.innovations(z[0], 0), other.innovations(z[0], 0), atol=1e-9)
@@ -95,12 +95,12 @@ def test_a_known_force_moves_the_simulation_as_it_moves_the_filter() -> None:
     )
     with_force = replace(
         assessed.denoised, perturbations=(nothing._replace(force=force), *others)
-    ).target(model.placed_effects)
+    ).posterior(model.placed_effects)
     own = with_force.innovations_and_variances(model.mode.z, 0)[0][at.has_reading]
     assert np.allclose(at.innovations[at.has_reading] - own, once, atol=1e-6)
     twice = at.response(nothing._replace(force=2.0 * force))
     assert np.allclose(twice, 2.0 * once, atol=1e-5)
     still, moved = (
-        free_run(target, model.mode.z, 0).output for target in (model.target, with_force)
+        free_run(posterior, model.mode.z, 0).output for posterior in (model.posterior, with_force)
     )
     assert np.std(moved - still) > 1e-3

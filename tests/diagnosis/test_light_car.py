@@ -14,7 +14,7 @@ import pytest
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, read_effect
-from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, update_patterns
+from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, update_corrections
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import assess_linear, prepared
 
@@ -47,8 +47,8 @@ def test_friction_that_acts_near_rest_is_found_on_denoised_inputs() -> None:
     (values,) = model.space.effects(model.mode.z).values()
     assert values["force"] == pytest.approx(true.size, rel=0.25)
     # on the readings the linear car's own mode moves by 14 nats, and friction gains the rest
-    as_read = update_patterns(assessed.dataset, assessed.on_inputs_as_read)
-    linear = fitted(as_read.target(()), assessed.model.mode.z)
+    as_read = update_corrections(assessed.dataset, assessed.on_inputs_as_read)
+    linear = fitted(as_read.posterior(()), assessed.model.mode.z)
     assert model.mode.log_posterior - linear.mode.log_posterior > 15.0
     assert model.mode.log_posterior - assessed.model.mode.log_posterior > 8.0
 

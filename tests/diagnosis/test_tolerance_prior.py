@@ -84,7 +84,7 @@ def _with_narrow_priors(
         narrow = replace(first, wide=placed.effect.slightly(scale)[first.name] / size)
         effect = replace(placed.effect, parameters=(narrow, *placed.effect.parameters[1:]))
         narrowed.append(PlacedEffect(effect, placed.where))
-    posterior = _car().denoised.target(tuple(narrowed))
+    posterior = _car().denoised.posterior(tuple(narrowed))
     z = model.transfer(posterior.space)
     for placed in narrowed:
         first = placed.effect.parameters[0]

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.filters.kalman import Laws, filter_pass, log_likelihood
 from bayes_asv.models.effects import EFFECTS, placed_effect
-from bayes_asv.posterior.effects import Values, law_table, patterns
+from bayes_asv.posterior.effects import Values, law_table, sensor_corrections
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -43,36 +43,36 @@ SERIES = {
 
 
 @pytest.fixture(scope="module")
-def target() -> Posterior:
+def posterior() -> Posterior:
     _, _, recording = case("bump", 1, DECLARED)
     car = vehicle(DECLARED)
     lines, _, _ = prepare_runs((recording,), car)
-    known = tuple(patterns(line, car, line.reading) for line in lines)
-    return Posterior(space(car, lines), (WHITE,), patterns=known)
+    known = tuple(sensor_corrections(line, car, line.reading) for line in lines)
+    return Posterior(space(car, lines), (WHITE,), sensor_corrections=known)
 
 
-def test_without_laws_it_is_the_linear_recursion(target: Posterior) -> None:
+def test_without_laws_it_is_the_linear_recursion(posterior: Posterior) -> None:
     rng = np.random.default_rng(3)
     for _ in range(5):
-        z = rng.normal(0.0, 0.3, target.space.dimension)
-        plain = target.innovations(z, 0)
-        nu, logs, _ = target.innovations_and_variances(z, 0)
+        z = rng.normal(0.0, 0.3, posterior.space.dimension)
+        plain = posterior.innovations(z, 0)
+        nu, logs, _ = posterior.innovations_and_variances(z, 0)
         np.testing.assert_allclose(nu, plain, rtol=1e-8, atol=1e-8)
-        log_p = float(target.log_likelihood(z[None])[0])
+        log_p = float(posterior.log_likelihood(z[None])[0])
         there = logs != 0.0
         again = -0.5 * np.sum(np.log(2.0 * np.pi) + logs[there] + nu[there] ** 2)
         assert again == pytest.approx(log_p, abs=1e-6)
 
 
-def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
+def test_a_law_that_changes_nothing_is_no_law(posterior: Posterior) -> None:
     """Without a law forces and their slopes are not computed at all."""
     rng = np.random.default_rng(4)
     where = {placed_effect("progressive_spring@front"): {"kappa": 0.0, "curl": 0.15}}
-    table = law_table(target.space.car, where, 0)[None]
-    recording, known = target.space.recordings[0], target.patterns[0]
-    z = rng.normal(0.0, 0.3, (1, target.space.dimension))
+    table = law_table(posterior.space.car, where, 0)[None]
+    recording, known = posterior.space.recordings[0], posterior.sensor_corrections[0]
+    z = rng.normal(0.0, 0.3, (1, posterior.space.dimension))
     added = rng.normal(0.0, 5.0, recording.reading.shape)
-    system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
+    system, noise = posterior.space.state_space(z, 0), posterior.space.noises(z, 0)
     found = [
         filter_pass(
             system, noise, recording.measurements,
@@ -85,7 +85,7 @@ def test_a_law_that_changes_nothing_is_no_law(target: Posterior) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str) -> None:
+def test_a_free_run_is_what_a_general_solver_gives(posterior: Posterior, name: str) -> None:
     """The car moves, then the sensors filter: states of the true motion, not of the filtered.
 
     Forces that went straight from sample to sample would miss 1.1 % of friction, 0.28 % of unequal
@@ -99,14 +99,14 @@ def test_a_free_run_is_what_a_general_solver_gives(target: Posterior, name: str)
     def force(x: np.ndarray, share: float, c: float, k: float) -> float:
         return float(law(CASES[name], c, k, x[2 * axle], x[2 * axle + 1], share))
 
-    output, wanted = _simulated(target, {where: CASES[name]}, axle, force)
-    linear, _ = _simulated(target, {}, axle, lambda x, share, c, k: 0.0)
+    output, wanted = _simulated(posterior, {where: CASES[name]}, axle, force)
+    linear, _ = _simulated(posterior, {}, axle, lambda x, share, c, k: 0.0)
     bound = 0.006 if where.effect.name == "coulomb_friction" else 0.002
     error = np.sqrt(np.mean((output - wanted) ** 2))
     assert error < bound * np.sqrt(np.mean((wanted - linear) ** 2))
 
 
-def test_a_damper_in_series_with_a_stiffness_lags(target: Posterior) -> None:
+def test_a_damper_in_series_with_a_stiffness_lags(posterior: Posterior) -> None:
     """Against a solver that has the deflection of the stiffness as its state, not the force."""
     stiffness, digressive, friction = SERIES.values()
     curve, dry = (EFFECTS[name].force for name in ("digressive_damper", "coulomb_friction"))
@@ -123,52 +123,52 @@ def test_a_damper_in_series_with_a_stiffness_lags(target: Posterior) -> None:
         rubs = dry(friction, c, k, x[0], np.asarray(x[1]), share)
         return float(c * x[1] - stiffness["stiffness"] * x[6] + rubs)
 
-    output, wanted = _simulated(target, SERIES, 0, force, lambda x, c: x[1] - rate(x, c))
-    linear, _ = _simulated(target, {}, 0, lambda x, share, c, k: 0.0)
+    output, wanted = _simulated(posterior, SERIES, 0, force, lambda x, c: x[1] - rate(x, c))
+    linear, _ = _simulated(posterior, {}, 0, lambda x, share, c, k: 0.0)
     error = np.sqrt(np.mean((output - wanted) ** 2))
     assert error < 0.0013 * np.sqrt(np.mean((wanted - linear) ** 2))
 
 
-def test_a_very_stiff_mount_is_none(target: Posterior) -> None:
+def test_a_very_stiff_mount_is_none(posterior: Posterior) -> None:
     """But for what white noise of the wheels does within a step, which it leaves out."""
-    z = np.full((1, target.space.dimension), 0.1)
+    z = np.full((1, posterior.space.dimension), 0.1)
     straight = {placed_effect("digressive_damper@front"): {"knee": 50.0, "sharpness": 2.0}}
-    without = _filtered(target, z, straight)
+    without = _filtered(posterior, z, straight)
     found = [
-        _filtered(target, z, {**straight, STIFFNESS: {"stiffness": K}}) for K in (1e5, 1e6, 1e7)
+        _filtered(posterior, z, {**straight, STIFFNESS: {"stiffness": K}}) for K in (1e5, 1e6, 1e7)
     ]
     apart = [np.sqrt(np.mean((one - without) ** 2)) for one in found]
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.1)
     assert apart[2] < 0.02 * np.sqrt(np.mean(without**2))
 
 
-def test_innovations_of_a_series_damper_do_not_depend_on_their_lanes(target: Posterior) -> None:
-    z = np.random.default_rng(2).normal(0.0, 0.2, (20, target.space.dimension))
-    values = _log_likelihood(target, z, SERIES)
-    alone = [_log_likelihood(target, z[k : k + 1], SERIES)[0] for k in range(len(z))]
+def test_innovations_of_a_series_damper_do_not_depend_on_their_lanes(posterior: Posterior) -> None:
+    z = np.random.default_rng(2).normal(0.0, 0.2, (20, posterior.space.dimension))
+    values = _log_likelihood(posterior, z, SERIES)
+    alone = [_log_likelihood(posterior, z[k : k + 1], SERIES)[0] for k in range(len(z))]
     np.testing.assert_allclose(values, alone, rtol=1e-9)
 
 
-def _laws(target: Posterior, values: Values) -> Laws:
-    recording, known = target.space.recordings[0], target.patterns[0]
-    table = law_table(target.space.car, values, 0)[None]
+def _laws(posterior: Posterior, values: Values) -> Laws:
+    recording, known = posterior.space.recordings[0], posterior.sensor_corrections[0]
+    table = law_table(posterior.space.car, values, 0)[None]
     return Laws(table, known.pole, known.wheel, recording.elapsed, np.zeros_like(recording.reading))
 
 
-def _filtered(target: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
-    system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
-    recording = target.space.recordings[0]
-    return filter_pass(system, noise, recording.measurements, _laws(target, values)).innovations
+def _filtered(posterior: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
+    system, noise = posterior.space.state_space(z, 0), posterior.space.noises(z, 0)
+    recording = posterior.space.recordings[0]
+    return filter_pass(system, noise, recording.measurements, _laws(posterior, values)).innovations
 
 
-def _log_likelihood(target: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
-    system, noise = target.space.state_space(z, 0), target.space.noises(z, 0)
-    recording = target.space.recordings[0]
-    return log_likelihood(system, noise, recording.measurements, _laws(target, values))
+def _log_likelihood(posterior: Posterior, z: np.ndarray, values: Values) -> np.ndarray:
+    system, noise = posterior.space.state_space(z, 0), posterior.space.noises(z, 0)
+    recording = posterior.space.recordings[0]
+    return log_likelihood(system, noise, recording.measurements, _laws(posterior, values))
 
 
 def _simulated(
-    target: Posterior,
+    posterior: Posterior,
     values: Values,
     axle: int,
     force: Callable[[np.ndarray, float, float, float], float],
@@ -179,9 +179,9 @@ def _simulated(
     ``force`` is what is added to an axle (N), from the true motion, the share of the recording,
     damping and spring rate; ``further`` the rate of a further state behind the others.
     """
-    recording, known = target.space.recordings[0], target.patterns[0]
-    centre = np.zeros((1, target.space.dimension))
-    c_f, c_r, i, m, l, wdf, k_f, k_r = target.space.cars(centre)[0]
+    recording, known = posterior.space.recordings[0], posterior.sensor_corrections[0]
+    centre = np.zeros((1, posterior.space.dimension))
+    c_f, c_r, i, m, l, wdf, k_f, k_r = posterior.space.cars(centre)[0]
     l_f, l_r = l * (1.0 - wdf), l * wdf
     give = np.array([[1 / m + l_f**2 / i, 1 / m - l_f * l_r / i], [0.0, 1 / m + l_r**2 / i]])
     give[1, 0] = give[0, 1]
@@ -209,8 +209,8 @@ def _simulated(
         slope, (begin_t, recording.instants[n]), first, t_eval=recording.instants[: n + 1],
         rtol=1e-8, atol=1e-10, max_step=5e-4,
     )  # fmt: skip
-    begin, laws = np.zeros((1, 6)), _laws(target, values)
+    begin, laws = np.zeros((1, 6)), _laws(posterior, values)
     (output,), _ = free_response(
-        target.space.state_space(centre, 0), recording.measurements, begin, laws
+        posterior.space.state_space(centre, 0), recording.measurements, begin, laws
     )
     return output[: n + 1], solved.y[4:6].T

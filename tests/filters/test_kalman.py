@@ -62,13 +62,13 @@ def test_known_zeros_are_taken_off_the_readings(name: str) -> None:
     """Each set has zeros of its own: as if its readings had been less by as much."""
     case = linear_case(name, 5, n=40, sets=LANES + 3)
     rng = np.random.default_rng(6)
-    zeros = rng.normal(size=case.system.zeros.shape)
-    together = log_likelihood(case.system._replace(zeros=zeros), case.noise, case.data)
+    biases = rng.normal(size=case.system.biases.shape)
+    together = log_likelihood(case.system._replace(biases=biases), case.noise, case.data)
     nu = case.inputs.shape[1]
     for k in (0, LANES, LANES + 2):
         less = case.data._replace(
-            moments=straight_moments(case.data.step, case.inputs - zeros[k, :nu]),
-            reading=case.data.reading - zeros[k, nu:],
+            moments=straight_moments(case.data.step, case.inputs - biases[k, :nu]),
+            reading=case.data.reading - biases[k, nu:],
         )
         one = log_likelihood(case.system.some([k]), case.noise.some([k]), less)
         assert one[0] == pytest.approx(together[k], rel=1e-9)

@@ -41,8 +41,8 @@ def test_it_equals_the_curvature_of_the_posterior_at_the_true_car(terrain: str) 
     z[where.names.index("filtered share 0")] = ndtri(0.98)
     scale = np.full(where.dimension, 0.3)
     scale[: where.car_dimension] = 0.003
-    with shared_work(Posterior(where, (WHITE,))) as target:
-        _, _, hessian = derivatives(target, z, scale)
+    with shared_work(Posterior(where, (WHITE,))) as posterior:
+        _, _, hessian = derivatives(posterior, z, scale)
     covariance = np.asarray(np.linalg.inv(-hessian) * np.outer(scale, scale), dtype=np.float64)
     about = unknowns(lines[0].car, lines[0].output_models)
     found = predicted_sd(fisher_information(lines[0], car, about), 1, about)

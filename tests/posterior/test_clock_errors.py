@@ -101,11 +101,11 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
     for k, error in zip(fit.space.clock_coordinates(0), between, strict=True):
         one = fit.space.coordinates[k]
         z[k] = (error - one.centre) / one.scale
-    value = float(fit.target.by_run(z[None])[0, 0])
+    value = float(fit.posterior.by_run(z[None])[0, 0])
     there = replace(fit.space, recordings=(exact,))
     alone = float(Posterior(there, (WHITE,)).by_run(z[None])[0, 0])
     assert abs(value - alone) < 0.02
-    sampled = fit.target.expanded(fit.mode.z, fit.mode.covariance)
+    sampled = fit.posterior.expanded(fit.mode.z, fit.mode.covariance)
     assert abs(float(sampled.by_run(z[None])[0, 0]) - value) < 0.02
 
 

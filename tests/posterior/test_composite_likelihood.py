@@ -74,13 +74,13 @@ def test_a_car_that_changes_on_the_way_counts_for_less_than_one_that_does_not() 
         line = low_pass_recording(prepared(recording, car), 6.0)
         found[name] = fit_in_band((line,), car)
     # The sensors explain the first one by themselves; not the second.
-    assert found["steady"].target.space.likelihood == "innovations"
+    assert found["steady"].posterior.space.likelihood == "innovations"
     assert found["steady"].shares == ()
-    assert found["changing"].target.space.likelihood == "coloured"
+    assert found["changing"].posterior.space.likelihood == "coloured"
     (share,) = found["changing"].shares
     assert share is not None
     assert share < 0.5
-    (line,) = found["changing"].target.space.recordings
+    (line,) = found["changing"].posterior.space.recordings
     assert "times as much as what is left over lets expect" in notes(line, share)[0]
 
 

@@ -35,7 +35,7 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
     for end in (-2.0, 0.0, 2.5):
         start = found.mode.z.copy()
         start[k] = end
-        assert fitted(found.target, start).mode.log_posterior < found.mode.log_posterior + 0.1
+        assert fitted(found.posterior, start).mode.log_posterior < found.mode.log_posterior + 0.1
 
 
 def test_an_effect_that_is_in_the_model_already_is_refused() -> None:

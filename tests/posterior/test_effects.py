@@ -33,14 +33,14 @@ def laid(recording: Recording, car: Vehicle) -> Dataset:
 def test_the_slopes_are_those_of_the_log_posterior() -> None:
     _, car, recording = driven("bump", SensorSpec())
     where = laid(recording, car)
-    target = where.target(
+    posterior = where.posterior(
         (read_effect("bound_rebound@front"), read_effect("sensor_lag@rear_wheel"))
     )
-    z = np.random.default_rng(1).normal(0.0, 0.05, target.space.dimension)
-    found = slopes(target, z).gradient(z)
+    z = np.random.default_rng(1).normal(0.0, 0.05, posterior.space.dimension)
+    found = slopes(posterior, z).gradient(z)
     h = 1e-4
     away = np.concatenate([z + h * np.eye(len(z)), z - h * np.eye(len(z))])
-    up, down = np.split(target.log_posterior(away), 2)
+    up, down = np.split(posterior.log_posterior(away), 2)
     np.testing.assert_allclose(found, (up - down) / (2 * h), rtol=2e-3, atol=0.05)
 
 

@@ -75,8 +75,8 @@ def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:
     shrunk_line = replace(recording, moments=moments, spread=spread, quantization_steps=steps)
     shrunk = replace(fit.space, recordings=(shrunk_line,))
     np.testing.assert_allclose(
-        fit.target.innovations(z, 0),
-        replace(fit.target, space=shrunk).innovations(plain, 0),
+        fit.posterior.innovations(z, 0),
+        replace(fit.posterior, space=shrunk).innovations(plain, 0),
         atol=1e-9,
     )
 
@@ -95,7 +95,7 @@ def test_scales_that_are_off_are_allowed_for(off: tuple[RigCar, Recording]) -> N
         ]
     assert max(missed["wide"]) < 2.0
     assert max(missed["narrow"]) > 2.5  # what is declared exact and is not
-    width = find_budget(wide.target, wide.mode, declared(DECLARED, 0.01))
+    width = find_budget(wide.posterior, wide.mode, declared(DECLARED, 0.01))
     for name, answer in width.answers.items():
         assert sum(answer.shares.values()) == pytest.approx(1.0, abs=1e-6)
         if name != "k_g":

@@ -47,16 +47,16 @@ def test_a_proposal_is_a_normalised_density() -> None:
 
 
 def test_a_skewed_integral_and_its_quantiles_come_out_right() -> None:
-    target = Skewed()
-    found = importance_sample(target, target.mode(4), 2048, 3)
+    posterior = Skewed()
+    found = importance_sample(posterior, posterior.mode(4), 2048, 3)
     assert found.log_evidence == pytest.approx(0.0, abs=0.02)
     assert found.effective > 1200.0
     value = np.exp(found.z[:, 2])
-    wanted = gamma(target.shape).ppf([0.025, 0.5, 0.975])
+    wanted = gamma(posterior.shape).ppf([0.025, 0.5, 0.975])
     assert found.quantile(value, np.array([0.025, 0.5, 0.975])) == pytest.approx(wanted, rel=0.03)
-    assert found.mean(value) == pytest.approx(target.shape, rel=0.01)
-    assert found.sd(value) == pytest.approx(math.sqrt(target.shape), rel=0.03)
-    assert found.below(value, target.shape) == pytest.approx(gamma(12.0).cdf(12.0), abs=0.015)
+    assert found.mean(value) == pytest.approx(posterior.shape, rel=0.01)
+    assert found.sd(value) == pytest.approx(math.sqrt(posterior.shape), rel=0.03)
+    assert found.below(value, posterior.shape) == pytest.approx(gamma(12.0).cdf(12.0), abs=0.015)
 
 
 def test_weighted_draws_agree_with_the_ensembles() -> None:
@@ -65,8 +65,8 @@ def test_weighted_draws_agree_with_the_ensembles() -> None:
     lines, reasons, _ = prepare_runs((recording,), car)
     assert not reasons
     fit = best_fit(lines, car)
-    weighted = importance_sample(fit.target, fit.mode, 2048, 1)
-    ensembles = run_ensembles(fit.target, fit.mode, 1)
+    weighted = importance_sample(fit.posterior, fit.mode, 2048, 1)
+    ensembles = run_ensembles(fit.posterior, fit.mode, 1)
     one = fit.space.quantities(weighted.z, 1)
     other = fit.space.quantities(ensembles.draws.reshape(-1, fit.space.dimension), 1)
     shares = np.array([0.025, 0.25, 0.5, 0.75, 0.975])

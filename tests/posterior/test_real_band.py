@@ -49,7 +49,7 @@ def test_two_drives_in_the_band_tell_of_one_car() -> None:
     for fit in fits:
         assert fit.reasons == ()
         assert fit.mode.converged
-        assert fit.target.space.likelihood == "coloured"
+        assert fit.posterior.space.likelihood == "coloured"
         (share,) = fit.shares
         assert share is not None
         assert 0.1 < share < 0.9  # less steady than it looks, and not worthless

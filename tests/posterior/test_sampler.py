@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Known:
-    """A stand-in for a target: a log density of (W, D) points."""
+    """A stand-in for a posterior: a log density of (W, D) points."""
 
     def __init__(self, log_density: Callable[[Array], Array]) -> None:
         self.log_density = log_density
@@ -34,8 +34,8 @@ def test_a_correlated_normal_is_recovered() -> None:
     root = rng.normal(size=(5, 5))
     covariance = root @ root.T + 0.1 * np.eye(5)
     precision = np.linalg.inv(covariance)
-    target = Known(lambda z: -0.5 * np.einsum("wi,ij,wj->w", z, precision, z))
-    result = run_ensembles(target, PosteriorMode(np.zeros(5), covariance, 0.0, True), seed=1)
+    posterior = Known(lambda z: -0.5 * np.einsum("wi,ij,wj->w", z, precision, z))
+    result = run_ensembles(posterior, PosteriorMode(np.zeros(5), covariance, 0.0, True), seed=1)
     assert result.converged
     flat = result.draws.reshape(-1, 5)
     sd = np.sqrt(np.diag(covariance))
@@ -44,8 +44,8 @@ def test_a_correlated_normal_is_recovered() -> None:
 
 
 def test_a_skewed_posterior_keeps_its_tails() -> None:
-    target = Known(lambda z: np.sum(skewnorm.logpdf(z, 6.0), axis=1))
-    result = run_ensembles(target, _mode(3), seed=2)
+    posterior = Known(lambda z: np.sum(skewnorm.logpdf(z, 6.0), axis=1))
+    result = run_ensembles(posterior, _mode(3), seed=2)
     assert result.converged
     low, high = np.quantile(result.draws.reshape(-1, 3), [0.025, 0.975], axis=0)
     np.testing.assert_allclose(low, skewnorm.ppf(0.025, 6.0), atol=0.08)
@@ -53,8 +53,8 @@ def test_a_skewed_posterior_keeps_its_tails() -> None:
 
 
 def test_a_start_far_too_narrow_is_outgrown() -> None:
-    target = Known(lambda z: -0.5 * np.sum((z - 0.5) ** 2, axis=1))
-    result = run_ensembles(target, _mode(2, 0.05), seed=3)
+    posterior = Known(lambda z: -0.5 * np.sum((z - 0.5) ** 2, axis=1))
+    result = run_ensembles(posterior, _mode(2, 0.05), seed=3)
     assert result.converged
     np.testing.assert_allclose(result.draws.reshape(-1, 2).std(axis=0), 1.0, rtol=0.12)
 
@@ -85,8 +85,8 @@ def test_effective_size_of_independent_draws_is_their_number() -> None:
 
 def test_progress_is_told() -> None:
     told: list[tuple[float, str]] = []
-    target = Known(lambda z: -0.5 * np.sum(z**2, axis=1))
-    run_ensembles(target, _mode(2), 0, lambda share, words: told.append((share, words)))
+    posterior = Known(lambda z: -0.5 * np.sum(z**2, axis=1))
+    run_ensembles(posterior, _mode(2), 0, lambda share, words: told.append((share, words)))
     assert told
     assert all(0.0 <= share <= 1.0 and "R̂" in words for share, words in told)
     assert told[-1][0] == 1.0

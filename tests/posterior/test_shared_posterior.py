@@ -66,13 +66,13 @@ def test_a_fit_of_two_runs_has_the_posterior_of_all_its_coordinates() -> None:
     lines, reasons, _ = prepare_runs(runs, about)
     assert not reasons
     found = best_fit(lines, about, "innovations", ())
-    shared = SharedPosterior(found.target, found.mode)
+    shared = SharedPosterior(found.posterior, found.mode)
     few = len(shared.mode.z)
     assert few < len(found.mode.z)
     ensembles = run_ensembles(shared, shared.mode, 1)
     assert ensembles.converged
     sampled = ensembles.draws.reshape(-1, few)
-    weighted = importance_sample(found.target, found.mode, 2048, 1)
+    weighted = importance_sample(found.posterior, found.mode, 2048, 1)
     assert weighted.effective > 400
     for k in range(few):  # the shared coordinates come first
         sd = weighted.sd(weighted.z[:, k])

@@ -16,10 +16,10 @@ def _blas() -> list[int]:
 def test_blas_has_its_threads_back_when_the_last_has_left() -> None:
     """Of two diagnoses that overlap the first to come is the first to go."""
     car = vehicle(EXACT)
-    target = Posterior(space(car, (prepared(case("bump", 31, EXACT)[2], car),)), (WHITE,))
+    posterior = Posterior(space(car, (prepared(case("bump", 31, EXACT)[2], car),)), (WHITE,))
     before = _blas()
     assert before
-    one, two = shared_work(target), shared_work(target)
+    one, two = shared_work(posterior), shared_work(posterior)
     one.__enter__()
     two.__enter__()
     one.__exit__(None, None, None)

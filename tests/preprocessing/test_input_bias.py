@@ -40,31 +40,31 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     one = case("droop_stop-400", 5, 0)
     where = make_dataset(one.vehicle, _lines(one, 0.0))
     placed = read_effect("droop_stop@front")
-    target = where.target((placed,))
-    names = target.space.names
+    posterior = where.posterior((placed,))
+    names = posterior.space.names
     assert [n for n in names if n.startswith("input bias")] == [
         "input bias front 0",
         "input bias front 1",
     ]
     z = 0.1 * np.random.default_rng(3).standard_normal(len(names))
     at = names.index("input bias front 0")
-    level = float(target.space.zeros(z[None], 0)[0, 0])
+    level = float(posterior.space.input_biases(z[None], 0)[0, 0])
     assert level == pytest.approx(0.15 * z[at])
     one_axle = np.array([level, 0.0])
-    recording, known = where.recordings[0], where.patterns[0]
+    recording, known = where.recordings[0], where.sensor_corrections[0]
     lower = replace(
         recording,
         moments=recording.moments - one_axle[:, None] * known.level[:, None],
         reading=recording.reading - one_axle,
     )
-    space = replace(target.space, recordings=(lower, where.recordings[1]))
-    patterns = (replace(known, wheel=known.wheel - one_axle), where.patterns[1])
+    space = replace(posterior.space, recordings=(lower, where.recordings[1]))
+    corrections = (replace(known, wheel=known.wheel - one_axle), where.sensor_corrections[1])
     without = z.copy()
     without[at] = 0.0
-    expected, _, _ = replace(target, space=space, patterns=patterns).innovations_and_variances(
-        without, 0
-    )
-    found, _, _ = target.innovations_and_variances(z, 0)
+    expected, _, _ = replace(
+        posterior, space=space, sensor_corrections=corrections
+    ).innovations_and_variances(without, 0)
+    found, _, _ = posterior.innovations_and_variances(z, 0)
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 

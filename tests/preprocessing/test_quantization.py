@@ -150,7 +150,10 @@ def test_motion_below_an_empty_band_is_no_noise() -> None:
         values = np.tile(np.round(readings, 6), (len(line.values), 1))
         return noise_level(
             replace(
-                line, values=values, quantization_steps=0.0 * line.quantization_steps, quiet=None
+                line,
+                values=values,
+                quantization_steps=0.0 * line.quantization_steps,
+                noise_prior_centre=None,
             ),
             0,
         )

@@ -29,8 +29,8 @@ def document() -> EstimateDocument:
     run = read_recording(shipped("recordings", "stops-400hz.csv"))
     lines, _, _ = prepare_runs((run,), car)
     fit = fit_linear_car(make_dataset(car, lines))
-    states = free_run(fit.target, fit.mode.z, 0).states  # behind the accelerometers' filter
-    moved = states[:, 0] + states[:, 1] / fit.target.patterns[0].pole
+    states = free_run(fit.posterior, fit.mode.z, 0).states  # behind the accelerometers' filter
+    moved = states[:, 0] + states[:, 1] / fit.posterior.sensor_corrections[0].pole
     deflection = np.interp(run.time, lines[0].instants, moved)
     noise = np.random.default_rng(5).normal(scale=2e-4, size=len(run.time))
     more = replace(

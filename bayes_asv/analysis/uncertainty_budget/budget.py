@@ -197,32 +197,32 @@ def _fractions(car: CarModel) -> tuple[str, ...]:
     return tuple(p.name for p in car.parameters if p.kind == "fraction")
 
 
-def parameters(target: Posterior) -> tuple[str, ...]:
+def parameters(posterior: Posterior) -> tuple[str, ...]:
     """Names of what an answer may depend on: unknowns of the car, and gains that are uncertain."""
-    gains = (c.name for c in target.space.coordinates if c.kind == "gain")
-    return (*_terms(target.space.car), *gains)
+    gains = (c.name for c in posterior.space.coordinates if c.kind == "gain")
+    return (*_terms(posterior.space.car), *gains)
 
 
-def in_logs(target: Posterior, z: Array) -> tuple[Posterior, Array]:
+def in_logs(posterior: Posterior, z: Array) -> tuple[Posterior, Array]:
     """Return the same posterior with relative changes of the car's unknowns for coordinates.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         In whitened coordinates, where a value given as exact has none.
     z : (D,) array
         Where the changes are to be zero.
 
     Returns
     -------
-    target : Posterior
+    posterior : Posterior
         Its first coordinates are changes of the logarithms of the car's unknowns, then relative
         changes of its fractions, then logarithms of gains; the others are as they were.  Its prior
         means nothing.
     z : (D',) array
         The same point there.
     """
-    space = target.space
+    space = posterior.space
     car, prior = space.car, space.prior
     values = {name: float(x[0]) for name, x in space.values(z[None]).items()}
     fractions = _fractions(car)
@@ -246,15 +246,15 @@ def in_logs(target: Posterior, z: Array) -> tuple[Posterior, Array]:
         coordinates.append(replace(one, scale=1.0) if gain else one)
         start.append(float(z[k]) * (one.scale if gain else 1.0))
     moved_space = replace(space, coordinates=tuple(coordinates), prior=turned)
-    return replace(target, space=moved_space), np.array(start)
+    return replace(posterior, space=moved_space), np.array(start)
 
 
-def jacobian(target: Posterior, z: Array, run: int) -> Array:
+def jacobian(posterior: Posterior, z: Array, run: int) -> Array:
     """Relative derivatives of one run's normalised innovations.
 
     Parameters
     ----------
-    target, z : Posterior, (D,) array
+    posterior, z : Posterior, (D,) array
         From :func:`in_logs`.
     run : int
         Which run.
@@ -264,20 +264,20 @@ def jacobian(target: Posterior, z: Array, run: int) -> Array:
     (ny E, P) array
         ∂ν/∂log θ in the order of :func:`parameters`.
     """
-    count = len(parameters(target))
-    points = np.stack([z, *(moved(target, z, away) for away in _STEP * np.eye(count))])
-    found = target.innovations(points, run).reshape(count + 1, -1)
+    count = len(parameters(posterior))
+    points = np.stack([z, *(moved(posterior, z, away) for away in _STEP * np.eye(count))])
+    found = posterior.innovations(points, run).reshape(count + 1, -1)
     return np.asarray((found[1:] - found[0]).T / _STEP)
 
 
-def moved(target: Posterior, z: Array, away: Array) -> Array:
+def moved(posterior: Posterior, z: Array, away: Array) -> Array:
     """Move a point of :func:`in_logs` by relative changes (P,) of :func:`parameters`."""
-    car = target.space.car
+    car = posterior.space.car
     fractions = _fractions(car)
     terms = [name for name in _terms(car) if name not in fractions]
-    order = (*terms, *fractions, *parameters(target)[len(_terms(car)) :])
+    order = (*terms, *fractions, *parameters(posterior)[len(_terms(car)) :])
     out = z.copy()
-    for name, change in zip(parameters(target), away, strict=True):
+    for name, change in zip(parameters(posterior), away, strict=True):
         out[order.index(name)] += change
     return out
 
@@ -287,27 +287,27 @@ def information(slopes: Sequence[Array]) -> Array:
     return np.asarray(np.sum([j.T @ j for j in slopes], axis=0))
 
 
-def prior_sd(target: Posterior, z: Array) -> Array:
+def prior_sd(posterior: Posterior, z: Array) -> Array:
     """Relative prior standard deviation (P,) of each parameter, zero where it is exact.
 
     Parameters
     ----------
-    target, z : Posterior, (D,) array
+    posterior, z : Posterior, (D,) array
         In whitened coordinates, at the mode.
     """
-    space = target.space
+    space = posterior.space
     sd = {term[0]: term[2] for p in space.car.parameters for term in p.terms}
     values = space.values(z[None])
     for name in _fractions(space.car):
         sd[name] /= float(values[name][0])
     sd |= {c.name: c.scale for c in space.coordinates if c.kind == "gain"}
-    return np.array([sd[name] for name in parameters(target)])
+    return np.array([sd[name] for name in parameters(posterior)])
 
 
-def answer_slopes(target: Posterior) -> dict[str, Array]:
+def answer_slopes(posterior: Posterior) -> dict[str, Array]:
     """Return derivatives (P,) of the logarithm of each answer by those of :func:`parameters`."""
-    car = target.space.car
-    known = parameters(target)
+    car = posterior.space.car
+    known = parameters(posterior)
     by_name = {p.name: p for p in car.parameters}
     answers = {name: {name: 1.0} for name in car.estimated} | dict(car.ratios)
     out = {}
@@ -336,7 +336,7 @@ class Source:
         Factor on its variance for the question what a better one would give; None where
         nobody can better it.
     scaled : callable
-        From a target, coordinates and a factor to the same with that variance multiplied.
+        From a posterior, coordinates and a factor to the same with that variance multiplied.
     """
 
     name: str
@@ -344,12 +344,12 @@ class Source:
     scaled: Scaled
 
 
-def sources(target: Posterior) -> list[Source]:
-    """List every noise that a target knows of.
+def sources(posterior: Posterior) -> list[Source]:
+    """List every noise that a posterior knows of.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         In any coordinates.
 
     Returns
@@ -357,14 +357,14 @@ def sources(target: Posterior) -> list[Source]:
     list of Source
         Multiplying all of them by one factor divides the information by it.
     """
-    recordings = target.space.recordings
+    recordings = posterior.space.recordings
     found = []
     names = list(
         dict.fromkeys(channel.name for recording in recordings for channel in recording.channels)
     )
     for name in names:
         levels = [
-            c.name for c in target.space.coordinates if c.kind == "noise" and c.channel == name
+            c.name for c in posterior.space.coordinates if c.kind == "noise" and c.channel == name
         ]
         if not levels:
             continue  # with white residuals an input has no noise
@@ -382,20 +382,20 @@ def sources(target: Posterior) -> list[Source]:
 
 
 def _noise(names: list[str]) -> Scaled:
-    def scaled(target: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
+    def scaled(posterior: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
         out = z.copy()
         for name in names:
-            k = target.space.index[name]
-            out[k] += 0.5 * math.log(factor) / target.space.coordinates[k].scale
-        return target, out
+            k = posterior.space.index[name]
+            out[k] += 0.5 * math.log(factor) / posterior.space.coordinates[k].scale
+        return posterior, out
 
     return scaled
 
 
 def _lines(change: Callable[[PreparedRecording, float], PreparedRecording]) -> Scaled:
-    def scaled(target: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
-        recordings = tuple(change(recording, factor) for recording in target.space.recordings)
-        return replace(target, space=replace(target.space, recordings=recordings)), z
+    def scaled(posterior: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
+        recordings = tuple(change(recording, factor) for recording in posterior.space.recordings)
+        return replace(posterior, space=replace(posterior.space, recordings=recordings)), z
 
     return scaled
 
@@ -443,12 +443,12 @@ def lost_readings(recording: PreparedRecording) -> Flags:
     return lost
 
 
-def impute_lost_readings(target: Posterior, z: Array) -> Posterior:
-    """Return the target with every lost chassis reading read as the car would have moved.
+def impute_lost_readings(posterior: Posterior, z: Array) -> Posterior:
+    """Return the posterior with every lost chassis reading read as the car would have moved.
 
     Parameters
     ----------
-    target, z : Posterior, (D,) array
+    posterior, z : Posterior, (D,) array
         In any coordinates, at the mode.
 
     Returns
@@ -457,9 +457,9 @@ def impute_lost_readings(target: Posterior, z: Array) -> Posterior:
         Only its information means anything: the new readings are simulated.
     """
     recordings = []
-    for run, recording in enumerate(target.space.recordings):
+    for run, recording in enumerate(posterior.space.recordings):
         lost = lost_readings(recording)
-        output = free_run(target, z, run).output
+        output = free_run(posterior, z, run).output
         recordings.append(
             replace(
                 recording,
@@ -467,4 +467,4 @@ def impute_lost_readings(target: Posterior, z: Array) -> Posterior:
                 reading=np.where(lost, output, recording.reading),
             )
         )
-    return replace(target, space=replace(target.space, recordings=tuple(recordings)))
+    return replace(posterior, space=replace(posterior.space, recordings=tuple(recordings)))

@@ -108,12 +108,12 @@ class UncertaintyBudget:
         return {name: float(g @ moved) for name, g in self.slopes.items()}
 
 
-def find_budget(target: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> UncertaintyBudget:
+def find_budget(posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> UncertaintyBudget:
     """Draw up the error budget of each answer.
 
     Parameters
     ----------
-    target : Posterior
+    posterior : Posterior
         The posterior.
     mode : Mode
         Its mode and curvature.
@@ -124,15 +124,15 @@ def find_budget(target: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> Unc
     -------
     UncertaintyBudget
     """
-    runs = range(len(target.space.recordings))
-    logs, z = in_logs(target, mode.z)
+    runs = range(len(posterior.space.recordings))
+    logs, z = in_logs(posterior, mode.z)
     slopes = [jacobian(logs, z, run) for run in runs]
-    budget = Budget(prior_sd(target, mode.z), information(slopes))
+    budget = Budget(prior_sd(posterior, mode.z), information(slopes))
     known = parameters(logs)
-    gains = sum(c.kind == "gain" for c in target.space.coordinates)
-    car = target.space.car_dimension + gains
+    gains = sum(c.kind == "gain" for c in posterior.space.coordinates)
+    car = posterior.space.car_dimension + gains
     noise_precision = np.asarray(np.linalg.inv(mode.covariance), np.float64)[car:, car:]
-    white = all(colour.order == 0 for colour in target.residual_ars)
+    white = all(colour.order == 0 for colour in posterior.residual_ars)
     noises = sources(logs) if white else []
     nudged = {source.name: _slope(source, logs, z) for source in noises}
     bettered = {
@@ -146,7 +146,7 @@ def find_budget(target: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> Unc
     slopes_of = answer_slopes(logs)
     for name, g in slopes_of.items():
         answers[name] = _answer(
-            g, known, target.space.car.estimated, budget, nudged, bettered, len(runs)
+            g, known, posterior.space.car.estimated, budget, nudged, bettered, len(runs)
         )
     shifts = find_biases(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
     return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of)

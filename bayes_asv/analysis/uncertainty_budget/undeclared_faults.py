@@ -278,10 +278,10 @@ def _shift(
     there: Linearised, fault: Fault, faulty: tuple[PreparedRecording, ...], own: Array
 ) -> Shift:
     """Predict one: faulty recordings, or parameters (P,) held wrong."""
-    target = _on(there.logs, faulty)
+    posterior = _on(there.logs, faulty)
     pull, power = np.zeros(len(there.budget.sd)), 0.0
     for run, j in enumerate(there.slopes):
-        change = target.innovations(there.z, run) - there.logs.innovations(there.z, run)
+        change = posterior.innovations(there.z, run) - there.logs.innovations(there.z, run)
         change = change.ravel() + j @ own
         pull += j.T @ change
         power += float(change @ change)
@@ -296,8 +296,8 @@ def _shift(
     return Shift(fault.kind, fault.channel, cut * fault.size, cut < 1.0, away)
 
 
-def _on(target: Posterior, recordings: tuple[PreparedRecording, ...]) -> Posterior:
-    return replace(target, space=replace(target.space, recordings=recordings))
+def _on(posterior: Posterior, recordings: tuple[PreparedRecording, ...]) -> Posterior:
+    return replace(posterior, space=replace(posterior.space, recordings=recordings))
 
 
 def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) -> PreparedRecording:
@@ -309,31 +309,31 @@ def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) ->
     )
 
 
-def _settled(there: Linearised, target: Posterior, own: Array, away: Array) -> Array:
+def _settled(there: Linearised, posterior: Posterior, own: Array, away: Array) -> Array:
     """Let noise levels and parameters settle in turn; what the parameters (P,) do about it."""
     runs, sd = range(len(there.slopes)), there.budget.sd
     z = there.z.copy()
     for _ in range(_ROUNDS):
-        slope, curvature = _noise_slope(there, target, moved(target, z, own + away))
+        slope, curvature = _noise_slope(there, posterior, moved(posterior, z, own + away))
         step = np.linalg.solve(curvature, slope - there.still[1])
         if not np.all(np.isfinite(step)):
             break
         z[len(sd) :] += step
-        at = moved(target, z, own + away)
-        slopes = [jacobian(target, at, run) for run in runs]
+        at = moved(posterior, z, own + away)
+        slopes = [jacobian(posterior, at, run) for run in runs]
         pull = (
             np.divide(away, sd**2, out=np.zeros(len(there.budget.sd)), where=sd > 0.0)
             - there.still[0]
         )
         for run, j in enumerate(slopes):
-            pull += j.T @ target.innovations(at, run).ravel()
+            pull += j.T @ posterior.innovations(at, run).ravel()
         away = away - Budget(sd, information(slopes)).covariance() @ pull
         if np.all(np.abs(step) * np.sqrt(np.diag(there.noise_precision)) < _STILL):
             break
     return away
 
 
-def _noise_slope(there: Linearised, target: Posterior, z: Array) -> tuple[Array, Array]:
+def _noise_slope(there: Linearised, posterior: Posterior, z: Array) -> tuple[Array, Array]:
     """Slope (D − P,) and curvature of the log-posterior in the noise coordinates.
 
     The curvature is no less than at the mode, so that a step never overshoots by much.
@@ -342,11 +342,11 @@ def _noise_slope(there: Linearised, target: Posterior, z: Array) -> tuple[Array,
     reach = _REACH / np.sqrt(np.diag(there.noise_precision))
     slope, curvature = -z[car:], there.noise_precision.copy()
     for run in range(len(there.slopes)):
-        own = target.space.coordinates_of_run(run)[car:]
+        own = posterior.space.coordinates_of_run(run)[car:]
         h = reach[own - car]
         steps = np.zeros((len(own), len(z)))
         steps[np.arange(len(own)), own] = h
-        values = target.run_log_likelihood(np.concatenate([z[None], z + steps, z - steps]), run)
+        values = posterior.run_log_likelihood(np.concatenate([z[None], z + steps, z - steps]), run)
         middle, (above, below) = values[0], np.split(values[1:], 2)
         slope[own - car] += (above - below) / (2.0 * h)
         bend = 1.0 - (above - 2.0 * middle + below) / h**2

@@ -308,7 +308,7 @@ def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
         residuals = []
         for model in (diagnosis.base_model, diagnosis.final_model):
             own = model.space.recordings[run]
-            output, _, _ = free_run(model.target, model.mode.z, run)
+            output, _, _ = free_run(model.posterior, model.mode.z, run)
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
         time = prepared.instants[prepared.pairs.max(axis=1)]
         keep = np.unique(np.linspace(0, len(time) - 1, _MAX_POINTS).astype(int))

@@ -192,7 +192,7 @@ def _range_covered(model: FittedModel, element: int) -> tuple[Array, Array]:
     """Grids of deflection (m) and velocity (m/s) over the range of the fitted runs."""
     states = np.concatenate(
         [
-            model.target.innovations_and_variances(model.mode.z, run)[2][
+            model.posterior.innovations_and_variances(model.mode.z, run)[2][
                 :, 2 * element : 2 * element + 2
             ]
             for run in range(len(model.space.recordings))

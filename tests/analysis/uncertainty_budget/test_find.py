@@ -48,10 +48,10 @@ def again(car: Vehicle, fit: MapFit, times: int = 1) -> MapFit:
     lines = tuple(replace(r, car=car_model("half", car)) for r in fit.space.recordings)
     where = space(car, lines * times)
     logs = {name: math.log(there[name][0] / getattr(car, name).value) for name in DIRECT}
-    target = Posterior(where, fit.target.residual_ars * times)
-    mode = find_mode(target, where.from_logs(logs))
+    posterior = Posterior(where, fit.posterior.residual_ars * times)
+    mode = find_mode(posterior, where.from_logs(logs))
     assert mode.converged
-    return MapFit(target, mode, (), ())
+    return MapFit(posterior, mode, (), ())
 
 
 def widths(fit: MapFit) -> dict[str, float]:
@@ -61,7 +61,7 @@ def widths(fit: MapFit) -> dict[str, float]:
 
 def budget_of(car: Vehicle, *recordings: Recording) -> tuple[MapFit, UncertaintyBudget]:
     fit = fitted(car, *recordings)
-    return fit, find_budget(fit.target, fit.mode, car)
+    return fit, find_budget(fit.posterior, fit.mode, car)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_every_noise_is_on_the_list(
     exact: tuple[Recording, Vehicle, MapFit, UncertaintyBudget],
 ) -> None:
     _, _, fit, _ = exact
-    logs, z = in_logs(fit.target, fit.mode.z)
+    logs, z = in_logs(fit.posterior, fit.mode.z)
     before = information([jacobian(logs, z, 0)])
     for source in sources(logs):
         logs, z = source.scaled(logs, z, 4.0)
@@ -169,17 +169,17 @@ def test_a_quieter_sensor_narrows_as_predicted() -> None:
     """
     usual = replace(SensorSpec(), adc=None)
     quiet = replace(usual, noise=(0.5 * usual.noise[0], *usual.noise[1:]))
-    update_patterns, came = [], []
+    update_corrections, came = [], []
     for seed in range(300, 303):
         car = vehicle(EXACT, usual)
         answer = budget_of(car, case("bump", seed, EXACT, sensors=usual)[2])[1].answers["c_f"]
-        update_patterns.append(math.log(answer.better["noise front_wheel"] / answer.sd))
+        update_corrections.append(math.log(answer.better["noise front_wheel"] / answer.sd))
         _, _, recording = case("bump", seed, EXACT, sensors=quiet)
         after = widths(fitted(vehicle(EXACT, quiet), recording))["c_f"]
         came.append(math.log(after / answer.sd))
     # Noise levels found in 800 samples differ by a few percent from drive to drive.
-    assert np.mean(update_patterns) == pytest.approx(np.mean(came), abs=0.05)
-    assert np.mean(update_patterns) < -0.3
+    assert np.mean(update_corrections) == pytest.approx(np.mean(came), abs=0.05)
+    assert np.mean(update_corrections) < -0.3
 
 
 def test_a_finer_converter_narrows_as_predicted(
@@ -187,16 +187,16 @@ def test_a_finer_converter_narrows_as_predicted(
 ) -> None:
     """The rig drives the same without steps."""
     _, _, fit, _ = exact
-    logs, z = in_logs(fit.target, fit.mode.z)
+    logs, z = in_logs(fit.posterior, fit.mode.z)
     for source in sources(logs):
         if source.name.startswith("steps"):
             logs, z = source.scaled(logs, z, 0.0)
     stepless = replace(SensorSpec(), adc=None)
     _, _, recording = case("rough", 31, EXACT, sensors=stepless)
     after = widths(fitted(vehicle(EXACT, stepless), recording))
-    budget = Budget(prior_sd(fit.target, fit.mode.z), information([jacobian(logs, z, 0)]))
+    budget = Budget(prior_sd(fit.posterior, fit.mode.z), information([jacobian(logs, z, 0)]))
     for name in DIRECT:
-        k = parameters(fit.target).index(name)
+        k = parameters(fit.posterior).index(name)
         sd = math.sqrt(budget.covariance()[k, k])
         assert sd == pytest.approx(after[name], rel=0.12), name
         assert sd < 0.9 * widths(fit)[name]
@@ -221,7 +221,7 @@ def test_under_a_colour_the_sensors_are_not_blamed(
 ) -> None:
     _, car, fit, width = declared
     colour = ResidualAR(np.array([[[0.5, 0.0], [0.0, 0.5]]]), np.eye(2))
-    coloured = find_budget(fit.target.with_residual_ar((colour,)), fit.mode, car)
+    coloured = find_budget(fit.posterior.with_residual_ar((colour,)), fit.mode, car)
     assert width.white
     assert not coloured.white
     for answer in coloured.answers.values():
@@ -234,7 +234,7 @@ def test_white_residuals_have_a_budget_without_wheel_noise() -> None:
     car = vehicle(EXACT)
     lines, _, _ = prepare_runs((case("rough", 4, EXACT)[2],), car)
     fit = best_fit(lines, car, "output-error")
-    width = find_budget(fit.target, fit.mode, car)
+    width = find_budget(fit.posterior, fit.mode, car)
     for name, sd in widths(fit).items():
         assert width.answers[name].sd == pytest.approx(sd, rel=0.02)
         noises = width.answers[name].noises

@@ -78,7 +78,7 @@ class Case(NamedTuple):
 def made(sds: dict[str, float]) -> Case:
     car = vehicle(sds, STEPLESS)
     fit = fitted(car, driven(STEPLESS, 7, sds))
-    return Case(car, fit, find_budget(fit.target, fit.mode, car), sds)
+    return Case(car, fit, find_budget(fit.posterior, fit.mode, car), sds)
 
 
 Answers = dict[str, float]
@@ -130,7 +130,7 @@ def test_a_value_wrongly_given_as_exact_moves_the_answer_as_predicted(name: str)
     _, _, recording = case("stops", 8, EXACT)
     car = vehicle(EXACT)
     fit = fitted(car, recording)
-    width = find_budget(fit.target, fit.mode, car)
+    width = find_budget(fit.posterior, fit.mode, car)
     shift = next(s for s in width.shifts if (s.kind, s.where) == ("given", name))
     given = getattr(car, name)
     wrong = replace(car, **{name: replace(given, value=given.value / (1.0 + shift.size))})
@@ -144,7 +144,7 @@ def test_a_value_wrongly_given_as_exact_moves_the_answer_as_predicted(name: str)
 def test_the_same_fault_of_all_sensors_is_none(exact: Case) -> None:
     """A linear car does not know a common scale, a common delay or a common filter."""
     car, fit, width, _ = exact
-    logs, z = in_logs(fit.target, fit.mode.z)
+    logs, z = in_logs(fit.posterior, fit.mode.z)
     j = jacobian(logs, z, 0)
     sd = np.array([width.answers[name].sd for name in ("c_f", "c_r", "i")])
     for kind, size in (("gain", 0.01), ("delay", 1e-4), ("bandwidth", 0.1)):
@@ -171,7 +171,7 @@ def _pulled(logs: Posterior, z: Array, j: Array, recording: PreparedRecording) -
 def test_a_fault_is_cut_down_to_what_the_residuals_would_not_show(declared: Case) -> None:
     """By least squares: what parameters cannot make up for has the noncentrality it says."""
     car, fit, width, sds = declared
-    logs, z = in_logs(fit.target, fit.mode.z)
+    logs, z = in_logs(fit.posterior, fit.mode.z)
     j = jacobian(logs, z, 0)
     wide = np.array([math.log(3.0), math.log(3.0), math.log(2.0)])
     assert width.parameters[:3] == ("c_f", "c_r", "i")
@@ -188,8 +188,8 @@ def test_a_fault_is_cut_down_to_what_the_residuals_would_not_show(declared: Case
         )
         changed = replace(logs, space=replace(logs.space, recordings=(recording,)))
         left = (changed.innovations(z, 0) - logs.innovations(z, 0)).ravel()
-        target = np.concatenate([left, np.zeros(int(free.sum()))])
-        rest = target - design @ np.linalg.lstsq(design, target)[0]
+        posterior = np.concatenate([left, np.zeros(int(free.sum()))])
+        rest = posterior - design @ np.linalg.lstsq(design, posterior)[0]
         noncentrality = float(rest @ rest)
         if shift.shows:
             cut += 1
