@@ -275,13 +275,13 @@ def _overview() -> str:
 
 
 def _where(effect: Effect) -> str:
-    if effect.at == (*AXLES, BOTH):
+    if effect.allowed_places == (*AXLES, BOTH):
         return "front, rear or both"
-    if effect.at == AXLES:
+    if effect.allowed_places == AXLES:
         return "front, rear"
-    if effect.at == tuple(GROUPS):
+    if effect.allowed_places == tuple(GROUPS):
         return "body, front or left channels"
-    return "any channel" if any(effect.at) else "the car"
+    return "any channel" if any(effect.allowed_places) else "the car"
 
 
 def _section(effect: Effect) -> str:
@@ -323,13 +323,13 @@ def _prior(parameter: Parameter) -> str:
 
 
 def _tolerance(effect: Effect, parameter: Parameter) -> str:
-    if effect.slight is None:
+    if effect.tolerance_values is None:
         return "none"
     if parameter.shape:
-        return f"fixed at {effect.slight[parameter.name]:g}"
-    value = effect.slight[parameter.name]
+        return f"fixed at {effect.tolerance_values[parameter.name]:g}"
+    value = effect.tolerance_values[parameter.name]
     text = f"{value:g}{_PER[parameter.per]}"
-    if effect.straight is not None:
+    if effect.scaled_to_range is not None:
         text += ", or as much nonlinearity over the range used"
     return f"± {value - 1.0:.2g}".rstrip("0") if parameter.form == "log" and value < 2.0 else text
 

@@ -56,7 +56,7 @@ def test_priors_and_tolerances_on_the_page_are_those_of_the_draws(effect: Effect
         else:
             assert np.mean(drawn) == pytest.approx(numbers[0], abs=0.03 * numbers[1])
             assert np.std(drawn) == pytest.approx(numbers[1], rel=0.02)
-        assert (tolerance == "none") == (effect.slight is None)
+        assert (tolerance == "none") == (effect.tolerance_values is None)
 
 
 @pytest.fixture(scope="module")

@@ -113,7 +113,7 @@ def damping_rates(
     runs = range(len(space.recordings))
     driven = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
     used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
-    rubbing = [s for s in space.placed_effects if s.effect.rubs]
+    rubbing = [s for s in space.placed_effects if s.effect.dissipative]
     tables = np.stack([_table(posterior, laws, one) for one in z[used]])
     friction = np.stack([_table(posterior, rubbing, one) for one in z[used]])
     out = []

@@ -543,8 +543,8 @@ def _tolerance_prior(
     at_mode, next_to = model.space.effects(z)[placed], model.space.effects(moved)[placed]
     parts = []
     for one in tolerances:
-        count = placed.effect.tolerances(at_mode, one.values)
-        slope = (placed.effect.tolerances(next_to, one.values) - count) / STEP
+        count = placed.effect.in_tolerances(at_mode, one.values)
+        slope = (placed.effect.in_tolerances(next_to, one.values) - count) / STEP
         least = 0.0 if one.one_sided else -MAX_TOLERANCES
         points = z[k] + (scale * np.array([0.0, least, MAX_TOLERANCES]) - count) / slope
         probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))

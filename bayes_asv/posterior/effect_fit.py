@@ -104,14 +104,14 @@ def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
             known = any(other.covers(placed) for other in model.placed_effects)
             if known or not _possible(placed, model, vehicle):
                 continue
-            if effect.slight is not None:
+            if effect.tolerance_values is not None:
                 # at several elements or channels a tolerance is that of one and of the others
                 group = effect.acts == "reading" and where in GROUPS
                 tolerance = len(elements) <= 1 and not group
-                values = effect.slightly(scale)
-                if effect.straight is not None:
+                values = effect.tolerance_values_for(scale)
+                if effect.scaled_to_range is not None:
                     own = used[list(elements)].max(axis=0)
-                    values = effect.straight(values, max(own[0], own[1]), own[2])
+                    values = effect.scaled_to_range(values, max(own[0], own[1]), own[2])
                 out.append(Candidate(placed, values, tolerance, effect.one_sided))
             elif effect.stops:
                 travel = used[list(elements), 0 if effect.stops == "compression" else 1].max()
@@ -266,7 +266,7 @@ def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[
     if placed.effect.on_request:
         if not _possible(placed, model, dataset.vehicle):
             return []
-        return [[Candidate(placed, values, False, True) for values in placed.effect.begins]]
+        return [[Candidate(placed, values, False, True) for values in placed.effect.fit_starts]]
     if not placed.effect.in_one_run:
         return [[c for c in candidates(model, dataset.vehicle) if str(c.placed) == str(placed)]]
     runs = range(len(dataset.recordings)) if placed.run is None else (placed.run,)

@@ -81,7 +81,7 @@ def _with_narrow_priors(
     for placed in placed_effects:
         first = placed.effect.parameters[0]
         size = first.size(scale)
-        narrow = replace(first, wide=placed.effect.slightly(scale)[first.name] / size)
+        narrow = replace(first, wide=placed.effect.tolerance_values_for(scale)[first.name] / size)
         effect = replace(placed.effect, parameters=(narrow, *placed.effect.parameters[1:]))
         narrowed.append(PlacedEffect(effect, placed.where))
     posterior = _car().denoised.posterior(tuple(narrowed))
@@ -139,7 +139,7 @@ def test_the_number_of_tolerances_is_the_ratio_of_the_forces(value: float, seed:
     deflection, velocity = rng.uniform(0.01, 0.03), rng.uniform(0.1, 0.2)
     for name, key in (("progressive_spring", "kappa"), ("damper_fade", "loss")):
         effect = EFFECTS[name]
-        tolerance = {**effect.slightly(scale), "curl": 0.0}
+        tolerance = {**effect.tolerance_values_for(scale), "curl": 0.0}
         values = {**tolerance, key: value * tolerance[key]}
         assert effect.force is not None
         one, more = (
@@ -148,7 +148,7 @@ def test_the_number_of_tolerances_is_the_ratio_of_the_forces(value: float, seed:
             )
             for v in (tolerance, values)
         )
-        assert effect.tolerances(values, tolerance) == pytest.approx(more / one, rel=1e-6)
+        assert effect.in_tolerances(values, tolerance) == pytest.approx(more / one, rel=1e-6)
 
 
 @given(
@@ -161,9 +161,9 @@ def test_the_tolerance_of_a_damper_is_two_per_cent_of_its_force(
 ) -> None:
     """At the largest velocity in use."""
     effect = EFFECTS["digressive_damper"]
-    assert effect.straight is not None
+    assert effect.scaled_to_range is not None
     assert effect.force is not None
-    tolerance = effect.straight(effect.slightly(Scale(1200.0, 16000.0)), 0.02, velocity)
+    tolerance = effect.scaled_to_range(effect.tolerance_values_for(Scale(1200.0, 16000.0)), 0.02, velocity)
     values = {"knee": knee, "sharpness": sharpness}
     lost = [
         float(effect.force(v, 1.0, 1.0, np.array(0.0), np.array(velocity), np.array(0.0)))
@@ -171,16 +171,16 @@ def test_the_tolerance_of_a_damper_is_two_per_cent_of_its_force(
         for v in (tolerance, values)
     ]
     assert lost[0] == pytest.approx(0.02, rel=0.05)
-    assert effect.tolerances(values, tolerance) == pytest.approx(lost[1] / lost[0])
+    assert effect.in_tolerances(values, tolerance) == pytest.approx(lost[1] / lost[0])
 
 
 @given(travel=st.floats(0.005, 0.049))
 def test_the_tolerance_of_a_spring_is_one_and_a_half_per_cent(travel: float) -> None:
     """Of its force at the largest travel in use."""
     effect = EFFECTS["progressive_spring"]
-    assert effect.straight is not None
+    assert effect.scaled_to_range is not None
     assert effect.force is not None
-    tolerance = effect.straight(effect.slightly(Scale(1200.0, 16000.0)), travel, 0.2)
+    tolerance = effect.scaled_to_range(effect.tolerance_values_for(Scale(1200.0, 16000.0)), travel, 0.2)
     force = effect.force(tolerance, 1.0, 1.0, np.array(travel), np.array(0.0), np.array(0.0))
     assert float(force) / -travel == pytest.approx(0.015, rel=0.01)
 

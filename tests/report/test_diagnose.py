@@ -160,7 +160,7 @@ def test_every_listed_effect_is_stated_with_all_its_numbers(named: DiagnoseDocum
     value = named.effects[0].parameters["ratio"]
     for effect in EFFECTS.values():
         shown = {p.name: value for p in effect.parameters if not p.shape}
-        where = next((w for w in effect.at if w), None)
+        where = next((w for w in effect.allowed_places if w), None)
         sentence = effect_sentence(
             named.effects[0].model_copy(
                 update={"name": effect.name, "where": where, "title": effect.title,

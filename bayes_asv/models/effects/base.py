@@ -117,18 +117,18 @@ class Effect:
         In words, for reports.
     acts : {'suspension', 'car', 'reading'}
         On the force of an axle, on a given value, or on what a sensor says.
-    at : tuple of str
+    allowed_places : tuple of str
         Where it can be: axles, both of them alike, channels, groups of channels
         (:data:`bayes_asv.domain.clocks.GROUPS`), or an empty string.
     parameters : tuple of Parameter
         The first is the one that vanishes with the effect.
-    slight : mapping or None
+    tolerance_values : mapping or None
         Values of the parameters (times their ``per``) that are one deviation of what every car
         may have; None when nobody has a little of it.
-    straight : callable or None
+    scaled_to_range : callable or None
         From the values that are a little of it, the travel (m) and the speed (m/s) that were used:
         the values of a law that is as straight over those, where they are less than usual.
-    times : callable or None
+    tolerance_ratio : callable or None
         From values and the values that are a little of it: how many times that they are, where
         that is not a matter of the first parameter alone.
     code : int
@@ -162,7 +162,7 @@ class Effect:
         It changes the force of a damper over its speed.
     on_spring : bool
         It changes the force of a spring over its deflection.
-    rubs : bool
+    dissipative : bool
         Its force is against the rate of deflection and takes power beside that of the damper.
     contains : tuple of str
         Names of effects that are special forms of it.
@@ -172,18 +172,18 @@ class Effect:
     on_request : bool
         It is added where a user names it, or where no other effect explains what is left; no score
         test looks for it.
-    begins : tuple of mapping
+    fit_starts : tuple of mapping
         Values of parameters from which its fit begins, where it is on request.
     """
 
     name: str
     title: str
     acts: Acts
-    at: tuple[str, ...]
+    allowed_places: tuple[str, ...]
     parameters: tuple[Parameter, ...]
-    slight: Mapping[str, float] | None = None
-    straight: Callable[[Mapping[str, float], float, float], dict[str, float]] | None = None
-    times: Callable[[Mapping[str, float], Mapping[str, float]], float] | None = None
+    tolerance_values: Mapping[str, float] | None = None
+    scaled_to_range: Callable[[Mapping[str, float], float, float], dict[str, float]] | None = None
+    tolerance_ratio: Callable[[Mapping[str, float], Mapping[str, float]], float] | None = None
     code: int = -1
     packed: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     force: Callable[..., Array] | None = None
@@ -199,11 +199,11 @@ class Effect:
     in_one_run: bool = False
     on_damper: bool = False
     on_spring: bool = False
-    rubs: bool = False
+    dissipative: bool = False
     contains: tuple[str, ...] = ()
     free_form: bool = False
     on_request: bool = False
-    begins: tuple[Mapping[str, float], ...] = ({},)
+    fit_starts: tuple[Mapping[str, float], ...] = ({},)
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -211,15 +211,15 @@ class Effect:
 
         A push in one run is looked for at axles alone.
         """
-        at_corners = set(AXLES) <= set(self.at) and not self.in_one_run
-        return (*self.at, *CORNERS) if at_corners else self.at
+        at_corners = set(AXLES) <= set(self.allowed_places) and not self.in_one_run
+        return (*self.allowed_places, *CORNERS) if at_corners else self.allowed_places
 
-    def slightly(self, scale: Scale) -> dict[str, float]:
+    def tolerance_values_for(self, scale: Scale) -> dict[str, float]:
         """Values at one tolerance, for one car."""
-        assert self.slight is not None
-        return {p.name: self.slight[p.name] * p.size(scale) for p in self.parameters}
+        assert self.tolerance_values is not None
+        return {p.name: self.tolerance_values[p.name] * p.size(scale) for p in self.parameters}
 
-    def tolerances(self, values: Mapping[str, float], little: Mapping[str, float]) -> float:
+    def in_tolerances(self, values: Mapping[str, float], little: Mapping[str, float]) -> float:
         """Say how many times a little of it some values are.
 
         Parameters
@@ -227,8 +227,8 @@ class Effect:
         values, little : mapping
             Values of its parameters, SI units, and those that are one tolerance.
         """
-        if self.times is not None:
-            return self.times(values, little)
+        if self.tolerance_ratio is not None:
+            return self.tolerance_ratio(values, little)
         first = self.parameters[0]
         value, one = values[first.name], little[first.name]
         return math.log(value) / math.log(one) if first.form == "log" else value / one

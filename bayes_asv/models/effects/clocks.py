@@ -15,13 +15,13 @@ EFFECT = Effect(
     name="clock_offset",
     title="an offset between clocks",
     acts="reading",
-    at=tuple(GROUPS),
+    allowed_places=tuple(GROUPS),
     parameters=(
         Parameter(
             "offset", "s", "linear", 0.0, OFFSET_SD, (0.0, -0.4 * OFFSET_SD, 0.4 * OFFSET_SD)
         ),
     ),
-    slight={"offset": 1.5e-5},
+    tolerance_values={"offset": 1.5e-5},
     fault="lag",
     drive="knock on one plate that carries all sensors, before and after the drive",
 )

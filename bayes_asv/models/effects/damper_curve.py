@@ -72,7 +72,7 @@ EFFECT = Effect(
     name="damper_curve",
     title="a damper whose force is not proportional to speed",
     acts="suspension",
-    at=(*AXLES, BOTH),
+    allowed_places=(*AXLES, BOTH),
     parameters=tuple(
         Parameter(name, "", "sinh", 0.0, _USUAL, (0.0,), shape=True) for name in _STEPS
     ),
@@ -83,6 +83,6 @@ EFFECT = Effect(
     contains=("bound_rebound", "digressive_damper"),
     free_form=True,
     on_request=True,
-    begins=({}, dict.fromkeys(_STEPS, -_USUAL)),  # proportional to speed, or digressive
+    fit_starts=({}, dict.fromkeys(_STEPS, -_USUAL)),  # proportional to speed, or digressive
     drive="bumps of several heights, so that the damper moves slowly and fast both ways",
 )

@@ -23,7 +23,7 @@ EFFECT = Effect(
     name="damper_hysteresis",
     title="a damper force that lags velocity",
     acts="suspension",
-    at=(*AXLES, BOTH),
+    allowed_places=(*AXLES, BOTH),
     parameters=(Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), per="spring"),),
     one_sided=True,
     code=SERIES_STIFFNESS,

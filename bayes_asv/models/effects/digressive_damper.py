@@ -51,14 +51,14 @@ EFFECT = Effect(
     name="digressive_damper",
     title="a damper whose force flattens out at speed",
     acts="suspension",
-    at=(*AXLES, BOTH),
+    allowed_places=(*AXLES, BOTH),
     parameters=(
         Parameter("knee", "m/s", "log", 0.5, 1.2, (0.1, 0.25, 0.6, 1.5, 4.0)),
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),
     ),
-    slight={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
-    straight=_straight,
-    times=_times,
+    tolerance_values={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
+    scaled_to_range=_straight,
+    tolerance_ratio=_times,
     one_sided=True,
     code=DIGRESSIVE,
     packed=_packed,

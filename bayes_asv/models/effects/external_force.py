@@ -21,7 +21,7 @@ EFFECT = Effect(
     name="external_force",
     title="an external force",
     acts="suspension",
-    at=(*AXLES, BOTH),
+    allowed_places=(*AXLES, BOTH),
     parameters=(
         Parameter("force", "N", "linear", 0.0, 0.15, (0.05, -0.05), per="load"),
         Parameter("start", "s", "linear", 1.0, 1.0, ()),

@@ -43,9 +43,9 @@ SPRING_RATE = Effect(
     name="spring_rate",
     title="a spring rate that is not the given one",
     acts="car",
-    at=AXLES,
+    allowed_places=AXLES,
     parameters=(Parameter("factor", "", "log", 1.0, 0.3, (1.0,)),),
-    slight={"factor": 1.003},
+    tolerance_values={"factor": 1.003},
     on_car=_spring,
     drive="a long ride at the frequency of the body's own motion",
 )
@@ -53,9 +53,9 @@ WEIGHT_DISTRIBUTION = Effect(
     name="weight_distribution",
     title="a weight distribution that is not the given one",
     acts="car",
-    at=("",),
+    allowed_places=("",),
     parameters=(Parameter("factor", "", "log", 1.0, 0.1, (1.0,)),),
-    slight={"factor": 1.002},
+    tolerance_values={"factor": 1.002},
     on_car=_weight,
     drive="front and rear over bumps one at a time",
 )

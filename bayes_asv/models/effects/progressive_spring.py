@@ -32,14 +32,14 @@ EFFECT = Effect(
     name="progressive_spring",
     title="a spring that stiffens with travel",
     acts="suspension",
-    at=(*AXLES, BOTH),
+    allowed_places=(*AXLES, BOTH),
     parameters=(
         # 0.4 at 5 cm of travel, but as much within 1 cm on a car that has no more
         Parameter("kappa", "1/m^2", "sinh", 0.0, 150.0, (20.0, 150.0)),
         Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
     ),
-    slight={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm
-    straight=_straight,
+    tolerance_values={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm
+    scaled_to_range=_straight,
     code=PROGRESSIVE,
     packed=_packed,
     force=_force,

@@ -57,7 +57,7 @@ EFFECT = Effect(
     name="spring_curve",
     title="a spring whose force is not proportional to travel",
     acts="suspension",
-    at=(*AXLES, BOTH),
+    allowed_places=(*AXLES, BOTH),
     parameters=tuple(
         Parameter(name, "", "linear", 0.0, _STEP, (0.0,), shape=True) for name in _STEPS
     ),
@@ -68,7 +68,7 @@ EFFECT = Effect(
     contains=("progressive_spring",),
     free_form=True,
     on_request=True,
-    begins=({}, dict.fromkeys(_STEPS, 0.5 * _STEP)),  # proportional to travel, or stiffening
+    fit_starts=({}, dict.fromkeys(_STEPS, 0.5 * _STEP)),  # proportional to travel, or stiffening
     drive="bumps of several heights, so that little and much of the travel is used",
     travel=True,
 )

@@ -41,7 +41,7 @@ def _stop(name: str, title: str, code: int, sign: float, drive: str) -> Effect:
         name=name,
         title=title,
         acts="suspension",
-        at=AXLES,
+        allowed_places=AXLES,
         parameters=(
             Parameter("rate", "N/m", "log", 4.0, 1.2, (2.0, 10.0), per="spring"),
             Parameter("gap", "m", "log", 0.04, 0.8, ()),
