@@ -120,7 +120,7 @@ class Estimate:
     input_check : Doubt or None
         Why the input is probably wrong or the model does not hold, so that no verdict on a damper
         may rest on this estimate; None where nothing speaks against it.
-    logs : tuple of LogEvents
+    long_logs : tuple of LogEvents
         What was found in recordings that are too long to be taken whole, one each; the runs are
         then the events that were used.
     seconds : float
@@ -159,7 +159,7 @@ class Estimate:
     dampers: tuple[DampingRates, ...] = ()
     springs: tuple[SpringCurve, ...] = ()
     input_check: InputCheck | None = None
-    logs: tuple[LogEvents, ...] = ()
+    long_logs: tuple[LogEvents, ...] = ()
 
     @property
     def count(self) -> int:
@@ -167,7 +167,7 @@ class Estimate:
         return int(next(iter(self.draws.values())).size) if self.draws else 0
 
     @property
-    def answers(self) -> tuple[str, ...]:
+    def estimands(self) -> tuple[str, ...]:
         """Names of the draws that were asked for: all but those of the given values."""
         given = {p.name for p in self.car.parameters if p.kind != "estimated"}
         return tuple(name for name in self.draws if name not in given)

@@ -39,7 +39,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.models.effects.clocks import EFFECT as CLOCK_OFFSET
-from bayes_asv.posterior.clock_errors import Synchronised, fit_synchronised, synchronised
+from bayes_asv.posterior.clock_errors import ClockAlignment, align_clocks, fit_aligned
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.identifiability import unidentified_before_fit
 from bayes_asv.posterior.likelihood import Posterior
@@ -128,7 +128,7 @@ def estimate(
         found,
         recordings=tuple(recordings),
         warnings=(*warnings, *found.warnings),
-        logs=logs,
+        long_logs=logs,
         seconds=time.perf_counter() - began,
     )
 
@@ -160,7 +160,7 @@ class _ModeAndChecks(NamedTuple):
         The mode; None where nothing could be fitted, or the runs do not agree.
     run_consistency : RunConsistency or None
         Comparison of the runs, where there are several.
-    timed : Synchronised or None
+    timed : ClockAlignment or None
         The recordings with their clocks compared, where errors of clocks are declared.
     prepared : bool
         Whether there are recordings to look at.
@@ -174,7 +174,7 @@ class _ModeAndChecks(NamedTuple):
 
     map_fit: MapFit | None
     run_consistency: RunConsistency | None
-    timed: Synchronised | None
+    timed: ClockAlignment | None
     prepared: bool
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -235,7 +235,7 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
     timed, agreement = None, None
     if clocks:
         task.tell(0.0, "comparing the clocks")
-        timed = synchronised(
+        timed = align_clocks(
             task.recordings, vehicle, clocks, task.below, task.car.name, likelihood
         )
         prepared = timed.prepared
@@ -256,7 +256,7 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
     found = (
         best_fit(prepared, vehicle, likelihood, placed_effects)
         if timed is None
-        else fit_synchronised(timed, placed_effects)
+        else fit_aligned(timed, placed_effects)
     )
     # At the mode the same is known better than at nominal values.
     notes = (*(() if found.mode.converged else unidentified), *ambiguity)

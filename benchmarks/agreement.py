@@ -33,7 +33,7 @@ from scipy.stats import binomtest
 
 from bayes_asv import __version__
 from bayes_asv.analysis.predictive_checks import predictive_checks
-from bayes_asv.analysis.random_effects import RunLikelihood, contrast, population
+from bayes_asv.analysis.random_effects import RunLikelihood, fit_random_effects, test_homogeneity
 from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, fit_single_run
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import Vehicle
@@ -186,13 +186,13 @@ def gaussian(seed: int, times: int = 200) -> list[dict[str, Any]]:
                 placed_effects = [
                     RunLikelihood(np.diag((prior / own) ** 2), prior * v / own**2) for v in value
                 ]
-                found = population(placed_effects, way, DRAWS, k)
+                found = fit_random_effects(placed_effects, way, DRAWS, k)
                 low, high = prior[0] * np.quantile(found.centre[:, 0], [0.025, 0.975])
                 rows.append(
                     {
                         "given": "Gaussian",
                         "what": f"spread {100 * spread:.0f} %, {count} runs",
-                        "p": contrast(placed_effects, way).p,
+                        "p": test_homogeneity(placed_effects, way).p,
                         "covers": bool(low < 0.0 < high),
                         "half_width_percent": 50.0 * float(high - low),
                     }

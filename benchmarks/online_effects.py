@@ -131,7 +131,7 @@ def _compared(result: TrackResult, placed: PlacedEffect, recording: Recording) -
     k = fitted.space.names.index(placed.coordinate_name(first))
     mean, sd = result.coordinates.effect_moments(result.mean, result.covariance)
     own = [e.name for e in result.coordinates.effects].index(placed.coordinate_name(first))
-    names = result.coordinates.answers
+    names = result.coordinates.estimands
     mode = fitted.space.cars(fitted.mode.z[None])[0, : len(names)]
     deviation = np.array([fitted.space.log_deviation(covariance, n) for n in names])
     return {

@@ -25,7 +25,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import shared_work
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
-from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
@@ -49,7 +49,7 @@ def again(fit: MapFit, car: Vehicle, shift: Shift) -> dict[str, float] | None:
     if shift.kind == "given":
         value = getattr(car, shift.where)
         wrong = replace(value, value=value.value / (1.0 + shift.size))
-        where = space(replace(car, **{shift.where: wrong}), fit.space.recordings)
+        where = make_parameter_space(replace(car, **{shift.where: wrong}), fit.space.recordings)
     else:
         fault = Fault(shift.kind, shift.where, shift.size)
         lines = tuple(with_fault(recording, fault, car) for recording in fit.space.recordings)
@@ -77,7 +77,7 @@ def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
         if after is None:
             stuck += 1
             continue
-        for name, answer in width.answers.items():
+        for name, answer in width.estimands.items():
             misses.append(round((after[name] - before[name] - predicted[name]) / answer.sd, 4))
     sds = {n: fit.space.log_deviation(fit.mode.covariance, n) for n in ("c_f", "c_r", "i")}
     return {
@@ -88,7 +88,7 @@ def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
         "faults": len(width.shifts),
         "not_settled": stuck,
         "misses": misses,
-        "deviation_ratio": {n: width.answers[n].sd / sd for n, sd in sds.items()},
+        "deviation_ratio": {n: width.estimands[n].sd / sd for n, sd in sds.items()},
     }
 
 

@@ -312,14 +312,14 @@ _PER = {"": "", "load": " of the mean axle's load", "spring": " mean spring rate
 
 
 def _prior(parameter: Parameter) -> str:
-    per = _PER[parameter.per]
+    per = _PER[parameter.prior_unit]
     if parameter.form == "log":
-        return f"log-normal, {parameter.centre:g}{per}, a factor {math.exp(parameter.wide):.3g} at one sd"
+        return f"log-normal, {parameter.centre:g}{per}, a factor {math.exp(parameter.prior_scale):.3g} at one sd"
     if parameter.form == "positive":
-        return f"half-normal, {parameter.wide:g}{per}"
+        return f"half-normal, {parameter.prior_scale:g}{per}"
     if parameter.form == "sinh":
-        return f"{parameter.centre:g} ± {parameter.wide:g}{per} × sinh(z), z standard normal"
-    return f"normal, {parameter.centre:g} ± {parameter.wide:g}{per}"
+        return f"{parameter.centre:g} ± {parameter.prior_scale:g}{per} × sinh(z), z standard normal"
+    return f"normal, {parameter.centre:g} ± {parameter.prior_scale:g}{per}"
 
 
 def _tolerance(effect: Effect, parameter: Parameter) -> str:
@@ -328,7 +328,7 @@ def _tolerance(effect: Effect, parameter: Parameter) -> str:
     if parameter.shape:
         return f"fixed at {effect.tolerance_values[parameter.name]:g}"
     value = effect.tolerance_values[parameter.name]
-    text = f"{value:g}{_PER[parameter.per]}"
+    text = f"{value:g}{_PER[parameter.prior_unit]}"
     if effect.scaled_to_range is not None:
         text += ", or as much nonlinearity over the range used"
     return f"± {value - 1.0:.2g}".rstrip("0") if parameter.form == "log" and value < 2.0 else text

@@ -41,7 +41,7 @@ def test_priors_and_tolerances_on_the_page_are_those_of_the_draws(effect: Effect
         rows = [x for x in section.splitlines() if x.startswith(f"| `{parameter.name}` |")]
         (row,) = rows or [x for x in section.splitlines() if "` … `" in x]  # several alike
         prior, tolerance = (cell.strip() for cell in row.split("|")[4:6])
-        per = {"load": SCALE.load, "spring": SCALE.spring}.get(parameter.per, 1.0)
+        per = {"load": SCALE.load, "spring": SCALE.spring}.get(parameter.prior_unit, 1.0)
         drawn = np.asarray(parameter.value(draws, SCALE)) / per
         numbers = [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?", prior)]
         if prior.startswith("log-normal"):

@@ -116,7 +116,7 @@ class TransferTracker:
         if last is None or self._tracker is None:
             return "nothing known yet"
         texts = []
-        for k, name in enumerate(self._tracker.answers):
+        for k, name in enumerate(self._tracker.estimands):
             dimension, label = QUANTITIES[name][:2]
             unit = display_units(self._vehicle.units)[dimension]
             median, log_sd = float(last.median[-1, k]), float(last.log_sd[-1, k])

@@ -58,7 +58,7 @@ def log_priors(
     """
     half_log_2pi = 0.5 * math.log(2.0 * math.pi)
     out = {}
-    for name in space.prior.logs:
+    for name in space.prior.log_parameters:
         mean, sd = space.log_prior_of(name)
         if name in draws and sd > 0.0:
             u = (np.log(draws[name]) - mean) / sd

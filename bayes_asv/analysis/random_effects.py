@@ -30,11 +30,11 @@ __all__ = [
     "HomogeneityTest",
     "RandomEffectsPosterior",
     "RunLikelihood",
-    "contrast",
     "estimates_of_runs",
+    "fit_random_effects",
     "likelihood_of_run",
-    "population",
     "pseudo_inverse",
+    "test_homogeneity",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
     return RunLikelihood((vectors * told) @ vectors.T, vectors @ linear)
 
 
-def contrast(
+def test_homogeneity(
     run_likelihoods: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
 ) -> HomogeneityTest:
     """Test whether runs share their values.
@@ -246,7 +246,7 @@ class RandomEffectsPosterior:
     log_density: Array
 
 
-def population(
+def fit_random_effects(
     run_likelihoods: Sequence[RunLikelihood], way: Array, count: int, seed: int
 ) -> RandomEffectsPosterior:
     """Posterior of the mean car and of the spread of runs about it.

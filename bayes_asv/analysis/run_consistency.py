@@ -20,10 +20,10 @@ from bayes_asv.analysis.random_effects import (
     HomogeneityTest,
     RandomEffectsPosterior,
     RunLikelihood,
-    contrast,
     estimates_of_runs,
+    fit_random_effects,
     likelihood_of_run,
-    population,
+    test_homogeneity,
 )
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
@@ -298,18 +298,18 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
         axis=1,
     )
     likelihoods = [run.likelihood for run in runs]
-    whole = contrast(likelihoods, way)
+    whole = test_homogeneity(likelihoods, way)
     if not all(run.trusted for run in runs) or whole.freedom == 0:
         verdict = "unknown"
     else:
         verdict = "disagree" if whole.p < DISAGREE_BELOW else "agree"
-    found = population(likelihoods, way, count, seed)
+    found = fit_random_effects(likelihoods, way, count, seed)
     own = [estimates_of_runs(one, way, found.centre.mean(axis=0)) for one in likelihoods]
     return RunConsistency(
         verdict=verdict,
         whole=whole,
         each={
-            name: contrast(likelihoods, way, [k])
+            name: test_homogeneity(likelihoods, way, [k])
             for k, name in enumerate(parameter_space.car.estimated)
         },
         runs=tuple(runs),

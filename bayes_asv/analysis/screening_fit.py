@@ -18,7 +18,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.newton import residual_functions
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.posterior.residual_ar import chance_factor, long_run_variance
 from bayes_asv.preprocessing.activity import wheel_power
 from bayes_asv.preprocessing.data_checks import dead_channels, min_sampling_rate
@@ -91,7 +91,7 @@ def screening_fit(
         if nominal_rate(recording) < least or dead_channels(recording, vehicle, model):
             return None
     prepared = tuple(prepare(one, vehicle, model) for one in recordings)
-    posterior = Posterior(space(vehicle, prepared), tuple(WHITE for _ in prepared))
+    posterior = Posterior(make_parameter_space(vehicle, prepared), tuple(WHITE for _ in prepared))
     n = posterior.space.shared_dimension
     dimension = posterior.space.dimension
 
@@ -168,7 +168,7 @@ def holds_throughout(
     """
     model = car_model(car, vehicle)
     prepared = prepare(recording, vehicle, model)
-    posterior = Posterior(space(vehicle, (prepared,)), (WHITE,))
+    posterior = Posterior(make_parameter_space(vehicle, (prepared,)), (WHITE,))
     z = np.zeros(posterior.space.dimension)
     z[: len(fit.shared)] = fit.shared
     innovations, use = posterior.innovations(z, 0), prepared.kind == VALUE

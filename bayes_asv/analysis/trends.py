@@ -158,12 +158,12 @@ class Coordinates:
         ]
         columns = []
         for name in car.estimated:
-            moved = np.array([float(name == log) for log in self._prior.logs])
+            moved = np.array([float(name == log) for log in self._prior.log_parameters])
             zeta = np.linalg.pinv(self._prior.root) @ moved
             columns.append([*(zeta @ self._prior.identified), *np.zeros(len(self._fractions))])
         self.way: Array = np.array(columns).T
         """B (n, p): derivatives by the logarithms of what is estimated."""
-        rows = [self._prior.root[self._prior.logs.index(n)] for n in car.estimated]
+        rows = [self._prior.root[self._prior.log_parameters.index(n)] for n in car.estimated]
         self.slopes: Array = np.column_stack(
             [np.array(rows) @ self._prior.identified, np.zeros((len(rows), len(self._fractions)))]
         )
@@ -179,8 +179,8 @@ class Coordinates:
         """
         prior = self._prior
         count = len(next(iter(draws.values())))
-        moved = np.zeros((count, len(prior.logs)))
-        for k, name in enumerate(prior.logs):
+        moved = np.zeros((count, len(prior.log_parameters)))
+        for k, name in enumerate(prior.log_parameters):
             if name in draws and prior.log_sd[k] > 0.0:
                 moved[:, k] = np.log(draws[name]) - prior.log_mean[k]
         z = moved @ np.linalg.pinv(prior.root).T @ prior.identified

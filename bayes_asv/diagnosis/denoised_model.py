@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted, update_corrections
-from bayes_asv.posterior.free_simulation import free_run, simulated
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model, update_corrections
+from bayes_asv.posterior.free_simulation import free_run, simulate_from
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
@@ -154,7 +154,7 @@ def _run_sensitivities(at: FixedGainFilter, count: int) -> Array:
 
 def _residuals(posterior: Posterior, z: Array, run: int, start: Array) -> Array:
     inputs = posterior.as_declared(z, run)
-    return np.asarray(inputs.reading - simulated(posterior, z, run, inputs, start)[0])
+    return np.asarray(inputs.reading - simulate_from(posterior, z, run, inputs, start)[0])
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedM
     the same ones only.
     """
     denoised = denoise(dataset, model)
-    return denoised, fitted(denoised.posterior(model.placed_effects), model.mode.z)
+    return denoised, fit_model(denoised.posterior(model.placed_effects), model.mode.z)
 
 
 def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:

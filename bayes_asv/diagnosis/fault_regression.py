@@ -31,7 +31,7 @@ from bayes_asv.diagnosis.denoised_model import DenoisedModel, denoised_model
 from bayes_asv.diagnosis.model_assessment import AssessedModel, model_evidence
 from bayes_asv.diagnosis.results import UnnamedCause
 from bayes_asv.diagnosis.score_test import NuisanceProjection
-from bayes_asv.diagnosis.simulation_error import frozen
+from bayes_asv.diagnosis.simulation_error import transfer_frozen
 from bayes_asv.diagnosis.thresholds import (
     DECISIVE_EVIDENCE,
     MIN_INFORMATION_SHARE,
@@ -404,7 +404,7 @@ def _perturbations(
 def _apply(dataset: Dataset, model: FittedModel, now: _Regression) -> Dataset:
     """Return other recordings less what the faults change along their own motion."""
     for _ in range(_ROUNDS):
-        posterior, z = frozen(dataset, model, own=False)
+        posterior, z = transfer_frozen(dataset, model, own=False)
         motions = predicted_motions(dataset, posterior, z)
         dataset = replace(dataset, perturbations=_perturbations(dataset, motions, now))
     return dataset

@@ -46,7 +46,7 @@ from bayes_asv.diagnosis.thresholds import (
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
 from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_again, fitted
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_again, fit_model
 from bayes_asv.posterior.free_simulation import free_run
 
 __all__ = [
@@ -78,7 +78,7 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     modes = []
     for model in (one, other):
         posterior = predicted.posterior(model.placed_effects, hold=True)
-        modes.append(fitted(posterior, model.transfer(posterior.space)).mode)
+        modes.append(fit_model(posterior, model.transfer(posterior.space)).mode)
     # the misfit of the first to its own prediction is that of the initial state alone
     return max(2.0 * (modes[0].log_posterior - modes[1].log_posterior), 0.0)
 

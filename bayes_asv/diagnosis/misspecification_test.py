@@ -35,11 +35,11 @@ from bayes_asv.diagnosis.tolerance_prior import (
     with_offset,
 )
 from bayes_asv.diagnosis.unlisted_faults import free_force_evidence, unlisted_fault_scores
-from bayes_asv.posterior.fisher_scoring import LaplaceFit, slopes
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
+from bayes_asv.posterior.fisher_scoring import LaplaceApproximation, slopes
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model
 from bayes_asv.posterior.likelihood import Posterior, shared_work
 
-__all__ = ["Unexplained", "best_alternative", "misspecification_tests"]
+__all__ = ["MisspecificationResult", "best_alternative", "misspecification_tests"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ _ROUNDS = 2  # of choosing an alternative
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class MisspecificationResult:
     """Tests for something that no listed effect explains.
 
     Parameters
@@ -105,7 +105,9 @@ class Unexplained:
         return self.detected or self.alternative > ALTERNATIVE_MARGIN
 
 
-def misspecification_tests(dataset: Dataset, evidence: ModelEvidence, seed: int) -> Unexplained:
+def misspecification_tests(
+    dataset: Dataset, evidence: ModelEvidence, seed: int
+) -> MisspecificationResult:
     """Test a model for anything that no listed effect explains.
 
     Parameters
@@ -127,7 +129,7 @@ def misspecification_tests(dataset: Dataset, evidence: ModelEvidence, seed: int)
         faults.gradient, faults.information, faults.raw_information, two_sided, seed
     )
     p_jitter, jitter_channel = timing_jitter_test(dataset, model)
-    return Unexplained(
+    return MisspecificationResult(
         score=force,
         axle=axle,
         p_whiteness=whiteness_test(model)[1],
@@ -218,7 +220,7 @@ def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alter
     """Fit the unlisted fault of the largest gain over a car without effects; None if none gains."""
     with shared_work(posterior) as shared:
         at_z = slopes(shared, z)
-    plain = FittedModel((), posterior, LaplaceFit(z, at_z, True))
+    plain = FittedModel((), posterior, LaplaceApproximation(z, at_z, True))
     denoised = denoised_model(dataset, plain)
     # least squares of the innovations on the car's coordinates, then on each fault as well
     car = slice(posterior.space.shared_dimension)
@@ -234,13 +236,13 @@ def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alter
     start = z.copy()
     step = projection.gradient - projection.sensitivities @ change
     start[car] += np.linalg.solve(projection.precision, step)
-    fit = fitted(with_offset(plain, change[None], np.ones(1)), start)
+    fit = fit_model(with_offset(plain, change[None], np.ones(1)), start)
     loss = _loss(fit.posterior, fit.mode, denoised.settled)
     count = len(faults.descriptions)
     return _Alternative(loss, gain, faults.descriptions[k], fit.mode.z, denoised.settled, count)
 
 
-def _loss(posterior: Posterior, mode: LaplaceFit, settled: NDArray[np.bool_]) -> float:
+def _loss(posterior: Posterior, mode: LaplaceApproximation, settled: NDArray[np.bool_]) -> float:
     """Minus the log-posterior up to a constant (nats), once the filter has settled.
 
     A clipped reading does not count: its true value is unknown.
@@ -248,5 +250,5 @@ def _loss(posterior: Posterior, mode: LaplaceFit, settled: NDArray[np.bool_]) ->
     at_mode = mode.slopes
     runs = range(len(posterior.space.recordings))
     back = sum(float(posterior.removed_band_correction(mode.z[None], run)[0]) for run in runs)
-    twice = np.sum((at_mode.nu**2 + at_mode.logs)[settled]) + mode.z @ mode.z
+    twice = np.sum((at_mode.nu**2 + at_mode.log_variances)[settled]) + mode.z @ mode.z
     return 0.5 * float(twice) - back

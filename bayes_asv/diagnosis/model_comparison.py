@@ -35,7 +35,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
 )
 from bayes_asv.models.effects import BOTH, PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model
 from bayes_asv.posterior.model_error import draw_cars
 
 __all__ = [
@@ -151,13 +151,13 @@ def _at_first_order_size(candidate: Candidate, test: ScoreTest, k: int) -> list[
     """Return a candidate at its most probable size to first order, where size is a factor."""
     first = candidate.placed.effect.parameters[0]
     information = float(test.information[k, k])
-    size_is_factor = first.form != "log" or first.per
+    size_is_factor = first.form != "log" or first.prior_unit
     if not size_is_factor or information < 1.0:
         return []
     size = float(candidate.values[first.name]) * float(test.gradient[k]) / information
     if first.form in ("positive", "log") and size <= 0.0:
         return []
-    return [replace(candidate, values={**candidate.values, first.name: size}, begin=True)]
+    return [replace(candidate, values={**candidate.values, first.name: size}, is_start=True)]
 
 
 def fit_candidates(
@@ -265,7 +265,7 @@ def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> 
         for p in placed.effect.parameters:
             z = model.mode.z[model.space.names.index(extended.placed.coordinate_name(p))]
             start[posterior.space.names.index(placed.coordinate_name(p))] = z
-    fit = fitted(posterior, start)
+    fit = fit_model(posterior, start)
     others = score_test(denoised_model(dataset, fit), _other_tolerances(extended.placed, test))
     evidence = tolerance_evidence(fit, others)
     if evidence.log_evidence < extended.evidence.log_evidence + SPLIT_EVIDENCE:

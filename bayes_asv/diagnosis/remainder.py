@@ -12,10 +12,10 @@ from bayes_asv.diagnosis.model_assessment import AssessedModel, model_evidence, 
 from bayes_asv.diagnosis.simulation_error import ErrorChange, compare_errors
 from bayes_asv.diagnosis.thresholds import PRIOR_NONE
 
-__all__ = ["Remainder", "explain_remainder"]
+__all__ = ["UnlistedFaultResult", "fit_unlisted_faults"]
 
 
-class Remainder(NamedTuple):
+class UnlistedFaultResult(NamedTuple):
     """What is left, added to the model.
 
     Parameters
@@ -34,14 +34,14 @@ class Remainder(NamedTuple):
     alternative: float
 
 
-def explain_remainder(
+def fit_unlisted_faults(
     assessed: AssessedModel,
     named: int,
     effect_count: int,
     runs: Split,
     errors: dict[str, ErrorChange],
     seed: int,
-) -> Remainder:
+) -> UnlistedFaultResult:
     """Explain what is left by unlisted faults, beside the named effects and in their place.
 
     Parameters
@@ -70,9 +70,9 @@ def explain_remainder(
         prior = named * math.log((1.0 - PRIOR_NONE) / effect_count)
         alternative = other - (own + prior)
     if beside is None:
-        return Remainder(None, errors, alternative)
+        return UnlistedFaultResult(None, errors, alternative)
     changed = _changed_errors(assessed, beside, runs, errors, seed)
-    return Remainder(beside if changed else None, changed or errors, alternative)
+    return UnlistedFaultResult(beside if changed else None, changed or errors, alternative)
 
 
 def _changed_errors(

@@ -12,7 +12,7 @@ from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.analysis.spring_curves import SpringCurve
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Localization
-from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
 from bayes_asv.diagnosis.model_comparison import ExtendedModel
 from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.thresholds import (
@@ -106,7 +106,7 @@ class Diagnosis:
         Engine tones that were removed.
     p_none : float
         Probability that nothing beyond tolerances is missing.
-    unexplained : Unexplained or None
+    unexplained : MisspecificationResult or None
         Tests for something that no listed effect explains.
     unnamed : tuple of UnnamedCause
         What was added to the model without a name, the largest first.
@@ -142,7 +142,7 @@ class Diagnosis:
     named: tuple[NamedEffect, ...] = ()
     engine: Engine | None = None
     p_none: float = 1.0
-    unexplained: Unexplained | None = None
+    unexplained: MisspecificationResult | None = None
     unnamed: tuple[UnnamedCause, ...] = ()
     localization: Localization | None = None
     errors: dict[str, ErrorChange] | None = None

@@ -182,7 +182,7 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
         for run, at in enumerate(denoised.filters):
             if candidate.placed.run not in (None, run):
                 continue
-            if candidate.edge:  # an added force leaves the gain as it is: one pass is enough
+            if candidate.is_step:  # an added force leaves the gain as it is: one pass is enough
                 predicted = at.innovations - posterior.innovations_and_variances(extended, run)[0]
                 by_run[run] = predicted[at.has_reading]
             else:
@@ -279,7 +279,7 @@ def family_p_value(test: ScoreTest, seed: int) -> float:
         Seed of the draws.
     """
     test = replace(test, gradient=test.gradient / math.sqrt(_SCORE_VARIANCE))
-    other = np.flatnonzero([not c.edge for c in test.candidates])
+    other = np.flatnonzero([not c.is_step for c in test.candidates])
     one_sided = np.array([test.candidates[k].one_sided for k in other])
     raw = np.sum(test.sensitivities[other] ** 2, axis=1)
     information = test.information[np.ix_(other, other)]
@@ -391,7 +391,7 @@ def pulse_p_value(test: ScoreTest, seed: int) -> float:
     scans = list(_pulse_scans(test))
     if not scans:
         return 1.0
-    steps = np.flatnonzero([c.edge for c in test.candidates])
+    steps = np.flatnonzero([c.is_step for c in test.candidates])
     eigenvalues, vectors = np.linalg.eigh(test.information[np.ix_(steps, steps)])
     root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))).astype(np.float32)
     observed = max(float(scan.max_squares(test.gradient[None])[0]) for scan in scans)
@@ -410,7 +410,7 @@ def pulse_p_value(test: ScoreTest, seed: int) -> float:
 
 def with_best_pulses(test: ScoreTest) -> ScoreTest:
     """Replace the steps of a force by the best pulse at each place of each run."""
-    kept = [k for k, c in enumerate(test.candidates) if not c.edge]
+    kept = [k for k, c in enumerate(test.candidates) if not c.is_step]
     if len(kept) == len(test.candidates):
         return test
     candidates = [test.candidates[k] for k in kept]
@@ -432,23 +432,25 @@ def with_best_pulses(test: ScoreTest) -> ScoreTest:
 
 def _pulse(test: ScoreTest, scan: _PulseScan, begin: int, end: int) -> Candidate:
     """Return the pulse between two steps."""
-    in_run = [c for c in test.candidates if c.edge and c.placed.run == scan.run]
+    in_run = [c for c in test.candidates if c.is_step and c.placed.run == scan.run]
     steps = [c for c in in_run if c.placed.where == in_run[0].placed.where]
     first = steps[begin]
     grid = steps[1].values["start"] - steps[0].values["start"]
     duration = (end - begin) * grid
     placed = replace(first.placed, where=scan.where)
-    return replace(first, placed=placed, values={**first.values, "duration": duration}, edge=False)
+    return replace(
+        first, placed=placed, values={**first.values, "duration": duration}, is_step=False
+    )
 
 
 def _pulse_scans(test: ScoreTest) -> Iterator[_PulseScan]:
     """Yield the pulses at every place of every run."""
     raw = np.sum(test.sensitivities**2, axis=1)
     for run in sorted(
-        {c.placed.run for c in test.candidates if c.edge and c.placed.run is not None}
+        {c.placed.run for c in test.candidates if c.is_step and c.placed.run is not None}
     ):
         steps_of_axle = [
-            [k for k, c in enumerate(test.candidates) if c.edge and _acts_at(c, axle, run)]
+            [k for k, c in enumerate(test.candidates) if c.is_step and _acts_at(c, axle, run)]
             for axle in AXLES
         ]
         for where, shares in _AXLE_SHARES.items():

@@ -27,8 +27,8 @@ __all__ = [
     "SimulationResiduals",
     "compare_errors",
     "error_increased",
-    "frozen",
     "simulation_residuals",
+    "transfer_frozen",
 ]
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ class ErrorChange:
         return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else None
 
 
-def frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
+def transfer_frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
     """Carry a model's car and effects to recordings; effects of a single run only to their own."""
     placed_effects: tuple[PlacedEffect, ...] = tuple(
         s for s in model.placed_effects if own or s.run is None
@@ -141,7 +141,7 @@ def simulation_residuals(
     own : bool
         The model was fitted to these recordings: effects of a single run act in it.
     """
-    posterior, z = frozen(dataset, model, own)
+    posterior, z = transfer_frozen(dataset, model, own)
     dimension, scales = _scales(dataset)
     residuals, times, floors = [], [], []
     for run, recording in enumerate(dataset.recordings):

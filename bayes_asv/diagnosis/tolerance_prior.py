@@ -41,7 +41,7 @@ from bayes_asv.diagnosis.score_test import NuisanceProjection, ScoreTest, nuisan
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
-from bayes_asv.posterior.fitted_model import FittedModel, fitted
+from bayes_asv.posterior.fitted_model import FittedModel, fit_model
 from bayes_asv.posterior.likelihood import Perturbation, Posterior
 
 __all__ = [
@@ -385,10 +385,10 @@ def _refit(
     offsets = at.tolerances.mode
     start = at.model.mode.z + at.mode_slope() @ (offsets - at.offsets)
     cost = 0.5 * float(offsets @ offsets)
-    moved = fitted(with_offset(model, sensitivities, offsets, cost), start)
+    moved = fit_model(with_offset(model, sensitivities, offsets, cost), start)
     # Along a coordinate the predictions change as they did; standard deviations are others.
     here = moved.mode.slopes
-    ratio = np.exp(-0.5 * (here.logs - model.mode.slopes.logs))
+    ratio = np.exp(-0.5 * (here.log_variances - model.mode.slopes.log_variances))
     derivatives = replace(
         here, means=test.derivatives.means * ratio, scales=test.derivatives.scales
     )

@@ -54,7 +54,7 @@ from bayes_asv.diagnosis.model_comparison import (
     weighted_posterior,
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
-from bayes_asv.diagnosis.remainder import explain_remainder
+from bayes_asv.diagnosis.remainder import fit_unlisted_faults
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
@@ -63,7 +63,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import PlacedEffect
-from bayes_asv.posterior.clock_errors import synchronised
+from bayes_asv.posterior.clock_errors import align_clocks
 from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
@@ -160,7 +160,7 @@ def diagnose(
     regression, errors = None, validated.errors
     if unexplained.detected:
         progress(0.92, "adding to the model what is left")
-        remainder = explain_remainder(
+        remainder = fit_unlisted_faults(
             assessed, len(named), search.effect_count, search.without_tones, errors, seed
         )
         regression, errors = remainder.regression, remainder.errors
@@ -328,7 +328,7 @@ def _synchronised(
     clocks = declared_clocks(runs, vehicle) if recordings else ()
     if not clocks:
         return recordings
-    return prepare_runs(synchronised(runs, vehicle, clocks, car=car).recordings, vehicle, car=car)[
+    return prepare_runs(align_clocks(runs, vehicle, clocks, car=car).recordings, vehicle, car=car)[
         0
     ]
 

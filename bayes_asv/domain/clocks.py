@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DRIFT_SD", "GROUPS", "OFFSET_SD", "Clock", "check_clocks", "clock_of_group",
-    "declared_clocks", "members", "retimed",
+    "declared_clocks", "members", "with_declared_clock_error",
 ]  # fmt: skip
 
 OFFSET_SD: Final = 0.02
@@ -139,7 +139,7 @@ def check_clocks(clocks: Sequence[Clock], where: str) -> None:
             owner[name] = clock.name
 
 
-def retimed(
+def with_declared_clock_error(
     recording: Recording, vehicle: Vehicle, clock: Clock, offset: float, drift: float
 ) -> Recording:
     """Return a recording whose metadata declare an offset and a drift of a clock.

@@ -12,10 +12,10 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["forget_older"]
+__all__ = ["purge_stale_cache"]
 
 
-def forget_older(folder: Path) -> None:
+def purge_stale_cache(folder: Path) -> None:
     """Remove what was compiled before any module of a folder was last changed.
 
     Parameters
@@ -31,4 +31,4 @@ def forget_older(folder: Path) -> None:
                 compiled.unlink(missing_ok=True)
 
 
-forget_older(Path(__file__).parent)
+purge_stale_cache(Path(__file__).parent)

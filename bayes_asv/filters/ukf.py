@@ -600,7 +600,7 @@ def _write_results(
     row: Array,
 ) -> None:
     """Fill a row of results, the reference being at the estimate."""
-    for q in range(sizes.answers):
+    for q in range(sizes.estimands):
         variance = 0.0
         for i in range(q + 1):
             variance += D[i, q] * D[i, q]

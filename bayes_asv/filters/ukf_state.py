@@ -44,7 +44,7 @@ class Sizes(NamedTuple):
         Measured outputs, ny.
     parameters : int
         Parameters of the car, gains of the sensors, and parameters of effects.
-    answers : int
+    estimands : int
         Coordinates that are reported; they come first.
     bars : int
         One for a car with anti-roll bars, else zero.
@@ -66,7 +66,7 @@ class Sizes(NamedTuple):
     directions: int
     outputs: int
     parameters: int
-    answers: int
+    estimands: int
     bars: int
     forces: int
     motion: int
@@ -197,7 +197,7 @@ class Columns(NamedTuple):
 
 def columns(of: Sizes) -> Columns:
     """Return the columns of a row of results."""
-    na, ne, ny = of.answers, of.elements, of.outputs
+    na, ne, ny = of.estimands, of.elements, of.outputs
     places = [0]
     for width in (na, na, ne, ne, ny, ny, 1, 1, ny, ny, 1):
         places.append(places[-1] + width)

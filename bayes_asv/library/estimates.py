@@ -246,7 +246,7 @@ def estimate(
             vehicle.units,
             below=result.probability_below_nominal(name),
         )
-        for name in result.answers
+        for name in result.estimands
     }
     return Estimate(result, estimate_document(result), parameters, searched=_AUTO in names)
 

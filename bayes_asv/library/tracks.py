@@ -90,7 +90,7 @@ class Track(Result):
         frames = self._engine.frames
         shown = display_units(self.vehicle.units if units == "vehicle" else units)
         table: dict[str, Any] = {}
-        for k, name in enumerate(self._engine.coordinates.answers):
+        for k, name in enumerate(self._engine.coordinates.estimands):
             dimension = QUANTITIES[name][0]
             median = frames.median[:, k] * from_si(1.0, shown[dimension], dimension)
             spread = np.exp(NORMAL_975 * frames.log_sd[:, k])

@@ -138,7 +138,7 @@ def _drive_document(plan: Plan, one: RatedDrive) -> Document:
         "gentle": evaluation.gentle,
         "passes_needed": required,
         "why_never": {
-            n: unreachable_reason(plan, one, n) for n in plan.answers if required[n] is None
+            n: unreachable_reason(plan, one, n) for n in plan.estimands if required[n] is None
         },
         "width_percent": None,
         "inseparable": [],

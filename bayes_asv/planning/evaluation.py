@@ -20,7 +20,7 @@ from bayes_asv.planning.measurement import (
     simulate_recording,
 )
 from bayes_asv.planning.ride_simulation import Motion
-from bayes_asv.posterior.information import Unknowns, fisher_information, unknowns
+from bayes_asv.posterior.information import ParameterPrior, fisher_information, make_parameter_prior
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 
 __all__ = ["Evaluation", "MeasuredCar", "evaluate", "measured_car"]
@@ -46,20 +46,20 @@ class MeasuredCar:
         Its model.
     channels : tuple of Channel
         What is measured, C channels.
-    about : Unknowns
-        Unknowns of the car, and what these channels can tell of them.
+    about : ParameterPrior
+        ParameterPrior of the car, and what these channels can tell of them.
     """
 
     vehicle: Vehicle
     car: CarModel
     channels: tuple[Channel, ...]
-    about: Unknowns
+    about: ParameterPrior
 
 
 def measured_car(vehicle: Vehicle, car: CarModel, channels: Sequence[Channel]) -> MeasuredCar:
     """Put a car and its channels together."""
     outputs = [Output(channel) for channel in channels if not channel.is_input]
-    return MeasuredCar(vehicle, car, tuple(channels), unknowns(car, outputs))
+    return MeasuredCar(vehicle, car, tuple(channels), make_parameter_prior(car, outputs))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What drives cannot separate: groups of parameters that none does, and pairs that one hardly does.
 
 Accelerations depend on the ratios c/m, k/m and i/(m l²) only.  Which such groups there are follows
-from the car and its measured outputs (:class:`bayes_asv.posterior.information.Unknowns`).
+from the car and its measured outputs (:class:`bayes_asv.posterior.information.ParameterPrior`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.posterior.information import Unknowns
+from bayes_asv.posterior.information import ParameterPrior
 
 __all__ = ["MIN_CORRELATION", "CorrelatedPair", "Group", "correlated_pairs", "inseparable_groups"]
 
@@ -32,7 +32,7 @@ class Group(NamedTuple):
     Parameters
     ----------
     names : tuple of str
-        Unknowns of the car; the first is a given value.
+        ParameterPrior of the car; the first is a given value.
     words : str
         The change of them that leaves every reading as it is.
     along : (nT,) array
@@ -50,7 +50,7 @@ class CorrelatedPair(NamedTuple):
     Parameters
     ----------
     names : tuple of 2 str
-        Unknowns of the car, with the first unknown of every inseparable group held fixed.
+        ParameterPrior of the car, with the first unknown of every inseparable group held fixed.
     correlation : float
         Correlation of their logarithms, from the drive alone.
     sd_inflation : float
@@ -62,9 +62,9 @@ class CorrelatedPair(NamedTuple):
     sd_inflation: float
 
 
-def inseparable_groups(about: Unknowns) -> tuple[Group, ...]:
+def inseparable_groups(about: ParameterPrior) -> tuple[Group, ...]:
     """Find the groups of parameters that no drive separates with what is measured."""
-    springs = {about.names[int(np.argmax(about.parameters[e.spring] != 0.0))]
+    springs = {about.names[int(np.argmax(about.log_gradients[e.spring] != 0.0))]
                for e in about.car.elements}  # fmt: skip
     heavier = {"m", *about.car.estimated, *springs}
     candidates = [
@@ -86,14 +86,14 @@ def inseparable_groups(about: Unknowns) -> tuple[Group, ...]:
     return tuple(found)
 
 
-def correlated_pairs(information: Array, about: Unknowns) -> list[CorrelatedPair]:
+def correlated_pairs(information: Array, about: ParameterPrior) -> list[CorrelatedPair]:
     """Find the strongly correlated pairs of parameters of one drive.
 
     Parameters
     ----------
     information : (nT, nT) array
         Of one pass; the correlations do not depend on the number of passes.
-    about : Unknowns
+    about : ParameterPrior
         Its unknowns.
 
     Returns

@@ -22,7 +22,7 @@ from bayes_asv.planning.predicted_sd import (
     sd_floors,
 )
 from bayes_asv.planning.ride_simulation import Motion, Pass, Tyres, default_tyres, simulate_passes
-from bayes_asv.posterior.information import Unknowns
+from bayes_asv.posterior.information import ParameterPrior
 from bayes_asv.posterior.threads import threads
 from bayes_asv.simulation.simulate import usual_channels
 
@@ -120,14 +120,14 @@ class Plan:
     seed: int
 
     @property
-    def prior(self) -> Unknowns:
-        """Unknowns of the car with their prior standard deviations."""
+    def prior(self) -> ParameterPrior:
+        """ParameterPrior of the car with their prior standard deviations."""
         return self.measured.about
 
     @property
-    def answers(self) -> tuple[str, ...]:
+    def estimands(self) -> tuple[str, ...]:
         """Names of the parameters whose standard deviations are predicted."""
-        return tuple(self.prior.answers)
+        return tuple(self.prior.estimands)
 
     @property
     def verdict(self) -> str:
@@ -216,7 +216,7 @@ def plan(
     best = chosen or _nearest(rated, prior, want, max_passes)
     limits: list[LimitingValues] = []
     if best is not None and chosen is None:
-        for name in prior.answers:
+        for name in prior.estimands:
             limiting = limiting_values(
                 best.evaluation.information, max_passes, prior, name, want[name]
             )
@@ -291,9 +291,9 @@ def _ratio(sd: Mapping[str, float], want: Mapping[str, float]) -> float:
     return max(sd[name] / want[name] for name in sd)
 
 
-def _rate(evaluation: Evaluation, prior: Unknowns, want: Mapping[str, float]) -> RatedDrive:
+def _rate(evaluation: Evaluation, prior: ParameterPrior, want: Mapping[str, float]) -> RatedDrive:
     if not evaluation.usable:
-        return RatedDrive(evaluation, dict.fromkeys(prior.answers), math.inf)
+        return RatedDrive(evaluation, dict.fromkeys(prior.estimands), math.inf)
     exact = predicted_sd(evaluation.information, 1, prior.with_exact_given())
     required = required_passes(evaluation.information, prior, want)
     return RatedDrive(evaluation, required, _ratio(exact, want))
@@ -332,13 +332,15 @@ def _easiest(candidates: Sequence[RatedDrive]) -> RatedDrive:
     return min(near, key=effort)
 
 
-def _worst_ratio(one: RatedDrive, passes: int, prior: Unknowns, want: Mapping[str, float]) -> float:
+def _worst_ratio(
+    one: RatedDrive, passes: int, prior: ParameterPrior, want: Mapping[str, float]
+) -> float:
     """Return the largest ratio of predicted to wanted standard deviation."""
     return _ratio(predicted_sd(one.evaluation.information, passes, prior), want)
 
 
 def _nearest(
-    rated: Sequence[RatedDrive], prior: Unknowns, want: Mapping[str, float], max_passes: int
+    rated: Sequence[RatedDrive], prior: ParameterPrior, want: Mapping[str, float], max_passes: int
 ) -> RatedDrive | None:
     """Return the drive that comes nearest to the wanted values, a gentle one if about as good."""
     usable = [
@@ -355,7 +357,7 @@ def _nearest(
 
 
 def _recommended_passes(
-    best: RatedDrive | None, prior: Unknowns, want: Mapping[str, float], max_passes: int
+    best: RatedDrive | None, prior: ParameterPrior, want: Mapping[str, float], max_passes: int
 ) -> int:
     """Return the smallest number of passes after which further ones gain nothing substantial."""
     if best is None:

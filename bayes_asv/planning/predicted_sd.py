@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.posterior import information as fisher
-from bayes_asv.posterior.information import Unknowns
+from bayes_asv.posterior.information import ParameterPrior
 
 __all__ = [
     "MAX_PASSES",
@@ -36,7 +36,7 @@ def _relative(log_sd: Mapping[str, float]) -> dict[str, float]:
     return {name: math.sqrt(math.expm1(min(sd**2, 50.0))) for name, sd in log_sd.items()}
 
 
-def predicted_sd(information: Array, passes: float, about: Unknowns) -> dict[str, float]:
+def predicted_sd(information: Array, passes: float, about: ParameterPrior) -> dict[str, float]:
     """Predict the relative posterior standard deviation of every answer.
 
     Parameters
@@ -45,19 +45,19 @@ def predicted_sd(information: Array, passes: float, about: Unknowns) -> dict[str
         Of one pass.
     passes : float
         Number of passes.
-    about : Unknowns
+    about : ParameterPrior
         With the prior standard deviations.
     """
-    return _relative(fisher.predicted_sd(information, passes, about, about.answers))
+    return _relative(fisher.predicted_sd(information, passes, about, about.estimands))
 
 
-def sd_floors(about: Unknowns) -> dict[str, float]:
+def sd_floors(about: ParameterPrior) -> dict[str, float]:
     """Compute the relative standard deviation of every answer after infinitely many passes."""
-    return _relative(fisher.sd_floor(about, about.answers))
+    return _relative(fisher.sd_floor(about, about.estimands))
 
 
 def required_passes(
-    information: Array, about: Unknowns, want: Mapping[str, float]
+    information: Array, about: ParameterPrior, want: Mapping[str, float]
 ) -> dict[str, int | None]:
     """Compute the smallest number of passes that reaches each wanted standard deviation.
 
@@ -65,7 +65,7 @@ def required_passes(
     ----------
     information : (nT, nT) array
         Of one pass.
-    about : Unknowns
+    about : ParameterPrior
         With the prior standard deviations.
     want : mapping of str to float
         Wanted relative standard deviation of each answer.
@@ -76,7 +76,7 @@ def required_passes(
         None where :data:`MAX_PASSES` passes do not suffice.
     """
     passes: dict[str, int | None] = {}
-    for name in about.answers:
+    for name in about.estimands:
 
         def enough(n: int, name: str = name) -> bool:
             return predicted_sd(information, n, about)[name] <= want[name]
@@ -115,7 +115,7 @@ class LimitingValues(NamedTuple):
 
 
 def limiting_values(
-    information: Array, passes: int, prior: Unknowns, parameter: str, want: float
+    information: Array, passes: int, prior: ParameterPrior, parameter: str, want: float
 ) -> LimitingValues | None:
     """Find the given values whose uncertainty limits one parameter.
 
@@ -125,7 +125,7 @@ def limiting_values(
         Of one pass.
     passes : int
         Largest acceptable number of passes.
-    prior : Unknowns
+    prior : ParameterPrior
         With the prior standard deviations.
     parameter : str
         One of its answers.
@@ -139,7 +139,7 @@ def limiting_values(
         one that has to improve least; otherwise all that matter, each by the same factor.
     """
 
-    def sd_with(changed: Unknowns) -> float:
+    def sd_with(changed: ParameterPrior) -> float:
         return predicted_sd(information, passes, changed)[parameter]
 
     current = sd_with(prior)
@@ -167,7 +167,10 @@ def limiting_values(
 
 
 def _largest_factor(
-    sd_with: Callable[[Unknowns], float], prior: Unknowns, names: tuple[str, ...], want: float
+    sd_with: Callable[[ParameterPrior], float],
+    prior: ParameterPrior,
+    names: tuple[str, ...],
+    want: float,
 ) -> float:
     """Find the largest factor on these prior deviations that reaches `want`; 0 if none does."""
 

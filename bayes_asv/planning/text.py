@@ -125,7 +125,7 @@ def unidentified_lines(plan: Plan) -> list[str]:
     if plan.best is None:
         return recordings
     prior = {name: about.sd(name) for name in car.estimated}
-    directions = {name: about.parameters[name] for name in prior}
+    directions = {name: about.log_gradients[name] for name in prior}
     after = predicted_sd(plan.best.evaluation.information, plan.passes, about, directions)
     outputs = [channel for channel in plan.measured.channels if not channel.is_input]
     for name in unmeasured(prior, after):
@@ -310,7 +310,7 @@ def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
             f"± {percent_text(NORMAL_975 * sd[name])}",
             percent_text(plan.want[name]),
         )
-        for name in plan.answers
+        for name in plan.estimands
     ]
     return _columns([("", "deviation", "95 %", "wanted"), *rows])
 
@@ -319,7 +319,7 @@ def _unidentifiable_section(plan: Plan, one: RatedDrive) -> list[str]:
     """List what no drive, and what this drive, cannot separate."""
     recordings = ["", "No drive can separate:"]
     recordings += [f"- {words}" for words in unidentifiable_lines(plan)]
-    limited = [name for name in plan.answers if plan.sd_floor[name] > 1e-5]
+    limited = [name for name in plan.estimands if plan.sd_floor[name] > 1e-5]
     for floor in dict.fromkeys(percent_text(plan.sd_floor[name]) for name in limited):
         same = [name for name in limited if percent_text(plan.sd_floor[name]) == floor]
         recordings.append(f"- so {_join(same)} cannot be determined to better than {floor}")
@@ -346,7 +346,7 @@ def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
         usable = [one for one in candidates if one.evaluation.usable]
         name = road_text(road, units).removeprefix("a ")
         if not usable:
-            rows.append((name, "none", *["–"] * len(plan.answers), ""))
+            rows.append((name, "none", *["–"] * len(plan.estimands), ""))
             continue
         top = min(usable, key=lambda one: (not one.evaluation.gentle, one.worst_ratio))
         sd = plan.sd_after(top, plan.passes)
@@ -355,14 +355,14 @@ def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
             (
                 name,
                 _quantity_text(speed(top.evaluation.drive.speed, units)),
-                *(percent_text(sd[a]) for a in plan.answers),
+                *(percent_text(sd[a]) for a in plan.estimands),
                 f"unusable from {_quantity_text(speed(min(unusable), units))} on"
                 if unusable
                 else "",
             )
         )
     head = f"At {rate:g} Hz, {times_text(plan.passes)}, best speed for each road:"
-    return [head, *_columns([("", "speed", *plan.answers, ""), *rows])]
+    return [head, *_columns([("", "speed", *plan.estimands, ""), *rows])]
 
 
 def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
@@ -377,11 +377,11 @@ def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
         return []
     rows = []
     for one in same:
-        cells = ["–"] * len(plan.answers)
+        cells = ["–"] * len(plan.estimands)
         if one.evaluation.usable:
             cells = [percent_text(sd) for sd in plan.sd_after(one, plan.passes).values()]
         rows.append((f"{one.evaluation.drive.rate:g} Hz", *cells))
-    return ["The drive above at other rates:", *_columns([("", *plan.answers), *rows])]
+    return ["The drive above at other rates:", *_columns([("", *plan.estimands), *rows])]
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -397,7 +397,7 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _given_text(plan: Plan, parameter: str) -> str:
     """List the given values that limit a parameter: ``sprung mass 1 %, wheelbase 0.5 %``."""
-    direction = plan.prior.answers[parameter]
+    direction = plan.prior.estimands[parameter]
     names = [
         group.names[0]
         for group in inseparable_groups(plan.prior)

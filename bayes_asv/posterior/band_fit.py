@@ -31,7 +31,7 @@ from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.fit_checks import excess_noise_sentence
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.events import FEWEST_PARTS, PART_PERIODS
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -40,17 +40,17 @@ __all__ = [
     "FEWEST_PARTS",
     "PART_PERIODS",
     "BandFit",
-    "agreement",
-    "climb",
+    "composite_likelihood_power",
+    "find_mode_threaded",
     "fit_in_band",
+    "likelihood_weight",
     "notes",
-    "share",
 ]
 
 _STEP = 0.1  # of a posterior deviation, for derivatives of what is all but linear
 
 
-def agreement(scores: Array, information: Array, covariance: Array) -> float:
+def composite_likelihood_power(scores: Array, information: Array, covariance: Array) -> float:
     """Power of a likelihood whose parts' scores vary more than its information says.
 
     Parameters
@@ -76,7 +76,9 @@ def agreement(scores: Array, information: Array, covariance: Array) -> float:
     return min(1.0, claimed / varied) if varied > 0.0 else 1.0
 
 
-def share(posterior: Posterior, mode: PosteriorMode, run: int, slowest: float) -> float | None:
+def likelihood_weight(
+    posterior: Posterior, mode: PosteriorMode, run: int, slowest: float
+) -> float | None:
     """Share of its readings for which a run should count.
 
     Parameters
@@ -115,7 +117,7 @@ def share(posterior: Posterior, mode: PosteriorMode, run: int, slowest: float) -
     scores = np.zeros((count, n))
     np.add.at(scores, part, pull)
     covariance = np.linalg.inv(information + np.diag(sd**2))  # the prior is a standard normal
-    return agreement(scores, information, covariance)
+    return composite_likelihood_power(scores, information, covariance)
 
 
 Array = NDArray[np.float64]
@@ -160,28 +162,35 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
     BandFit
     """
     if all(noise is not None for recording in recordings for noise in recording.noise):
-        mode, posterior = climb(
-            Posterior(space(vehicle, recordings), (WHITE,) * len(recordings)), None
+        mode, posterior = find_mode_threaded(
+            Posterior(make_parameter_space(vehicle, recordings), (WHITE,) * len(recordings)), None
         )
         if _sensors_explain(posterior, mode):
             return BandFit(mode, posterior)
-    mode, posterior = climb(
-        Posterior(space(vehicle, recordings, "coloured"), (WHITE,) * len(recordings)), None
+    mode, posterior = find_mode_threaded(
+        Posterior(
+            make_parameter_space(vehicle, recordings, "coloured"), (WHITE,) * len(recordings)
+        ),
+        None,
     )
     # The colour has the scale of what is left, so that the noise levels are but units.
-    parameter_space = space(vehicle, recordings, "coloured", frozenset(range(len(recordings))))
+    parameter_space = make_parameter_space(
+        vehicle, recordings, "coloured", frozenset(range(len(recordings)))
+    )
     for _ in range(_ROUNDS):
         colours = tuple(_colour(posterior, mode.z, run) for run in range(len(recordings)))
         start = parameter_space.origin
         start[: parameter_space.car_dimension] = mode.z[: parameter_space.car_dimension]
-        mode, posterior = climb(Posterior(parameter_space, colours), start)
+        mode, posterior = find_mode_threaded(Posterior(parameter_space, colours), start)
     slowest = _slowest(recordings[0])
-    shares = tuple(share(posterior, mode, run, slowest) for run in range(len(recordings)))
+    shares = tuple(
+        likelihood_weight(posterior, mode, run, slowest) for run in range(len(recordings))
+    )
     counted = tuple(
         colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
         for colour, part in zip(posterior.residual_ars, shares, strict=True)
     )
-    mode, posterior = climb(Posterior(parameter_space, counted), mode.z)
+    mode, posterior = find_mode_threaded(Posterior(parameter_space, counted), mode.z)
     return BandFit(mode, posterior, shares)
 
 
@@ -214,7 +223,9 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     ]
 
 
-def climb(posterior: Posterior, start: Array | None = None) -> tuple[PosteriorMode, Posterior]:
+def find_mode_threaded(
+    posterior: Posterior, start: Array | None = None
+) -> tuple[PosteriorMode, Posterior]:
     """Find the mode of a posterior with all processors; return it and the posterior."""
     with shared_work(posterior) as shared:
         return find_mode(shared, start), replace(posterior, pool=None)

@@ -38,7 +38,7 @@ class CarPrior:
     ----------
     car : CarModel
         The car.
-    logs : tuple of str
+    log_parameters : tuple of str
         Its parameters but the fractions and those that are exactly zero, nL of them.
     log_mean : (nL,) array
         Centre of their logarithms, SI units.
@@ -49,7 +49,7 @@ class CarPrior:
     """
 
     car: CarModel
-    logs: tuple[str, ...]
+    log_parameters: tuple[str, ...]
     log_mean: Array
     root: Array
     identified: Array

@@ -8,8 +8,8 @@ readings, S the sum of squared innovations and φ their long-run variance, the p
     ℓ = −n/(2φ) log S + log prior.
 
 Each of its maxima is refined: the recording is prepared at that offset and at neighbouring ones
-(:class:`bayes_asv.preprocessing.prepared_recording.Retimed`), between which the likelihood is a
-polynomial of second degree, so that the errors become parameters like all others.
+(:class:`bayes_asv.preprocessing.prepared_recording.ClockVariants`), between which the
+likelihood is a polynomial of second degree, so that the errors become parameters like all others.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from bayes_asv.domain.clocks import Clock, retimed
+from bayes_asv.domain.clocks import Clock, with_declared_clock_error
 from bayes_asv.domain.recording import Recording, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import VALUE
@@ -31,19 +31,19 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.posterior.residual_ar import long_run_variance
 from bayes_asv.preprocessing.activity import cut, most_active_rows
 from bayes_asv.preprocessing.prepare import used_channels
 from bayes_asv.preprocessing.prepared_recording import (
     ClockError,
+    ClockVariants,
     PreparedRecording,
-    Retimed,
     common_readings,
 )
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 
-__all__ = ["OffsetMode", "Synchronised", "fit_synchronised", "synchronised"]
+__all__ = ["ClockAlignment", "OffsetMode", "align_clocks", "fit_aligned"]
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ class OffsetMode(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Synchronised:
+class ClockAlignment:
     """Recordings whose clocks have been compared.
 
     Parameters
@@ -148,7 +148,7 @@ class _Job:
         for clock in self.clocks:
             offset = known.get((clock.name, "offset"), clock.offset)
             drift = known.get((clock.name, "drift"), clock.drift)
-            out = retimed(out, self.vehicle, clock, offset, drift)
+            out = with_declared_clock_error(out, self.vehicle, clock, offset, drift)
         return out
 
     @property
@@ -184,19 +184,19 @@ class _Job:
 
     def expanded(self, x: Array, step: Array) -> PreparedRecording:
         """Prepare the run at errors x and around them."""
-        points = [x, *(x + step * u for u in Retimed.points(len(x)))]
+        points = [x, *(x + step * u for u in ClockVariants.points(len(x)))]
         middle, *others = self.prepared(points)
-        return replace(middle, retimed=Retimed(self.errors, x, step, tuple(others)))
+        return replace(middle, retimed=ClockVariants(self.errors, x, step, tuple(others)))
 
 
-def synchronised(
+def align_clocks(
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     clocks: Sequence[Clock],
     below: float | None = None,
     car: str = "half",
     likelihood: str = "innovations",
-) -> Synchronised:
+) -> ClockAlignment:
     """Find the offsets and drifts of clocks, and prepare recordings around them.
 
     Parameters
@@ -210,7 +210,7 @@ def synchronised(
 
     Returns
     -------
-    Synchronised
+    ClockAlignment
     """
     jobs = [
         _Job(
@@ -237,15 +237,15 @@ def synchronised(
         )
         prepared.append(job.expanded(x, _STEP * best.sd))
         timed.append(job.at(x))
-    return Synchronised(tuple(jobs), tuple(prepared), tuple(timed), modes)
+    return ClockAlignment(tuple(jobs), tuple(prepared), tuple(timed), modes)
 
 
-def fit_synchronised(timed: Synchronised, placed_effects: tuple[PlacedEffect, ...] = ()) -> MapFit:
+def fit_aligned(timed: ClockAlignment, placed_effects: tuple[PlacedEffect, ...] = ()) -> MapFit:
     """Fit all runs together, and expand the likelihood again where its mode has moved.
 
     Parameters
     ----------
-    timed : Synchronised
+    timed : ClockAlignment
         Recordings whose clocks have been compared.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
@@ -366,7 +366,7 @@ def _least_squares(
     kind = job.likelihood
     if kind == "innovations" and any(noise is None for noise in recording.noise):
         kind = "coloured"  # what is left is not the sensors' noise where that is not known
-    posterior = Posterior(space(job.vehicle, (recording,), kind), (WHITE,))
+    posterior = Posterior(make_parameter_space(job.vehicle, (recording,), kind), (WHITE,))
     parameter_space = posterior.space
     every = parameter_space.clock_coordinates(0)
     free = [*range(parameter_space.shared_dimension), *(every[k] for k in clocks)]

@@ -30,14 +30,14 @@ from scipy.ndimage import uniform_filter1d
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import ORDER, VALUE, SensorNoise
-from bayes_asv.posterior.free_simulation import free_run, simulated
+from bayes_asv.posterior.free_simulation import free_run, simulate_from
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.measured_inputs import denoise_wheel
 from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["DenoisedInputs", "above", "denoise_and_predict", "without_noise"]
+__all__ = ["DenoisedInputs", "denoise_and_predict", "simulate_nominal_outputs", "without_noise"]
 
 _FINER = 2  # points of the even grid to a sample
 _LINES = 17  # of a spectrum whose power is averaged
@@ -159,13 +159,13 @@ def denoise_and_predict(
     still = replace(recording, moments=driven)
     begin = free_run(posterior, z, run)[2]
     before, after = (
-        simulated(posterior, z, run, posterior.as_declared(z, run, one), begin)[0]
+        simulate_from(posterior, z, run, posterior.as_declared(z, run, one), begin)[0]
         for one in (recording, still)
     )
     return DenoisedInputs(still, before, after)
 
 
-def above(posterior: Posterior, z: Array, run: int) -> Array:
+def simulate_nominal_outputs(posterior: Posterior, z: Array, run: int) -> Array:
     """Simulate what chassis sensors as declared would have read (E, ny) in a run, m/s²."""
     begin = free_run(posterior, z, run)[2]
-    return simulated(posterior, z, run, posterior.as_declared(z, run), begin)[0]
+    return simulate_from(posterior, z, run, posterior.as_declared(z, run), begin)[0]

@@ -22,7 +22,7 @@ from bayes_asv.posterior.fitted_model import (
     Dataset,
     FittedModel,
     fit_again,
-    fitted,
+    fit_model,
     transfer_coordinates,
     update_corrections,
 )
@@ -53,9 +53,9 @@ class Candidate:
         They are one deviation of what every car may have.
     one_sided : bool
         Less than nothing of it cannot be.
-    begin : bool
+    is_start : bool
         A fit begins from these values; otherwise from the effect's own starts.
-    edge : bool
+    is_step : bool
         A force that begins and never ends.
     """
 
@@ -63,8 +63,8 @@ class Candidate:
     values: Mapping[str, float]
     tolerance: bool
     one_sided: bool
-    begin: bool = False
-    edge: bool = False
+    is_start: bool = False
+    is_step: bool = False
 
 
 def _used(model: FittedModel) -> Array:
@@ -118,7 +118,7 @@ def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
                 out += _stops(placed, travel, _SOFT * scale.spring)
             elif not effect.in_one_run:
                 first = effect.parameters[0]
-                sizes = [start * first.size(scale) for start in first.starts]
+                sizes = [start * first.size(scale) for start in first.initial_values]
                 out += [Candidate(placed, {first.name: x}, False, effect.one_sided) for x in sizes]
             elif where != BOTH:
                 out += _edges(effect, where, model)
@@ -155,7 +155,7 @@ def _edges(effect: Effect, where: str, model: FittedModel) -> list[Candidate]:
         placed = PlacedEffect(effect, where, run)
         for begin in np.arange(span[0], span[1], grid):
             values = {"force": _PUSH * load, "start": float(begin), "duration": _FOR_EVER}
-            out.append(Candidate(placed, {**values, "rise": grid}, False, False, edge=True))
+            out.append(Candidate(placed, {**values, "rise": grid}, False, False, is_step=True))
     return out
 
 
@@ -231,7 +231,7 @@ def with_effects(
     """
     if start is None:
         posterior = dataset.posterior(())
-        model = fitted(posterior, np.zeros(posterior.space.dimension))
+        model = fit_model(posterior, np.zeros(posterior.space.dimension))
     else:
         model = fit_again(dataset, start, start.placed_effects)
     dataset = update_corrections(dataset, model)
@@ -273,7 +273,7 @@ def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[
     edges = [
         c
         for c in candidates(model, dataset.vehicle)
-        if c.edge and c.placed.where == _first_place(model)
+        if c.is_step and c.placed.where == _first_place(model)
     ]
     return [
         [
@@ -281,7 +281,7 @@ def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[
                 c,
                 placed=replace(placed, run=run),
                 values={**c.values, "duration": lasts},
-                edge=False,
+                is_step=False,
             )
             for c in edges
             for lasts in _LENGTHS
@@ -327,9 +327,9 @@ def fit_with_effect(
     starts: list[tuple[float, int, Array]] = []
     for candidate in group:
         tried = [candidate.values]  # a little of it: next to where the model stands already
-        if not candidate.begin:
+        if not candidate.is_start:
             two_sided = first.form in ("linear", "sinh")
-            sizes = [s * first.size(scale) for s in first.starts]
+            sizes = [s * first.size(scale) for s in first.initial_values]
             sizes += [-s for s in sizes if two_sided and s > 0.0]
             tried += [{**candidate.values, first.name: size} for size in sizes]
         for values in tried:
@@ -338,7 +338,7 @@ def fit_with_effect(
     starts.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
     for fits, (_, _, z) in enumerate(starts[:_AT_MOST], 1):
-        one = fitted(posterior, z, floor)
+        one = fit_model(posterior, z, floor)
         if best is None or one.mode.log_posterior > best.mode.log_posterior:
             best = one
         kept = best.mode.log_posterior > model.mode.log_posterior + _KEPT * promised - _HIGHER
@@ -352,7 +352,7 @@ def fit_with_effect(
 def _again(dataset: Dataset, model: FittedModel) -> FittedModel:
     """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
     better = update_corrections(dataset, model)
-    return fitted(better.posterior(model.placed_effects), model.mode.z)
+    return fit_model(better.posterior(model.placed_effects), model.mode.z)
 
 
 def _over_the_next_hill(model: FittedModel) -> FittedModel:
@@ -381,7 +381,7 @@ def _over_the_next_hill(model: FittedModel) -> FittedModel:
         far = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
         ends = np.array(far).reshape(-1, len(z))
         starts = ends[model.posterior.log_posterior(ends) > here - _KNOWN]
-    others = [fitted(model.posterior, start, here + _HIGHER) for start in starts]
+    others = [fit_model(model.posterior, start, here + _HIGHER) for start in starts]
     return max((model, *others), key=lambda s: s.mode.log_posterior)
 
 

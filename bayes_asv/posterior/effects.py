@@ -76,22 +76,22 @@ class NominalReadings(NamedTuple):
     wheel: Array
 
 
-class Above(NamedTuple):
+class NominalOutput(NamedTuple):
     """What one chassis sensor would have read if it were as declared.
 
     Parameters
     ----------
-    there : (E,) array of bool
+    has_reading : (E,) array of bool
         Instants at which it was read; R of them.
-    through : CubicSpline
+    spline : CubicSpline
         Through what it would have read, m/s² over s.
-    corner : float
+    cutoff : float
         Declared, rad/s.
     """
 
-    there: NDArray[np.bool_]
-    through: CubicSpline
-    corner: float
+    has_reading: NDArray[np.bool_]
+    spline: CubicSpline
+    cutoff: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,33 +104,33 @@ class SensorCorrections:
         Of the filter that all readings passed, rad/s.
     wheel : (E, nu) array
         Measured inputs at the instants, m/s².
-    moved : tuple of (TERMS, E, ORDER) or (TERMS, E) arrays
+    lag_series : tuple of (TERMS, E, ORDER) or (TERMS, E) arrays
         One a channel: moments of the k-th derivative of its reading over k!, or that derivative of
         what an output would have read.
-    later : tuple of callable
+    exact_lag : tuple of callable
         One a channel: from a lag, s, to what undoes it, by the spline itself.
-    near : float
-        Lag up to which the series in ``moved`` holds, s: one sample.
-    sharper : tuple of C (E, ORDER) arrays or None
+    max_series_lag : float
+        Lag up to which the series in ``lag_series`` holds, s: one sample.
+    high_pass : tuple of C (E, ORDER) arrays or None
         An input's signal less its slow part, moments of it.
-    above : tuple of C Above or None
+    above : tuple of C NominalOutput or None
         Each output, as declared.
     ramp : tuple of (E, ORDER) or (E,) arrays
         Drift of a unit slope: time since the recording's beginning, for another quantity than an
         acceleration times its relative offset.
-    level : (E, ORDER) array
+    unit_moments : (E, ORDER) array
         Moments of one.
     """
 
     pole: float
     wheel: Array
-    moved: tuple[Array, ...]
-    later: tuple[Callable[[float], Array], ...]
-    near: float
-    sharper: tuple[Array | None, ...]
-    above: tuple[Above | None, ...]
+    lag_series: tuple[Array, ...]
+    exact_lag: tuple[Callable[[float], Array], ...]
+    max_series_lag: float
+    high_pass: tuple[Array | None, ...]
+    above: tuple[NominalOutput | None, ...]
     ramp: tuple[Array, ...]
-    level: Array
+    unit_moments: Array
 
     def corrected(
         self, recording: PreparedRecording, values: Values, biases: Array
@@ -163,16 +163,16 @@ class SensorCorrections:
 
     def undo_sensor_effects(self, c: int, fault: str, value: float) -> Array:
         """Return what to add to one channel to undo one fault of its sensor."""
-        of_input = self.sharper[c] is not None
+        of_input = self.high_pass[c] is not None
         if fault == "lag":
-            if abs(value) > self.near:
-                return self.later[c](value)
-            return _later(self.moved[c], value, of_reading=of_input)
+            if abs(value) > self.max_series_lag:
+                return self.exact_lag[c](value)
+            return _later(self.lag_series[c], value, of_reading=of_input)
         return self._sharper(c, value) if fault == "bandwidth" else -value * self.ramp[c]
 
     def _sharper(self, c: int, share: float) -> Array:
         """Return what a channel whose corner is a share of the declared one has lost."""
-        sharper, above = self.sharper[c], self.above[c]
+        sharper, above = self.high_pass[c], self.above[c]
         if sharper is not None:
             return (1.0 / share - 1.0) * sharper
         assert above is not None
@@ -190,7 +190,7 @@ def _corrected(
 ) -> NominalReadings:
     """Return what sensors as declared would have read; faults by channel, kind and value."""
     level = np.array(biases)
-    driven = recording.moments - level[:, None] * known.level[:, None]
+    driven = recording.moments - level[:, None] * known.unit_moments[:, None]
     reading = recording.reading - recording.rigid_gain @ level
     for c, fault, value in faults:
         if c in recording.inputs:
@@ -227,7 +227,7 @@ def sensor_corrections(
     begin = recording.instants[0] - recording.elapsed[0]
     moved, ramp, later = [], [], []
     sharper: list[Array | None] = []
-    above: list[Above | None] = []
+    above: list[NominalOutput | None] = []
     for c, channel in enumerate(recording.channels):
         corner = vehicle.sensor(channel.name).bandwidth
         if c in recording.inputs:
@@ -244,7 +244,7 @@ def sensor_corrections(
             time, signal = recording.instants[there], declared[there, y]
             laid = partial(_laid, there)
             through = CubicSpline(time, signal)
-            above.append(Above(there, through, 2.0 * math.pi * (corner or math.inf)))
+            above.append(NominalOutput(there, through, 2.0 * math.pi * (corner or math.inf)))
             sharper.append(None)
         smooth = make_interp_spline(time, signal, k=_DEGREE)
         found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from bayes_asv.filters.kalman import LANES
 from bayes_asv.posterior.likelihood import Posterior
 
-__all__ = ["STEP", "LaplaceFit", "ScoreAndInformation", "maximise", "secant_update", "slopes"]
+__all__ = [
+    "STEP",
+    "LaplaceApproximation",
+    "ScoreAndInformation",
+    "maximise_by_scoring",
+    "secant_update",
+    "slopes",
+]
 
 Array = NDArray[np.float64]
 
@@ -44,7 +51,7 @@ class ScoreAndInformation:
     ----------
     nu : (N,) array
         Normalised innovations of all runs, readings without a value left out.
-    logs : (N,) array
+    log_variances : (N,) array
         Logarithms of their variances.
     means : (D, N) array
         Changes of the predictions along each coordinate, in deviations; zero for a run that does
@@ -58,7 +65,7 @@ class ScoreAndInformation:
     """
 
     nu: Array
-    logs: Array
+    log_variances: Array
     means: Array
     scales: Array
     log_posterior: float
@@ -85,7 +92,7 @@ class ScoreAndInformation:
 
 
 @dataclass(frozen=True)
-class LaplaceFit:
+class LaplaceApproximation:
     """A mode found by scoring.
 
     Parameters
@@ -174,7 +181,9 @@ def slopes(
     return ScoreAndInformation(nu, logs, means, scales, value, returned)
 
 
-def maximise(posterior: Posterior, start: Array, floor: float = -math.inf) -> LaplaceFit:
+def maximise_by_scoring(
+    posterior: Posterior, start: Array, floor: float = -math.inf
+) -> LaplaceApproximation:
     """Climb from a start to the mode.
 
     Parameters
@@ -189,14 +198,14 @@ def maximise(posterior: Posterior, start: Array, floor: float = -math.inf) -> La
 
     Returns
     -------
-    LaplaceFit
+    LaplaceApproximation
         Not converged when it did not settle in twenty rounds: a value, not an error.
     """
     lasting = posterior.space.shared_dimension
     # noise held: it cannot swell on the way
     z, _ = _ascend(posterior, start, lasting, _FIRST, 1.0, tempered=True)
     z, (here, settled) = _ascend(posterior, z, len(start), _ROUNDS, _MIN_GAIN, floor=floor)
-    return LaplaceFit(z, here, settled)
+    return LaplaceApproximation(z, here, settled)
 
 
 def _ascend(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayes_asv.models.modes import nominal_modes
-from bayes_asv.posterior.free_simulation import FreeRun, left_in_band
+from bayes_asv.posterior.free_simulation import FreeRun, unexplained_in_band
 from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
@@ -36,7 +36,7 @@ def explained_power_findings(
     reasons: list[str] = []
     warnings: list[str] = []
     top = model_bandwidth(recording)
-    for c, left in zip(recording.outputs, left_in_band(recording, free, top), strict=True):
+    for c, left in zip(recording.outputs, unexplained_in_band(recording, free, top), strict=True):
         share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
         words = (
             f"the fitted {recording.car.name} car explains only {share:.0f} % of the "

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
-from bayes_asv.posterior.denoised_inputs import above, denoise_and_predict
+from bayes_asv.posterior.denoised_inputs import denoise_and_predict, simulate_nominal_outputs
 from bayes_asv.posterior.effects import SensorCorrections, sensor_corrections
-from bayes_asv.posterior.fisher_scoring import LaplaceFit, maximise
+from bayes_asv.posterior.fisher_scoring import LaplaceApproximation, maximise_by_scoring
 from bayes_asv.posterior.free_simulation import initial_state
 from bayes_asv.posterior.likelihood import WHITE, Perturbation, Posterior, shared_work
-from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.preprocessing.measured_inputs import without_mean_input
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import with_noise_of_still_wheels, without_standstill
@@ -27,7 +27,7 @@ __all__ = [
     "FittedModel",
     "fit_again",
     "fit_linear_car",
-    "fitted",
+    "fit_model",
     "make_dataset",
     "transfer_coordinates",
     "update_corrections",
@@ -75,7 +75,7 @@ class Dataset:
     def posterior(self, placed_effects: tuple[PlacedEffect, ...], hold: bool = False) -> Posterior:
         """Posterior of a model with some effects, noise levels near what is given or held there."""
         held = frozenset(range(len(self.recordings))) if hold else frozenset()
-        parameter_space = space(
+        parameter_space = make_parameter_space(
             self.vehicle, self.recordings, hold=held, placed_effects=placed_effects, near=True
         )
         return Posterior(
@@ -125,7 +125,7 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
 
     def one(run: int) -> SensorCorrections:
         declared = (
-            above(posterior, z, run)
+            simulate_nominal_outputs(posterior, z, run)
             if dataset.inputs_denoised
             else denoise_and_predict(posterior, z, run, dataset.vehicle).after
         )
@@ -147,13 +147,13 @@ class FittedModel:
         Its effects, in the order in which they were added.
     posterior : Posterior
         Its posterior.
-    mode : LaplaceFit
+    mode : LaplaceApproximation
         Where it is highest.
     """
 
     placed_effects: tuple[PlacedEffect, ...]
     posterior: Posterior
-    mode: LaplaceFit
+    mode: LaplaceApproximation
 
     @property
     def space(self) -> ParameterSpace:
@@ -193,10 +193,10 @@ def transfer_coordinates(
     return out
 
 
-def fitted(posterior: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
+def fit_model(posterior: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
     """Maximise the posterior of a model; stop early where a floor (nats) is out of reach."""
     with shared_work(posterior) as shared:
-        mode = maximise(shared, start, floor)
+        mode = maximise_by_scoring(shared, start, floor)
     return FittedModel(posterior.space.placed_effects, replace(posterior, pool=None), mode)
 
 
@@ -205,10 +205,10 @@ def fit_again(
 ) -> FittedModel:
     """Fit a model with some effects to recordings, starting at the mode of another model."""
     posterior = dataset.posterior(placed_effects)
-    return fitted(posterior, model.transfer(posterior.space))
+    return fit_model(posterior, model.transfer(posterior.space))
 
 
 def fit_linear_car(dataset: Dataset) -> FittedModel:
     """Fit the linear car to the recordings of a dataset."""
     posterior = dataset.posterior(())
-    return fitted(posterior, np.zeros(posterior.space.dimension))
+    return fit_model(posterior, np.zeros(posterior.space.dimension))

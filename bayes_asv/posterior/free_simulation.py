@@ -18,9 +18,9 @@ __all__ = [
     "FreeRun",
     "free_run",
     "initial_state",
-    "left_in_band",
     "simulate_free",
-    "simulated",
+    "simulate_from",
+    "unexplained_in_band",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def simulate_free(recording: PreparedRecording, car: Array) -> FreeRun:
     return _regressed(recording, system, recording.measurements, None)[0]
 
 
-def simulated(
+def simulate_from(
     posterior: Posterior, z: Array, run: int, inputs: NominalReadings, begin: Array
 ) -> tuple[Array, Array]:
     """Simulate one recording from inputs and a beginning that are given.
@@ -205,7 +205,7 @@ def _weights(recording: PreparedRecording, reading: Array, use: NDArray[np.bool_
     return out
 
 
-def left_in_band(recording: PreparedRecording, free: FreeRun, top: float) -> Array:
+def unexplained_in_band(recording: PreparedRecording, free: FreeRun, top: float) -> Array:
     """Share of the outputs below a frequency that a simulation leaves unexplained.
 
     Parameters

@@ -13,8 +13,8 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.posterior.information import (
     WIDE_PRIOR,
     fisher_information,
+    make_parameter_prior,
     predicted_sd,
-    unknowns,
     unmeasured,
 )
 from bayes_asv.posterior.newton import PosteriorMode
@@ -47,12 +47,12 @@ def unidentified_before_fit(
     outputs = tuple(
         dict.fromkeys(output for recording in recordings for output in recording.output_models)
     )
-    about = unknowns(recordings[0].car, outputs)
+    about = make_parameter_prior(recordings[0].car, outputs)
     information = sum(
         (fisher_information(recording, vehicle, about) for recording in recordings),
         np.zeros((len(about.names), len(about.names))),
     )
-    asked = {name: about.parameters[name] for name in about.car.estimated}
+    asked = {name: about.log_gradients[name] for name in about.car.estimated}
     prior = {name: about.sd(name) for name in asked}
     after = predicted_sd(information, 1, about, asked)
     measured = [output.channel for output in outputs]

@@ -27,17 +27,17 @@ from bayes_asv.filters import kalman
 from bayes_asv.filters.vector_code import LANES
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.posterior.car_prior import identified_directions
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = [
     "UNMEASURED",
     "WIDE_PRIOR",
-    "Unknowns",
+    "ParameterPrior",
     "fisher_information",
+    "make_parameter_prior",
     "predicted_sd",
     "sd_floor",
-    "unknowns",
     "unmeasured",
 ]  # fmt: skip
 
@@ -55,7 +55,7 @@ _FILTERED_SHARE = 0.98
 
 
 @dataclass(frozen=True)
-class Unknowns:
+class ParameterPrior:
     """Independent unknowns of a car, and what its outputs can tell of them.
 
     Parameters
@@ -66,7 +66,7 @@ class Unknowns:
         Names (nT,) of the unknowns; those of a parameter with an unknown of its own are the same.
     log_sd : (nT,) array
         Prior standard deviations of their logarithms; of a fraction relative to its value.
-    parameters : dict of str to (nT,) array
+    log_gradients : dict of str to (nT,) array
         Derivatives of the logarithm of every parameter by those of the unknowns.
     identified : (nT, r) array
         Orthonormal directions on which the state-space model depends.
@@ -75,16 +75,16 @@ class Unknowns:
     car: CarModel
     names: tuple[str, ...]
     log_sd: Array
-    parameters: Mapping[str, Array]
+    log_gradients: Mapping[str, Array]
     identified: Array
 
     @property
-    def answers(self) -> dict[str, Array]:
+    def estimands(self) -> dict[str, Array]:
         """Derivatives (nT,) of the logarithms of what is asked for, by those of the unknowns."""
-        out = {name: self.parameters[name] for name in self.car.estimated}
+        out = {name: self.log_gradients[name] for name in self.car.estimated}
         for name, powers in self.car.ratios.items():
             out[name] = sum(
-                (power * self.parameters[p] for p, power in powers.items()),
+                (power * self.log_gradients[p] for p, power in powers.items()),
                 np.zeros(len(self.names)),
             )
         return out
@@ -96,21 +96,21 @@ class Unknowns:
 
     def sd(self, name: str) -> float:
         """Prior standard deviation of the logarithm of an unknown or a parameter."""
-        if name in self.parameters:
-            return float(np.linalg.norm(self.parameters[name] * self.log_sd))
+        if name in self.log_gradients:
+            return float(np.linalg.norm(self.log_gradients[name] * self.log_sd))
         return float(self.log_sd[self.names.index(name)])
 
-    def replaced(self, log_sd: Mapping[str, float]) -> Unknowns:
+    def replaced(self, log_sd: Mapping[str, float]) -> ParameterPrior:
         """Return a copy with some prior standard deviations replaced."""
         own = dict(zip(self.names, self.log_sd.tolist(), strict=True))
         return replace(self, log_sd=np.array([{**own, **log_sd}[name] for name in self.names]))
 
-    def with_exact_given(self) -> Unknowns:
+    def with_exact_given(self) -> ParameterPrior:
         """Return a copy with all given values exact."""
         return self.replaced(dict.fromkeys(self.given, 0.0))
 
 
-def unknowns(car: CarModel, outputs: Sequence[Output]) -> Unknowns:
+def make_parameter_prior(car: CarModel, outputs: Sequence[Output]) -> ParameterPrior:
     """Set up the unknowns of a car of which some outputs are measured.
 
     Parameters
@@ -137,16 +137,18 @@ def unknowns(car: CarModel, outputs: Sequence[Output]) -> Unknowns:
     root = np.array([parameters[name] for name in logs])
     directions, _ = identified_directions(car, outputs, tuple(logs), root)
     own = np.eye(len(names))[:, fractions]
-    return Unknowns(
+    return ParameterPrior(
         car=car,
         names=names,
         log_sd=np.array(list(sds.values())),
-        parameters=parameters,
+        log_gradients=parameters,
         identified=np.hstack([directions, own]),
     )
 
 
-def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Unknowns) -> Array:
+def fisher_information(
+    recording: PreparedRecording, vehicle: Vehicle, about: ParameterPrior
+) -> Array:
     """Compute the information of one recording about the logarithms of the unknowns.
 
     Parameters
@@ -155,7 +157,7 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Un
         One pass.
     vehicle : Vehicle
         The car; its values and the noise of its sensors are taken as true.
-    about : Unknowns
+    about : ParameterPrior
         Of the car of the recording.
 
     Returns
@@ -163,7 +165,7 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Un
     (nT, nT) array
         Positive semi-definite.  The information of independent passes adds up.
     """
-    parameters = space(vehicle, (recording,))
+    parameters = make_parameter_space(vehicle, (recording,))
     z = np.zeros(parameters.dimension)
     if "filtered share 0" in parameters.names:
         z[parameters.names.index("filtered share 0")] = ndtri(_FILTERED_SHARE)
@@ -176,8 +178,8 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Un
         logs = _STEP * np.concatenate([some, -some])
         values = {
             p.name: np.full(len(logs), p.nominal)
-            if p.name not in about.parameters
-            else p.nominal * np.exp(logs @ about.parameters[p.name])
+            if p.name not in about.log_gradients
+            else p.nominal * np.exp(logs @ about.log_gradients[p.name])
             for p in about.car.parameters
         }
         system = state_space(
@@ -192,7 +194,7 @@ def fisher_information(recording: PreparedRecording, vehicle: Vehicle, about: Un
 
 
 def predicted_sd(
-    information: Array, passes: float, about: Unknowns, directions: Mapping[str, Array]
+    information: Array, passes: float, about: ParameterPrior, directions: Mapping[str, Array]
 ) -> dict[str, float]:
     """Predict the posterior standard deviations of logarithms.
 
@@ -202,7 +204,7 @@ def predicted_sd(
         Of one pass.
     passes : float
         Number of passes.
-    about : Unknowns
+    about : ParameterPrior
         With the prior standard deviations.
     directions : mapping of str to (nT,) array
         Derivatives by the unknowns of each quantity's logarithm, such as ``about.answers``.
@@ -220,7 +222,7 @@ def predicted_sd(
     return dict(zip(directions, np.sqrt(variance).tolist(), strict=True))
 
 
-def sd_floor(about: Unknowns, directions: Mapping[str, Array]) -> dict[str, float]:
+def sd_floor(about: ParameterPrior, directions: Mapping[str, Array]) -> dict[str, float]:
     """Compute the standard deviations of logarithms in the limit of infinitely many passes.
 
     Directions along which the state-space model stays as it is keep their prior.  A mass known to
@@ -238,16 +240,16 @@ def sd_floor(about: Unknowns, directions: Mapping[str, Array]) -> dict[str, floa
     return dict(zip(directions, left.tolist(), strict=True))
 
 
-def unmeasured(prior: Mapping[str, float], posterior: Mapping[str, float]) -> tuple[str, ...]:
+def unmeasured(prior_sd: Mapping[str, float], posterior_sd: Mapping[str, float]) -> tuple[str, ...]:
     """Name the parameters of which data say next to nothing, see :data:`UNMEASURED`.
 
     Parameters
     ----------
-    prior, posterior : mappings of str to float
+    prior_sd, posterior_sd : mappings of str to float
         Standard deviations of the logarithms before and after the data.
     """
     return tuple(
         name
-        for name, before in prior.items()
-        if before > 0.0 and posterior[name] > UNMEASURED * before
+        for name, before in prior_sd.items()
+        if before > 0.0 and posterior_sd[name] > UNMEASURED * before
     )

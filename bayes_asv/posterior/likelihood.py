@@ -20,8 +20,8 @@ from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
 from bayes_asv.preprocessing.missing_band import log_determinant
 from bayes_asv.preprocessing.prepared_recording import (
+    ClockVariants,
     PreparedRecording,
-    Retimed,
     interpolation_weights,
 )
 
@@ -81,7 +81,7 @@ class Perturbation(NamedTuple):
 class ClockExpansion(NamedTuple):
     """Change of a run's log-likelihood by errors of its clocks, expanded at the mode.
 
-    With u the errors in steps of :class:`bayes_asv.preprocessing.prepared_recording.Retimed`,
+    With u the errors in steps of :class:`bayes_asv.preprocessing.prepared_recording.ClockVariants`,
 
         L(z, u) ≈ L(z, 0) + exp(aᵀδ) [uᵀ g(δ) − ½ uᵀ H(δ) u],    δ = R (z − z̄).
 
@@ -97,7 +97,7 @@ class ClockExpansion(NamedTuple):
     growth : (d,) array
         a.
     slopes, curvatures : (P, K) and (P, K, K) arrays
-        g and H at the middle and at :meth:`Retimed.points`.
+        g and H at the middle and at :meth:`ClockVariants.points`.
     """
 
     centre: Array
@@ -191,7 +191,7 @@ class Posterior:
         variance, axes = np.linalg.eigh(covariance[np.ix_(own, own)])
         way = np.zeros((len(z), len(own)))
         way[own] = axes * np.sqrt(np.maximum(variance, 0.0))
-        away = np.vstack([np.zeros(len(own)), Retimed.points(len(own))])
+        away = np.vstack([np.zeros(len(own)), ClockVariants.points(len(own))])
         values = np.stack(
             [
                 self._log_likelihood(z + away @ way.T, run, x)

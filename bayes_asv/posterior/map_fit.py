@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
-from bayes_asv.posterior.band_fit import climb, fit_in_band
+from bayes_asv.posterior.band_fit import find_mode_threaded, fit_in_band
 from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.effects import SensorCorrections
@@ -27,11 +27,11 @@ from bayes_asv.posterior.fitted_model import (
     transfer_coordinates,
     update_corrections_at,
 )
-from bayes_asv.posterior.free_simulation import free_run, left_in_band
+from bayes_asv.posterior.free_simulation import free_run, unexplained_in_band
 from bayes_asv.posterior.identifiability import unidentified_after_fit
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
-from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
 from bayes_asv.preprocessing.data_checks import (
     suggest_band,
@@ -160,7 +160,7 @@ def _judged(posterior: Posterior, mode: PosteriorMode, shares: tuple[float | Non
         why, notes = explained_power_findings(recording, free, bool(shares))
         if recording.below is None and (why or notes):
             top = model_bandwidth(recording)
-            why += suggest_band(recording, left_in_band(recording, free, top) ** 2, top)
+            why += suggest_band(recording, unexplained_in_band(recording, free, top) ** 2, top)
         faults += why
         warnings += notes + excess_noise_sentence(recording, noise, run) + _cut_out(recording)
         if shares:
@@ -172,14 +172,16 @@ def _at_full_band(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
 ) -> tuple[PosteriorMode, Posterior]:
     """Climb to the mode, cut tones out, and climb again with the colour that is left."""
-    parameter_space = space(vehicle, recordings, likelihood)
-    mode, posterior = climb(Posterior(parameter_space, (WHITE,) * len(recordings)))
+    parameter_space = make_parameter_space(vehicle, recordings, likelihood)
+    mode, posterior = find_mode_threaded(Posterior(parameter_space, (WHITE,) * len(recordings)))
     if likelihood != "innovations":
         return mode, posterior
     without_tones = _without_tones(posterior, mode, vehicle)
     if without_tones is not None:
-        parameter_space = space(vehicle, without_tones, likelihood)
-        mode, posterior = climb(Posterior(parameter_space, (WHITE,) * len(without_tones)))
+        parameter_space = make_parameter_space(vehicle, without_tones, likelihood)
+        mode, posterior = find_mode_threaded(
+            Posterior(parameter_space, (WHITE,) * len(without_tones))
+        )
     return _with_colour(posterior, mode, vehicle)
 
 
@@ -194,7 +196,7 @@ def _with_effects(
     """
     alone = tuple(replace(recording, retimed=None) for recording in recordings)
     dataset, model = with_effects(make_dataset(vehicle, alone), placed_effects)
-    whole = space(vehicle, recordings, placed_effects=model.placed_effects)
+    whole = make_parameter_space(vehicle, recordings, placed_effects=model.placed_effects)
     others = _retimed_patterns(recordings, vehicle, model)
     posterior = Posterior(
         whole,
@@ -282,10 +284,10 @@ def _with_colour(
             break
         colours = found
         hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
-        parameter_space = space(vehicle, whole.recordings, whole.likelihood, hold)
+        parameter_space = make_parameter_space(vehicle, whole.recordings, whole.likelihood, hold)
         start = parameter_space.origin
         start[: parameter_space.shared_dimension] = mode.z[: parameter_space.shared_dimension]
-        mode, posterior = climb(Posterior(parameter_space, found), start)
+        mode, posterior = find_mode_threaded(Posterior(parameter_space, found), start)
     return mode, posterior
 
 

@@ -36,7 +36,7 @@ from bayes_asv.preprocessing.prepared_recording import ClockError, PreparedRecor
 from bayes_asv.preprocessing.quantization import noise_level
 
 __all__ = [
-    "Coordinate", "EffectValues", "ParameterSpace", "space",
+    "Coordinate", "EffectValues", "ParameterSpace", "make_parameter_space",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -235,7 +235,7 @@ class ParameterSpace:
             zeta = zeta + unidentified @ prior.unidentified.T
         logs = np.exp(prior.log_mean + zeta @ prior.root.T)
         out = {p.name: np.full(len(z), p.nominal) for p in self.car.parameters}
-        out |= dict(zip(prior.logs, logs.T, strict=True))
+        out |= dict(zip(prior.log_parameters, logs.T, strict=True))
         for k, coordinate in enumerate(self.coordinates[: self.car_dimension]):
             if coordinate.kind == "fraction":
                 out[coordinate.name] = coordinate.centre + coordinate.scale * z[:, k]
@@ -397,7 +397,7 @@ class ParameterSpace:
         """Coordinates (D,) of the prior's centre with some logarithms shifted."""
         z = np.zeros(self.dimension)
         prior = self.prior
-        moved = np.array([shift.get(name, 0.0) for name in prior.logs])
+        moved = np.array([shift.get(name, 0.0) for name in prior.log_parameters])
         moved[prior.log_sd == 0.0] = 0.0
         zeta = np.linalg.lstsq(prior.root, moved, rcond=1e-12)[0]
         z[: prior.identified.shape[1]] = zeta @ prior.identified
@@ -413,8 +413,8 @@ class ParameterSpace:
         """
         prior = self.prior
         shape = next(iter(draws.values())).shape
-        moved = np.zeros((*shape, len(prior.logs)))
-        for k, name in enumerate(prior.logs):
+        moved = np.zeros((*shape, len(prior.log_parameters)))
+        for k, name in enumerate(prior.log_parameters):
             if name in draws and prior.log_sd[k] > 0.0:
                 moved[..., k] = np.log(draws[name]) - prior.log_mean[k]
         zeta = moved @ np.linalg.pinv(prior.root).T
@@ -438,7 +438,7 @@ class ParameterSpace:
     def log_slopes(self, name: str) -> Array:
         """Return derivatives (r,) of a parameter's logarithm by the identified coordinates."""
         prior = self.prior
-        return np.asarray(prior.root[prior.logs.index(name)] @ prior.identified)
+        return np.asarray(prior.root[prior.log_parameters.index(name)] @ prior.identified)
 
     def log_deviation(self, covariance: Array, name: str) -> float:
         """Posterior standard deviation of the logarithm of a parameter.
@@ -453,12 +453,12 @@ class ParameterSpace:
         prior = self.prior
         slopes = self.log_slopes(name)
         r = len(slopes)
-        kept = prior.root[prior.logs.index(name)] @ prior.unidentified
+        kept = prior.root[prior.log_parameters.index(name)] @ prior.unidentified
         return float(math.sqrt(slopes @ covariance[:r, :r] @ slopes + kept @ kept))
 
     def log_prior_of(self, name: str) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of a parameter a priori."""
-        k = self.prior.logs.index(name)
+        k = self.prior.log_parameters.index(name)
         return float(self.prior.log_mean[k]), float(self.prior.log_sd[k])
 
 
@@ -467,7 +467,7 @@ def _clock_name(error: ClockError, run: int) -> str:
     return f"clock {error.kind} {error.clock}" + (f" {run}" if error.kind == "offset" else "")
 
 
-def space(
+def make_parameter_space(
     vehicle: Vehicle,
     recordings: tuple[PreparedRecording, ...],
     likelihood: str = "innovations",

@@ -47,47 +47,47 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
     longest = max(orders, default=0)
     if longest == 0:
         return WHITE
-    posterior = nu[longest:]
+    response = nu[longest:]
     lagged = np.concatenate([nu[longest - j : n - j] for j in range(1, longest + 1)], axis=1)
     best, best_score = 0, math.inf
     for p in orders:
-        rows, design = _whole(posterior, lagged[:, : ny * p])
+        rows, design = _whole(response, lagged[:, : ny * p])
         if len(rows) < max(20 * p, 50):
             break  # too many gaps to tell
-        left = rows - design @ _solve(design, rows) if p > 0 else rows
+        residuals = rows - design @ _solve(design, rows) if p > 0 else rows
         # by row, since fewer rows are whole the more lags they need
-        score = _criterion(left, p) / len(rows)
+        score = _criterion(residuals, p) / len(rows)
         if p == 0:
             score -= 2.0 * _MARGIN / len(rows)
         if score < best_score:
             best, best_score = p, score
     if best == 0:
         return WHITE
-    rows, design = _whole(posterior, lagged[:, : ny * best])
+    rows, design = _whole(response, lagged[:, : ny * best])
     weights = _solve(design, rows)
-    left = rows - design @ weights
-    covariance = left.T @ left / (len(rows) - ny * best)
+    residuals = rows - design @ weights
+    covariance = residuals.T @ residuals / (len(rows) - ny * best)
     root = np.linalg.inv(np.linalg.cholesky(covariance))
     coefficients = weights.T.reshape(ny, best, ny).transpose(1, 0, 2)
     return ResidualAR(np.ascontiguousarray(coefficients), np.ascontiguousarray(root))
 
 
-def _whole(posterior: Array, lagged: Array) -> tuple[Array, Array]:
+def _whole(response: Array, lagged: Array) -> tuple[Array, Array]:
     """Rows in which nothing is missing."""
-    whole = np.isfinite(posterior).all(axis=1) & np.isfinite(lagged).all(axis=1)
-    return posterior[whole], lagged[whole]
+    whole = np.isfinite(response).all(axis=1) & np.isfinite(lagged).all(axis=1)
+    return response[whole], lagged[whole]
 
 
-def _solve(design: Array, posterior: Array) -> Array:
+def _solve(design: Array, response: Array) -> Array:
     gram = design.T @ design
     gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
-    return np.asarray(np.linalg.solve(gram, design.T @ posterior))
+    return np.asarray(np.linalg.solve(gram, design.T @ response))
 
 
-def _criterion(left: Array, p: int) -> float:
+def _criterion(residuals: Array, p: int) -> float:
     """Schwarz's criterion of a vector autoregression of order p."""
-    n, ny = left.shape
-    _, log_det = np.linalg.slogdet(left.T @ left / n)
+    n, ny = residuals.shape
+    _, log_det = np.linalg.slogdet(residuals.T @ residuals / n)
     return float(n * log_det + ny**2 * p * math.log(n))
 
 

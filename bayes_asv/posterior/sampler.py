@@ -31,20 +31,20 @@ from bayes_asv.posterior.shared_posterior import SharedPosterior
 from bayes_asv.posterior.threads import threads
 
 __all__ = [
-    "ENSEMBLES",
     "MAX_STEPS",
+    "N_CHAINS",
     "WALKERS",
-    "Ensembles",
+    "PosteriorDraws",
+    "importance_resample",
     "independent_draws",
-    "run_ensembles",
-    "sample_runs",
-    "weighted_ensembles",
+    "sample_mcmc",
+    "sample_posterior",
 ]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-ENSEMBLES = 4
+N_CHAINS = 4
 _TAILS = (0.05, 0.95)
 _BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
 WALKERS = 32
@@ -53,14 +53,14 @@ MAX_STEPS = 800
 
 
 @dataclass(frozen=True)
-class Ensembles:
+class PosteriorDraws:
     """Draws and how far they can be trusted.
 
     Parameters
     ----------
-    draws : (ENSEMBLES, S·W, D) array
+    draws : (N_CHAINS, S·W, D) array
         Coordinates, each ensemble's walkers interleaved in time order.
-    log_posterior : (ENSEMBLES, S·W) array
+    log_posterior : (N_CHAINS, S·W) array
         Not normalised.
     rhat_max, ess_bulk_min, ess_tail_min : float
         Worst coordinate.
@@ -81,7 +81,7 @@ class Ensembles:
     acceptance: float
     sampler: str = "ensembles"
 
-    def thinned(self, most: int) -> Ensembles:
+    def thinned(self, most: int) -> PosteriorDraws:
         """Keep every n-th draw, as many as there may be at most in all."""
         every = -(-self.log_posterior.size // most)
         kept = slice(every - 1, None, every)
@@ -94,9 +94,9 @@ _USELESS = 0.1  # share of effective draws below which the first do not shape a 
 _TRUSTED = 0.5  # of the Pareto tail of weights: beyond it their variance is infinite
 
 
-def weighted_ensembles(
+def importance_resample(
     posterior: Density, mode: PosteriorMode, seed: int, progress: Progress | None = None
-) -> Ensembles | None:
+) -> PosteriorDraws | None:
     """Draw independently, and weigh by the posterior.
 
     All draws have the weights of one mixture of the proposals (Veach & Guibas 1995).  The effective
@@ -106,19 +106,19 @@ def weighted_ensembles(
     Parameters
     ----------
     posterior, mode, seed, progress
-        As for :func:`run_ensembles`.
+        As for :func:`sample_mcmc`.
 
     Returns
     -------
-    Ensembles or None
+    PosteriorDraws or None
         As many draws as are effective, each of equal weight; None where the weights cannot be
         trusted.
     """
     proposals: list[Proposal] = []
     counts: list[int] = []
     d = len(mode.z)
-    streams = [np.random.default_rng([seed, 37, e]) for e in range(ENSEMBLES)]
-    z, logs = np.zeros((ENSEMBLES, 0, d)), np.zeros((ENSEMBLES, 0))
+    streams = [np.random.default_rng([seed, 37, e]) for e in range(N_CHAINS)]
+    z, logs = np.zeros((N_CHAINS, 0, d)), np.zeros((N_CHAINS, 0))
     proposal, count = Proposal.around(mode, INFLATION), _FIRST
     with threads() as pool:
         while count <= _LARGEST:
@@ -141,8 +141,8 @@ def weighted_ensembles(
             if progress is not None:
                 progress(min(bulk / ESS_WANTED, tail / ESS_WANTED, 1.0), f"{bulk:.0f} draws")
             if min(bulk, tail) >= ESS_WANTED and _pareto_tail(log_ratio) <= _TRUSTED:
-                found = _resampled(z, logs, weight, int(min(bulk, tail)) // ENSEMBLES, streams)
-                rhat = diagnose(found.draws[:, :, None])[0]
+                found = _resampled(z, logs, weight, int(min(bulk, tail)) // N_CHAINS, streams)
+                rhat = convergence_diagnostics(found.draws[:, :, None])[0]
                 if rhat < RHAT_WANTED:
                     return replace(found, rhat_max=rhat, ess_bulk_min=bulk, ess_tail_min=tail)
             # A proposal that is no wider than the posterior misses what its own draws missed.
@@ -176,8 +176,8 @@ def _pareto_tail(log_ratio: Array) -> float:
 
 def _resampled(
     z: Array, logs: Array, weight: Array, size: int, streams: list[np.random.Generator]
-) -> Ensembles:
-    """Draw (ENSEMBLES, size) draws of equal weight, each stream its own, in random order."""
+) -> PosteriorDraws:
+    """Draw (N_CHAINS, size) draws of equal weight, each stream its own, in random order."""
     draws, chosen = [], []
     for points, log, w, stream in zip(z, logs, weight.reshape(logs.shape), streams, strict=True):
         reached = np.cumsum(w) / w.sum()
@@ -185,19 +185,19 @@ def _resampled(
         at = stream.permutation(np.minimum(np.searchsorted(reached, places), len(w) - 1))
         draws.append(points[at])
         chosen.append(log[at])
-    return Ensembles(
+    return PosteriorDraws(
         np.stack(draws), np.stack(chosen), math.nan, math.nan, math.nan, converged=True,
         acceptance=math.nan, sampler="weighted draws",
     )  # fmt: skip
 
 
-def run_ensembles(
+def sample_mcmc(
     posterior: Density,
     mode: PosteriorMode,
     seed: int,
     progress: Progress | None = None,
     most: int = MAX_STEPS,
-) -> Ensembles:
+) -> PosteriorDraws:
     """Sample the posterior.
 
     Parameters
@@ -215,18 +215,18 @@ def run_ensembles(
 
     Returns
     -------
-    Ensembles
+    PosteriorDraws
         ``converged`` is false when ``most`` steps were not enough.
     """
     d = len(mode.z)
     walkers = max(WALKERS, 2 * (d + 2))
     with threads() as pool:
         proposal = Proposal.around(mode, INFLATION)
-        streams = [np.random.RandomState([seed, e]) for e in range(ENSEMBLES)]
+        streams = [np.random.RandomState([seed, e]) for e in range(N_CHAINS)]
         places = [_start(posterior, proposal, walkers, stream) for stream in streams]
         for stage, (burn, used) in enumerate(_BURN):
-            samplers = _samplers(posterior, proposal, walkers, [seed, ENSEMBLES + stage])
-            running = pool.map(_advance, samplers, places, [burn] * ENSEMBLES)
+            samplers = _samplers(posterior, proposal, walkers, [seed, N_CHAINS + stage])
+            running = pool.map(_advance, samplers, places, [burn] * N_CHAINS)
             if stage == 0:
                 importlib.import_module("arviz_stats.base")  # half a second, while they burn in
             ends = list(running)
@@ -234,15 +234,15 @@ def run_ensembles(
             # What burn-in found replaces the curvature at the mode; fixed while draws are kept.
             found = [s.get_chain(flat=True, discard=burn - used) for s in samplers]
             proposal = Proposal.through(np.concatenate(found), 1.1)
-        samplers = _samplers(posterior, proposal, walkers, [seed, ENSEMBLES + len(_BURN)])
+        samplers = _samplers(posterior, proposal, walkers, [seed, N_CHAINS + len(_BURN)])
         steps, block = 0, _BLOCK
         while True:
             places = [
-                end.coords for end in pool.map(_advance, samplers, places, [block] * ENSEMBLES)
+                end.coords for end in pool.map(_advance, samplers, places, [block] * N_CHAINS)
             ]
             steps += block
             chains = np.stack([s.get_chain() for s in samplers])  # (E, S, W, D)
-            rhat, bulk, tail = diagnose(chains)
+            rhat, bulk, tail = convergence_diagnostics(chains)
             done = rhat < RHAT_WANTED and min(bulk, tail) >= ESS_WANTED
             if progress is not None:
                 share = min(bulk, tail) / ESS_WANTED
@@ -250,9 +250,9 @@ def run_ensembles(
             if done or steps >= most:
                 break
             block = min(max(steps // 4, 16), most - steps)
-    return Ensembles(
-        draws=chains.reshape(ENSEMBLES, -1, d),
-        log_posterior=np.stack([s.get_log_prob() for s in samplers]).reshape(ENSEMBLES, -1),
+    return PosteriorDraws(
+        draws=chains.reshape(N_CHAINS, -1, d),
+        log_posterior=np.stack([s.get_log_prob() for s in samplers]).reshape(N_CHAINS, -1),
         rhat_max=rhat,
         ess_bulk_min=bulk,
         ess_tail_min=tail,
@@ -261,18 +261,18 @@ def run_ensembles(
     )
 
 
-def sample_runs(
+def sample_posterior(
     posterior: Posterior,
     mode: PosteriorMode,
     seed: int,
     progress: Progress | None = None,
     most: int = MAX_STEPS,
-) -> Ensembles:
+) -> PosteriorDraws:
     """Sample the posterior of one run or of several, by weights where those can be trusted.
 
     Of several the draws are of the coordinates that all share; those of single runs are drawn
     for them afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  Parameters are those of
-    :func:`run_ensembles`.
+    :func:`sample_mcmc`.
     """
     if len(posterior.space.recordings) == 1:
         return _sampled(posterior, mode, seed, progress, most)
@@ -290,29 +290,29 @@ def sample_runs(
 
 def _sampled(
     posterior: Density, mode: PosteriorMode, seed: int, progress: Progress | None, most: int
-) -> Ensembles:
-    found = weighted_ensembles(posterior, mode, seed, progress)
-    return run_ensembles(posterior, mode, seed, progress, most) if found is None else found
+) -> PosteriorDraws:
+    found = importance_resample(posterior, mode, seed, progress)
+    return sample_mcmc(posterior, mode, seed, progress, most) if found is None else found
 
 
-def independent_draws(posterior: Density, draws: Array) -> Ensembles:
-    """Take independent draws (ENSEMBLES, S, D) for ensembles that have converged."""
+def independent_draws(posterior: Density, draws: Array) -> PosteriorDraws:
+    """Take independent draws (N_CHAINS, S, D) for ensembles that have converged."""
     count, _, d = draws.shape
-    rhat, bulk, tail = diagnose(draws.reshape(count, -1, 1, d))
+    rhat, bulk, tail = convergence_diagnostics(draws.reshape(count, -1, 1, d))
     log_posterior = posterior.log_posterior(draws.reshape(-1, d)).reshape(count, -1)
-    return Ensembles(
+    return PosteriorDraws(
         draws, log_posterior, rhat, bulk, tail, converged=True, acceptance=math.nan,
         sampler="normal approximation",
     )  # fmt: skip
 
 
-def diagnose(chains: Array) -> tuple[float, float, float]:
+def convergence_diagnostics(chains: Array) -> tuple[float, float, float]:
     """Worst R̂ between ensembles and worst bulk and tail effective sizes.
 
     Parameters
     ----------
     chains : (E, S, W, D) array
-        Ensembles, steps, walkers, coordinates.
+        PosteriorDraws, steps, walkers, coordinates.
 
     Returns
     -------
@@ -344,7 +344,7 @@ def _samplers(
     d = len(proposal.middle)
     moves = [(emcee.moves.MHMove(proposal, ndim=d), 0.9), (emcee.moves.DEMove(), 0.1)]
     out = []
-    for ensemble in range(ENSEMBLES):
+    for ensemble in range(N_CHAINS):
         sampler = emcee.EnsembleSampler(
             walkers, d, posterior.log_posterior, moves=moves, vectorize=True
         )

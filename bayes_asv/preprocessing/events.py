@@ -148,7 +148,7 @@ class LogEvents:
         The log.
     events : tuple of Event
         In order of time.
-    answers : (na, nT) array
+    estimands : (na, nT) array
         Derivatives of the logarithms of what is asked for by the unknowns.
     states : dict of str to float
         Seconds of what is no event: ``standing``, and ``little motion`` of the wheels, as in
@@ -159,7 +159,7 @@ class LogEvents:
 
     recording: Recording
     events: tuple[Event, ...]
-    answers: Array
+    estimands: Array
     states: dict[str, float]
     time: Array
     level: Array
@@ -306,7 +306,7 @@ def find_events(
     return LogEvents(
         recording=recording,
         events=_with_bounds(events, vehicle),
-        answers=answers,
+        estimands=answers,
         states=_states(log, spans, window),
         time=log.start + log.step * points[:-1],
         level=np.maximum.reduceat(level, points[:-1]) / (most or 1.0),
@@ -342,7 +342,7 @@ def choose_events(
     reasons = {k: event.reason for k, event in enumerate(events)}
     used: list[int] = []
     if left:
-        answers = logs[0].answers
+        answers = logs[0].estimands
         precision = np.eye(answers.shape[1])
         while left:
             before = _variances(precision[None], answers)[0]

@@ -18,8 +18,8 @@ from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
 __all__ = [
     "ClockError",
+    "ClockVariants",
     "PreparedRecording",
-    "Retimed",
     "common_readings",
     "interpolation_weights",
     "with_clock_variants",
@@ -49,7 +49,7 @@ class ClockError(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Retimed:
+class ClockVariants:
     """A recording prepared with other errors of its clocks; K errors, M = (K + 1)(K + 2) / 2.
 
     Whatever depends smoothly on the errors x, such as a log-likelihood, is known nearby from its
@@ -84,7 +84,7 @@ class Retimed:
 
 
 def interpolation_weights(u: Array) -> Array:
-    """Weights (W, M) of a polynomial of second degree at u (W, K), see :class:`Retimed`."""
+    """Weights (W, M) of a polynomial of second degree at u (W, K), see :class:`ClockVariants`."""
     count = u.shape[1]
     pairs = [u[:, i] * u[:, j] for i in range(count) for j in range(i)]
     both = np.stack(pairs, axis=1) if pairs else np.zeros((len(u), 0))
@@ -106,13 +106,13 @@ class PreparedRecording:
         Those of the recording that the car knows.
     inputs, outputs : tuples of int
         Numbers of the measured inputs, in the order of the car's elements, and of the outputs.
-    step, moments, spread, kind, reading, extra, start
+    step, moments, process_noise, kind, reading, extra_variance, initial_covariance
         As :class:`bayes_asv.filters.kalman.Measurements` has them.
     ends_group : (E,) bool array
         True at the last instant of a group of readings that belong together.
     instants : (E,) array
         Times of the steps' ends, s.
-    pairs : (R, ny) int array
+    group_instants : (R, ny) int array
         Instants of the readings of each group, -1 where one is missing.
     wheels : tuple of WheelSignal
         Inputs between their samples.
@@ -141,13 +141,13 @@ class PreparedRecording:
         record's quietest quarter.
     notches : tuple of (frequency, half-width)
         Bands that were cut out of all channels, Hz.
-    removed_band : MissingBand or None
+    removed_band : RemovedBand or None
         What that did to the noise.
     doubt : (E, nu) array or None
-        Part of ``spread`` that is no noise, but distrust of wheels that stand still.
+        Part of ``process_noise`` that is no noise, but distrust of wheels that stand still.
     start_time : float or None
         When the recording began, s, where a filter took its beginning away.
-    retimed : Retimed or None
+    retimed : ClockVariants or None
         The same with other errors of its clocks, where those are not known.
     log : str
         Hash of the file that it was read from, empty without one; pieces of one log have the same.
@@ -184,7 +184,7 @@ class PreparedRecording:
     doubt: Array | None = None
     start_time: float | None = None
     log: str = ""
-    retimed: Retimed | None = None
+    retimed: ClockVariants | None = None
 
     @property
     def measurements(self) -> Measurements:

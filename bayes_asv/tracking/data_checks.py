@@ -138,8 +138,8 @@ class DataChecks:
 def unidentified_parameters(
     car: CarModel,
     measured: Sequence[Channel],
-    prior: Mapping[str, float],
-    posterior: Mapping[str, float],
+    prior_sd: Mapping[str, float],
+    posterior_sd: Mapping[str, float],
     *,
     inconsistent: bool = False,
 ) -> list[str]:
@@ -151,7 +151,7 @@ def unidentified_parameters(
         The car.
     measured : sequence of Channel
         Its measured outputs.
-    prior, posterior : mappings of str to float
+    prior_sd, posterior_sd : mappings of str to float
         Standard deviations of the answers' logarithms.
     inconsistent : bool
         Whether the filter was inconsistent: then it discarded what it had learnt, and a harder
@@ -162,7 +162,7 @@ def unidentified_parameters(
         "far larger than the sensors' noise; check whether a sensor is loose or its noise is given "
         f"too small, or find with 'bayes-asv diagnose' what the {car.name} car lacks"
         if inconsistent
-        else unidentified_sentence(car, measured, name, prior[name])
-        for name in unmeasured(prior, posterior)
-        if prior[name] > WIDE_PRIOR
+        else unidentified_sentence(car, measured, name, prior_sd[name])
+        for name in unmeasured(prior_sd, posterior_sd)
+        if prior_sd[name] > WIDE_PRIOR
     ]

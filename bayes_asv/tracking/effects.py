@@ -71,9 +71,9 @@ class EffectParameter:
         """Values at standard normal coordinates; of a force with the coordinate's sign."""
         one = self.parameter
         if self.linear:
-            return np.asarray(self.size * (one.centre + one.wide * z))
+            return np.asarray(self.size * (one.centre + one.prior_scale * z))
         if one.form == "positive":
-            return np.asarray(self.size * one.wide * z)
+            return np.asarray(self.size * one.prior_scale * z)
         return np.asarray(one.value(z, Scale(self.size, self.size)))
 
     def quantiles(self, p: Array, mean: float, sd: float) -> Array:
@@ -167,7 +167,7 @@ def with_car_effects(car: CarModel, placed_effects: Sequence[PlacedEffect]) -> C
             continue
         one = placed.effect.parameters[0]
         for k in _affected(car, placed):
-            wide = one.wide
+            wide = one.prior_scale
             if parameters[k].kind == "fraction":
                 wide *= parameters[k].nominal
             term = (placed.coordinate_name(one), 1.0, wide)

@@ -242,11 +242,11 @@ class OnlineFilter:
 
     def _write_parameters(self, out: Array) -> None:
         """Fill means and standard deviations of the answers in rows of results."""
-        na = self.model.sizes.answers
+        na = self.model.sizes.estimands
         out[:, :na], out[:, na : 2 * na] = self.state.mu[:na], self._parameter_sd()
 
     def _parameter_sd(self) -> Array:
-        na = self.model.sizes.answers
+        na = self.model.sizes.estimands
         return np.asarray(np.sqrt(np.sum(self.state.D[:, :na] ** 2, axis=0)))
 
     def _current_model(self) -> FilterModel:
@@ -287,7 +287,7 @@ class OnlineFilter:
         self._settled_passes = self._settled_passes + 1 if moved < _SETTLED else 0
         if _is_valid(state):
             self.state = state
-        na = len(self.model.coordinates.answers)
+        na = len(self.model.coordinates.estimands)
         widest = np.max(self._parameter_sd()[:na] * self.model.arrays.scale[:na])
         self._passes = self._passes + 1 if widest < _KNOWN else 0
         if self._passes and (
@@ -323,7 +323,7 @@ class OnlineFilter:
         )
         if self._fault_duration >= _LASTING_FAULT:
             prior = np.zeros(len(self.state.mu))
-            prior[: len(self.model.coordinates.answers)] = 1.0
+            prior[: len(self.model.coordinates.estimands)] = 1.0
             state = self.state
             add_parameter_noise(self.model.sizes.states, state.D, state.J, state.Pi, prior)
             state.snapshots[:] = _snapshots(state.mu, state.D)

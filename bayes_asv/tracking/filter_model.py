@@ -141,7 +141,7 @@ def filter_model(
     size = sizes(
         elements=ne, rates=found.rates, coordinates=n, rows=ne + len(found.points), directions=nd,
         outputs=ny, parameters=len(coordinates.base),
-        answers=len(coordinates.answers) + len(effects), bars=int(np.any(found.bars != 0.0)),
+        answers=len(coordinates.estimands) + len(effects), bars=int(np.any(found.bars != 0.0)),
         forces=ne if effects else 0,
     )  # fmt: skip
     place, copies = _places(car, sensors, found.entries, len(coordinates.base))

@@ -81,7 +81,7 @@ class Coordinates:
         return len(self.names)
 
     @property
-    def answers(self) -> tuple[str, ...]:
+    def estimands(self) -> tuple[str, ...]:
         """Names of the parameters that are asked for, which come first."""
         return tuple(name for name in self.car.estimated if name in self.names)
 
@@ -113,7 +113,7 @@ class Coordinates:
 
     def log_parameters(self, z: Array) -> Array:
         """Logarithms (…, na) of the answers (SI units) at coordinates (…, na or more)."""
-        na = len(self.answers)
+        na = len(self.estimands)
         return np.asarray(self.centre[:na] + self.scale[:na] * z[..., :na])
 
     def parameter_vectors(self, z: Array) -> Array:
@@ -136,7 +136,7 @@ class Coordinates:
             deviation; None for constant parameters.  Given values are always constant.
         """
         out = np.zeros(len(self))
-        na = len(self.answers)
+        na = len(self.estimands)
         if seconds is not None:
             out[:na] = math.log1p(WALK_SHARE) ** 2 / seconds / self.scale[:na] ** 2
         return out
@@ -202,7 +202,7 @@ def coordinates(
     for number, (name, sd) in enumerate(zip(channels, scale_sd, strict=True), len(car.parameters)):
         own = [(f"gain {name}", 1.0, sd)]
         own += [
-            (effect.name, 1.0, effect.parameter.wide)
+            (effect.name, 1.0, effect.parameter.prior_scale)
             for effect in effects
             if name in effect.placed.channels(channels)
         ]

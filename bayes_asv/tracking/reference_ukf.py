@@ -417,7 +417,7 @@ class _ReferenceFilter:
     def write_results(self, noise_factor: Array, nis: float, count: int, row: Array) -> None:
         """Fill a row of results."""
         x, P, into, sizes = self.ukf.x, self.ukf.P, self.model.into, self.sizes
-        na, ne, ny = sizes.answers, sizes.elements, sizes.outputs
+        na, ne, ny = sizes.estimands, sizes.elements, sizes.outputs
         row[into.mean : into.mean + na] = x[:na]
         row[into.sd : into.sd + na] = np.sqrt(np.diag(P)[:na])
         deflections = [self.p + 2 * e for e in range(ne)]

@@ -171,9 +171,9 @@ class Tracker:
         )
 
     @property
-    def answers(self) -> tuple[str, ...]:
+    def estimands(self) -> tuple[str, ...]:
         """Names of the parameters that are tracked."""
-        return self.coordinates.answers
+        return self.coordinates.estimands
 
     @property
     def sensors(self) -> SensorModel:
@@ -285,8 +285,8 @@ class Tracker:
         found = unidentified_parameters(
             space.car,
             [self._sensors.channels[c] for c in self._sensors.outputs],
-            dict(zip(space.answers, space.scale, strict=False)),
-            dict(zip(space.answers, sd, strict=False)),
+            dict(zip(space.estimands, space.scale, strict=False)),
+            dict(zip(space.estimands, sd, strict=False)),
             inconsistent=self.consistency.summary().verdict == "inconsistent",
         )
         return begin + found if found and moving else found
@@ -439,7 +439,7 @@ class Tracker:
     def _no_frames(self) -> Frames:
         car = self.coordinates.car
         return empty_frames(
-            len(self.answers), len(car.elements), len(self._sensors.outputs),
+            len(self.estimands), len(car.elements), len(self._sensors.outputs),
             len(self.coordinates.law_effects),
         )  # fmt: skip
 
@@ -484,10 +484,10 @@ class Tracker:
             Results after steps.
         """
         into, sizes = self.filter.model.into, self.filter.model.sizes
-        na, ne, ny = len(self.answers), sizes.elements, sizes.outputs
+        na, ne, ny = len(self.estimands), sizes.elements, sizes.outputs
         if not len(results):
             results = np.zeros((1, into.width))
-            results[0, into.sd : into.sd + sizes.answers] = 1.0
+            results[0, into.sd : into.sd + sizes.estimands] = 1.0
             results[0, into.noise_factor : into.noise_factor + ny] = 1.0
         # reductions over columns of the transpose: any(axis=1) is slow for short rows
         missing = np.logical_or.reduce((step < 0).T)
@@ -518,7 +518,7 @@ class Tracker:
         noise_factor = at_last[:, into.noise_factor : into.noise_factor + ny]
         window = self.consistency.update(nis, count, innovations, noise_factor)
         wider = np.sqrt(self._suspect(stamp, np.maximum.reduce(noise_factor.T)).astype(np.float64))
-        sd = np.hypot(at_last[:, into.sd : into.sd + sizes.answers], wider[:, None])
+        sd = np.hypot(at_last[:, into.sd : into.sd + sizes.estimands], wider[:, None])
         deflection = at_last[:, into.deflection : into.deflection + ne].copy()
         deflection_sd = at_last[:, into.deflection_sd : into.deflection_sd + ne].copy()
         deflection[missing] = deflection_sd[missing] = np.nan
@@ -526,7 +526,7 @@ class Tracker:
             time=stamp,
             median=np.exp(self.coordinates.log_parameters(at_last[:, into.mean : into.mean + na])),
             log_sd=self.coordinates.scale[:na] * sd[:, :na],
-            effect=at_last[:, into.mean + na : into.mean + sizes.answers],
+            effect=at_last[:, into.mean + na : into.mean + sizes.estimands],
             effect_sd=sd[:, na:],
             deflection=deflection,
             deflection_sd=deflection_sd,
@@ -558,7 +558,7 @@ class Tracker:
         state = self.filter.state
         covariance = parameter_covariance(state)
         if self.data_checks.last - self._last_fault < _SUSPECT_SECONDS:
-            reported = range(self.filter.model.sizes.answers)
+            reported = range(self.filter.model.sizes.estimands)
             covariance[reported, reported] += 1.0
         return state.mu.copy(), covariance
 

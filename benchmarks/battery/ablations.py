@@ -14,10 +14,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
 from bayes_asv.diagnosis.unlisted_faults import UnlistedExplanation
 from bayes_asv.domain.errors import InputError
-from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fitted
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model
 
 __all__ = ["ABLATIONS", "Ablation", "known", "without"]
 
@@ -63,11 +63,11 @@ def without(name: str | None) -> Iterator[None]:
 
 
 def _on_inputs_as_read(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
-    return dataset, fitted(dataset.posterior(model.placed_effects), model.mode.z)
+    return dataset, fit_model(dataset.posterior(model.placed_effects), model.mode.z)
 
 
-def _all_explained(*_: Any) -> Unexplained:
-    return Unexplained(score=0.0, axle="front", p_whiteness=1.0, excess_noise=())
+def _all_explained(*_: Any) -> MisspecificationResult:
+    return MisspecificationResult(score=0.0, axle="front", p_whiteness=1.0, excess_noise=())
 
 
 ABLATIONS: Final[Mapping[str, Ablation]] = {

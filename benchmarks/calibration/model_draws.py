@@ -17,7 +17,7 @@ from scipy.linalg import expm
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from benchmarks.calibration.cells import Cell
 from benchmarks.calibration.dense import suspension
@@ -75,7 +75,7 @@ def draw_run(cell: Cell, seed: int, run: int) -> Drawn:
     }
     vehicle = replace(case.vehicle, sensors=boundless)
     line = prepared(case.recording, vehicle)
-    where = space(vehicle, (line,))
+    where = make_parameter_space(vehicle, (line,))
     rng = np.random.default_rng([seed, run, 2018])
     z = rng.normal(size=(1, where.dimension))
     unseen = rng.normal(size=(1, where.prior.unidentified.shape[1]))

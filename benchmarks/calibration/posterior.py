@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from bayes_asv.posterior.importance import WeightedDraws, importance_sample
 from bayes_asv.posterior.map_fit import MapFit
-from bayes_asv.posterior.sampler import run_ensembles
+from bayes_asv.posterior.sampler import sample_mcmc
 from benchmarks.calibration.quantities import Conditional
 
 __all__ = ["ENOUGH", "Posterior", "place", "posterior", "spread"]
@@ -64,7 +64,7 @@ def posterior(fit: MapFit, seed: int) -> Posterior:
             draws = importance_sample(fit.posterior, fit.mode, count, seed)
             if draws.effective >= ENOUGH:
                 return Posterior(draws, str(count))
-    chains = run_ensembles(fit.posterior, fit.mode, seed)
+    chains = sample_mcmc(fit.posterior, fit.mode, seed)
     z = chains.draws.reshape(-1, fit.space.dimension)
     return Posterior(
         WeightedDraws(z, np.full(len(z), 1.0 / len(z)), float("nan")), "ensembles", chains.converged

@@ -40,7 +40,7 @@ class Conditional:
 
 def exponents(space: ParameterSpace, name: str) -> Array:
     """Exponents with which the positive parameters of the car make a quantity."""
-    logs = space.prior.logs
+    logs = space.prior.log_parameters
     out = np.zeros(len(logs))
     for part, power in space.car.ratios.get(name, {name: 1.0}).items():
         out[logs.index(part)] = power
@@ -64,7 +64,7 @@ def car_quantities(
         Of c_f, c_r, i, m, l, k_f, k_r, k_g; one that is exact is left out.
     """
     prior = space.prior
-    logs = np.log([truth[space.car.names.index(name)] for name in prior.logs])
+    logs = np.log([truth[space.car.names.index(name)] for name in prior.log_parameters])
     zeta = z[:, : prior.identified.shape[1]] @ prior.identified.T
     out = {}
     for name in names:

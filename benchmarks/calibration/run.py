@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.estimation import estimate
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit
-from bayes_asv.posterior.sampler import run_ensembles
+from bayes_asv.posterior.sampler import sample_mcmc
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.calibration.bound import bounds
 from benchmarks.calibration.cells import MODEL, NAMES, Cell
@@ -139,7 +139,7 @@ def _from_the_model(cell: Cell, drawn: Drawn, run: int) -> Row:
     )
     if run >= cell.checked:
         return row
-    chains = run_ensembles(fit.posterior, fit.mode, run)
+    chains = sample_mcmc(fit.posterior, fit.mode, run)
     z = chains.draws.reshape(-1, fit.space.dimension)
     rng = np.random.default_rng([run, 3])
     logs = {

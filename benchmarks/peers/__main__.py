@@ -30,7 +30,7 @@ from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 
 from bayes_asv.filters import kalman
-from bayes_asv.posterior.sampler import sample_runs
+from bayes_asv.posterior.sampler import sample_posterior
 from benchmarks.peers.floor import Floor
 from benchmarks.peers.problem import Problem, make_problem
 from benchmarks.peers.samplers import NAMES, WANTED
@@ -111,7 +111,7 @@ def ours(problem: Problem, seed: int) -> dict[str, Any]:
 
     begin = time.process_time()
     again = make_problem(seed)
-    found = sample_runs(Counted(), again.fit.mode, seed)  # type: ignore[arg-type]
+    found = sample_posterior(Counted(), again.fit.mode, seed)  # type: ignore[arg-type]
     if found.sampler != "weighted draws":
         raise SystemExit("the weights of this posterior can no longer be trusted")
     seconds = time.process_time() - begin

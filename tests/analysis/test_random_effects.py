@@ -16,10 +16,10 @@ from bayes_asv.analysis.random_effects import (
     SAME,
     SPREAD_SCALE,
     RunLikelihood,
-    contrast,
     estimates_of_runs,
+    fit_random_effects,
     likelihood_of_run,
-    population,
+    test_homogeneity,
 )
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def test_a_run_known_without_any_doubt_does_not_break_the_rest() -> None:
     assert np.all(np.isfinite(site.precision))
     assert np.linalg.solve(site.precision, site.linear) == pytest.approx([0.5, -0.5])
     way = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    assert np.all(np.isfinite(population([site, site], way, 100, 0).centre))
+    assert np.all(np.isfinite(fit_random_effects([site, site], way, 100, 0).centre))
 
 
 @given(seeds, st.integers(2, 4))
@@ -94,11 +94,11 @@ def test_the_test_is_a_difference_of_two_least_squares(seed: int, runs: int) -> 
     rng = np.random.default_rng(seed)
     way, centre = _car(rng), rng.normal(size=6)
     sites = [_site(rng, centre + way @ (0.01 * rng.normal(size=3)), 30.0) for _ in range(runs)]
-    found = contrast(sites, way)
+    found = test_homogeneity(sites, way)
     assert found.freedom == 3 * (runs - 1)
     best = _dense(sites, way, [])
     assert found.q == pytest.approx(_dense(sites, way, [0, 1, 2]) - best, rel=1e-4, abs=1e-5)
-    one = contrast(sites, way, [1])
+    one = test_homogeneity(sites, way, [1])
     assert one.freedom == runs - 1
     assert one.q == pytest.approx(_dense(sites, way, [1]) - best, rel=1e-4, abs=1e-5)
     assert found.p == pytest.approx(chi2.sf(found.q, found.freedom))
@@ -112,7 +112,9 @@ def test_what_all_runs_share_is_no_disagreement(seed: int) -> None:
     way, centre = _car(rng), rng.normal(size=6)
     sites = [_site(rng, centre, 30.0) for _ in range(3)]
     moved = [site.around(-way @ np.array([3.0, -2.0, 5.0])) for site in sites]
-    assert contrast(moved, way).q == pytest.approx(contrast(sites, way).q, rel=1e-4, abs=1e-4)
+    assert test_homogeneity(moved, way).q == pytest.approx(
+        test_homogeneity(sites, way).q, rel=1e-4, abs=1e-4
+    )
 
 
 def test_equal_runs_have_uniform_probabilities() -> None:
@@ -123,7 +125,7 @@ def test_equal_runs_have_uniform_probabilities() -> None:
     found = []
     for _ in range(200):
         centre = outside @ rng.normal(size=3) + way @ rng.normal(size=3)
-        found.append(contrast([_site(rng, centre, 20.0) for _ in range(3)], way).p)
+        found.append(test_homogeneity([_site(rng, centre, 20.0) for _ in range(3)], way).p)
     assert kstest(found, "uniform").pvalue > 1e-3
 
 
@@ -133,7 +135,7 @@ def test_one_run_and_silent_runs_cannot_be_compared() -> None:
     site = _site(rng, np.zeros(6))
     silent = RunLikelihood(np.zeros((6, 6)), np.zeros(6))
     for sites in ([site], [site, silent]):
-        found = contrast(sites, way)
+        found = test_homogeneity(sites, way)
         assert found.freedom == 0
         assert math.isnan(found.p)
     shift, sd = estimates_of_runs(silent, way, np.zeros(6))
@@ -146,8 +148,8 @@ def test_what_is_given_as_exact_is_not_tested_and_cannot_differ() -> None:
     way = _car(rng)
     way[:, 2] = 0.0
     sites = [_site(rng, np.zeros(6)) for _ in range(3)]
-    assert contrast(sites, way).freedom == 4
-    found = population(sites, way, 500, 0)
+    assert test_homogeneity(sites, way).freedom == 4
+    found = fit_random_effects(sites, way, 500, 0)
     assert np.all(found.spread[:, 2] == 0.0)
     assert np.any(found.spread[:, 0] > 0.0)
 
@@ -172,7 +174,7 @@ def test_one_quantity_against_an_integral(runs: int, apart: float) -> None:
         RunLikelihood(np.array([[(scale / s) ** 2]]), np.array([scale * v / s**2]))
         for v, s in zip(value, sd, strict=True)
     ]
-    found = population(sites, np.array([[1.0 / scale, 0.0, 0.0]]), 20_000, 1)
+    found = fit_random_effects(sites, np.array([[1.0 / scale, 0.0, 0.0]]), 20_000, 1)
 
     tau = np.exp(np.linspace(math.log(1e-7), math.log(LARGEST_SPREAD), 1500))
     step = math.log(tau[1] / tau[0])
@@ -201,5 +203,5 @@ def test_one_quantity_against_an_integral(runs: int, apart: float) -> None:
         assert np.quantile(scale * found.centre[:, 0], q) == pytest.approx(
             wanted, abs=0.03 * width + 1e-5
         )
-    again = population(sites, np.array([[1.0 / scale, 0.0, 0.0]]), 20_000, 1)
+    again = fit_random_effects(sites, np.array([[1.0 / scale, 0.0, 0.0]]), 20_000, 1)
     assert np.array_equal(again.centre, found.centre)

@@ -179,7 +179,7 @@ def test_white_residuals_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     def asked(*_: object) -> None:
         pytest.fail("a run was asked alone")
 
-    monkeypatch.setattr("bayes_asv.posterior.sampler.weighted_ensembles", stop)
+    monkeypatch.setattr("bayes_asv.posterior.sampler.importance_resample", stop)
     monkeypatch.setattr("bayes_asv.estimation.fit_single_run", asked)
     runs = recordings(car_of(EXACT, 1), (1.0, 1.0), 10)
     with pytest.raises(ReachedSamplingError):

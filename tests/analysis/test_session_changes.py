@@ -28,7 +28,7 @@ from bayes_asv.domain.vehicle import Given, Nominal, Vehicle
 from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.likelihood import Posterior, shared_work
 from bayes_asv.posterior.newton import PosteriorMode
-from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from benchmarks import compare as bench
 from tests.posterior.cases import DECLARED, as_recording, case, prepared, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, draw_biases, drive
@@ -47,7 +47,7 @@ def known() -> Vehicle:
 def _space(known: Vehicle) -> ParameterSpace:
     """Return the coordinates of one drive of a vehicle."""
     _, _, recording = case("bump", 1, DECLARED)
-    return space(known, (prepared(recording, known),))
+    return make_parameter_space(known, (prepared(recording, known),))
 
 
 def _session(where: ParameterSpace, information: Array, reading: Array) -> Session:

@@ -24,7 +24,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.preprocessing.prepare import prepare
 
 __all__ = ["ScaledEffect", "find_size", "frozen_distance", "whitened_distance", "without_rails"]
@@ -110,7 +110,9 @@ def frozen_distance(recordings: Sequence[Recording], vehicle: Vehicle, car: Arra
 def _posterior(recordings: Sequence[Recording], vehicle: Vehicle) -> Posterior:
     plain = without_rails(vehicle)
     car = car_model("half", plain)
-    parameters = space(plain, tuple(prepare(recording, plain, car) for recording in recordings))
+    parameters = make_parameter_space(
+        plain, tuple(prepare(recording, plain, car) for recording in recordings)
+    )
     return Posterior(parameters, (WHITE,) * len(recordings))
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from benchmarks.calibration import dense
 from benchmarks.calibration.bound import bounds, information, true_noise, true_wheels
 from benchmarks.calibration.cells import Cell, Group
@@ -40,7 +40,7 @@ def _by_matrices(
 def test_both_computations_agree(white: bool) -> None:
     """To 0.2 %: the recursion takes the noise between samples as a flow, not as a spline."""
     case = drive_cell(replace(SHORT, white=white), 1, 2)
-    where = space(case.vehicle, (prepared(case.recording, case.vehicle),))
+    where = make_parameter_space(case.vehicle, (prepared(case.recording, case.vehicle),))
     precision = information(case, where)
     _, wanted = _by_matrices(case)
     # from the estimator's coordinates to logarithms of c_f, c_r, i
@@ -68,7 +68,7 @@ def test_what_the_noise_tells_is_next_to_nothing() -> None:
 def test_without_motion_the_bound_is_the_prior() -> None:
     case = drive_cell(replace(SHORT, exact=False), 1, 2)
     still = replace(case, motion=replace(case.motion, acceleration=0.0 * case.motion.acceleration))
-    where = space(case.vehicle, (prepared(case.recording, case.vehicle),))
+    where = make_parameter_space(case.vehicle, (prepared(case.recording, case.vehicle),))
     found = bounds(still, where, ("c_f", "i", "k_g"))
     mass = math.sqrt(math.log(0.5 * (1.0 + math.sqrt(1.0 + 4.0 * 0.01**2))))
     assert found["c_f"] == pytest.approx(math.log(3.0), rel=1e-6)
@@ -78,18 +78,18 @@ def test_without_motion_the_bound_is_the_prior() -> None:
 
 def test_less_noise_and_faster_rows_bound_closer() -> None:
     case = drive_cell(SHORT, 1, 2)
-    where = space(case.vehicle, (prepared(case.recording, case.vehicle),))
+    where = make_parameter_space(case.vehicle, (prepared(case.recording, case.vehicle),))
     base = bounds(case, where, ("c_f",))["c_f"]
     quiet = replace(case.sensors, noise=(1e-4,) * 4, adc=None)
     assert bounds(replace(case, sensors=quiet), where, ("c_f",))["c_f"] < 0.1 * base
     faster = drive_cell(replace(SHORT, rate=400.0), 1, 2)
-    there = space(faster.vehicle, (prepared(faster.recording, faster.vehicle),))
+    there = make_parameter_space(faster.vehicle, (prepared(faster.recording, faster.vehicle),))
     assert bounds(faster, there, ("c_f",))["c_f"] < base
 
 
 def test_coordinates_of_a_car_lead_back_to_it() -> None:
     case = drive_cell(replace(SHORT, exact=False), 1, 3)
-    where = space(case.vehicle, (prepared(case.recording, case.vehicle),))
+    where = make_parameter_space(case.vehicle, (prepared(case.recording, case.vehicle),))
     z = coordinates(where, case.car)
     # what cannot be seen is not in the coordinates: compare what can
     there, back = (

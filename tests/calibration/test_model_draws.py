@@ -13,7 +13,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car import HalfCar, deflection_form
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import ParameterSpace, space
+from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from benchmarks.calibration.cells import MODEL, Cell, Group
 from benchmarks.calibration.model_draws import chassis_readings, draw_run, driven_states
@@ -34,7 +34,7 @@ def drawn() -> tuple[PreparedRecording, ParameterSpace]:
     """A short drive over a bump, laid out."""
     case = drive_cell(BUMP, 1, 0)
     line = prepared(case.recording, case.vehicle)
-    return line, space(case.vehicle, (line,))
+    return line, make_parameter_space(case.vehicle, (line,))
 
 
 def _posteriors(
@@ -96,7 +96,7 @@ def test_readings_have_the_covariance_that_the_kernel_states() -> None:
     first = 14  # rows
     cut = Recording(case.recording.time[:first], case.recording.values[:, :first], ("m/s^2",) * 4)
     line = prepared(cut, case.vehicle)
-    where = space(case.vehicle, (line,))
+    where = make_parameter_space(case.vehicle, (line,))
     truth = np.random.default_rng(9).normal(size=where.dimension)
     posteriors = _posteriors(line, where, truth, 100, 7)
     x = np.array([posterior.innovations(truth, 0)[:12].ravel() for posterior in posteriors])

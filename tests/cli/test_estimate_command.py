@@ -152,9 +152,9 @@ def test_not_converged_is_status_4(
 ) -> None:
     import bayes_asv.posterior.sampler as sampler
 
-    whole = sampler.run_ensembles
+    whole = sampler.sample_mcmc
     monkeypatch.setattr(
-        sampler, "run_ensembles", lambda target, mode, seed, *_: whole(target, mode, seed, most=30)
+        sampler, "sample_mcmc", lambda target, mode, seed, *_: whole(target, mode, seed, most=30)
     )
     monkeypatch.setattr(sampler, "ESS_WANTED", 1e9)
     said = invoke("estimate", stops, "-v", baja, "--json", tmp_path / "x.json")

@@ -23,7 +23,7 @@ from bayes_asv.posterior.denoised_inputs import without_noise
 from bayes_asv.posterior.effect_fit import candidates, read_effect, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_linear_car
-from bayes_asv.posterior.free_simulation import free_run, simulated
+from bayes_asv.posterior.free_simulation import free_run, simulate_from
 from bayes_asv.posterior.likelihood import Posterior
 from tests.battery.cases import case as battery_case
 from tests.diagnosis.models import fit_linear, prepared
@@ -142,7 +142,7 @@ def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
     dataset, model = _fitted(law)
     z, recording = model.mode.z, model.space.recordings[0]
     inputs = model.posterior.as_declared(z, 0)
-    output, _ = simulated(model.posterior, z, 0, inputs, np.zeros(6))
+    output, _ = simulate_from(model.posterior, z, 0, inputs, np.zeros(6))
     reading = output + recording.reading - inputs.reading
     exact = replace(dataset, recordings=(replace(recording, reading=reading),))
     posterior = replace(

@@ -14,7 +14,7 @@ import pytest
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, read_effect
-from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, update_corrections
+from bayes_asv.posterior.fitted_model import fit_linear_car, fit_model, update_corrections
 from tests.battery.cases import Case, case
 from tests.diagnosis.models import assess_linear, prepared
 
@@ -48,7 +48,7 @@ def test_friction_that_acts_near_rest_is_found_on_denoised_inputs() -> None:
     assert values["force"] == pytest.approx(true.size, rel=0.25)
     # on the readings the linear car's own mode moves by 14 nats, and friction gains the rest
     as_read = update_corrections(assessed.dataset, assessed.on_inputs_as_read)
-    linear = fitted(as_read.posterior(()), assessed.model.mode.z)
+    linear = fit_model(as_read.posterior(()), assessed.model.mode.z)
     assert model.mode.log_posterior - linear.mode.log_posterior > 15.0
     assert model.mode.log_posterior - assessed.model.mode.log_posterior > 8.0
 
@@ -88,5 +88,5 @@ def test_misstated_noise_is_no_fault(
     vehicle = replace(one.vehicle, sensors=sensors)
     dataset = prepared(one.recordings, vehicle)
     test = assess(dataset, fit_linear_car(dataset), 1).test
-    other = np.array([not c.edge and not c.placed.effect.in_one_run for c in test.candidates])
+    other = np.array([not c.is_step and not c.placed.effect.in_one_run for c in test.candidates])
     assert np.max(np.abs(test.standardized_scores[other])) < 4.0

@@ -42,7 +42,9 @@ def _steps(count: int, rng: np.random.Generator) -> ScoreTest:
             row[6 * k : 6 * k + 12] = response
             sensitivities.append(row)
             values = {"force": 1.0, "start": 0.03 * k, "duration": 1e4, "rise": 0.03}
-            steps.append(Candidate(PlacedEffect(effect, axle, 0), values, False, False, edge=True))
+            steps.append(
+                Candidate(PlacedEffect(effect, axle, 0), values, False, False, is_step=True)
+            )
     g = np.array(sensitivities)
     n = g.shape[1]
     none = np.zeros((0, n))
@@ -106,7 +108,7 @@ def test_the_family_wise_error_is_shared_whether_pulses_are_drawn_or_not(score: 
     rng = np.random.default_rng(6)
     steps = _steps(8, rng)
     spring = replace(
-        steps.candidates[0], placed=PlacedEffect(EFFECTS["spring_rate"], "front"), edge=False
+        steps.candidates[0], placed=PlacedEffect(EFFECTS["spring_rate"], "front"), is_step=False
     )
     row = rng.standard_normal((1, steps.sensitivities.shape[1]))
     g = np.concatenate([row / np.linalg.norm(row), steps.sensitivities])
@@ -133,7 +135,7 @@ def test_the_family_wise_error_is_shared_whether_pulses_are_drawn_or_not(score: 
 
 def test_the_difference_of_two_steps_is_a_pulse() -> None:
     dataset, model = _linear("null/bump~baja")
-    steps = [c for c in candidates(model, dataset.vehicle) if c.edge]
+    steps = [c for c in candidates(model, dataset.vehicle) if c.is_step]
     denoised = denoised_model(*fit_denoised(dataset, model))
     found = with_best_pulses(score_test(denoised, steps))
     direct = score_test(denoised, list(found.candidates))
@@ -149,11 +151,11 @@ def test_a_pulse_between_two_steps_keeps_most_of_its_information() -> None:
     steps = [
         c
         for c in candidates(model, dataset.vehicle)
-        if c.edge and str(c.placed) == "external_force@rear" and not c.placed.run
+        if c.is_step and str(c.placed) == "external_force@rear" and not c.placed.run
     ]
     step = steps[1].values["start"] - steps[0].values["start"]
     between = {"start": steps[40].values["start"] + 0.5 * step, "duration": 11.0 * step}
-    pulse = replace(steps[0], values={**steps[0].values, **between, "rise": 0.02}, edge=False)
+    pulse = replace(steps[0], values={**steps[0].values, **between, "rise": 0.02}, is_step=False)
     joint = score_test(denoised, [pulse, *steps]).information
     cross = joint[0, 1:, None] - joint[0, None, 1:]
     own = np.diag(joint)[1:]

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
 from bayes_asv.diagnosis.workflow import Diagnosis, diagnose
 from tests.battery.cases import case
 
-NOTHING = Unexplained(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
+NOTHING = MisspecificationResult(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
 
 
-def _reliability(unexplained: Unexplained | None) -> float:
+def _reliability(unexplained: MisspecificationResult | None) -> float:
     vehicle = case("null/bump~baja", 5, 0).vehicle
     return Diagnosis("named", (), (), (), vehicle, 0, unexplained=unexplained).reliability
 
@@ -50,7 +50,9 @@ def test_an_alternative_lowers_reliability_less_than_a_detected_fault() -> None:
         replace(NOTHING, p_unlisted=1e-4, alternative=-1.0),
     ],
 )
-def test_named_effects_beside_a_detected_fault_are_unreliable(unexplained: Unexplained) -> None:
+def test_named_effects_beside_a_detected_fault_are_unreliable(
+    unexplained: MisspecificationResult,
+) -> None:
     assert unexplained.detected
     assert unexplained.present
     alternative = _reliability(replace(NOTHING, alternative=-1.0))
@@ -60,7 +62,7 @@ def test_named_effects_beside_a_detected_fault_are_unreliable(unexplained: Unexp
 @pytest.mark.parametrize(
     "unexplained", [replace(NOTHING, p_whiteness=0.002), replace(NOTHING, p_unlisted=0.002)]
 )
-def test_a_single_weak_sign_is_not_significant(unexplained: Unexplained) -> None:
+def test_a_single_weak_sign_is_not_significant(unexplained: MisspecificationResult) -> None:
     assert not unexplained.present
 
 

@@ -12,7 +12,7 @@ from bayes_asv.diagnosis import workflow
 from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
 from bayes_asv.diagnosis.holdout_validation import Split, validation_errors
-from bayes_asv.diagnosis.misspecification_test import Unexplained
+from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess, refit_shared
 from bayes_asv.diagnosis.model_comparison import draw_effects
 from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
@@ -77,7 +77,7 @@ def test_an_effect_beside_something_unexplained_is_not_in_the_model(
     assessed, _ = _with_pulse()
     vehicle = assessed.dataset.vehicle
     damper = NamedEffect(read_effect("bound_rebound@front"), 0.99, (), {})
-    nothing = Unexplained(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
+    nothing = MisspecificationResult(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
     results = [nothing, replace(nothing, p_unlisted=1e-6)]
 
     def result(*_: object) -> Diagnosis:

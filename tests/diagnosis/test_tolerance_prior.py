@@ -22,7 +22,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
 )
 from bayes_asv.models.effects import AXLES, EFFECTS, PlacedEffect, Scale
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect, read_effect
-from bayes_asv.posterior.fitted_model import FittedModel, fitted
+from bayes_asv.posterior.fitted_model import FittedModel, fit_model
 from tests.battery.cases import case
 from tests.diagnosis.models import assess_case, assess_linear, ignore_progress
 
@@ -81,7 +81,9 @@ def _with_narrow_priors(
     for placed in placed_effects:
         first = placed.effect.parameters[0]
         size = first.size(scale)
-        narrow = replace(first, wide=placed.effect.tolerance_values_for(scale)[first.name] / size)
+        narrow = replace(
+            first, prior_scale=placed.effect.tolerance_values_for(scale)[first.name] / size
+        )
         effect = replace(placed.effect, parameters=(narrow, *placed.effect.parameters[1:]))
         narrowed.append(PlacedEffect(effect, placed.where))
     posterior = _car().denoised.posterior(tuple(narrowed))
@@ -90,7 +92,7 @@ def _with_narrow_priors(
         first = placed.effect.parameters[0]
         k = posterior.space.names.index(placed.coordinate_name(first))
         z[k] = first.coordinate(start, scale)
-    fit = fitted(posterior, z)
+    fit = fit_model(posterior, z)
     return fit.mode.log_evidence + half_normal_correction(fit, fit.mode.z, fit.mode.covariance)
 
 
@@ -163,7 +165,9 @@ def test_the_tolerance_of_a_damper_is_two_per_cent_of_its_force(
     effect = EFFECTS["digressive_damper"]
     assert effect.scaled_to_range is not None
     assert effect.force is not None
-    tolerance = effect.scaled_to_range(effect.tolerance_values_for(Scale(1200.0, 16000.0)), 0.02, velocity)
+    tolerance = effect.scaled_to_range(
+        effect.tolerance_values_for(Scale(1200.0, 16000.0)), 0.02, velocity
+    )
     values = {"knee": knee, "sharpness": sharpness}
     lost = [
         float(effect.force(v, 1.0, 1.0, np.array(0.0), np.array(velocity), np.array(0.0)))
@@ -180,7 +184,9 @@ def test_the_tolerance_of_a_spring_is_one_and_a_half_per_cent(travel: float) -> 
     effect = EFFECTS["progressive_spring"]
     assert effect.scaled_to_range is not None
     assert effect.force is not None
-    tolerance = effect.scaled_to_range(effect.tolerance_values_for(Scale(1200.0, 16000.0)), travel, 0.2)
+    tolerance = effect.scaled_to_range(
+        effect.tolerance_values_for(Scale(1200.0, 16000.0)), travel, 0.2
+    )
     force = effect.force(tolerance, 1.0, 1.0, np.array(travel), np.array(0.0), np.array(0.0))
     assert float(force) / -travel == pytest.approx(0.015, rel=0.01)
 

@@ -14,7 +14,7 @@ from bayes_asv.filters.kalman import Laws, filter_pass, log_likelihood
 from bayes_asv.models.effects import EFFECTS, placed_effect
 from bayes_asv.posterior.effects import Values, law_table, sensor_corrections
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 
@@ -48,7 +48,7 @@ def posterior() -> Posterior:
     car = vehicle(DECLARED)
     lines, _, _ = prepare_runs((recording,), car)
     known = tuple(sensor_corrections(line, car, line.reading) for line in lines)
-    return Posterior(space(car, lines), (WHITE,), sensor_corrections=known)
+    return Posterior(make_parameter_space(car, lines), (WHITE,), sensor_corrections=known)
 
 
 def test_without_laws_it_is_the_linear_recursion(posterior: Posterior) -> None:

@@ -12,10 +12,10 @@ from bayes_asv.models.car_model import Output
 from bayes_asv.models.cars import car_model
 from bayes_asv.planning.information import inseparable_groups
 from bayes_asv.planning.predicted_sd import predicted_sd
-from bayes_asv.posterior.information import fisher_information, sd_floor, unknowns
+from bayes_asv.posterior.information import fisher_information, make_parameter_prior, sd_floor
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
 from bayes_asv.posterior.newton import derivatives
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 
@@ -32,7 +32,7 @@ def test_it_equals_the_curvature_of_the_posterior_at_the_true_car(terrain: str) 
     truth, _, recording = case(terrain, 4, still)
     lines, reasons, _ = prepare_runs([recording], car)
     assert not reasons
-    where = space(car, lines)
+    where = make_parameter_space(car, lines)
     logs = {
         name: math.log(getattr(truth, name) / getattr(car, name).value)
         for name in ("c_f", "c_r", "i")
@@ -44,7 +44,7 @@ def test_it_equals_the_curvature_of_the_posterior_at_the_true_car(terrain: str) 
     with shared_work(Posterior(where, (WHITE,))) as posterior:
         _, _, hessian = derivatives(posterior, z, scale)
     covariance = np.asarray(np.linalg.inv(-hessian) * np.outer(scale, scale), dtype=np.float64)
-    about = unknowns(lines[0].car, lines[0].output_models)
+    about = make_parameter_prior(lines[0].car, lines[0].output_models)
     found = predicted_sd(fisher_information(lines[0], car, about), 1, about)
     # the drawn dampers are not the nominal ones, so information is taken at the wrong car: that
     # and the free noise are what the tolerance is for
@@ -60,7 +60,7 @@ def test_the_information_is_that_of_what_the_model_depends_on() -> None:
     car = vehicle(DECLARED)
     _, _, recording = case("bump", 6, DECLARED)
     lines, _, _ = prepare_runs([recording], car)
-    about = unknowns(lines[0].car, lines[0].output_models)
+    about = make_parameter_prior(lines[0].car, lines[0].output_models)
     J = fisher_information(lines[0], car, about)
     assert pytest.approx(J.T) == J
     inside = about.identified.T @ J @ about.identified
@@ -93,8 +93,8 @@ def test_what_no_drive_separates_follows_from_the_channels(case: str, heads: set
     given = vehicle({**DECLARED, "l": 0.01})
     model = car_model(case.split(" ")[0], given)
     outputs = [Output(c) for c in map(given.channel, NAMES[case]) if not c.is_input]
-    about = unknowns(model, outputs)
+    about = make_parameter_prior(model, outputs)
     assert {group.names[0] for group in inseparable_groups(about)} == heads
-    floor = sd_floor(about, about.answers)
+    floor = sd_floor(about, about.estimands)
     # springs known to 5 % hardly help to weigh the car
     assert floor[model.estimated[0]] == pytest.approx(0.01, rel=0.1)

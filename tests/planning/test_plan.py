@@ -170,7 +170,7 @@ def _plan_of(vehicle: Vehicle, car: str, names: tuple[str, ...], **options: Any)
 def test_one_axle_tells_nothing_about_the_other_and_the_pitch_inertia() -> None:
     made = _plan_of(BAJA, "quarter-front", ())
     assert made.verdict == "ok"
-    assert made.answers == ("c_f",)
+    assert made.estimands == ("c_f",)
     document = json.loads(json.dumps(plan_document(made), allow_nan=False))
     assert document["channels"] == ["front_wheel", "front_chassis"]
     (line,) = document["unidentified"]

@@ -22,8 +22,8 @@ from bayes_asv.planning.predicted_sd import (
     required_passes,
     sd_floors,
 )
-from bayes_asv.posterior.information import Unknowns, unknowns
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.information import ParameterPrior, make_parameter_prior
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import road
@@ -37,7 +37,7 @@ IDENTIFIABLE = ("c_f", "c_r", "i", "k_f", "k_r", "wdf")
 PARAMETERS = ("c_f", "c_r", "i", "k_g")
 GIVEN = ("m", "l", "wdf", "k_f", "k_r")
 OUTPUTS = [Output(channel(name)) for name in CHANNELS[1::2]]
-NAMES = unknowns(car_model("half", BAJA), OUTPUTS).names
+NAMES = make_parameter_prior(car_model("half", BAJA), OUTPUTS).names
 # Accelerations depend on c/m, k/m, i/(m l²) and the weight fraction.
 RATIOS = np.array(
     [
@@ -52,8 +52,8 @@ RATIOS = np.array(
 )
 
 
-def _prior(vehicle: Vehicle) -> Unknowns:
-    return unknowns(car_model("half", vehicle), OUTPUTS)
+def _prior(vehicle: Vehicle) -> ParameterPrior:
+    return make_parameter_prior(car_model("half", vehicle), OUTPUTS)
 
 
 def _of_ratios(J: Array) -> Array:
@@ -85,7 +85,7 @@ def test_predicted_deviations_are_those_of_the_estimators_coordinates(car: Vehic
     root = np.random.default_rng(3).normal(size=(6, 9))
     J: Array = 1e4 * root @ root.T
     drive = simulate(car, road("bump", np.random.default_rng(0)))
-    parameters = space(car, (prepare(drive.recording, car, car_model("half", car)),))
+    parameters = make_parameter_space(car, (prepare(drive.recording, car, car_model("half", car)),))
     d = parameters.car_dimension
     # ∂ ln θ / ∂z of the identifiable parameters, by central differences
     step = 1e-5

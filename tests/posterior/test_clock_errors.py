@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayes_asv.domain.clocks import Clock, declared_clocks, retimed
+from bayes_asv.domain.clocks import Clock, declared_clocks, with_declared_clock_error
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, sample_times
 from bayes_asv.estimate_result import Estimate
 from bayes_asv.estimation import estimate
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.clock_errors import fit_synchronised, synchronised
+from bayes_asv.posterior.clock_errors import align_clocks, fit_aligned
 from bayes_asv.posterior.likelihood import WHITE, Posterior
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepare import prepare
-from bayes_asv.preprocessing.prepared_recording import Retimed, interpolation_weights
+from bayes_asv.preprocessing.prepared_recording import ClockVariants, interpolation_weights
 from benchmarks.clocks import CLOCK, clock_draws, drawn, recorded
 
 
@@ -44,12 +44,12 @@ def test_an_offset_is_found_and_no_longer_biases_the_dampers(terrain: str, offse
 def test_a_drift_is_found_on_a_long_run() -> None:
     car, vehicle = drawn(10)
     recording = recorded(car, "rough", 30.0, 200.0, -0.006, 40e-6, 3)
-    timed = synchronised([recording], vehicle, (CLOCK,))
+    timed = align_clocks([recording], vehicle, (CLOCK,))
     (mode,) = timed.modes[0]
     assert mode.probability == 1.0
     assert np.all(np.abs(mode.value - (-0.006, 40e-6)) < 4.0 * mode.sd)
     assert mode.sd[1] < 2e-6
-    fit = fit_synchronised(timed)
+    fit = fit_aligned(timed)
     at_mode = fit.space.values(fit.mode.z[None])
     for name in ("c_f", "c_r", "i"):
         assert abs(float(at_mode[name][0]) / getattr(car, name) - 1.0) < 0.005, name
@@ -69,8 +69,10 @@ def test_the_front_logger_against_the_rear_one() -> None:
     car, vehicle = drawn(14)
     plain = recorded(car, "bump", 2.0, 400.0, 0.0, 0.0, 9)
     clock = Clock("front", ("front_wheel", "front_chassis"), drift_sd=0.0)
-    wrong = retimed(plain, vehicle, clock, 0.007, 0.0)  # declared late, so in truth early
-    (mode,) = synchronised([wrong], vehicle, (clock,)).modes[0]
+    wrong = with_declared_clock_error(
+        plain, vehicle, clock, 0.007, 0.0
+    )  # declared late, so in truth early
+    (mode,) = align_clocks([wrong], vehicle, (clock,)).modes[0]
     # the clock adds to what is declared
     assert abs(mode.value[0] + 0.007) < 4.0 * mode.sd[0] < 1e-3
 
@@ -78,8 +80,8 @@ def test_the_front_logger_against_the_rear_one() -> None:
 def test_runs_have_offsets_of_their_own_and_one_drift() -> None:
     car, vehicle = drawn(16)
     runs = [recorded(car, "bump", 2.0, 400.0, offset, 0.0, 1) for offset in (0.01, -0.004)]
-    timed = synchronised(runs, vehicle, (CLOCK,))
-    fit = fit_synchronised(timed)
+    timed = align_clocks(runs, vehicle, (CLOCK,))
+    fit = fit_aligned(timed)
     names = [one.name for one in fit.space.coordinates if one.kind == "clock"]
     assert names == ["clock offset phone 0", "clock drift phone", "clock offset phone 1"]
     for run, offset in enumerate((0.01, -0.004)):
@@ -89,8 +91,8 @@ def test_runs_have_offsets_of_their_own_and_one_drift() -> None:
 def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> None:
     car, vehicle = drawn(10)
     recording = recorded(car, "bump", 2.0, 400.0, 0.012, 0.0, 7)
-    timed = synchronised([recording], vehicle, (CLOCK,))
-    fit = fit_synchronised(timed)
+    timed = align_clocks([recording], vehicle, (CLOCK,))
+    fit = fit_aligned(timed)
     line = fit.space.recordings[0]
     assert line.retimed is not None
     job = timed.jobs[0]
@@ -114,7 +116,11 @@ def test_a_drift_of_some_ppm_does_not_change_the_steps_of_the_filter() -> None:
     car, vehicle = drawn(10)
     recording = recorded(car, "bump", 2.0, 200.0, 0.0, 0.0, 7)
     recordings = [
-        prepare(retimed(recording, vehicle, CLOCK, 0.0, drift), vehicle, car_model("half", vehicle))
+        prepare(
+            with_declared_clock_error(recording, vehicle, CLOCK, 0.0, drift),
+            vehicle,
+            car_model("half", vehicle),
+        )
         for drift in (-20e-6, 0.0, 20e-6)
     ]
     assert len({len(line.instants) for line in recordings}) == 1
@@ -123,7 +129,7 @@ def test_a_drift_of_some_ppm_does_not_change_the_steps_of_the_filter() -> None:
 def test_weights_interpolate_polynomials_of_second_degree() -> None:
     rng = np.random.default_rng(3)
     a, b, c = rng.normal(), rng.normal(size=3), rng.normal(size=(3, 3))
-    points = np.vstack([np.zeros(3), Retimed.points(3)])
+    points = np.vstack([np.zeros(3), ClockVariants.points(3)])
 
     def value(u: np.ndarray) -> np.ndarray:
         return np.asarray(a + u @ b + np.einsum("wi,ij,wj->w", u, c, u))
@@ -136,7 +142,7 @@ def test_sample_times_follow_offset_and_drift() -> None:
     _, vehicle = drawn(0)
     time = np.linspace(0.0, 100.0, 1001)
     recording = Recording(time=time, values=np.zeros((4, 1001)), units=("m/s^2",) * 4)
-    later = retimed(recording, vehicle, CLOCK, 0.012, 50e-6)
+    later = with_declared_clock_error(recording, vehicle, CLOCK, 0.012, 50e-6)
     change = sample_times(later, vehicle) - sample_times(recording, vehicle)
     np.testing.assert_allclose(change[[0, 2]], 0.0, atol=1e-12)
     np.testing.assert_allclose(change[1], 0.012 - time * 50e-6 / (1.0 + 50e-6), atol=1e-9)
@@ -161,12 +167,12 @@ def test_a_clock_of_all_channels_or_of_none_is_no_unknown() -> None:
     car, vehicle = drawn(10)
     recording = recorded(car, "bump", 2.0, 400.0, 0.0, 0.0, 7)
     clocks = (Clock("all", recording.channels), Clock("none", ("body_pitch_rate",)))
-    timed = synchronised([recording], vehicle, clocks[:1])
+    timed = align_clocks([recording], vehicle, clocks[:1])
     assert timed.modes == ((),)
     assert timed.prepared[0].retimed is None
-    assert synchronised([recording], vehicle, clocks[1:]).modes == ((),)
+    assert align_clocks([recording], vehicle, clocks[1:]).modes == ((),)
     line = prepare(recording, vehicle, car_model("half", vehicle))
-    assert not np.any(space(vehicle, (line,)).origin)
+    assert not np.any(make_parameter_space(vehicle, (line,)).origin)
 
 
 def test_two_possible_offsets_are_both_told_and_no_damper_is_judged(
@@ -174,12 +180,12 @@ def test_two_possible_offsets_are_both_told_and_no_damper_is_judged(
 ) -> None:
     car, vehicle = drawn(10)
     recording = recorded(car, "bump", 2.0, 400.0, 0.012, 0.0, 7)
-    timed = synchronised([recording], vehicle, (CLOCK,))
+    timed = align_clocks([recording], vehicle, (CLOCK,))
     assert timed.ambiguity is None
     (mode,) = timed.modes[0]
     rival = mode._replace(value=mode.value - (0.02, 0.0), probability=0.3)
     both = replace(timed, modes=((mode._replace(probability=0.7), rival),))
-    monkeypatch.setattr("bayes_asv.estimation.synchronised", lambda *arguments: both)
+    monkeypatch.setattr("bayes_asv.estimation.align_clocks", lambda *arguments: both)
     result = estimate([recording], replace(vehicle, clocks=(CLOCK,)), seed=1)
     assert result.input_check is not None
     assert any(

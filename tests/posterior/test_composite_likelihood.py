@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
-from bayes_asv.posterior.band_fit import agreement, fit_in_band, notes
+from bayes_asv.posterior.band_fit import composite_likelihood_power, fit_in_band, notes
 from bayes_asv.preprocessing.band import low_pass_recording
 from tests.posterior.cases import EXACT, case, prepared, vehicle
 
@@ -31,7 +31,7 @@ def test_parts_of_a_right_likelihood_agree() -> None:
     for seed in range(200):
         scores, information, covariance = _scores(12, 6, seed)
         # a tenth of the scores, so that nothing meets the limit of one
-        raw.append(agreement(10.0**0.5 * scores, information, covariance) * 10.0)
+        raw.append(composite_likelihood_power(10.0**0.5 * scores, information, covariance) * 10.0)
     # E(1/x) of a mean of squares with 66 degrees of freedom is 66/64; 2 % is 1.5 deviations.
     assert 1.0 / np.mean(1.0 / np.array(raw)) == pytest.approx(1.0, abs=0.04)
     assert np.std(raw) < 0.3
@@ -44,13 +44,13 @@ def test_it_is_the_power_that_makes_the_width_right(factor: float, seed: int) ->
     about = scores - scores.mean(axis=0)
     spread = about.T @ about * 40.0 / 39.0
     wanted = np.trace(information @ covariance) / np.trace(spread @ covariance) / factor**2
-    found = agreement(factor * scores, information, covariance)
+    found = composite_likelihood_power(factor * scores, information, covariance)
     assert found == pytest.approx(min(1.0, wanted))
 
 
 def test_silence_is_not_held_against_a_recording() -> None:
-    assert agreement(np.zeros((6, 2)), np.eye(2), np.eye(2)) == 1.0
-    assert agreement(1e-3 * np.eye(3, 2), np.eye(2), np.eye(2)) == 1.0
+    assert composite_likelihood_power(np.zeros((6, 2)), np.eye(2), np.eye(2)) == 1.0
+    assert composite_likelihood_power(1e-3 * np.eye(3, 2), np.eye(2), np.eye(2)) == 1.0
 
 
 def _changing(recording: Recording, seed: int) -> Recording:

@@ -10,7 +10,7 @@ from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
 from bayes_asv.models.effects import placed_effect
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, with_effects
-from bayes_asv.posterior.fitted_model import fit_linear_car, fitted, make_dataset
+from bayes_asv.posterior.fitted_model import fit_linear_car, fit_model, make_dataset
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.cli.conftest import ROOT
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
@@ -35,7 +35,7 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
     for end in (-2.0, 0.0, 2.5):
         start = found.mode.z.copy()
         start[k] = end
-        assert fitted(found.posterior, start).mode.log_posterior < found.mode.log_posterior + 0.1
+        assert fit_model(found.posterior, start).mode.log_posterior < found.mode.log_posterior + 0.1
 
 
 def test_an_effect_that_is_in_the_model_already_is_refused() -> None:

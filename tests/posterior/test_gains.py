@@ -96,12 +96,12 @@ def test_scales_that_are_off_are_allowed_for(off: tuple[RigCar, Recording]) -> N
     assert max(missed["wide"]) < 2.0
     assert max(missed["narrow"]) > 2.5  # what is declared exact and is not
     width = find_budget(wide.posterior, wide.mode, declared(DECLARED, 0.01))
-    for name, answer in width.answers.items():
+    for name, answer in width.estimands.items():
         assert sum(answer.shares.values()) == pytest.approx(1.0, abs=1e-6)
         if name != "k_g":
             sd = wide.space.log_deviation(wide.mode.covariance, name)
             assert answer.sd == pytest.approx(sd, rel=0.04)
-    gains = [s for n, s in width.answers["c_f"].shares.items() if n.startswith("gain ")]
+    gains = [s for n, s in width.estimands["c_f"].shares.items() if n.startswith("gain ")]
     assert 0.15 < sum(gains) < 0.4
 
 

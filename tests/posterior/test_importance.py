@@ -12,7 +12,7 @@ from scipy.stats import gamma, norm
 from bayes_asv.posterior.importance import Proposal, WeightedDraws, importance_sample
 from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.newton import PosteriorMode
-from bayes_asv.posterior.sampler import run_ensembles
+from bayes_asv.posterior.sampler import sample_mcmc
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, case, vehicle
 
@@ -66,7 +66,7 @@ def test_weighted_draws_agree_with_the_ensembles() -> None:
     assert not reasons
     fit = best_fit(lines, car)
     weighted = importance_sample(fit.posterior, fit.mode, 2048, 1)
-    ensembles = run_ensembles(fit.posterior, fit.mode, 1)
+    ensembles = sample_mcmc(fit.posterior, fit.mode, 1)
     one = fit.space.quantities(weighted.z, 1)
     other = fit.space.quantities(ensembles.draws.reshape(-1, fit.space.dimension), 1)
     shares = np.array([0.025, 0.25, 0.5, 0.75, 0.975])

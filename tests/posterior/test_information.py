@@ -11,7 +11,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Nominal, Sensor, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.posterior.identifiability import unidentified_before_fit
-from bayes_asv.posterior.information import fisher_information, predicted_sd, unknowns
+from bayes_asv.posterior.information import fisher_information, make_parameter_prior, predicted_sd
 from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.shipped import shipped
@@ -39,8 +39,8 @@ def test_the_fit_is_as_uncertain_as_its_recording_promises(
     lines, reasons, _ = prepare_runs([_drive(BAJA, channels, car)], BAJA, None, car)
     assert not reasons
     assert unidentified_before_fit(lines, BAJA) == ()
-    about = unknowns(lines[0].car, lines[0].output_models)
-    asked = {name: about.parameters[name] for name in about.car.estimated}
+    about = make_parameter_prior(lines[0].car, lines[0].output_models)
+    asked = {name: about.log_gradients[name] for name in about.car.estimated}
     promised = predicted_sd(fisher_information(lines[0], BAJA, about), 1, about, asked)
     found = best_fit(lines, BAJA)
     for name, sd in promised.items():

@@ -7,7 +7,7 @@ import pytest
 
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.newton import derivatives, find_mode
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
 
 
@@ -15,7 +15,7 @@ from tests.posterior.cases import DECLARED, case, prepared, vehicle
 def posterior() -> Posterior:
     car = vehicle(DECLARED)
     lines = tuple(prepared(case(terrain, 31, DECLARED)[2], car) for terrain in ("bump", "rough"))
-    return Posterior(space(car, lines), (WHITE, WHITE))
+    return Posterior(make_parameter_space(car, lines), (WHITE, WHITE))
 
 
 def test_derivatives_run_by_run_are_those_of_the_whole(posterior: Posterior) -> None:

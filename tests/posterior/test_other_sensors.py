@@ -13,7 +13,7 @@ from bayes_asv.estimation import estimate
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.map_fit import best_fit
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from bayes_asv.simulation.roads import road
 from bayes_asv.simulation.simulate import simulate
@@ -103,7 +103,7 @@ def test_accelerations_identify_five_of_seven_logarithms() -> None:
     """Mass and wheelbase scale the answer: c_f, c_r, i, m, l, k_f and k_r have five ratios."""
     sds = DECLARED | {"l": 0.02}
     line = prepared(case("bump", 1, EXACT, seconds=1.0)[2], rig_vehicle(sds))
-    prior = space(rig_vehicle(sds), (line,)).prior
+    prior = make_parameter_space(rig_vehicle(sds), (line,)).prior
     assert prior.identified.shape == (7, 5)
     assert prior.unidentified.shape == (7, 2)
     basis = np.hstack([prior.identified, prior.unidentified])

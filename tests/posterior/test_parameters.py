@@ -8,7 +8,7 @@ import pytest
 from bayes_asv.domain.vehicle import Given
 from bayes_asv.filters.kalman import log_likelihood
 from bayes_asv.models.car_model import state_space
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from tests.posterior.cases import DECLARED, EXACT, case, prepared, vehicle
 
@@ -23,7 +23,7 @@ def test_the_prior_is_the_one_that_is_promised(recording: PreparedRecording) -> 
     """Log-normal, independent, a factor 3 on damping and 2 on inertia at one deviation."""
     car = vehicle(DECLARED)
     car = replace(car, l=Given(car.l.value, 0.02 * car.l.value))
-    where = space(car, (recording,))
+    where = make_parameter_space(car, (recording,))
     rng = np.random.default_rng(0)
     z = rng.normal(size=(200_000, where.dimension))
     cars = np.log(where.cars(z, rng.normal(size=(len(z), where.prior.unidentified.shape[1]))))
@@ -44,7 +44,7 @@ def test_what_is_called_unseen_is_not_seen(
     recording: PreparedRecording, sds: dict[str, float]
 ) -> None:
     """Mass and wheel base scale the answer; the accelerations do not know them."""
-    where = space(vehicle(sds), (recording,))
+    where = make_parameter_space(vehicle(sds), (recording,))
     rng = np.random.default_rng(1)
     z = np.repeat(0.3 * rng.normal(size=(1, where.dimension)), 6, axis=0)
     unseen = rng.normal(size=(6, where.prior.unidentified.shape[1]))
@@ -54,14 +54,17 @@ def test_what_is_called_unseen_is_not_seen(
 
 
 def test_only_what_has_a_deviation_is_sampled(recording: PreparedRecording) -> None:
-    assert space(vehicle(EXACT), (recording,)).car_dimension == 3
-    assert space(vehicle(DECLARED), (recording,)).car_dimension == 6
-    assert "wdf" in space(vehicle(DECLARED), (recording,)).names
-    assert not any("wheel" in n for n in space(vehicle(EXACT), (recording,), "output-error").names)
+    assert make_parameter_space(vehicle(EXACT), (recording,)).car_dimension == 3
+    assert make_parameter_space(vehicle(DECLARED), (recording,)).car_dimension == 6
+    assert "wdf" in make_parameter_space(vehicle(DECLARED), (recording,)).names
+    assert not any(
+        "wheel" in n
+        for n in make_parameter_space(vehicle(EXACT), (recording,), "output-error").names
+    )
 
 
 def test_shifted_logs_come_back(recording: PreparedRecording) -> None:
-    where = space(vehicle(EXACT), (recording,))
+    where = make_parameter_space(vehicle(EXACT), (recording,))
     z = where.from_logs({"c_f": 0.4, "i": -0.2})
     car = where.cars(z[None])[0]
     nominal = vehicle(EXACT)
@@ -70,7 +73,7 @@ def test_shifted_logs_come_back(recording: PreparedRecording) -> None:
 
 
 def test_impossible_places_have_no_density(recording: PreparedRecording) -> None:
-    where = space(vehicle(DECLARED), (recording,))
+    where = make_parameter_space(vehicle(DECLARED), (recording,))
     z = np.zeros((3, where.dimension))
     z[0, 0] = 50.0
     z[1, 0] = np.nan
@@ -79,7 +82,7 @@ def test_impossible_places_have_no_density(recording: PreparedRecording) -> None
 
 
 def test_deviation_of_a_logarithm_includes_what_is_unseen(recording: PreparedRecording) -> None:
-    where = space(vehicle(DECLARED), (recording,))
+    where = make_parameter_space(vehicle(DECLARED), (recording,))
     covariance = np.zeros((where.dimension, where.dimension))
     # known perfectly in every direction that is seen, c still scales with the mass
     assert where.log_deviation(covariance, "c_f") == pytest.approx(0.01, rel=0.05)

@@ -19,10 +19,10 @@ from bayes_asv.io import read_recording, write_recording
 from bayes_asv.models.car_model import state_space
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fit_checks import explained_power_findings, model_bandwidth
-from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
+from bayes_asv.posterior.free_simulation import simulate_free, unexplained_in_band
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.map_fit import best_fit
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import prepared
@@ -72,7 +72,7 @@ def of_car(recording: PreparedRecording, car: WideCar) -> Array:
 
 
 def posterior(car: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Posterior:
-    return Posterior(space(car, recordings), (WHITE,) * len(recordings))
+    return Posterior(make_parameter_space(car, recordings), (WHITE,) * len(recordings))
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_a_free_run_of_the_true_car_leaves_noise(
 ) -> None:
     car, result = estimated
     (fit,) = result.runs
-    assert max(left_in_band(fit.prepared, fit.free, model_bandwidth(fit.prepared))) < 0.03
+    assert max(unexplained_in_band(fit.prepared, fit.free, model_bandwidth(fit.prepared))) < 0.03
     road = bump()
     run = wide_drive(car, (road, shifted(road, 0.6)), 4.4, 800.0, 1.5, 0, quiet=True)
     recording = prepared(as_recording(run), vehicle(tmp_path, {}, noise=False), "roll")
@@ -145,7 +145,7 @@ def test_the_mass_is_not_identified(tmp_path: Path) -> None:
     run = wide_drive(worn(), (rough_road(1), rough_road(2)), 4.0, 400.0, 1.0, 3)
     known = vehicle(tmp_path, {"m": 0.01, "k": 0.05})
     line = prepared(as_recording(run), known, "roll")
-    where = space(known, (line,))
+    where = make_parameter_space(known, (line,))
     assert where.prior.unidentified.shape[1] == 1
     z = np.zeros((1, where.dimension))
     scaled = {*truth(worn()), *SPRINGS, "m"}

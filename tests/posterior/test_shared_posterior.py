@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bayes_asv.posterior.importance import importance_sample
 from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.newton import PosteriorMode
-from bayes_asv.posterior.sampler import run_ensembles
+from bayes_asv.posterior.sampler import sample_mcmc
 from bayes_asv.posterior.shared_posterior import SharedPosterior
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import as_recording, vehicle
@@ -69,7 +69,7 @@ def test_a_fit_of_two_runs_has_the_posterior_of_all_its_coordinates() -> None:
     shared = SharedPosterior(found.posterior, found.mode)
     few = len(shared.mode.z)
     assert few < len(found.mode.z)
-    ensembles = run_ensembles(shared, shared.mode, 1)
+    ensembles = sample_mcmc(shared, shared.mode, 1)
     assert ensembles.converged
     sampled = ensembles.draws.reshape(-1, few)
     weighted = importance_sample(found.posterior, found.mode, 2048, 1)

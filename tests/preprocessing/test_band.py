@@ -17,7 +17,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.models.cars import car_model
-from bayes_asv.posterior.free_simulation import left_in_band, simulate_free
+from bayes_asv.posterior.free_simulation import simulate_free, unexplained_in_band
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.preprocessing.band import check_band, low_pass, low_pass_recording
 from bayes_asv.preprocessing.prepare import prepare
@@ -118,7 +118,7 @@ def test_the_same_car_moves_in_the_band() -> None:
     line = _band(recording, vehicle(EXACT))
     car = np.array([truth.c_f, truth.c_r, truth.i, truth.m, truth.l, truth.wdf, truth.k_f,
                     truth.k_r])  # fmt: skip
-    assert np.all(left_in_band(line, simulate_free(line, car), BELOW) < 0.01)
+    assert np.all(unexplained_in_band(line, simulate_free(line, car), BELOW) < 0.01)
 
 
 @settings(deadline=None, max_examples=5)

@@ -237,7 +237,7 @@ def test_information_is_that_of_the_posterior(
         assert not reasons
         assert not fit.reasons
         covariance = np.linalg.inv(np.eye(len(event.information)) + event.information)
-        for row, name in zip(log.answers, model.estimated, strict=True):
+        for row, name in zip(log.estimands, model.estimated, strict=True):
             predicted = float(np.sqrt(row @ covariance @ row))
             actual = fit.space.log_deviation(fit.mode.covariance, name)
             assert predicted == pytest.approx(actual, rel=0.3), name

@@ -54,7 +54,7 @@ def test_a_zero_is_what_a_level_would_be() -> None:
     recording, known = where.recordings[0], where.sensor_corrections[0]
     lower = replace(
         recording,
-        moments=recording.moments - one_axle[:, None] * known.level[:, None],
+        moments=recording.moments - one_axle[:, None] * known.unit_moments[:, None],
         reading=recording.reading - one_axle,
     )
     space = replace(posterior.space, recordings=(lower, where.recordings[1]))

@@ -24,7 +24,7 @@ def _faults(found: TrackResult, truth: dict[str, float]) -> list[str]:
     """Answers that were not learnt or lie where the filter does not say, and its own verdict."""
     faults = [] if (found.verdict, found.reasons) == ("ok", ()) else [found.verdict]
     faults += ["inconsistent"] if found.consistency.verdict == "inconsistent" else []
-    for name in found.coordinates.answers:
+    for name in found.coordinates.estimands:
         mean, sd = found.log_moments(name)
         if not (sd < 0.05 and abs(mean - np.log(truth[name])) < 3.5 * sd):
             faults.append(name)

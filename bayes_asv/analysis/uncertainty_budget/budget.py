@@ -227,13 +227,13 @@ def in_logs(posterior: Posterior, z: Array) -> tuple[Posterior, Array]:
     values = {name: float(x[0]) for name, x in space.values(z[None]).items()}
     fractions = _fractions(car)
     terms = [name for name in _terms(car) if name not in fractions]
-    root = np.zeros((len(prior.logs), len(terms)))
+    root = np.zeros((len(prior.log_parameters), len(terms)))
     by_name = {p.name: p for p in car.parameters}
-    for a, name in enumerate(prior.logs):
+    for a, name in enumerate(prior.log_parameters):
         for term, coefficient, _ in by_name[name].terms:
             root[a, terms.index(term)] += coefficient
     turned = CarPrior(
-        car, prior.logs, np.log([values[name] for name in prior.logs]), root,
+        car, prior.log_parameters, np.log([values[name] for name in prior.log_parameters]), root,
         np.eye(len(terms)), np.zeros((len(terms), 0)),
     )  # fmt: skip
     coordinates = [Coordinate("car", f"car-{k}") for k in range(len(terms))]

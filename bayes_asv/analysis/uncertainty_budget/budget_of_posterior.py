@@ -22,7 +22,11 @@ from bayes_asv.analysis.uncertainty_budget.budget import (
     prior_sd,
     sources,
 )
-from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Linearised, Shift, find_biases
+from bayes_asv.analysis.uncertainty_budget.undeclared_faults import (
+    LinearizedPosterior,
+    Shift,
+    find_biases,
+)
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.newton import PosteriorMode
@@ -78,7 +82,7 @@ class UncertaintyBudget:
 
     Parameters
     ----------
-    answers : dict of str to Answer
+    estimands : dict of str to Answer
         For c_f, c_r, i and k_g.
     shifts : tuple of Shift
         What undeclared faults would do.
@@ -95,7 +99,7 @@ class UncertaintyBudget:
         Derivatives of the logarithm of each answer by those of the parameters.
     """
 
-    answers: dict[str, Answer]
+    estimands: dict[str, Answer]
     shifts: tuple[Shift, ...]
     white: bool
     runs: int
@@ -148,7 +152,7 @@ def find_budget(posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> 
         answers[name] = _answer(
             g, known, posterior.space.car.estimated, budget, nudged, bettered, len(runs)
         )
-    shifts = find_biases(Linearised(logs, z, slopes, budget, noise_precision), vehicle)
+    shifts = find_biases(LinearizedPosterior(logs, z, slopes, budget, noise_precision), vehicle)
     return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of)
 
 

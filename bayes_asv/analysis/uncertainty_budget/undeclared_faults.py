@@ -35,7 +35,7 @@ from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["HIDDEN", "Fault", "Linearised", "Shift", "faults", "find_biases", "with_fault"]
+__all__ = ["HIDDEN", "Fault", "LinearizedPosterior", "Shift", "faults", "find_biases", "with_fault"]
 
 # Sizes that a careful team may well overlook: a data sheet's tolerance of scale and corner
 # frequency, a tenth of a millisecond of a converter's order, a mount an inch off its axle.
@@ -211,12 +211,12 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Linearised:
+class LinearizedPosterior:
     """A posterior at its mode.
 
     Parameters
     ----------
-    logs, z : Posterior, (D,) array
+    posterior, z : Posterior, (D,) array
         From :func:`~bayes_asv.analysis.uncertainty_budget.budget.in_logs`.
     slopes : list of (ny E, P) arrays
         Jacobians of the runs there.
@@ -226,30 +226,30 @@ class Linearised:
         Curvature of minus the log-posterior in the noise coordinates.
     """
 
-    logs: Posterior
+    posterior: Posterior
     z: Array
     slopes: list[Array]
     budget: Budget
     noise_precision: Array
 
     @cached_property
-    def still(self) -> tuple[Array, Array]:
+    def score_at_mode(self) -> tuple[Array, Array]:
         """What the data pull at parameters (P,) and noise (D − P,), in balance with the prior.
 
         The second would be zero at an ideal mode.
         """
         pull = np.zeros(len(self.budget.sd))
         for run, j in enumerate(self.slopes):
-            pull += j.T @ self.logs.innovations(self.z, run).ravel()
-        return pull, _noise_slope(self, self.logs, self.z)[0]
+            pull += j.T @ self.posterior.innovations(self.z, run).ravel()
+        return pull, _noise_slope(self, self.posterior, self.z)[0]
 
 
-def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
+def find_biases(there: LinearizedPosterior, vehicle: Vehicle) -> list[Shift]:
     """Foretell what undeclared faults would do, one at a time.
 
     Parameters
     ----------
-    there : Linearised
+    there : LinearizedPosterior
         The posterior.
     vehicle : Vehicle
         As given.
@@ -259,13 +259,13 @@ def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
     list of Shift
         Values given as exact first, then the sensors' faults.
     """
-    recordings = there.logs.space.recordings
+    recordings = there.posterior.space.recordings
     found = []
-    for k, name in enumerate(parameters(there.logs)):
+    for k, name in enumerate(parameters(there.posterior)):
         if there.budget.sd[k] == 0.0:
             own = -_OFF * np.eye(len(there.budget.sd))[k]  # held that much below the truth
             found.append(_shift(there, Fault("given", name, _OFF), recordings, own))
-    declared = parameters(there.logs)
+    declared = parameters(there.posterior)
     for fault in faults(recordings[0], vehicle):
         if fault.name in declared:
             continue  # no surprise: it is among the parameters
@@ -275,23 +275,23 @@ def find_biases(there: Linearised, vehicle: Vehicle) -> list[Shift]:
 
 
 def _shift(
-    there: Linearised, fault: Fault, faulty: tuple[PreparedRecording, ...], own: Array
+    there: LinearizedPosterior, fault: Fault, faulty: tuple[PreparedRecording, ...], own: Array
 ) -> Shift:
     """Predict one: faulty recordings, or parameters (P,) held wrong."""
-    posterior = _on(there.logs, faulty)
+    posterior = _on(there.posterior, faulty)
     pull, power = np.zeros(len(there.budget.sd)), 0.0
     for run, j in enumerate(there.slopes):
-        change = posterior.innovations(there.z, run) - there.logs.innovations(there.z, run)
+        change = posterior.innovations(there.z, run) - there.posterior.innovations(there.z, run)
         change = change.ravel() + j @ own
         pull += j.T @ change
         power += float(change @ change)
     covariance = there.budget.covariance()
     left = power - float(pull @ covariance @ pull)
     cut = min(1.0, math.sqrt(HIDDEN / left)) if left > 0.0 else 1.0
-    recordings = tuple(map(_blend, there.logs.space.recordings, faulty, [cut] * len(faulty)))
+    recordings = tuple(map(_blend, there.posterior.space.recordings, faulty, [cut] * len(faulty)))
     away = -cut * covariance @ pull
     if cut**2 * left > _NOTICED:
-        away = _settled(there, _on(there.logs, recordings), cut * own, away)
+        away = _settled(there, _on(there.posterior, recordings), cut * own, away)
     away = cut * own + away
     return Shift(fault.kind, fault.channel, cut * fault.size, cut < 1.0, away)
 
@@ -309,13 +309,13 @@ def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) ->
     )
 
 
-def _settled(there: Linearised, posterior: Posterior, own: Array, away: Array) -> Array:
+def _settled(there: LinearizedPosterior, posterior: Posterior, own: Array, away: Array) -> Array:
     """Let noise levels and parameters settle in turn; what the parameters (P,) do about it."""
     runs, sd = range(len(there.slopes)), there.budget.sd
     z = there.z.copy()
     for _ in range(_ROUNDS):
         slope, curvature = _noise_slope(there, posterior, moved(posterior, z, own + away))
-        step = np.linalg.solve(curvature, slope - there.still[1])
+        step = np.linalg.solve(curvature, slope - there.score_at_mode[1])
         if not np.all(np.isfinite(step)):
             break
         z[len(sd) :] += step
@@ -323,7 +323,7 @@ def _settled(there: Linearised, posterior: Posterior, own: Array, away: Array) -
         slopes = [jacobian(posterior, at, run) for run in runs]
         pull = (
             np.divide(away, sd**2, out=np.zeros(len(there.budget.sd)), where=sd > 0.0)
-            - there.still[0]
+            - there.score_at_mode[0]
         )
         for run, j in enumerate(slopes):
             pull += j.T @ posterior.innovations(at, run).ravel()
@@ -333,7 +333,7 @@ def _settled(there: Linearised, posterior: Posterior, own: Array, away: Array) -
     return away
 
 
-def _noise_slope(there: Linearised, posterior: Posterior, z: Array) -> tuple[Array, Array]:
+def _noise_slope(there: LinearizedPosterior, posterior: Posterior, z: Array) -> tuple[Array, Array]:
     """Slope (D − P,) and curvature of the log-posterior in the noise coordinates.
 
     The curvature is no less than at the mode, so that a step never overshoots by much.

@@ -59,12 +59,12 @@ class Parameter:
         The value is ``centre + wide z``, ``centre exp(wide z)``, ``wide |z|`` or
         ``centre + wide sinh(z)`` of a standard normal z; the third is a half-normal prior, the
         last one has long tails, for what may be many times its usual size.
-    centre, wide : float
+    centre, prior_scale : float
         See ``form``.
-    starts : tuple of float
+    initial_values : tuple of float
         Values from which a fit begins.
-    per : {'', 'load', 'spring'}
-        What ``centre``, ``wide`` and ``starts`` are shares of; nothing when empty.
+    prior_unit : {'', 'load', 'spring'}
+        What ``centre``, ``prior_scale`` and ``initial_values`` are shares of; nothing when empty.
     shape : bool
         It only says how sharply a law bends, and is not reported.
     """
@@ -73,36 +73,36 @@ class Parameter:
     unit: str
     form: Form
     centre: float
-    wide: float
-    starts: tuple[float, ...]
-    per: str = ""
+    prior_scale: float
+    initial_values: tuple[float, ...]
+    prior_unit: str = ""
     shape: bool = False
 
     def size(self, scale: Scale) -> float:
         """Return what the prior's numbers are multiplied by for one car."""
-        return float(getattr(scale, self.per)) if self.per else 1.0
+        return float(getattr(scale, self.prior_unit)) if self.prior_unit else 1.0
 
     def value(self, z: Array | float, scale: Scale) -> Array:
         """Value for standard normal coordinates."""
         size = self.size(scale)
         if self.form == "log":
-            return np.asarray(size * self.centre * np.exp(self.wide * np.asarray(z)))
+            return np.asarray(size * self.centre * np.exp(self.prior_scale * np.asarray(z)))
         if self.form == "positive":
-            return np.asarray(size * self.wide * np.abs(z))
+            return np.asarray(size * self.prior_scale * np.abs(z))
         if self.form == "sinh":
-            return np.asarray(size * (self.centre + self.wide * np.sinh(np.asarray(z))))
-        return np.asarray(size * (self.centre + self.wide * np.asarray(z)))
+            return np.asarray(size * (self.centre + self.prior_scale * np.sinh(np.asarray(z))))
+        return np.asarray(size * (self.centre + self.prior_scale * np.asarray(z)))
 
     def coordinate(self, value: float, scale: Scale) -> float:
         """Coordinate of a value; the inverse of :meth:`value`."""
         value = value / self.size(scale)
         if self.form == "log":
-            return math.log(value / self.centre) / self.wide
+            return math.log(value / self.centre) / self.prior_scale
         if self.form == "positive":
-            return abs(value) / self.wide
+            return abs(value) / self.prior_scale
         if self.form == "sinh":
-            return math.asinh((value - self.centre) / self.wide)
-        return (value - self.centre) / self.wide
+            return math.asinh((value - self.centre) / self.prior_scale)
+        return (value - self.centre) / self.prior_scale
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,9 @@ EFFECT = Effect(
     title="a damper force that lags velocity",
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
-    parameters=(Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), per="spring"),),
+    parameters=(
+        Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), prior_unit="spring"),
+    ),
     one_sided=True,
     code=SERIES_STIFFNESS,
     packed=_packed,

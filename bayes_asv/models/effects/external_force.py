@@ -23,7 +23,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        Parameter("force", "N", "linear", 0.0, 0.15, (0.05, -0.05), per="load"),
+        Parameter("force", "N", "linear", 0.0, 0.15, (0.05, -0.05), prior_unit="load"),
         Parameter("start", "s", "linear", 1.0, 1.0, ()),
         Parameter("duration", "s", "log", 0.4, 0.8, ()),
         Parameter("rise", "s", "log", 0.03, 0.6, (0.03,), shape=True),

@@ -72,7 +72,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
                     "p_below_nominal": result.probability_below_nominal(n),
                 }
             )
-            for n in result.answers
+            for n in result.estimands
         },
         left_over_right=_side_ratios(car, result.draws),
         known={
@@ -106,7 +106,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
         fit_by_run=[pooled_fit((run,), run.prepared.source) for run in result.runs],
         noise=_noise(result),
         runs=[run_document(run, vehicle.units) for run in result.runs],
-        logs=[_long_log(log) for log in result.logs],
+        logs=[_long_log(log) for log in result.long_logs],
         forces=_forces(result),
         sensitivity=_sensitivity(result),
         draws={
@@ -153,7 +153,7 @@ def _sensitivity(result: Estimate) -> dict[str, schema.PriorSensitivity]:
     """Sensitivity of the answers to each prior; empty where runs differ or nothing was drawn."""
     if result.space is None or result.pooled_draws or not result.draws:
         return {}
-    answers = {name: result.draws[name] for name in result.answers}
+    answers = {name: result.draws[name] for name in result.estimands}
     free_form = without_single_rate(result.dampers)
     return {
         name: schema.PriorSensitivity(
@@ -305,7 +305,7 @@ def vehicle_info(vehicle: Vehicle) -> VehicleInfo:
 
 def _uncertainty_budget(width: UncertaintyBudget, result: Estimate) -> schema.UncertaintyBudget:
     answers = {
-        name: _answer_budget(name, answer, width, result) for name, answer in width.answers.items()
+        name: _answer_budget(name, answer, width, result) for name, answer in width.estimands.items()
     }
     faults = {}
     for shift in width.shifts:
@@ -315,7 +315,7 @@ def _uncertainty_budget(width: UncertaintyBudget, result: Estimate) -> schema.Un
             size=float(shift.size),
             larger_shows=bool(shift.shows),
             shift={
-                name: schema.Shift(percent=100.0 * value, sd=value / width.answers[name].sd)
+                name: schema.Shift(percent=100.0 * value, sd=value / width.estimands[name].sd)
                 for name, value in width.by_answer(shift.moved).items()
             },
         )

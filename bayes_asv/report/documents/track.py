@@ -58,7 +58,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
     """
     vehicle, ok = result.vehicle, result.verdict == "ok"
     car = result.coordinates.car
-    answers = (*result.coordinates.answers, *result.derived)
+    answers = (*result.coordinates.estimands, *result.derived)
     given = [p for p in car.parameters if p.kind != "estimated" and p.terms]
     document = TrackDocument(
         schema="bayes_asv/track/1",
@@ -186,7 +186,7 @@ def _curves(result: TrackResult) -> schema.TrackCurves:
     # An inconsistency between two points of a curve is kept as well.
     since = np.append(0, keep[:-1] + 1)
     parameters = {}
-    for k, name in enumerate(result.coordinates.answers):
+    for k, name in enumerate(result.coordinates.estimands):
         median, sd = frames.median[keep, k], frames.log_sd[keep, k]
         dimension = QUANTITIES[name][0]
         parameters[name] = schema.ParameterCurve(
@@ -312,7 +312,7 @@ class Trace:
     """
 
     def __init__(self, vehicle: Vehicle, coordinates: Coordinates) -> None:
-        self._names = coordinates.answers
+        self._names = coordinates.estimands
         self._effects = _shown_effects(coordinates)
         self._units = Units(vehicle.units)
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 # lives as long as the trace

@@ -25,7 +25,7 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.likelihood import Posterior, ResidualAR
 from bayes_asv.posterior.map_fit import MapFit, best_fit
 from bayes_asv.posterior.newton import find_mode
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, case, vehicle
 from tests.rig import SensorSpec
@@ -46,7 +46,7 @@ def again(car: Vehicle, fit: MapFit, times: int = 1) -> MapFit:
     """Climb again with other deviations, or with the same recording several times."""
     there = fit.space.values(fit.mode.z[None])
     lines = tuple(replace(r, car=car_model("half", car)) for r in fit.space.recordings)
-    where = space(car, lines * times)
+    where = make_parameter_space(car, lines * times)
     logs = {name: math.log(there[name][0] / getattr(car, name).value) for name in DIRECT}
     posterior = Posterior(where, fit.posterior.residual_ars * times)
     mode = find_mode(posterior, where.from_logs(logs))
@@ -84,7 +84,7 @@ def test_deviations_are_those_of_the_curvature(
 ) -> None:
     for _, _, fit, width in (declared, exact):
         for name, sd in widths(fit).items():
-            assert width.answers[name].sd == pytest.approx(sd, rel=0.02), name
+            assert width.estimands[name].sd == pytest.approx(sd, rel=0.02), name
 
 
 def test_shares_add_up_and_noises_make_the_share_of_the_data(
@@ -92,7 +92,7 @@ def test_shares_add_up_and_noises_make_the_share_of_the_data(
     exact: tuple[Recording, Vehicle, MapFit, UncertaintyBudget],
 ) -> None:
     for _, _, _, width in (declared, exact):
-        for answer in width.answers.values():
+        for answer in width.estimands.values():
             assert sum(answer.shares.values()) == pytest.approx(1.0, abs=1e-6)
             assert sum(answer.noises.values()) == pytest.approx(answer.shares["data"], rel=2e-3)
             # an initial state about which nothing is believed adds next to nothing
@@ -119,7 +119,7 @@ def test_an_exact_value_narrows_as_predicted(
     given = getattr(car, name)
     after = widths(again(replace(car, **{name: replace(given, sd=0.0)}), fit))
     for answer, sd in after.items():
-        assert width.answers[answer].exact[name] == pytest.approx(sd, rel=0.03), answer
+        assert width.estimands[answer].exact[name] == pytest.approx(sd, rel=0.03), answer
 
 
 def test_a_share_is_what_a_slightly_better_value_is_worth(
@@ -130,7 +130,7 @@ def test_a_share_is_what_a_slightly_better_value_is_worth(
     after = widths(again(replace(car, m=replace(car.m, sd=0.95 * car.m.sd)), fit))
     for answer in DIRECT:
         slope = math.log(after[answer] / before[answer]) / math.log(0.95)
-        assert width.answers[answer].shares["m"] == pytest.approx(slope, abs=0.03), answer
+        assert width.estimands[answer].shares["m"] == pytest.approx(slope, abs=0.03), answer
 
 
 def test_a_better_weighing_halves_the_width_as_predicted(
@@ -138,10 +138,10 @@ def test_a_better_weighing_halves_the_width_as_predicted(
 ) -> None:
     _, car, fit, width = declared
     for answer in DIRECT:
-        first = width.answers[answer].remedies[0]
+        first = width.estimands[answer].remedies[0]
         assert [width.parameters[k] for k in first.sources] == ["m"]
-        assert width.answers[answer].runs_to_halve is None
-    times = width.answers["c_f"].remedies[0].times
+        assert width.estimands[answer].runs_to_halve is None
+    times = width.estimands["c_f"].remedies[0].times
     better = replace(car, m=replace(car.m, sd=car.m.sd / math.sqrt(times)))
     after = widths(again(better, fit))
     assert after["c_f"] / widths(fit)["c_f"] == pytest.approx(0.5, rel=0.02)
@@ -152,14 +152,14 @@ def test_further_runs_halve_the_width_as_predicted() -> None:
     _, _, recording = case("bump", 33, EXACT)
     car = vehicle({**EXACT, "k_f": 5e-4, "k_r": 5e-4})
     fit, width = budget_of(car, recording)
-    further = width.answers["c_f"].runs_to_halve
+    further = width.estimands["c_f"].runs_to_halve
     assert further is not None
     assert further >= 3
     after = widths(again(car, fit, 1 + further))["c_f"]
     assert 0.44 < after / widths(fit)["c_f"] < 0.51  # runs come whole: at least half is gained
     twice = widths(again(car, fit, 2))
     for answer in DIRECT:
-        assert width.answers[answer].twice == pytest.approx(twice[answer], rel=0.03)
+        assert width.estimands[answer].twice == pytest.approx(twice[answer], rel=0.03)
 
 
 def test_a_quieter_sensor_narrows_as_predicted() -> None:
@@ -172,7 +172,7 @@ def test_a_quieter_sensor_narrows_as_predicted() -> None:
     update_corrections, came = [], []
     for seed in range(300, 303):
         car = vehicle(EXACT, usual)
-        answer = budget_of(car, case("bump", seed, EXACT, sensors=usual)[2])[1].answers["c_f"]
+        answer = budget_of(car, case("bump", seed, EXACT, sensors=usual)[2])[1].estimands["c_f"]
         update_corrections.append(math.log(answer.better["noise front_wheel"] / answer.sd))
         _, _, recording = case("bump", seed, EXACT, sensors=quiet)
         after = widths(fitted(vehicle(EXACT, quiet), recording))["c_f"]
@@ -211,7 +211,7 @@ def test_readings_found_again_narrow_as_predicted() -> None:
     _, width = budget_of(car, holed)
     after = widths(fitted(car, whole))
     for answer in DIRECT:
-        found = width.answers[answer]
+        found = width.estimands[answer]
         assert found.better["lost readings"] == pytest.approx(after[answer], rel=0.05)
         assert found.better["lost readings"] < found.sd
 
@@ -224,7 +224,7 @@ def test_under_a_colour_the_sensors_are_not_blamed(
     coloured = find_budget(fit.posterior.with_residual_ar((colour,)), fit.mode, car)
     assert width.white
     assert not coloured.white
-    for answer in coloured.answers.values():
+    for answer in coloured.estimands.values():
         assert answer.noises == {}
         assert answer.better == {}
         assert sum(answer.shares.values()) == pytest.approx(1.0, abs=1e-6)
@@ -236,8 +236,8 @@ def test_white_residuals_have_a_budget_without_wheel_noise() -> None:
     fit = best_fit(lines, car, "output-error")
     width = find_budget(fit.posterior, fit.mode, car)
     for name, sd in widths(fit).items():
-        assert width.answers[name].sd == pytest.approx(sd, rel=0.02)
-        noises = width.answers[name].noises
+        assert width.estimands[name].sd == pytest.approx(sd, rel=0.02)
+        noises = width.estimands[name].noises
         assert not any(source.endswith("wheel") for source in noises)
         assert sum(noises.values()) == pytest.approx(1.0, rel=2e-3)
 

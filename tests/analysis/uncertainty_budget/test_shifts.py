@@ -100,7 +100,7 @@ def moved_and_predicted(of: Case, kind: str, where: str) -> tuple[Answers, Answe
     before = answers(of.fit)
     after = answers(fitted(of.car, driven(faulty(STEPLESS, shift), 7, of.sds)))
     predicted = of.width.by_answer(shift.moved)
-    sd = {name: of.width.answers[name].sd for name in predicted}
+    sd = {name: of.width.estimands[name].sd for name in predicted}
     return (
         {name: (after[name] - before[name]) / sd[name] for name in sd},
         {name: predicted[name] / sd[name] for name in sd},
@@ -136,7 +136,7 @@ def test_a_value_wrongly_given_as_exact_moves_the_answer_as_predicted(name: str)
     wrong = replace(car, **{name: replace(given, value=given.value / (1.0 + shift.size))})
     after, before = answers(fitted(wrong, recording)), answers(fit)
     for answer, predicted in width.by_answer(shift.moved).items():
-        sd = width.answers[answer].sd
+        sd = width.estimands[answer].sd
         came = (after[answer] - before[answer]) / sd
         assert came == pytest.approx(predicted / sd, rel=0.05, abs=0.25), answer
 
@@ -146,7 +146,7 @@ def test_the_same_fault_of_all_sensors_is_none(exact: Case) -> None:
     car, fit, width, _ = exact
     logs, z = in_logs(fit.posterior, fit.mode.z)
     j = jacobian(logs, z, 0)
-    sd = np.array([width.answers[name].sd for name in ("c_f", "c_r", "i")])
+    sd = np.array([width.estimands[name].sd for name in ("c_f", "c_r", "i")])
     for kind, size in (("gain", 0.01), ("delay", 1e-4), ("bandwidth", 0.1)):
         recording = sound = logs.space.recordings[0]
         one = []
