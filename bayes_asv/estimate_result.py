@@ -191,4 +191,6 @@ class Estimate:
     def probability_below_nominal(self, name: str) -> float:
         """Return the probability that a quantity is below nominal, which may be mistaken."""
         p = float(np.mean(self.draws[name] < self.nominal[name]))
-        return p if self.nominal_damping is None else self.nominal_damping.below(name, p)
+        return (
+            p if self.nominal_damping is None else self.nominal_damping.probability_below(name, p)
+        )

@@ -249,7 +249,7 @@ def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
     ):
         alone = [fit_single_run(one, vehicle, task.seed) for one in prepared]
         agreement = compare_runs(alone, math.prod(_APART), task.seed)
-    if agreement is not None and agreement.apart:
+    if agreement is not None and agreement.fit_separately:
         warnings += agreement.warnings
         notes = (*unidentified, *ambiguity)
         return _ModeAndChecks(None, agreement, timed, True, agreement.reasons, warnings, notes)
@@ -267,7 +267,7 @@ def _checked(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
     """Check the model and the input at the mode."""
     found, error, doubt = fit.map_fit, None, None
     whole = task.below is None and task.likelihood == "innovations" and fit.timed is None
-    if whole and found is not None and (found.faults or task.placed_effects):
+    if whole and found is not None and (found.misfit_reasons or task.placed_effects):
         found, error = _with_model_error(found, task.vehicle)
     reasons = fit.reasons if found is None else found.reasons
     if task.below is None and not task.placed_effects and fit.prepared:

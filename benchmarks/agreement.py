@@ -120,14 +120,14 @@ def one(job: Job) -> list[dict[str, Any]]:
     for size in (2, 3):
         for chosen in combinations(whole, size):
             found = compare_runs([whole[t] for t in chosen], DRAWS, 0)
-            rows.append({"what": f"alike, {size} runs", "p": found.whole.p})
+            rows.append({"what": f"alike, {size} runs", "p": found.overall_test.p})
     rows += [told(f"half car, {t}", run) for t, run in whole.items()]
     if job.number % 4 == 0 and {"bump", "rough"} <= set(whole):
         for change in CHANGES:
             moved = tracks["stops"](replace(car, c_f=change * car.c_f))
             if moved is not None:
                 pair = compare_runs([whole["bump"], moved], DRAWS, 0)
-                rows.append({"what": f"front {100 * (change - 1):.1f} %", "p": pair.whole.p})
+                rows.append({"what": f"front {100 * (change - 1):.1f} %", "p": pair.overall_test.p})
         for spread in SPREADS:
             factors = np.exp(spread * rng.standard_normal(3))
             changed = [
@@ -154,7 +154,7 @@ def covered(runs: list[SingleRunFit], car: RigCar, spread: float) -> dict[str, A
     low, high = np.quantile(c_f, [0.025, 0.975])
     return {
         "what": f"spread {100 * spread:.0f} %, {len(runs)} runs",
-        "p": found.whole.p,
+        "p": found.overall_test.p,
         "covers": bool(low < car.c_f < high),
         "half_width_percent": 50.0 * float(high - low) / car.c_f,
     }

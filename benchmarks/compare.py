@@ -120,8 +120,8 @@ def fitted(recording: Recording, known: Vehicle) -> Session | str:
     if reasons:
         return reasons[0]
     alone = fit_single_run(lines[0], known, 0)
-    if alone.fit.reasons or alone.faults:
-        return (*alone.fit.reasons, *alone.faults)[0]
+    if alone.fit.reasons or alone.misfit_reasons:
+        return (*alone.fit.reasons, *alone.misfit_reasons)[0]
     space = alone.fit.space
     return session(space, known, alone.z[:, : space.car_dimension], {})
 

@@ -153,7 +153,7 @@ def hypotheses_of_recording(
 ) -> Iterator[Hypothesis]:
     """Yield those of them that one recording may have and others of the same car not."""
     channels = [vehicle.channel(name) for name in recording.channels]
-    channels = [channel for channel in channels if car.explains(channel)]
+    channels = [channel for channel in channels if car.has_channel(channel)]
     yield from _of_columns(channels)
     yield from _of_readings(channels, 1.0 / nominal_rate(recording))
     yield from _of_time(recording, car)

@@ -126,7 +126,7 @@ class NominalDamping:
     probability: float
     names: frozenset[str]
 
-    def below(self, name: str, p: float) -> float:
+    def probability_below(self, name: str, p: float) -> float:
         """Return the probability that a quantity is below what is nominal, mistaken or not.
 
         Where the nominal value is mistaken, the estimate says nothing about wear.

@@ -130,11 +130,11 @@ def predictive_checks(posterior: Posterior, draws: Array, run: int, seed: int) -
     data = recording.measurements
     systems = posterior.space.state_space(picked, run)
     for k, point in enumerate(picked):
-        system = systems.some([k])
+        system = systems.subset([k])
         fitted = free_run(posterior, point, run).output
         basis = _basis(system, data, views)
         normals = rng.standard_normal((count, paths, normal_count))
-        noisy = simulate_noise(system, noises.some([k]), data, normals)
+        noisy = simulate_noise(system, noises.subset([k]), data, normals)
         for y, view in enumerate(views):
             noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], recording, view)
         measured = _stacked(recording.reading[:, None, :], views)
@@ -197,7 +197,7 @@ class _View:
         Instants at which this channel has a value.
     rate : float
         Readings a second, Hz.
-    left, share : (L,) arrays
+    lower_index, share : (L,) arrays
         Even grid: the reading before each point, and the share of the one after it.
     window : (L,) array
         Taper.
@@ -207,7 +207,7 @@ class _View:
 
     rows: NDArray[np.int64]
     rate: float
-    left: NDArray[np.int64]
+    lower_index: NDArray[np.int64]
     share: Array
     window: Array
     bands: tuple[tuple[float, float], ...]
@@ -239,7 +239,7 @@ class _View:
         """Peak, root mean square and that of each band (2 + B, K) of records (M, K)."""
         values = values - values.mean(axis=0)
         share = self.share[:, None]
-        even = (1.0 - share) * values[self.left] + share * values[self.left + 1]
+        even = (1.0 - share) * values[self.lower_index] + share * values[self.lower_index + 1]
         power = np.abs(np.fft.rfft(even * self.window[:, None], axis=0)) ** 2
         power[1:] *= 2.0
         power /= len(even) * float(np.sum(self.window**2))
@@ -271,7 +271,7 @@ def _statistics(reading: Array, residual: Array, views: list[_View]) -> Array:
 def _basis(system: StateSpace, data: Measurements, views: list[_View]) -> Array:
     """Orthonormal basis (M, U) of what initial state and biases can explain."""
     still = data._replace(moments=np.zeros_like(data.moments))
-    columns, _ = free_response(system, still, np.eye(len(data.start)))
+    columns, _ = free_response(system, still, np.eye(len(data.initial_covariance)))
     basis, _ = np.linalg.qr(_stacked(np.moveaxis(columns, 0, 1), views))
     return np.asarray(basis)
 

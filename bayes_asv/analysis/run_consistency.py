@@ -75,7 +75,7 @@ class SingleRunFit:
         Effective number of the weighted draws that they come from.
     likelihood : RunLikelihood
         Over the car's coordinates.
-    faults : tuple of str
+    misfit_reasons : tuple of str
         Why the car explains too little of this run, if it does.
     """
 
@@ -83,7 +83,7 @@ class SingleRunFit:
     z: Array
     effective: float
     likelihood: RunLikelihood
-    faults: tuple[str, ...]
+    misfit_reasons: tuple[str, ...]
 
     @property
     def trusted(self) -> bool:
@@ -100,9 +100,9 @@ class RunConsistency:
     verdict : str
         ``agree``, ``disagree``, or ``unknown`` where a run alone cannot be summarised or
         nothing can be compared.
-    whole : Contrast
+    overall_test : Contrast
         Test of all of :attr:`compared` together.
-    each : dict of str to Contrast
+    parameter_tests : dict of str to Contrast
         Test of one quantity, with the others free to differ.
     runs : tuple of SingleRunFit
         One a recording.
@@ -114,8 +114,8 @@ class RunConsistency:
     """
 
     verdict: str
-    whole: HomogeneityTest
-    each: dict[str, HomogeneityTest]
+    overall_test: HomogeneityTest
+    parameter_tests: dict[str, HomogeneityTest]
     runs: tuple[SingleRunFit, ...]
     population: RandomEffectsPosterior
     shift: Array
@@ -159,14 +159,14 @@ class RunConsistency:
         return value, value * self.sd[:, k]
 
     @property
-    def apart(self) -> bool:
+    def fit_separately(self) -> bool:
         """Whether a joint fit is idle: the runs disagree, or one is not explained by the car."""
-        return self.verdict == "disagree" or any(run.faults for run in self.runs)
+        return self.verdict == "disagree" or any(run.misfit_reasons for run in self.runs)
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the runs cannot answer even apart: one is not of this car, or none tells enough."""
-        faults = [why for run in self.runs for why in run.faults]
+        faults = [why for run in self.runs for why in run.misfit_reasons]
         silent = [
             why for why in self.runs[0].fit.reasons if all(why in r.fit.reasons for r in self.runs)
         ]
@@ -307,8 +307,8 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     own = [estimates_of_runs(one, way, found.centre.mean(axis=0)) for one in likelihoods]
     return RunConsistency(
         verdict=verdict,
-        whole=whole,
-        each={
+        overall_test=whole,
+        parameter_tests={
             name: test_homogeneity(likelihoods, way, [k])
             for k, name in enumerate(parameter_space.car.estimated)
         },

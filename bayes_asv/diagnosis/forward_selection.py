@@ -160,7 +160,7 @@ def similar_candidates(assessed: AssessedModel, effect: NamedEffect) -> list[lis
     groups: dict[tuple[str, int | None], list[Candidate]] = {}
     for k in np.argsort(rest):
         candidate = test.candidates[k]
-        if rest[k] < DISTINGUISHABLE_DISTANCE and not effect.placed.meets(candidate.placed):
+        if rest[k] < DISTINGUISHABLE_DISTANCE and not effect.placed.overlaps(candidate.placed):
             groups.setdefault(candidate.placed.key, []).append(candidate)
     return list(groups.values())
 

@@ -230,7 +230,7 @@ def model_evidence(
     tolerances = [
         candidate
         for candidate in _tolerances(denoised, model)
-        if not any(placed.meets(candidate.placed) for placed in without)
+        if not any(placed.overlaps(candidate.placed) for placed in without)
     ]
     return _model_evidence(denoised, model, tolerances)
 

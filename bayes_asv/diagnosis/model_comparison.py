@@ -275,7 +275,7 @@ def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> 
 
 def _other_tolerances(placed: PlacedEffect, test: ScoreTest) -> list[Candidate]:
     """List the tolerances of all effects but one."""
-    return [c for c in test.candidates if c.tolerance and not placed.meets(c.placed)]
+    return [c for c in test.candidates if c.tolerance and not placed.overlaps(c.placed)]
 
 
 def model_probabilities(

@@ -150,13 +150,13 @@ def simulation_residuals(
         scale = np.array([scales[recording.channels[c].name] for c in recording.outputs])
         beyond = np.where(valid, (recording.reading - output) / scale, np.nan)
         residuals.append(recording.paired(beyond))
-        times.append(recording.instants[recording.pairs.max(axis=1)])
+        times.append(recording.instants[recording.group_instants.max(axis=1)])
         rng = np.random.default_rng([seed, run, 31])
         needed = normals_needed(len(recording.wheels), recording.kind.shape[1])
         out = simulate_noise(
             posterior.space.state_space(z[None], run),
             posterior.space.noises(z[None], run),
-            recording.measurements._replace(spread=recording.noise_spread),
+            recording.measurements._replace(process_noise=recording.noise_spread),
             rng.standard_normal((len(recording.step), _NOISE_RUNS, needed)),
         )
         noise = out.transpose(0, 2, 1) / scale[:, None]

@@ -428,7 +428,7 @@ def marginal_scores(test: ScoreTest) -> tuple[Array, Array]:
     for k in range(len(gradient)):
         placed = test.candidates[k].placed
         others = np.array(
-            [j for j in tolerances if not placed.meets(test.candidates[j].placed)], int
+            [j for j in tolerances if not placed.overlaps(test.candidates[j].placed)], int
         )
         precision = test.information[np.ix_(others, others)] + np.eye(len(others))
         cross = test.information[k, others]
@@ -497,7 +497,7 @@ def evidence_as_tolerance(
     covariance = evidence.covariance[np.ix_(own, own)]
     priors = []
     for placed, k in zip(placed_effects, own, strict=True):
-        tolerances = [c for c in candidates if c.tolerance and placed.meets(c.placed)]
+        tolerances = [c for c in candidates if c.tolerance and placed.overlaps(c.placed)]
         if not tolerances:
             return -math.inf
         sd = math.sqrt(evidence.covariance[k, k])

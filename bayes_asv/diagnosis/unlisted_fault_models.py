@@ -470,7 +470,7 @@ def _distorted(
         u = recording.inputs.index(c)
         time, samples = motion.inputs[u]
         change = distortion(form, motion, time, samples)
-        signal = WheelSignal(CubicSpline(time, change), time, recording.wheels[u].deviation)
+        signal = WheelSignal(CubicSpline(time, change), time, recording.wheels[u].sd)
         perturbation.moments[:, u] = moments(signal, instants, ORDER)
     else:
         y = recording.outputs.index(c)

@@ -97,7 +97,7 @@ class StateSpace(NamedTuple):
     N: Array
     biases: Array
 
-    def some(self, sets: Sequence[int]) -> StateSpace:
+    def subset(self, sets: Sequence[int]) -> StateSpace:
         """Pick some of the parameter sets."""
         only = list(sets)
         return StateSpace(
@@ -122,7 +122,7 @@ class SensorNoise(NamedTuple):
     filtered: Array
     poles: Array
 
-    def some(self, sets: Sequence[int]) -> SensorNoise:
+    def subset(self, sets: Sequence[int]) -> SensorNoise:
         """Pick some of the parameter sets."""
         only = list(sets)
         return SensorNoise(self.white[only], self.filtered[only], self.poles[only])
@@ -137,26 +137,26 @@ class Measurements(NamedTuple):
         Time since the instant before, s; zero for the first.
     moments : (N, nu, ORDER) array
         ∫₀ʰ (h−s)ʲ/j! û(s) ds of the inputs over each step.
-    spread : (N, 2 nu) array
+    process_noise : (N, 2 nu) array
         What turns the variance of an input's sample into an intensity (s), and an intensity that is
         added for what the input did between its samples (m²/s³), one an input each.
     kind : (N, ny) int8 array
         0 missing, 1 a value, 2 at least, 3 at most.
     reading : (N, ny) array
         Outputs or rails.
-    extra : (N, ny) array
+    extra_variance : (N, ny) array
         Variance added to single readings.
-    start : (nx + nd + ny, nx + nd + ny) array
+    initial_covariance : (nx + nd + ny, nx + nd + ny) array
         Prior covariance of (x, d, b).
     """
 
     step: Array
     moments: Array
-    spread: Array
+    process_noise: Array
     kind: NDArray[np.int8]
     reading: Array
-    extra: Array
-    start: Array
+    extra_variance: Array
+    initial_covariance: Array
 
 
 class Laws(NamedTuple):

@@ -155,5 +155,5 @@ def simulate_noise(
         for x in (system.A, system.B, system.C, *noise)
     ]
     out = np.empty((*normals.shape[:2], ny))
-    run(*one, data.step, data.spread, data.extra, normals, out)
+    run(*one, data.step, data.process_noise, data.extra_variance, normals, out)
     return out

@@ -215,7 +215,7 @@ def view_metadata(
         outputs=tuple(
             _measured_output(channel, model, vehicle)
             for channel in map(vehicle.channel, channels)
-            if model.explains(channel) and not channel.is_input
+            if model.has_channel(channel) and not channel.is_input
         ),
         elements=tuple(element.name for element in model.elements),
         deflection=(readable_unit(units["deflection"]), length),

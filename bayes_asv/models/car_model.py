@@ -123,7 +123,7 @@ class Element:
         """Its place in words."""
         return self.name.replace("_", " ")
 
-    def carries(self, place: str) -> bool:
+    def is_at(self, place: str) -> bool:
         """Whether it is at a place: itself, its axle, or ``both`` axles."""
         return place in (self.name, self.axle, "both")
 
@@ -222,7 +222,7 @@ class CarModel:
                 return e
         raise KeyError(channel.name)
 
-    def explains(self, channel: Channel) -> bool:
+    def has_channel(self, channel: Channel) -> bool:
         """Whether a channel is an input or an output of this car."""
         if channel.part == "body":
             if channel.axis is not None:
@@ -239,7 +239,7 @@ class CarModel:
 
     def elements_at(self, place: str) -> tuple[int, ...]:
         """Return the numbers of the elements at a place, see :meth:`Element.carries`."""
-        return tuple(e for e, element in enumerate(self.elements) if element.carries(place))
+        return tuple(e for e, element in enumerate(self.elements) if element.is_at(place))
 
     def shares(self, place: str) -> Array:
         """Shares (ne,) of the elements in a force at a place, alike for all that are there."""

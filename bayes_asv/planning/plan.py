@@ -251,7 +251,7 @@ def _channels(vehicle: Vehicle, car: CarModel, names: Sequence[str] | None) -> t
     """
     channels = tuple(vehicle.channel(name) for name in names or usual_channels(car))
     for channel in channels:
-        if not car.explains(channel):
+        if not car.has_channel(channel):
             raise InputError(
                 f"channel '{channel.name}'", f"is not one of the {car.name} car",
                 "leave it out, or choose another car",

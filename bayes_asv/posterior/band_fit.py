@@ -98,7 +98,7 @@ def likelihood_weight(
         None when the recording has not :data:`FEWEST_PARTS` parts of :data:`PART_PERIODS` periods.
     """
     recording = posterior.space.recordings[run]
-    time = recording.instants[recording.pairs.max(axis=1)]
+    time = recording.instants[recording.group_instants.max(axis=1)]
     span = float(time[-1] - time[0])
     count = int(span * slowest / PART_PERIODS)
     if count < FEWEST_PARTS:

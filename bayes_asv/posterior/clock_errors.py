@@ -186,7 +186,7 @@ class _Job:
         """Prepare the run at errors x and around them."""
         points = [x, *(x + step * u for u in ClockVariants.points(len(x)))]
         middle, *others = self.prepared(points)
-        return replace(middle, retimed=ClockVariants(self.errors, x, step, tuple(others)))
+        return replace(middle, clock_variants=ClockVariants(self.errors, x, step, tuple(others)))
 
 
 def align_clocks(
@@ -258,9 +258,11 @@ def fit_aligned(timed: ClockAlignment, placed_effects: tuple[PlacedEffect, ...] 
         fit = best_fit(recordings, first.vehicle, first.likelihood, placed_effects)
         settled, out = True, []
         for run, (job, recording) in enumerate(zip(timed.jobs, recordings, strict=True)):
-            if recording.retimed is not None:
+            if recording.clock_variants is not None:
                 x, step, good = _moved(
-                    recording.retimed.middle, recording.retimed.step, *_at_mode(fit, run)
+                    recording.clock_variants.middle,
+                    recording.clock_variants.step,
+                    *_at_mode(fit, run),
                 )
                 settled &= good
                 recording = job.expanded(x, step)

@@ -154,7 +154,7 @@ def denoise_and_predict(
         knots, signal = denoise_wheel(
             recording, u, vehicle.sensor(recording.channels[c].name).bandwidth
         )
-        denoised = WheelSignal(CubicSpline(knots, signal), knots, wheel.deviation)
+        denoised = WheelSignal(CubicSpline(knots, signal), knots, wheel.sd)
         driven[:, u] = moments(denoised, recording.instants, ORDER)
     still = replace(recording, moments=driven)
     begin = free_run(posterior, z, run)[2]

@@ -101,7 +101,7 @@ def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
         for where in effect.places:
             placed = PlacedEffect(effect, where)
             elements = placed.elements(model.space.car)
-            known = any(other.covers(placed) for other in model.placed_effects)
+            known = any(other.subsumes(placed) for other in model.placed_effects)
             if known or not _possible(placed, model, vehicle):
                 continue
             if effect.tolerance_values is not None:
@@ -236,7 +236,7 @@ def with_effects(
         model = fit_again(dataset, start, start.placed_effects)
     dataset = update_corrections(dataset, model)
     for one in placed_effects:
-        known = next((other for other in model.placed_effects if other.covers(one)), None)
+        known = next((other for other in model.placed_effects if other.subsumes(one)), None)
         if known is not None:
             raise InputError(
                 str(one), f"is in the model already, in {known}", "leave one of them out"

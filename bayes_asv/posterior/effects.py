@@ -233,7 +233,7 @@ def sensor_corrections(
         if c in recording.inputs:
             u = recording.inputs.index(c)
             time, signal = denoise_wheel(recording, u, corner)
-            laid = partial(_moments, recording, time, recording.wheels[u].deviation)
+            laid = partial(_moments, recording, time, recording.wheels[u].sd)
             through = CubicSpline(time, signal)
             slow = signal if corner is None else low_passed(time, through.c, 2.0 * math.pi * corner)
             sharper.append(laid(signal - slow))

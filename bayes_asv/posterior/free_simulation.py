@@ -161,18 +161,18 @@ def _regressed(
     """Fit where a recording begins, by Gauss–Newton; return its standard deviation as well."""
     use = data.kind == VALUE
     reading = data.reading
-    unknown = len(data.start)
+    unknown = len(data.initial_covariance)
     nx, nd = system.A.shape[1], system.N.shape[1]
     steps = np.full(unknown, 1e-3)
     steps[0 : 2 * system.E.shape[2] : 2] = 1e-4  # m
     weight = _weights(recording, reading, use)
-    ridge = np.linalg.inv(data.start)
+    ridge = np.linalg.inv(data.initial_covariance)
     begin = np.zeros(unknown)
     moves = np.concatenate([np.zeros((1, unknown)), np.diag(steps)[: nx + nd]])
     outputs, states = _responses(system, data, begin + moves, laws)
     if not np.all(np.isfinite(outputs)):  # far outside the prior the series of a step diverges:
         nothing = FreeRun(np.zeros_like(outputs[0]), np.zeros_like(states[0]), begin)
-        return nothing, np.sqrt(np.diag(data.start))  # such a car explains nothing
+        return nothing, np.sqrt(np.diag(data.initial_covariance))  # such a car explains nothing
     normal = np.eye(unknown)
     for _ in range(_ROUNDS if laws is not None else 1):
         slopes = np.zeros((*outputs.shape[1:], unknown))

@@ -148,7 +148,7 @@ class WeightedDraws:
         """Mean of a function of the draws (S,)."""
         return float(self.weight @ value)
 
-    def below(self, value: Array, truth: float) -> float:
+    def probability_below(self, value: Array, truth: float) -> float:
         """Posterior probability that a function of the draws (S,) lies below a truth."""
         share = self.weight @ (value < truth) + 0.5 * self.weight @ (value == truth)
         return min(1.0, float(share))  # weights sum to one but for rounding

@@ -153,17 +153,17 @@ class Posterior:
     def run_log_likelihood(self, z: Array, run: int) -> Array:
         """Log-likelihood (W,) of one run at coordinates (W, D)."""
         recording = self.space.recordings[run]
-        if recording.retimed is None:
+        if recording.clock_variants is None:
             value = self._log_likelihood(z, run, recording)
         else:
             errors = self.space.clock_errors(z, run)
             expansion = self.expansions[run] if self.expansions else None
             if expansion is not None:
-                u = (errors - recording.retimed.middle) / recording.retimed.step
+                u = (errors - recording.clock_variants.middle) / recording.clock_variants.step
                 value = self._log_likelihood(z, run, recording) + expansion.change(z, u)
             else:
-                weights = recording.retimed.weights(errors)
-                recordings = (recording, *recording.retimed.recordings)
+                weights = recording.clock_variants.weights(errors)
+                recordings = (recording, *recording.clock_variants.recordings)
                 value = np.sum(
                     [w * self._log_likelihood(z, run, x) for w, x in _used(weights, recordings)],
                     axis=0,
@@ -183,7 +183,7 @@ class Posterior:
 
     def _expansion(self, z: Array, covariance: Array, run: int) -> ClockExpansion | None:
         recording = self.space.recordings[run]
-        retimed = recording.retimed
+        retimed = recording.clock_variants
         if retimed is None:
             return None
         clocks = self.space.clock_coordinates(run)
@@ -253,15 +253,15 @@ class Posterior:
             yield (
                 sets,
                 (
-                    system if whole else system.some(sets),
-                    noise if whole else noise.some(sets),
+                    system if whole else system.subset(sets),
+                    noise if whole else noise.subset(sets),
                     *self._declared(recording, run, nominal, tables[sets], nudge),
                 ),
             )
 
     def _sensor_corrections(self, run: int, recording: PreparedRecording) -> SensorCorrections:
         """Patterns of a run, prepared for certain errors of its clocks."""
-        retimed = self.space.recordings[run].retimed
+        retimed = self.space.recordings[run].clock_variants
         if retimed is None or recording not in retimed.recordings:
             return self.sensor_corrections[run]
         return self.retimed_corrections[run][retimed.recordings.index(recording)]
@@ -333,7 +333,7 @@ class Posterior:
         if self.space.placed_effects or self.perturbations:
             return self.filter_passes(z, run)[0]
         recording = self.space.recordings[run]
-        retimed = recording.retimed
+        retimed = recording.clock_variants
         if retimed is None:
             return self._of_recording(z, run, recording, colour)
         weights = retimed.weights(self.space.clock_errors(z, run))

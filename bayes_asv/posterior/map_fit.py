@@ -68,7 +68,7 @@ class MapFit:
         Its mode and curvature.
     reasons, warnings : tuple of str
         Why no answer may be given; what to know otherwise.
-    faults : tuple of str
+    misfit_reasons : tuple of str
         Those of the reasons that say that a recording is not of this car.
     shares : tuple of float or None
         In a band, the share of its readings that each run counts for; see
@@ -82,7 +82,7 @@ class MapFit:
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
     shares: tuple[float | None, ...] = ()
-    faults: tuple[str, ...] = ()
+    misfit_reasons: tuple[str, ...] = ()
     tight_noise_fit: FittedModel | None = None
 
     @property
@@ -194,7 +194,7 @@ def _with_effects(
 
     Returns the model with noise levels near the declared ones as well.
     """
-    alone = tuple(replace(recording, retimed=None) for recording in recordings)
+    alone = tuple(replace(recording, clock_variants=None) for recording in recordings)
     dataset, model = with_effects(make_dataset(vehicle, alone), placed_effects)
     whole = make_parameter_space(vehicle, recordings, placed_effects=model.placed_effects)
     others = _retimed_patterns(recordings, vehicle, model)
@@ -215,13 +215,15 @@ def _retimed_patterns(
 ) -> tuple[tuple[SensorCorrections, ...], ...]:
     """Patterns of each run at other errors of its clocks, by what a fitted model predicts."""
     count = max(
-        len(recording.retimed.recordings) if recording.retimed is not None else 0
+        len(recording.clock_variants.recordings) if recording.clock_variants is not None else 0
         for recording in recordings
     )
     found = []
     for k in range(count):
         there = tuple(
-            replace(x, retimed=None) if x.retimed is None else x.retimed.recordings[k]
+            replace(x, clock_variants=None)
+            if x.clock_variants is None
+            else x.clock_variants.recordings[k]
             for x in recordings
         )
         dataset = make_dataset(vehicle, there)
@@ -297,5 +299,5 @@ def _colour_of(posterior: Posterior, mode: PosteriorMode, run: int) -> ResidualA
     found = fit_residual_ar(recording.paired(posterior.innovations(mode.z, run, WHITE)))
     if found.order == 0:
         return WHITE
-    left = 1.0 if recording.removed_band is None else recording.removed_band.left
+    left = 1.0 if recording.removed_band is None else recording.removed_band.retained_power
     return found._replace(root=found.root * math.sqrt(left))

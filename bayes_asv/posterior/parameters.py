@@ -156,9 +156,9 @@ class ParameterSpace:
         """Return steps (D,) that a search begins with: for clocks those of the recordings."""
         out = np.full(self.dimension, usual)
         for run, recording in enumerate(self.recordings):
-            if recording.retimed is not None:
+            if recording.clock_variants is not None:
                 for k, step in zip(
-                    self.clock_coordinates(run), recording.retimed.step, strict=True
+                    self.clock_coordinates(run), recording.clock_variants.step, strict=True
                 ):
                     out[k] = step / self.coordinates[k].scale
         return out
@@ -166,15 +166,15 @@ class ParameterSpace:
     def _clocks(self) -> Iterator[tuple[int, Coordinate, float]]:
         """Coordinates of clocks, and the errors with which their recordings were prepared."""
         for run, recording in enumerate(self.recordings):
-            if recording.retimed is not None:
+            if recording.clock_variants is not None:
                 for k, error in zip(
-                    self.clock_coordinates(run), recording.retimed.middle, strict=True
+                    self.clock_coordinates(run), recording.clock_variants.middle, strict=True
                 ):
                     yield k, self.coordinates[k], float(error)
 
     def clock_coordinates(self, run: int) -> list[int]:
         """Coordinates of the errors of a run's clocks."""
-        retimed = self.recordings[run].retimed
+        retimed = self.recordings[run].clock_variants
         return [] if retimed is None else [self.index[_clock_name(e, run)] for e in retimed.errors]
 
     def clock_errors(self, z: Array, run: int) -> Array:
@@ -529,14 +529,14 @@ def make_parameter_space(
             run if error.kind == "offset" else None,
         )
         for run, recording in enumerate(recordings)
-        if recording.retimed is not None
-        for error in recording.retimed.errors
+        if recording.clock_variants is not None
+        for error in recording.clock_variants.errors
     }  # fmt: skip
     coordinates += clocks.values()
     with_travel = [
         element.name
         for element in car.elements
-        if any(placed.effect.travel and element.carries(placed.where) for placed in placed_effects)
+        if any(placed.effect.travel and element.is_at(placed.where) for placed in placed_effects)
     ]
     held = []
     sensors = _sensors(recordings, hold)
@@ -592,6 +592,6 @@ def _sensors(recordings: tuple[PreparedRecording, ...], hold: frozenset[int]) ->
     """Find the first run of each run's log, among those whose noise levels are not held."""
     first: dict[str, int] = {}
     return tuple(
-        run if run in hold or not one.log else first.setdefault(one.log, run)
+        run if run in hold or not one.log_sha256 else first.setdefault(one.log_sha256, run)
         for run, one in enumerate(recordings)
     )

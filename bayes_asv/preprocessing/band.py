@@ -230,7 +230,7 @@ def _wheel(whole: WheelSignal, time: Array, filtered: Array, step: float) -> Whe
     It is averaged over a step, since a step looks at its middle alone.
     """
     middle = 0.5 * (time[1:] + time[:-1])
-    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.deviation) - 1)
+    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.sd) - 1)
     count = max(round(step / (time[1] - time[0])), 1)
-    power = np.convolve(whole.deviation[at] ** 2, np.full(count, 1.0 / count), "same")
+    power = np.convolve(whole.sd[at] ** 2, np.full(count, 1.0 / count), "same")
     return WheelSignal(CubicSpline(time, filtered), time, np.sqrt(power))

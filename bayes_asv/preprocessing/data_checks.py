@@ -376,7 +376,7 @@ class Coherence:
         Hz, without zero.
     power : (F, ny) array
         Power of each output, its unit squared over Hz.
-    left : (F, ny) array
+    unexplained_power : (F, ny) array
         Power that no linear relation with the inputs explains.
     windows : float
         Number of independent windows it stands on.
@@ -384,13 +384,15 @@ class Coherence:
 
     frequency: Array
     power: Array
-    left: Array
+    unexplained_power: Array
     windows: float
 
     def explained(self, low: float, high: float) -> Array:
         """Share (ny,) of the power from one frequency to another that the wheels can explain."""
         band = (self.frequency > low) & (self.frequency <= high)
-        return np.asarray(1.0 - self.left[band].sum(axis=0) / self.power[band].sum(axis=0))
+        return np.asarray(
+            1.0 - self.unexplained_power[band].sum(axis=0) / self.power[band].sum(axis=0)
+        )
 
 
 def coherence(recording: PreparedRecording, window: float) -> Coherence | None:

@@ -43,7 +43,7 @@ INPUT_BIAS_SD = 0.15
 def unit_input_moments(recording: PreparedRecording) -> Array:
     """Moments (E, ORDER) of an input of 1 m/s²."""
     time = recording.wheels[0].knots
-    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, recording.wheels[0].deviation)
+    one = WheelSignal(CubicSpline(time, np.ones_like(time)), time, recording.wheels[0].sd)
     return moments(one, recording.instants, ORDER)
 
 

@@ -34,7 +34,7 @@ class RemovedBand(NamedTuple):
         From inputs to outputs, at the nominal car.
     step : float
         Time between readings, s.
-    left : float
+    retained_power : float
         Share of the power of white noise that is left.
     """
 
@@ -42,7 +42,7 @@ class RemovedBand(NamedTuple):
     readings: Array
     transfer: Complex
     step: float
-    left: float
+    retained_power: float
 
 
 def frequency_response(system: StateSpace, frequency: Array) -> Complex:

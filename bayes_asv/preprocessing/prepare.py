@@ -131,7 +131,7 @@ def used_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> tupl
                 if fitting
                 else "record the acceleration of every wheel hub of the car",
             )
-    used = tuple(c for c, channel in enumerate(channels) if car.explains(channel))
+    used = tuple(c for c, channel in enumerate(channels) if car.has_channel(channel))
     if all(channels[c].is_input for c in used):
         raise InputError(
             where,
@@ -228,7 +228,7 @@ def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRe
         poles=poles,
         bias_directions=directions,
         source=Path(recording.source).name,
-        log=recording.sha256,
+        log_sha256=recording.sha256,
         scale_sd=scale_sd,
     )
 
@@ -392,5 +392,5 @@ def _spread(wheels: Sequence[WheelSignal], instants: Array) -> Array:
         at = np.clip(np.searchsorted(wheel.knots, middle) - 1, 0, len(wheel.knots) - 2)
         spacing = np.diff(wheel.knots)[at]
         out[:, u] = spacing
-        out[:, len(wheels) + u] = wheel.deviation[at] ** 2 * spacing
+        out[:, len(wheels) + u] = wheel.sd[at] ** 2 * spacing
     return out

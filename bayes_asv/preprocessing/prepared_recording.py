@@ -143,13 +143,13 @@ class PreparedRecording:
         Bands that were cut out of all channels, Hz.
     removed_band : RemovedBand or None
         What that did to the noise.
-    doubt : (E, nu) array or None
+    standstill_noise : (E, nu) array or None
         Part of ``process_noise`` that is no noise, but distrust of wheels that stand still.
     start_time : float or None
         When the recording began, s, where a filter took its beginning away.
-    retimed : ClockVariants or None
+    clock_variants : ClockVariants or None
         The same with other errors of its clocks, where those are not known.
-    log : str
+    log_sha256 : str
         Hash of the file that it was read from, empty without one; pieces of one log have the same.
     """
 
@@ -159,14 +159,14 @@ class PreparedRecording:
     outputs: tuple[int, ...]
     step: Array
     moments: Array
-    spread: Array
+    process_noise: Array
     kind: NDArray[np.int8]
     ends_group: Flags
     reading: Array
-    extra: Array
+    extra_variance: Array
     initial_covariance: Array
     instants: Array
-    pairs: NDArray[np.int64]
+    group_instants: NDArray[np.int64]
     wheels: tuple[WheelSignal, ...]
     values: Array
     times: Array
@@ -181,10 +181,10 @@ class PreparedRecording:
     noise_prior_centre: Array | None = None
     notches: tuple[tuple[float, float], ...] = ()
     removed_band: RemovedBand | None = None
-    doubt: Array | None = None
+    standstill_noise: Array | None = None
     start_time: float | None = None
-    log: str = ""
-    retimed: ClockVariants | None = None
+    log_sha256: str = ""
+    clock_variants: ClockVariants | None = None
 
     @property
     def measurements(self) -> Measurements:
@@ -192,10 +192,10 @@ class PreparedRecording:
         return Measurements(
             self.step,
             self.moments,
-            self.spread,
+            self.process_noise,
             self.kind,
             self.reading,
-            self.extra,
+            self.extra_variance,
             self.initial_covariance,
         )
 
@@ -242,16 +242,18 @@ class PreparedRecording:
     @property
     def noise_spread(self) -> Array:
         """How noise alone drives the states over each step (E, 2 nu)."""
-        if self.doubt is None:
-            return self.spread
-        return self.spread - np.hstack([np.zeros_like(self.doubt), self.doubt])
+        if self.standstill_noise is None:
+            return self.process_noise
+        return self.process_noise - np.hstack(
+            [np.zeros_like(self.standstill_noise), self.standstill_noise]
+        )
 
     def paired(self, values: Array) -> Array:
         """Arrange values at instants (E, ny) by groups of readings (R, ny), nan where missing."""
-        out = np.full(self.pairs.shape, np.nan)
-        for y in range(self.pairs.shape[1]):
-            there = self.pairs[:, y] >= 0
-            at = self.pairs[there, y]
+        out = np.full(self.group_instants.shape, np.nan)
+        for y in range(self.group_instants.shape[1]):
+            there = self.group_instants[:, y] >= 0
+            at = self.group_instants[there, y]
             value = self.kind[at, y] == VALUE
             out[there, y] = np.where(value, values[at, y], np.nan)
         return out
@@ -264,20 +266,22 @@ class PreparedRecording:
     @property
     def reading_step(self) -> float:
         """Usual time between two groups of output readings, s."""
-        return float(np.median(np.diff(self.instants[self.pairs.max(axis=1)])))
+        return float(np.median(np.diff(self.instants[self.group_instants.max(axis=1)])))
 
 
 def with_clock_variants(
     recording: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
 ) -> PreparedRecording:
     """Change a recording, and with it what it would be with other errors of its clocks."""
-    if recording.retimed is None:
+    if recording.clock_variants is None:
         return change(recording)
-    alone = replace(recording, retimed=None)
+    alone = replace(recording, clock_variants=None)
     first, *others = common_readings(
-        [change(one) for one in (alone, *recording.retimed.recordings)]
+        [change(one) for one in (alone, *recording.clock_variants.recordings)]
     )
-    return replace(first, retimed=replace(recording.retimed, recordings=tuple(others)))
+    return replace(
+        first, clock_variants=replace(recording.clock_variants, recordings=tuple(others))
+    )
 
 
 def common_readings(recordings: Sequence[PreparedRecording]) -> list[PreparedRecording]:

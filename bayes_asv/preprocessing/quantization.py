@@ -79,9 +79,9 @@ def with_noise_of_still_wheels(recording: PreparedRecording) -> PreparedRecordin
     the wheels.
     """
     beyond = [_beyond(recording, c) * is_stationary(recording, c) for c in recording.inputs]
-    doubt = np.stack(beyond, axis=1) * recording.spread[:, : len(beyond)]
+    doubt = np.stack(beyond, axis=1) * recording.process_noise[:, : len(beyond)]
     spread = recording.noise_spread + np.hstack([np.zeros_like(doubt), doubt])
-    return replace(recording, spread=spread, doubt=doubt)
+    return replace(recording, process_noise=spread, standstill_noise=doubt)
 
 
 def without_standstill(recording: PreparedRecording) -> PreparedRecording:

@@ -159,8 +159,8 @@ def _best(values: Array, found: list[_Pattern], rounding: float, first: int) -> 
         share = _band(values, rounding)
         return None if share is None else Resampling(None, Fraction(share).limit_denominator(1000))
     # A spline with more knots, or of more freedom, has the same relations and others less.
-    least = _ALIKE * min(one.left for one in found) + 1e-6 * rounding
-    best = min((one for one in found if one.left <= least), key=lambda one: one.freedom)
+    least = _ALIKE * min(one.residual_rms for one in found) + 1e-6 * rounding
+    best = min((one for one in found if one.residual_rms <= least), key=lambda one: one.freedom)
     return Resampling(best.form, best.ratio, (best.origin + first) % best.ratio.denominator)
 
 
@@ -211,7 +211,7 @@ class _Pattern(NamedTuple):
     form: Form
     ratio: Fraction
     origin: int
-    left: float
+    residual_rms: float
 
     @property
     def freedom(self) -> Fraction:

@@ -360,7 +360,7 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
         values=values,
         removed_band=missing_band(np.abs(response) ** 2, len(plan.pairs), step, system),
         notches=tuple(notches),
-        doubt=None,
+        standstill_noise=None,
         start_time=recording.instants[0] if recording.start_time is None else recording.start_time,
     )
 
@@ -408,8 +408,8 @@ def _wheel(
     knots, value = times[there], filtered[there]
     deviation = interpolation_sd(knots, value)
     middle = 0.5 * (knots[1:] + knots[:-1])
-    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.deviation) - 1)
+    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.sd) - 1)
     # Beside a clipped sample more is unknown than the sharpness of the curve tells.
     beside = clipped[there][1:] | clipped[there][:-1]
-    deviation = np.where(beside, np.maximum(deviation, whole.deviation[at]), deviation)
+    deviation = np.where(beside, np.maximum(deviation, whole.sd[at]), deviation)
     return WheelSignal(CubicSpline(knots, value), knots, deviation)

@@ -46,14 +46,14 @@ class WheelSignal(NamedTuple):
         û(t) in m/s², through every usable sample.
     knots : (K,) array
         Times of those samples, s.
-    deviation : (K - 1,) array
+    sd : (K - 1,) array
         Deviation (m/s²) of the mean of û over each interval for what happened between the
         samples: a spline cannot know where in the interval an edge was.
     """
 
     spline: CubicSpline
     knots: Array
-    deviation: Array
+    sd: Array
 
 
 def match_bandwidths(time: Array, signal: Array, bandwidth: float, target: float) -> Array:

@@ -218,7 +218,7 @@ def fit_deflections(
     base, design = model(minimum.theta)
     states = run(minimum.theta)[0]
     free = states[:, :, 0] + states[:, :, 1:] @ minimum.beta[:-2]
-    at = recording.pairs.max(axis=1)
+    at = recording.group_instants.max(axis=1)
     time = recording.instants[at]
     return _point_estimate(
         minimum, nominal, ("deflection", initial, "bias estimated", "spline"), time, measured,

@@ -109,7 +109,7 @@ def simulate(
     of_car = {name: np.array([x]) for name, x in truth_of_car.items()}
     measured = [vehicle.channel(name) for name in (channels or usual_channels(model))]
     for channel in measured:
-        if not model.explains(channel):
+        if not model.has_channel(channel):
             raise InputError(
                 f"channel '{channel.name}'", f"is not one of the {model.name} car",
                 "leave it out, or choose another car",

@@ -142,7 +142,7 @@ def check_trackable(
         if effect.acts == "car" and not _affected(car, placed):
             raise InputError(where, f"changes nothing of the {car.name} car", "leave it out")
     for k, placed in enumerate(placed_effects):
-        if any(placed.meets(other) for other in placed_effects[:k]):
+        if any(placed.overlaps(other) for other in placed_effects[:k]):
             raise InputError(f"--with {placed}", "is named twice", "leave one of them out")
 
 

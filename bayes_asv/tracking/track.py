@@ -156,7 +156,9 @@ class TrackResult:
         mean, sd = self.log_moments(name)
         log_ratio = mean - math.log(self.nominal[name])
         p = 0.5 * math.erfc(log_ratio / max(sd, 1e-300) / math.sqrt(2.0))
-        return p if self.nominal_damping is None else self.nominal_damping.below(name, p)
+        return (
+            p if self.nominal_damping is None else self.nominal_damping.probability_below(name, p)
+        )
 
 
 def track(

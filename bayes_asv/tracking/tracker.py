@@ -133,7 +133,7 @@ class Tracker:
         model = car_model(car, vehicle)
         self.channels = tuple(channels)
         self._columns = [
-            c for c, name in enumerate(channels) if model.explains(vehicle.channel(name))
+            c for c, name in enumerate(channels) if model.has_channel(vehicle.channel(name))
         ]
         raw = (False,) * len(self.channels) if counts is None else tuple(counts)
         self.counts = tuple(raw[c] for c in self._columns)

@@ -132,9 +132,11 @@ def _ideal(case: Case) -> PreparedRecording:
     front, rear = (WheelSignal(CubicSpline(time, u), time, np.zeros(len(time) - 1)) for u in wheels)
     order = line.moments.shape[2]
     drive = np.stack([moments(w, line.instants, order) for w in (front, rear)], axis=1)
-    spread = line.spread.copy()
+    spread = line.process_noise.copy()
     spread[:, 2:] = 0.0  # nothing is unknown between the samples
-    line = replace(line, wheels=(front, rear), moments=np.ascontiguousarray(drive), spread=spread)
+    line = replace(
+        line, wheels=(front, rear), moments=np.ascontiguousarray(drive), process_noise=spread
+    )
     fitting = CubicSpline(time, _response(case.car, time, wheels), axis=1)
     return replace(line, reading=np.ascontiguousarray(fitting(line.instants).T))
 

@@ -114,7 +114,9 @@ def chassis_readings(
     bias = np.sqrt(np.diag(recording.initial_covariance)[4:]) * rng.standard_normal(2)
     y = x @ C.T + bias
     for axle in range(2):
-        white = np.sqrt(noise[2 + axle] + recording.extra[:, axle]) * rng.standard_normal(len(y))
+        white = np.sqrt(noise[2 + axle] + recording.extra_variance[:, axle]) * rng.standard_normal(
+            len(y)
+        )
         y[:, axle] += white + _remembered(noise[6 + axle], noise[10 + axle], recording.step, rng)
     return np.asarray(y)
 
@@ -173,7 +175,7 @@ def noisy_states(
     w = np.stack(
         [_remembered(noise[4 + a], noise[8 + a], recording.step, rng) for a in range(2)], axis=1
     )
-    intensity = noise[:2] * recording.spread[:, :2] + recording.spread[:, 2:]
+    intensity = noise[:2] * recording.process_noise[:, :2] + recording.process_noise[:, 2:]
     x = np.sqrt(np.diag(recording.initial_covariance)[:4]) * rng.standard_normal(4)
     out = np.empty((len(recording.step), 4))
     flows: dict[int, tuple[Array, tuple[Array, Array]]] = {}

@@ -74,7 +74,7 @@ def posterior(fit: MapFit, seed: int) -> Posterior:
 def place(draws: WeightedDraws, what: Conditional) -> float:
     """Posterior probability that a quantity lies below its truth."""
     if what.sd == 0.0:
-        return draws.below(what.mean, what.truth)
+        return draws.probability_below(what.mean, what.truth)
     return draws.mean(np.asarray(ndtr((what.truth - what.mean) / what.sd)))
 
 

@@ -61,7 +61,7 @@ class Floor:
         """Return the log likelihoods of the sets."""
         total = np.empty(self.lanes)
         plain = [np.ascontiguousarray(x) for x in data[:3]]
-        arrays = [*plain, np.ascontiguousarray(data.reading), *sets, data.start, total]
+        arrays = [*plain, np.ascontiguousarray(data.reading), *sets, data.initial_covariance, total]
         self._run(ctypes.c_int(len(data.step)), *(ctypes.c_void_p(x.ctypes.data) for x in arrays))
         return total
 

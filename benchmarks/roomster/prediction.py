@@ -71,7 +71,7 @@ def _scored(recording: PreparedRecording) -> NDArray[np.int64]:
     The filter needs readings before and after; and at its ends a drive has the transients of
     the filters that it went through before it was published.
     """
-    both = recording.pairs[np.all(recording.pairs >= 0, axis=1), 0]
+    both = recording.group_instants[np.all(recording.group_instants >= 0, axis=1), 0]
     both = both[np.all(recording.kind[both] == VALUE, axis=1)]
     ends = max(round(_ENDS / recording.reading_step), _BEFORE, _AFTER)
     return np.asarray(both[ends : len(both) - ends], np.int64)

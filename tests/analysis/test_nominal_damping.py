@@ -66,7 +66,7 @@ def test_nothing_is_counted_that_is_not_reported() -> None:
     values = {name: float(x[0]) for name, x in model.nominal.items()}
     found = nominal_damping(model, {**values, "c_f": 0.8 * values["c_f"]})
     assert not found.mistakes
-    assert found.below("c_f", 0.999) == 0.999
+    assert found.probability_below("c_f", 0.999) == 0.999
 
 
 def test_a_possible_mistake_is_in_the_headline_and_in_the_probability() -> None:

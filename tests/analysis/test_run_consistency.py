@@ -59,10 +59,10 @@ def test_runs_of_one_car_agree_and_each_knows_it(given: dict[str, float]) -> Non
     car = car_of(given, 1)
     found = held(recordings(car, (1.0, 1.0, 1.0), 10), vehicle(given))
     assert found.verdict == "agree"
-    assert found.whole.freedom == 6
+    assert found.overall_test.freedom == 6
     assert found.compared == ("c_f", "c_r", "i")
     for name in found.compared:
-        assert found.each[name].p > 1e-3
+        assert found.parameter_tests[name].p > 1e-3
         for run in found.runs:
             x = run.fit.space.quantities(run.z, 0)[name]
             assert abs(x.mean() - getattr(car, name)) < 4.5 * x.std()
@@ -76,9 +76,9 @@ def test_two_percent_of_one_damper_is_found_and_named() -> None:
     car = car_of(DECLARED, 3)
     found = held(recordings(car, (1.0, 1.02), 30), vehicle(DECLARED))
     assert found.verdict == "disagree"
-    assert found.whole.p < 1e-6
+    assert found.overall_test.p < 1e-6
     assert found.differing == ("c_f",)
-    assert found.each["c_r"].p > 1e-3
+    assert found.parameter_tests["c_r"].p > 1e-3
     k = found.compared.index("c_f")
     between = found.shift[1, k] - found.shift[0, k]
     assert between == pytest.approx(np.log(1.02), abs=4.5 * float(np.hypot(*found.sd[:, k])))
@@ -153,7 +153,7 @@ def test_same_seed_same_answer_whatever_the_order(apart: tuple[RigCar, Estimate]
         compare_runs(pair, 4000, 0) for pair in ([one, two], [one, two], [two, one])
     )
     assert np.array_equal(found.population.centre, same.population.centre)
-    assert turned.whole.q == pytest.approx(found.whole.q, rel=1e-9)
+    assert turned.overall_test.q == pytest.approx(found.overall_test.q, rel=1e-9)
     assert turned.population.spread.mean() == pytest.approx(
         found.population.spread.mean(), rel=0.05
     )

@@ -130,7 +130,7 @@ def test_a_drawn_recording_is_laid_out_as_the_drive_it_came_from() -> None:
     case = drive_cell(CELL, 3, 1)
     mine, theirs = prepared(drawn.recording, drawn.vehicle), prepared(case.recording, drawn.vehicle)
     np.testing.assert_array_equal(mine.moments, theirs.moments)
-    np.testing.assert_array_equal(mine.spread, theirs.spread)
+    np.testing.assert_array_equal(mine.process_noise, theirs.process_noise)
     np.testing.assert_array_equal(mine.instants, theirs.instants)
     np.testing.assert_array_equal(mine.kind, theirs.kind)
     assert np.abs(mine.reading - theirs.reading).max() > 0.1

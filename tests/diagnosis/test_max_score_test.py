@@ -174,5 +174,5 @@ def test_at_both_axles_a_force_law_acts_twice_and_a_pulse_in_halves() -> None:
     pulse = PlacedEffect(EFFECTS["external_force"], "both", 0)
     values = {"force": 3.0, "start": 1.0, "duration": 0.2, "rise": 0.03}
     assert law_table(car, {pulse: values}, 0)[:, 2].tolist() == [1.5, 1.5]
-    assert friction.meets(PlacedEffect(EFFECTS["coulomb_friction"], "rear"))
-    assert not friction.meets(PlacedEffect(EFFECTS["bound_rebound"], "rear"))
+    assert friction.overlaps(PlacedEffect(EFFECTS["coulomb_friction"], "rear"))
+    assert not friction.overlaps(PlacedEffect(EFFECTS["bound_rebound"], "rear"))

@@ -90,11 +90,11 @@ def linear_case(name: str, seed: int, n: int = 25, missing: bool = True, sets: i
     data = Measurements(
         step=step,
         moments=straight_moments(step, u),
-        spread=spread,
+        process_noise=spread,
         kind=kind,
         reading=3.0 * size * rng.normal(size=(n, ny)),
-        extra=0.01 * size**2 * rng.uniform(size=(n, ny)),
-        start=start,
+        extra_variance=0.01 * size**2 * rng.uniform(size=(n, ny)),
+        initial_covariance=start,
     )
     noise = SensorNoise(variance[0], variance[1], rng.uniform(100.0, 400.0, (sets, nu + ny)))
     return Case(system, noise, data, np.cumsum(step), u)

@@ -53,7 +53,7 @@ def test_sets_side_by_side_are_those_one_by_one(name: str) -> None:
     case = linear_case(name, 4, n=40, sets=LANES + 14)
     together = log_likelihood(case.system, case.noise, case.data)
     for k in (0, 1, LANES - 1, LANES, LANES + 13):
-        one = log_likelihood(case.system.some([k]), case.noise.some([k]), case.data)
+        one = log_likelihood(case.system.subset([k]), case.noise.subset([k]), case.data)
         assert one[0] == pytest.approx(together[k], rel=1e-10)
 
 
@@ -70,7 +70,7 @@ def test_known_zeros_are_taken_off_the_readings(name: str) -> None:
             moments=straight_moments(case.data.step, case.inputs - biases[k, :nu]),
             reading=case.data.reading - biases[k, nu:],
         )
-        one = log_likelihood(case.system.some([k]), case.noise.some([k]), less)
+        one = log_likelihood(case.system.subset([k]), case.noise.subset([k]), less)
         assert one[0] == pytest.approx(together[k], rel=1e-9)
 
 
@@ -88,7 +88,9 @@ def test_innovations_of_data_from_the_model_are_white_and_normal(name: str) -> N
     made = states @ case.system.C[0].T
     reading = made + rng.normal(size=made.shape) * np.sqrt(white[0, nu:])
     data = case.data._replace(
-        spread=0.0 * case.data.spread, extra=0.0 * case.data.extra, reading=reading
+        process_noise=0.0 * case.data.process_noise,
+        extra_variance=0.0 * case.data.extra_variance,
+        reading=reading,
     )
     found = filter_pass(case.system, noise, data).innovations[0]
     count = found.size
@@ -129,7 +131,7 @@ def test_the_free_response_is_the_exact_one(name: str) -> None:
     rng = np.random.default_rng(3)
     nx, nd, ny = case.system.A.shape[1], case.system.N.shape[1], case.system.C.shape[1]
     begin = np.concatenate([0.1 * rng.normal(size=nx), np.zeros(nd), rng.normal(size=ny)])
-    (output,), (states,) = free_response(case.system.some([0]), case.data, begin[None])
+    (output,), (states,) = free_response(case.system.subset([0]), case.data, begin[None])
     expected = simulate_linear(_linear(case), case.time, case.inputs, begin[:nx])
     np.testing.assert_allclose(states, expected, atol=1e-10)
     np.testing.assert_allclose(

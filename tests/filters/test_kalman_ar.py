@@ -56,11 +56,11 @@ def test_it_whitens_the_innovations_linearly(name: str) -> None:
     rng = np.random.default_rng(3)
     ar = 0.2 * rng.normal(size=(3, ny, ny))
     root = np.tril(0.3 * rng.normal(size=(ny, ny)), -1) + np.diag(rng.uniform(0.8, 1.3, ny))
-    start = case.data.start
+    start = case.data.initial_covariance
     certain = 1e-24 * np.eye(len(start))
 
     def innovations_of(readings: Array, driven: Array) -> tuple[Array, float]:
-        data = case.data._replace(moments=driven, reading=readings, start=certain)
+        data = case.data._replace(moments=driven, reading=readings, initial_covariance=certain)
         found = filter_pass(case.system, case.noise, data)
         kept = found.innovations[0]
         return kept, float(found.log_likelihood[0]) + 0.5 * float(np.sum(kept**2))
@@ -99,15 +99,17 @@ def test_two_instants_a_row_are_one_group() -> None:
     ar, root = np.full((2, 2, 2), 0.1), np.array([[1.1, 0.0], [0.2, 0.9]])
     whole = _value(case, np.ones(12, bool), ar, root)
     old = case.data
-    step, moments, spread = (np.repeat(x, 2, axis=0) for x in (old.step, old.moments, old.spread))
-    reading, extra = (np.repeat(x, 2, axis=0) for x in (old.reading, old.extra))
+    step, moments, spread = (
+        np.repeat(x, 2, axis=0) for x in (old.step, old.moments, old.process_noise)
+    )
+    reading, extra = (np.repeat(x, 2, axis=0) for x in (old.reading, old.extra_variance))
     kind = np.repeat(old.kind, 2, axis=0)
     step[1::2] = 0.0  # the second instant of a row comes no later
     kind[0::2, 1] = MISSING
     kind[1::2, 0] = MISSING
     closes = np.ones(24, bool)
     closes[0::2] = False
-    data = Measurements(step, moments, spread, kind, reading, extra, case.data.start)
+    data = Measurements(step, moments, spread, kind, reading, extra, case.data.initial_covariance)
     assert _value(case._replace(data=data), closes, ar, root) == pytest.approx(whole, abs=1e-9)
 
 
@@ -118,7 +120,9 @@ def test_part_of_a_group_counts_by_its_marginal(there: list[int]) -> None:
     root = np.array([[1.3, 0.0, 0.0], [-0.4, 0.8, 0.0], [0.2, -0.1, 1.1]])
     case.data.kind[:] = MISSING
     case.data.kind[1, there] = VALUE
-    case.data.start[:] = 1e-24 * np.eye(len(case.data.start))  # nothing to integrate out
+    case.data.initial_covariance[:] = 1e-24 * np.eye(
+        len(case.data.initial_covariance)
+    )  # nothing to integrate out
     found = filter_pass(case.system, case.noise, case.data)
     nu = found.innovations[0][1, there]
     ar, every = np.zeros((1, 3, 3)), np.ones(2, bool)

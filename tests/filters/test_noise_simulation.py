@@ -22,8 +22,8 @@ def _draws(case: Case, count: int, seed: int) -> Array:
 def _at_rest(name: str, seed: int, n: int) -> Case:
     """A recording that starts at rest, without biases and inputs."""
     case = linear_case(name, seed, n=n, missing=False)
-    tiny = 1e-18 * np.eye(len(case.data.start))
-    data = case.data._replace(moments=0.0 * case.data.moments, start=tiny)
+    tiny = 1e-18 * np.eye(len(case.data.initial_covariance))
+    data = case.data._replace(moments=0.0 * case.data.moments, initial_covariance=tiny)
     return case._replace(data=data, inputs=0.0 * case.inputs)
 
 
@@ -70,6 +70,8 @@ def test_its_covariance_is_that_of_the_model(name: str) -> None:
 def test_without_noise_there_is_none() -> None:
     case = _at_rest("half", 5, 30)
     zero = 0.0 * case.noise.white
-    data = case.data._replace(spread=0.0 * case.data.spread, extra=0.0 * case.data.extra)
+    data = case.data._replace(
+        process_noise=0.0 * case.data.process_noise, extra_variance=0.0 * case.data.extra_variance
+    )
     silent = case._replace(noise=SensorNoise(zero, zero, case.noise.poles), data=data)
     assert np.array_equal(_draws(silent, 3, 1), np.zeros((30, 3, 2)))

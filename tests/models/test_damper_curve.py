@@ -60,8 +60,8 @@ def test_no_steps_are_a_linear_damper_and_one_side_leaves_the_other() -> None:
 
 def test_it_contains_the_bent_forms_at_its_own_place() -> None:
     curve = placed_effect("damper_curve@front")
-    assert curve.covers(placed_effect("digressive_damper@front"))
-    assert curve.covers(placed_effect("bound_rebound@both"))
-    assert not curve.covers(placed_effect("bound_rebound@rear"))
-    assert not curve.covers(placed_effect("damper_hysteresis@front"))
-    assert not placed_effect("digressive_damper@front").covers(curve)
+    assert curve.subsumes(placed_effect("digressive_damper@front"))
+    assert curve.subsumes(placed_effect("bound_rebound@both"))
+    assert not curve.subsumes(placed_effect("bound_rebound@rear"))
+    assert not curve.subsumes(placed_effect("damper_hysteresis@front"))
+    assert not placed_effect("digressive_damper@front").subsumes(curve)

@@ -121,7 +121,7 @@ def test_the_integral_takes_any_knots() -> None:
 
 def test_it_contains_the_parametric_form_at_its_own_place() -> None:
     curve = placed_effect("spring_curve@front")
-    assert curve.covers(placed_effect("progressive_spring@both"))
-    assert not curve.covers(placed_effect("progressive_spring@rear"))
-    assert not curve.covers(placed_effect("bump_stop@front"))
-    assert not curve.covers(placed_effect("damper_curve@front"))
+    assert curve.subsumes(placed_effect("progressive_spring@both"))
+    assert not curve.subsumes(placed_effect("progressive_spring@rear"))
+    assert not curve.subsumes(placed_effect("bump_stop@front"))
+    assert not curve.subsumes(placed_effect("damper_curve@front"))

@@ -94,10 +94,10 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
     timed = align_clocks([recording], vehicle, (CLOCK,))
     fit = fit_aligned(timed)
     line = fit.space.recordings[0]
-    assert line.retimed is not None
+    assert line.clock_variants is not None
     job = timed.jobs[0]
-    between = line.retimed.middle + (0.7, -0.4) * line.retimed.step
-    exact, *_ = job.prepared([between, line.retimed.middle])
+    between = line.clock_variants.middle + (0.7, -0.4) * line.clock_variants.step
+    exact, *_ = job.prepared([between, line.clock_variants.middle])
     assert exact.readings == line.readings
     z = fit.mode.z.copy()
     for k, error in zip(fit.space.clock_coordinates(0), between, strict=True):
@@ -169,7 +169,7 @@ def test_a_clock_of_all_channels_or_of_none_is_no_unknown() -> None:
     clocks = (Clock("all", recording.channels), Clock("none", ("body_pitch_rate",)))
     timed = align_clocks([recording], vehicle, clocks[:1])
     assert timed.modes == ((),)
-    assert timed.prepared[0].retimed is None
+    assert timed.prepared[0].clock_variants is None
     assert align_clocks([recording], vehicle, clocks[1:]).modes == ((),)
     line = prepare(recording, vehicle, car_model("half", vehicle))
     assert not np.any(make_parameter_space(vehicle, (line,)).origin)

@@ -66,13 +66,15 @@ def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:
     recording = fit.space.recordings[0]
     moments, spread, steps = (
         recording.moments.copy(),
-        recording.spread.copy(),
+        recording.process_noise.copy(),
         recording.quantization_steps.copy(),
     )
     moments[:, 0] /= gain
     spread[:, len(recording.inputs)] /= gain**2  # what the wheel did between its samples
     steps[0] /= gain
-    shrunk_line = replace(recording, moments=moments, spread=spread, quantization_steps=steps)
+    shrunk_line = replace(
+        recording, moments=moments, process_noise=spread, quantization_steps=steps
+    )
     shrunk = replace(fit.space, recordings=(shrunk_line,))
     np.testing.assert_allclose(
         fit.posterior.innovations(z, 0),

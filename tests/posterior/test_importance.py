@@ -56,7 +56,9 @@ def test_a_skewed_integral_and_its_quantiles_come_out_right() -> None:
     assert found.quantile(value, np.array([0.025, 0.5, 0.975])) == pytest.approx(wanted, rel=0.03)
     assert found.mean(value) == pytest.approx(posterior.shape, rel=0.01)
     assert found.sd(value) == pytest.approx(math.sqrt(posterior.shape), rel=0.03)
-    assert found.below(value, posterior.shape) == pytest.approx(gamma(12.0).cdf(12.0), abs=0.015)
+    assert found.probability_below(value, posterior.shape) == pytest.approx(
+        gamma(12.0).cdf(12.0), abs=0.015
+    )
 
 
 def test_weighted_draws_agree_with_the_ensembles() -> None:
@@ -85,6 +87,6 @@ def test_a_probability_stays_one_where_its_weights_do_not_sum_exactly() -> None:
     draws = WeightedDraws(np.zeros((8, 1)), weight, 0.0)
     value = np.arange(8.0)
     assert weight.sum() > 1.0
-    assert draws.below(value, 8.0) == 1.0
-    assert draws.below(value, 3.5) == pytest.approx(0.5)
-    assert draws.below(value, 3.0) == pytest.approx(0.4375)
+    assert draws.probability_below(value, 8.0) == 1.0
+    assert draws.probability_below(value, 3.5) == pytest.approx(0.5)
+    assert draws.probability_below(value, 3.0) == pytest.approx(0.4375)

@@ -233,7 +233,7 @@ def test_a_wrong_column_is_not_explained(tmp_path: Path) -> None:
     assert len(reasons[1]) == 2
     assert all("drive.csv, too little" in reason for reason in reasons[1])
     assert all("check channels" in reason for reason in reasons[1])
-    assert best_fit((line,), given).faults  # nor does the best one
+    assert best_fit((line,), given).misfit_reasons  # nor does the best one
 
 
 def test_the_channels_have_to_fit(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_noise_levels_are_those_of_the_filtered_readings() -> None:
     # 1600 readings: 2 % at one deviation
     assert line.noise[1] == pytest.approx(np.std(line.reading[used, 0]), rel=0.08)
     assert line.noise[0] == level  # a density, over the wheel's own samples
-    assert line.spread[5:, 0] == pytest.approx(1.0 / 400.0)
+    assert line.process_noise[5:, 0] == pytest.approx(1.0 / 400.0)
 
 
 def test_the_same_car_moves_in_the_band() -> None:

@@ -74,14 +74,14 @@ def test_the_longer_a_car_waits_the_less_it_says() -> None:
 def test_a_wheel_that_moves_is_believed_and_one_that_waits_is_doubted() -> None:
     line = _line("stops", 1000, _REAL)
     doubted = with_noise_of_still_wheels(line)
-    assert doubted.doubt is not None
+    assert doubted.standstill_noise is not None
     front = np.abs(line.wheels[0].spline(line.instants))
     moving = np.convolve(front > 100.0 * INCH, np.ones(9), "same") > 8
     assert np.count_nonzero(moving) > 20
-    assert np.all(doubted.doubt[moving, 0] == 0.0)
-    assert np.mean(doubted.doubt[: len(front) // 20, 0] > 0.0) > 0.9
-    assert doubted.noise_spread == pytest.approx(line.spread)
-    assert with_noise_of_still_wheels(doubted).spread == pytest.approx(doubted.spread)
+    assert np.all(doubted.standstill_noise[moving, 0] == 0.0)
+    assert np.mean(doubted.standstill_noise[: len(front) // 20, 0] > 0.0) > 0.9
+    assert doubted.noise_spread == pytest.approx(line.process_noise)
+    assert with_noise_of_still_wheels(doubted).process_noise == pytest.approx(doubted.process_noise)
 
 
 def test_a_car_is_not_listened_to_while_it_waits() -> None:
@@ -132,7 +132,7 @@ def test_what_crawls_is_not_asked_whether_it_remembers(monkeypatch: pytest.Monke
 def test_noise_that_covers_the_steps_is_believed_as_it_is() -> None:
     line = _line("stops", 1000, SensorSpec(noise=_LOUD))
     same = with_noise_of_still_wheels(line)
-    assert np.array_equal(same.spread, line.spread)
+    assert np.array_equal(same.process_noise, line.process_noise)
 
 
 def test_motion_below_an_empty_band_is_no_noise() -> None:

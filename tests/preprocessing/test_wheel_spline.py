@@ -88,7 +88,7 @@ def test_deviation_between_samples_covers_the_errors_of_jumps() -> None:
         signal = wheel_signal(time, truth(time), none, none)
         fine = np.linspace(time[0], time[-1], 200_001)
         error.append(np.trapezoid(signal.spline(fine) - truth(fine), fine))
-        claimed.append(np.sum((signal.deviation / 400.0) ** 2))
+        claimed.append(np.sum((signal.sd / 400.0) ** 2))
     ratio = np.sqrt(np.mean(np.square(error)) / np.mean(claimed))
     assert 0.7 < ratio < 1.2
 
@@ -100,6 +100,6 @@ def test_a_clipped_sample_is_put_outside_the_rail_and_trusted_less() -> None:
     signal = wheel_signal(time, np.minimum(truth, 25.0), np.zeros(60, bool), high)
     assert np.all(signal.spline(time[high]) >= 25.0)
     inside = high[:-1] & high[1:]
-    assert np.min(signal.deviation[inside]) > 0.5
+    assert np.min(signal.sd[inside]) > 0.5
     far = np.abs(time[:-1] - 0.075) > 0.03
-    assert np.max(signal.deviation[far]) < 0.2
+    assert np.max(signal.sd[far]) < 0.2

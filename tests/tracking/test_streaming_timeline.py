@@ -67,7 +67,7 @@ def test_timeline_of_the_whole_recording(rate: float) -> None:
         np.abs(steps.moments - whole.moments)[inner].max(axis=(0, 1)), 4e-3 * scale
     )
     assert np.abs(steps.moments - whole.moments)[inner, :, 0].std() < 2e-4 * scale[0]
-    np.testing.assert_allclose(steps.spread[:, :2], whole.spread[:, :2], atol=1e-12)
+    np.testing.assert_allclose(steps.spread[:, :2], whole.process_noise[:, :2], atol=1e-12)
     assert len(rows.stamp) == len(recording.time)
 
 

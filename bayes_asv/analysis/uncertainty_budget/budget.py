@@ -375,7 +375,10 @@ def sources(posterior: Posterior) -> list[Source]:
             for c in _numbers(recording, name)
         ):
             found.append(Source(f"steps {name}", 0.0, _lines(_steps(name))))
-    if any(np.any(recording.spread[:, len(recording.wheels) :] > 0.0) for recording in recordings):
+    if any(
+        np.any(recording.process_noise[:, len(recording.wheels) :] > 0.0)
+        for recording in recordings
+    ):
         found.append(Source("between samples", 0.0, _lines(_between)))
     found.append(Source("start", None, _lines(_start)))
     return found
@@ -414,9 +417,9 @@ def _steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]
 
 
 def _between(recording: PreparedRecording, factor: float) -> PreparedRecording:
-    spread = recording.spread.copy()
+    spread = recording.process_noise.copy()
     spread[:, len(recording.wheels) :] *= factor
-    return replace(recording, spread=spread)
+    return replace(recording, process_noise=spread)
 
 
 def _start(recording: PreparedRecording, factor: float) -> PreparedRecording:
@@ -437,8 +440,8 @@ def lost_readings(recording: PreparedRecording) -> Flags:
         By instant and output.  Rows that are missing as a whole are not counted.
     """
     lost: Flags = (recording.kind != MISSING) & (recording.kind != VALUE)
-    for y in range(recording.pairs.shape[1]):
-        beside = recording.pairs[recording.pairs[:, y] < 0].max(axis=1)
+    for y in range(recording.group_instants.shape[1]):
+        beside = recording.group_instants[recording.group_instants[:, y] < 0].max(axis=1)
         lost[beside, y] = True
     return lost
 

@@ -108,7 +108,7 @@ def with_fault(recording: PreparedRecording, fault: Fault, vehicle: Vehicle) -> 
         u = recording.inputs.index(c)
         wheel = recording.wheels[u]
         change = _change(fault, wheel.knots, wheel.spline(wheel.knots), corner)
-        signal = WheelSignal(CubicSpline(wheel.knots, change), wheel.knots, wheel.deviation)
+        signal = WheelSignal(CubicSpline(wheel.knots, change), wheel.knots, wheel.sd)
         driven = recording.moments.copy()
         driven[:, u] += moments(signal, recording.instants, ORDER)
         return replace(recording, moments=driven)

@@ -278,15 +278,15 @@ class PlacedEffect:
         """Corners of a car at which it acts; none for a sensor or the car."""
         return frozenset(c for c in CORNERS if self.where in (c, c.partition("_")[0], BOTH))
 
-    def meets(self, other: PlacedEffect) -> bool:
+    def overlaps(self, other: PlacedEffect) -> bool:
         """Whether it is the same effect at a corner in common, or at the same place."""
         alike = self.where == other.where or bool(self.corners & other.corners)
         return self.effect.name == other.effect.name and alike
 
-    def covers(self, other: PlacedEffect) -> bool:
+    def subsumes(self, other: PlacedEffect) -> bool:
         """Whether another effect at a corner in common is this one, or a special form of it."""
         form = other.effect.name in self.effect.contains and bool(self.corners & other.corners)
-        return form or self.meets(other)
+        return form or self.overlaps(other)
 
     def coordinate_name(self, parameter: Parameter) -> str:
         """Name of a parameter among the coordinates of a posterior."""

@@ -310,7 +310,7 @@ def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
             own = model.space.recordings[run]
             output, _, _ = free_run(model.posterior, model.mode.z, run)
             residuals.append(own.paired(np.where(own.kind == VALUE, own.reading - output, np.nan)))
-        time = prepared.instants[prepared.pairs.max(axis=1)]
+        time = prepared.instants[prepared.group_instants.max(axis=1)]
         keep = np.unique(np.linspace(0, len(time) - 1, _MAX_POINTS).astype(int))
         outputs = [prepared.channels[c] for c in prepared.outputs]
         curves = {

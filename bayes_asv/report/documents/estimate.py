@@ -305,7 +305,8 @@ def vehicle_info(vehicle: Vehicle) -> VehicleInfo:
 
 def _uncertainty_budget(width: UncertaintyBudget, result: Estimate) -> schema.UncertaintyBudget:
     answers = {
-        name: _answer_budget(name, answer, width, result) for name, answer in width.estimands.items()
+        name: _answer_budget(name, answer, width, result)
+        for name, answer in width.estimands.items()
     }
     faults = {}
     for shift in width.shifts:

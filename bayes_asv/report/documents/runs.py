@@ -72,8 +72,8 @@ def run_document(fit: RunFit, system: str) -> schema.Run:
     """One recording beside its simulation, in the units of a system."""
     prepared, units = fit.prepared, Units(system)
     # Groups of readings without a gap, or all where channels are never read together.
-    whole = np.all(prepared.pairs >= 0, axis=1)
-    pairs = prepared.pairs[whole] if np.any(whole) else prepared.pairs
+    whole = np.all(prepared.group_instants >= 0, axis=1)
+    pairs = prepared.group_instants[whole] if np.any(whole) else prepared.group_instants
     pairs = pairs[np.unique(np.linspace(0, len(pairs) - 1, MAX_POINTS).astype(int))]
     rows = np.unique(np.linspace(0, prepared.times.shape[1] - 1, MAX_POINTS).astype(int))
     transmitted = _transmissibilities(fit, units)
@@ -293,10 +293,10 @@ def run_consistency(result: Estimate) -> schema.RunConsistency | None:
 
     return schema.RunConsistency(
         verdict=comparison.verdict,
-        p=comparison.whole.p,
-        contrasts=comparison.whole.freedom,
+        p=comparison.overall_test.p,
+        contrasts=comparison.overall_test.freedom,
         disagree_below=DISAGREE_BELOW,
-        each={name: schema.Test(p=test.p) for name, test in comparison.each.items()},
+        each={name: schema.Test(p=test.p) for name, test in comparison.parameter_tests.items()},
         differing=list(comparison.differing) if comparison.verdict == "disagree" else [],
         spread_percent={name: _spread(comparison, name) for name in comparison.compared},
         own_percent={name: comparison.own_percent(name) for name in comparison.compared},
