@@ -31,7 +31,7 @@ from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.preprocessing.events import LogEvents
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["Estimate", "RunFit"]
+__all__ = ["EstimationResult", "RunFit"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -73,7 +73,7 @@ class RunFit:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class EstimationResult:
     """A posterior and what it stands on.
 
     Parameters

@@ -33,7 +33,7 @@ from bayes_asv.analysis.uncertainty_budget import find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimate_result import Estimate, RunFit
+from bayes_asv.estimate_result import EstimationResult, RunFit
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
@@ -69,7 +69,7 @@ def estimate(
     progress: Progress | None = None,
     placed_effects: tuple[PlacedEffect, ...] = (),
     car: str = "half",
-) -> Estimate:
+) -> EstimationResult:
     """Posterior of a car's damping rates and inertias from one or several of its recordings.
 
     Parameters
@@ -93,7 +93,7 @@ def estimate(
 
     Returns
     -------
-    Estimate
+    EstimationResult
         Refusal and lack of convergence are verdicts in it, not exceptions.
 
     Raises
@@ -116,7 +116,7 @@ def estimate(
     empty = tuple(nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
     if not runs:
-        found = Estimate(
+        found = EstimationResult(
             "refused", empty, (), vehicle, model, (), likelihood, seed, 0.0, below=below
         )
     else:
@@ -192,7 +192,7 @@ def _estimate_runs(
     progress: Progress | None,
     placed_effects: tuple[PlacedEffect, ...],
     car: str,
-) -> Estimate:
+) -> EstimationResult:
     """Estimate from recordings that are taken whole."""
     began = time.perf_counter()
     model = car_model(car, vehicle)
@@ -214,7 +214,7 @@ def _estimate_runs(
             if fit.input_check is not None and fit.input_check.mistakes
             else ()
         )
-        answer = Estimate(
+        answer = EstimationResult(
             "refused", (*mistaken, *fit.reasons), fit.warnings, vehicle, model, tuple(recordings),
             likelihood, seed, 0.0, run_consistency=fit.run_consistency, below=below,
         )  # fmt: skip
@@ -288,7 +288,9 @@ def _checked(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
     )
 
 
-def _sampled(task: _Task, fit: _ModeAndChecks, found: MapFit, sampler: ModuleType) -> Estimate:
+def _sampled(
+    task: _Task, fit: _ModeAndChecks, found: MapFit, sampler: ModuleType
+) -> EstimationResult:
     """Draw from the posterior around its mode, and compute what is reported of it."""
     seed, space, posterior, doubt = task.seed, found.space, found.posterior, fit.input_check
     warnings = fit.warnings if doubt is None else (doubt.sentence, *fit.warnings)
@@ -325,7 +327,7 @@ def _sampled(task: _Task, fit: _ModeAndChecks, found: MapFit, sampler: ModuleTyp
     warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
     clocks_known = fit.timed is None or not any(fit.timed.modes)
     exact = clocks_known and not task.placed_effects and fit.model_error is None
-    return Estimate(
+    return EstimationResult(
         verdict="ok" if ensembles.converged else "not_converged",
         reasons=(),
         warnings=warnings,
@@ -406,12 +408,12 @@ def _estimate_random_effects(
     warnings: tuple[str, ...],
     seed: int,
     sampler: ModuleType,
-) -> Estimate:
+) -> EstimationResult:
     """Answer where runs do not agree: the mean car, and each run at its own posterior."""
     found = agreement.population
     together = agreement.joint(math.prod(_APART), seed)
     rhat, bulk, tail = sampler.diagnose(found.centre.reshape(_APART[0], _APART[1], 1, -1))
-    return Estimate(
+    return EstimationResult(
         verdict="ok",
         reasons=(),
         warnings=warnings,

@@ -33,7 +33,7 @@ from scipy.stats import binomtest
 
 from bayes_asv import __version__
 from bayes_asv.analysis.predictive_checks import predictive_checks
-from bayes_asv.analysis.random_effects import RunLikelihood, fit_random_effects, test_homogeneity
+from bayes_asv.analysis.random_effects import RunLikelihood, fit_random_effects, homogeneity_test
 from bayes_asv.analysis.run_consistency import SingleRunFit, compare_runs, fit_single_run
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import Vehicle
@@ -192,7 +192,7 @@ def gaussian(seed: int, times: int = 200) -> list[dict[str, Any]]:
                     {
                         "given": "Gaussian",
                         "what": f"spread {100 * spread:.0f} %, {count} runs",
-                        "p": test_homogeneity(placed_effects, way).p,
+                        "p": homogeneity_test(placed_effects, way).p,
                         "covers": bool(low < 0.0 < high),
                         "half_width_percent": 50.0 * float(high - low),
                     }

@@ -24,7 +24,7 @@ from scipy.stats import binomtest
 from bayes_asv.domain.clocks import Clock
 from bayes_asv.domain.recording import CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from benchmarks.provenance import current_commit
 from tests.rig import (
@@ -116,7 +116,7 @@ def one(which: str, seed: int) -> dict[str, Any]:
     return out
 
 
-def clock_draws(result: Estimate, kind: str) -> Any:
+def clock_draws(result: EstimationResult, kind: str) -> Any:
     """Draws of the offset or the drift of the only clock."""
     return next(x for name, x in result.nuisance.items() if name.startswith(f"clock {kind}"))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bayes_asv.planning.drives import KINDS, RoadProfile
-from bayes_asv.planning.plan import Plan
+from bayes_asv.planning.plan import PlanResult
 from bayes_asv.planning.predicted_sd import predicted_sd
 
 __all__ = ["PICTURE", "draw_picture"]
@@ -19,12 +19,12 @@ Row = dict[str, Any]
 PICTURE = Path(__file__).parents[1] / "docs" / "plan.png"
 
 
-def draw_picture(made: Plan, rows: Sequence[Row]) -> None:
+def draw_picture(made: PlanResult, rows: Sequence[Row]) -> None:
     """Draw the figure.
 
     Parameters
     ----------
-    made : Plan
+    made : PlanResult
         A plan for one car at one sampling rate.
     rows : sequence of dict
         Predicted and posterior deviations of the first part of :mod:`benchmarks.plan`.

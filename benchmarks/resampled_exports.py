@@ -26,7 +26,7 @@ from scipy.stats import binomtest
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from benchmarks.provenance import current_commit
 from tests.rig import (
@@ -102,12 +102,12 @@ def export(time: Array, values: Array, how: str, rate: int, new: int) -> tuple[A
     return stamps, np.asarray(CubicSpline(time, values, axis=1)(stamps))
 
 
-def widths(result: Estimate) -> dict[str, float]:
+def widths(result: EstimationResult) -> dict[str, float]:
     """Widths of the 95 % intervals."""
     return {n: float(np.subtract(*np.quantile(result.draws[n], [0.975, 0.025]))) for n in NAMES}
 
 
-def inside(result: Estimate, car: RigCar) -> dict[str, bool]:
+def inside(result: EstimationResult, car: RigCar) -> dict[str, bool]:
     """Whether the intervals contain the true values."""
     out = {}
     for name in NAMES:

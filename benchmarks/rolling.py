@@ -30,7 +30,7 @@ from scipy.stats import beta
 from bayes_asv import __version__
 from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from tests.rig import DEFAULT_SPEEDS, TERRAINS
 from tests.rig.wide import WideCar, draw_wide, shifted, wide_baja, wide_drive, wide_toml
@@ -88,7 +88,7 @@ def one_run(case: str, terrain: str, seed: int, vehicle: Vehicle) -> dict[str, A
     return row
 
 
-def _scored(found: Estimate, car: WideCar) -> dict[str, list[float]]:
+def _scored(found: EstimationResult, car: WideCar) -> dict[str, list[float]]:
     """Truth, bounds of the interval, and standard score of each answer."""
     truth = {
         **dict(zip(("c_fl", "c_fr", "c_rl", "c_rr"), car.c, strict=True)),

@@ -26,13 +26,13 @@ from bayes_asv.tracking.frames import Frames, concatenate
 from bayes_asv.tracking.track import TrackResult, conclude
 from bayes_asv.tracking.tracker import Tracker, tracker_for
 
-__all__ = ["TransferTracker"]
+__all__ = ["TransferOnlineFilter"]
 
 _MESSAGE_ROWS: Final = 200  # rows between messages
 _MAX_LOG_SD: Final = 0.5  # standard deviation of a logarithm beyond which no number is given
 
 
-class TransferTracker:
+class TransferOnlineFilter:
     """Tracks a run while it is transferred.
 
     Parameters

@@ -32,9 +32,9 @@ __all__ = [
     "RunLikelihood",
     "estimates_of_runs",
     "fit_random_effects",
+    "homogeneity_test",
     "likelihood_of_run",
     "pseudo_inverse",
-    "test_homogeneity",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
     return RunLikelihood((vectors * told) @ vectors.T, vectors @ linear)
 
 
-def test_homogeneity(
+def homogeneity_test(
     run_likelihoods: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
 ) -> HomogeneityTest:
     """Test whether runs share their values.

@@ -22,8 +22,8 @@ from bayes_asv.analysis.random_effects import (
     RunLikelihood,
     estimates_of_runs,
     fit_random_effects,
+    homogeneity_test,
     likelihood_of_run,
-    test_homogeneity,
 )
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
@@ -298,7 +298,7 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
         axis=1,
     )
     likelihoods = [run.likelihood for run in runs]
-    whole = test_homogeneity(likelihoods, way)
+    whole = homogeneity_test(likelihoods, way)
     if not all(run.trusted for run in runs) or whole.freedom == 0:
         verdict = "unknown"
     else:
@@ -309,7 +309,7 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
         verdict=verdict,
         overall_test=whole,
         parameter_tests={
-            name: test_homogeneity(likelihoods, way, [k])
+            name: homogeneity_test(likelihoods, way, [k])
             for k, name in enumerate(parameter_space.car.estimated)
         },
         runs=tuple(runs),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from bayes_asv.acquire.acquisition import Outcome
     from bayes_asv.acquire.blocks import Block
-    from bayes_asv.acquire.tracking import TransferTracker
+    from bayes_asv.acquire.tracking import TransferOnlineFilter
     from bayes_asv.acquire.transfer import RunRequest
     from bayes_asv.library.progress import Report
 
@@ -185,7 +185,7 @@ def _acquire(
     rate: float | None,
     patience: float,
     cable: float,
-    watcher: TransferTracker | None,
+    watcher: TransferOnlineFilter | None,
 ) -> Outcome:
     """Read a run over the port, with messages and a progress bar on standard error."""
     from bayes_asv.acquire.acquisition import acquire
@@ -216,15 +216,15 @@ def _acquire(
         )
 
 
-def _watcher(vehicle: str) -> TransferTracker:
-    from bayes_asv.acquire.tracking import TransferTracker
+def _watcher(vehicle: str) -> TransferOnlineFilter:
+    from bayes_asv.acquire.tracking import TransferOnlineFilter
     from bayes_asv.domain.vehicle import read_vehicle
 
-    return TransferTracker(read_vehicle(vehicle), common.say)
+    return TransferOnlineFilter(read_vehicle(vehicle), common.say)
 
 
 def _block_callback(
-    progress: Report | None, watcher: TransferTracker | None
+    progress: Report | None, watcher: TransferOnlineFilter | None
 ) -> Callable[[Block], None]:
     """Make the function that is called with a block whenever a frame of it has arrived."""
 

@@ -25,7 +25,7 @@ from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["Diagnosis", "NamedEffect", "UnnamedCause"]
+__all__ = ["DiagnosisResult", "NamedEffect", "UnnamedCause"]
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class UnnamedCause:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class DiagnosisResult:
     """Result of :func:`bayes_asv.diagnosis.workflow.diagnose`.
 
     Parameters

@@ -55,7 +55,7 @@ from bayes_asv.diagnosis.model_comparison import (
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.remainder import fit_unlisted_faults
-from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
+from bayes_asv.diagnosis.results import DiagnosisResult, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.domain.clocks import declared_clocks
@@ -72,7 +72,7 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 
-__all__ = ["Diagnosis", "NamedEffect", "diagnose", "missing_effects"]
+__all__ = ["DiagnosisResult", "NamedEffect", "diagnose", "missing_effects"]
 
 # A car that lacks an effect has lines in its innovations as well, near its own frequencies or those
 # of a washboard, while an engine alone gives candidates little (docs/method.md): where the tones
@@ -91,7 +91,7 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
     car: str = "half",
-) -> Diagnosis:
+) -> DiagnosisResult:
     """Find where simulation and measurement disagree, and which effects are missing.
 
     Parameters
@@ -111,7 +111,7 @@ def diagnose(
 
     Returns
     -------
-    Diagnosis
+    DiagnosisResult
     """
     clock = time.perf_counter()
     progress = progress or (lambda share, text: None)
@@ -121,7 +121,7 @@ def diagnose(
     fit_runs, holdout_runs, notes = _split(recordings, holdout, vehicle, car)
     fit, reasons, warnings = prepare_runs(fit_runs, vehicle, car=car)
     if reasons:
-        return Diagnosis("refused", reasons, warnings, (), vehicle, seed, car=car)
+        return DiagnosisResult("refused", reasons, warnings, (), vehicle, seed, car=car)
     held, unusable, _ = (
         prepare_runs(holdout_runs, vehicle, car=car) if holdout_runs else ((), (), ())
     )
@@ -137,7 +137,7 @@ def diagnose(
     given = Split(dataset, make_dataset(vehicle, held) if held else None, fit_linear_car(dataset))
     misread = _misread_channel(given, fit_runs, vehicle, car)
     if misread is not None:
-        return Diagnosis("refused", (misread,), warnings, (), vehicle, seed, car=car)
+        return DiagnosisResult("refused", (misread,), warnings, (), vehicle, seed, car=car)
     search = _search(given, held, seed, progress)
     localization = localize(search.without_tones.fit, search.without_tones.linear)
     validated = validate(
@@ -186,7 +186,7 @@ def diagnose(
         ]
         spread = replace(spread, covariance=spread.covariance + model_error(assessed.model))
     dampers, rates = draw_dampers(final, spread, seed)
-    return Diagnosis(
+    return DiagnosisResult(
         verdict=verdict,
         reasons=(),
         warnings=(*warnings, *notes),

@@ -14,7 +14,7 @@ from bayes_asv.library.progress import Progress, progress_bar
 from bayes_asv.library.result import Result
 
 if TYPE_CHECKING:
-    from bayes_asv.diagnosis.results import Diagnosis as EngineDiagnosis
+    from bayes_asv.diagnosis.results import DiagnosisResult as EngineDiagnosis
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle
     from bayes_asv.library.plots import DiagnosisPlots

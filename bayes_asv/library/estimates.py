@@ -16,7 +16,7 @@ from bayes_asv.library.result import Result
 if TYPE_CHECKING:
     from bayes_asv.domain.recording import Recording
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.estimate_result import Estimate as EngineEstimate
+    from bayes_asv.estimate_result import EstimationResult as EngineEstimate
     from bayes_asv.library.diagnoses import Diagnosis
     from bayes_asv.library.plots import EstimatePlots
     from bayes_asv.library.tracks import Track

@@ -17,7 +17,7 @@ from bayes_asv.domain.channels import channel
 from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import display_units
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.library.extras import import_extra
@@ -35,12 +35,12 @@ _MAX_PREDICTIVE = 2_000_000  # readings in all: fewer draws of a long recording
 _DIMS = ("chain", "draw")
 
 
-def inference_data(result: Estimate) -> Any:
+def inference_data(result: EstimationResult) -> Any:
     """Convert an estimate with draws.
 
     Parameters
     ----------
-    result : Estimate
+    result : EstimationResult
         Of any car.
 
     Returns
@@ -55,12 +55,12 @@ def inference_data(result: Estimate) -> Any:
     return import_extra("xarray", "to_inference_data()").DataTree.from_dict(datasets)
 
 
-def write_netcdf(result: Estimate, path: str | os.PathLike[str]) -> None:
+def write_netcdf(result: EstimationResult, path: str | os.PathLike[str]) -> None:
     """Write the groups of :func:`groups` as netCDF, which ArviZ 0.23 and 1.x open.
 
     Parameters
     ----------
-    result : Estimate
+    result : EstimationResult
         Of any car, with draws.
     path : str or os.PathLike
         Written whole or not at all.
@@ -78,12 +78,12 @@ def write_netcdf(result: Estimate, path: str | os.PathLike[str]) -> None:
         write_atomically(path, draft.read_bytes())
 
 
-def groups(result: Estimate) -> dict[str, Any]:
+def groups(result: EstimationResult) -> dict[str, Any]:
     """Make the datasets of an estimate.
 
     Parameters
     ----------
-    result : Estimate
+    result : EstimationResult
         Of any car, with draws.
 
     Returns
@@ -121,7 +121,7 @@ def groups(result: Estimate) -> dict[str, Any]:
     return datasets
 
 
-def coordinates(result: Estimate) -> Array | None:
+def coordinates(result: EstimationResult) -> Array | None:
     """Coordinates (E, S, D) of the draws; None for a model with effects or runs that differ.
 
     The inverse of :meth:`bayes_asv.posterior.parameters.ParameterSpace.quantities`.
@@ -182,7 +182,7 @@ def _about() -> dict[str, str]:
     return {"inference_library": "bayes_asv", "inference_library_version": __version__}
 
 
-def _prior(result: Estimate) -> Any:
+def _prior(result: EstimationResult) -> Any:
     """Draws of the prior, in one chain."""
     space = result.space
     assert space is not None
@@ -213,7 +213,7 @@ def _log_likelihood(density: Posterior, z: Array) -> Any:
     )
 
 
-def _predicted(result: Estimate, density: Posterior, z: Array) -> list[Array]:
+def _predicted(result: EstimationResult, density: Posterior, z: Array) -> list[Array]:
     """Draw outputs (S, E, ny) of every recording, as car and sensors make them."""
     out = []
     flat = z.reshape(-1, z.shape[-1])
@@ -232,7 +232,7 @@ def _predicted(result: Estimate, density: Posterior, z: Array) -> list[Array]:
     return out
 
 
-def _readings(result: Estimate, predicted: list[Array] | None) -> Any:
+def _readings(result: EstimationResult, predicted: list[Array] | None) -> Any:
     """Return the outputs, SI units: as read, or predicted (S, E, ny) for every recording."""
     xarray = import_extra("xarray", "inference data")
     variables: dict[str, Any] = {}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from bayes_asv.domain.vehicle import Vehicle
-    from bayes_asv.planning.plan import Plan as EnginePlan
+    from bayes_asv.planning.plan import PlanResult as EnginePlan
 
 __all__ = [
     "DEFAULT_PERCENT", "Plan", "answers_of", "check_percentage", "plan", "wanted_deviations",

@@ -13,7 +13,7 @@ from bayes_asv import __version__
 from bayes_asv.domain.units import display_units, from_si
 from bayes_asv.planning.drives import RoadProfile
 from bayes_asv.planning.information import correlated_pairs, inseparable_groups
-from bayes_asv.planning.plan import Plan, RatedDrive
+from bayes_asv.planning.plan import PlanResult, RatedDrive
 from bayes_asv.planning.text import (
     assumption_lines,
     common_reasons,
@@ -45,12 +45,12 @@ _WIDTH_MEANING = (
 )
 
 
-def plan_document(plan: Plan) -> Document:
+def plan_document(plan: PlanResult) -> Document:
     """Convert a plan to a document.
 
     Parameters
     ----------
-    plan : Plan
+    plan : PlanResult
         From :func:`bayes_asv.planning.plan.plan`.
 
     Returns
@@ -104,14 +104,14 @@ def plan_document(plan: Plan) -> Document:
     }
 
 
-def _reasons(plan: Plan) -> list[str]:
+def _reasons(plan: PlanResult) -> list[str]:
     if plan.chosen is not None:
         return []
     return limit_lines(plan) or common_reasons(plan.rated)
 
 
 def _recommendation(
-    plan: Plan, indices: Mapping[int, int], one: RatedDrive | None
+    plan: PlanResult, indices: Mapping[int, int], one: RatedDrive | None
 ) -> Document | None:
     if one is None:
         return None
@@ -124,7 +124,7 @@ def _recommendation(
     }
 
 
-def _drive_document(plan: Plan, one: RatedDrive) -> Document:
+def _drive_document(plan: PlanResult, one: RatedDrive) -> Document:
     evaluation, units = one.evaluation, plan.vehicle.units
     required = dict(one.required_passes)
     out: Document = {
@@ -173,7 +173,7 @@ def _quantity(si: float, shown: tuple[float, str]) -> Document:
     return {"value": shown[0], "unit": shown[1], "si": si}
 
 
-def _largest_readings(plan: Plan, one: RatedDrive) -> Document:
+def _largest_readings(plan: PlanResult, one: RatedDrive) -> Document:
     """Largest reading of each channel, in one unit for accelerations and another for the others."""
     units = display_units(plan.vehicle.units)
     out: Document = {"unit": units["acceleration"]}
@@ -194,7 +194,7 @@ def _travel(one: RatedDrive, units: str) -> Document:
     return {"unit": unit, **values}
 
 
-def _axles(plan: Plan, values: NDArray[np.float64], dimension: str) -> Document:
+def _axles(plan: PlanResult, values: NDArray[np.float64], dimension: str) -> Document:
     """Add up the elements of each axle."""
     unit, car = display_units(plan.vehicle.units)[dimension], plan.measured.car
     sums = {a: float(values[list(car.elements_at(a))].sum()) for a in car.axles}

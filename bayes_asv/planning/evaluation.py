@@ -47,7 +47,7 @@ class MeasuredCar:
     channels : tuple of Channel
         What is measured, C channels.
     about : ParameterPrior
-        ParameterPrior of the car, and what these channels can tell of them.
+        Parameters of the car, and what these channels can tell of them.
     """
 
     vehicle: Vehicle

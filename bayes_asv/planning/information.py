@@ -32,7 +32,7 @@ class Group(NamedTuple):
     Parameters
     ----------
     names : tuple of str
-        ParameterPrior of the car; the first is a given value.
+        Parameters of the car; the first is a given value.
     words : str
         The change of them that leaves every reading as it is.
     along : (nT,) array
@@ -50,7 +50,7 @@ class CorrelatedPair(NamedTuple):
     Parameters
     ----------
     names : tuple of 2 str
-        ParameterPrior of the car, with the first unknown of every inseparable group held fixed.
+        Parameters of the car, with the first unknown of every inseparable group held fixed.
     correlation : float
         Correlation of their logarithms, from the drive alone.
     sd_inflation : float

@@ -26,7 +26,7 @@ from bayes_asv.posterior.information import ParameterPrior
 from bayes_asv.posterior.threads import threads
 from bayes_asv.simulation.simulate import usual_channels
 
-__all__ = ["Plan", "RatedDrive", "plan"]
+__all__ = ["PlanResult", "RatedDrive", "plan"]
 
 Progress = Callable[[float, str], None]
 RoadAndSpeed = tuple[RoadProfile, float]
@@ -68,7 +68,7 @@ class RatedDrive:
 
 
 @dataclass(frozen=True)
-class Plan:
+class PlanResult:
     """The rated drives, the recommended one and what limits it.
 
     Parameters
@@ -121,7 +121,7 @@ class Plan:
 
     @property
     def prior(self) -> ParameterPrior:
-        """ParameterPrior of the car with their prior standard deviations."""
+        """Parameters of the car with their prior standard deviations."""
         return self.measured.about
 
     @property
@@ -153,7 +153,7 @@ def plan(
     unsprung: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
-) -> Plan:
+) -> PlanResult:
     """Rate every candidate drive and choose one.
 
     Parameters
@@ -182,7 +182,7 @@ def plan(
 
     Returns
     -------
-    Plan
+    PlanResult
 
     Raises
     ------
@@ -223,7 +223,7 @@ def plan(
             if limiting is not None:
                 limits.append(limiting)
     report(1.0, "done")
-    return Plan(
+    return PlanResult(
         vehicle=vehicle,
         measured=measured,
         assumed_noise=assumed,

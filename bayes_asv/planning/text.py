@@ -13,7 +13,7 @@ from bayes_asv.planning.information import (
     correlated_pairs,
     inseparable_groups,
 )
-from bayes_asv.planning.plan import Plan, RatedDrive
+from bayes_asv.planning.plan import PlanResult, RatedDrive
 from bayes_asv.planning.predicted_sd import LimitingValues
 from bayes_asv.planning.ride_simulation import RIGHT_LATER
 from bayes_asv.posterior.identifiability import sensor_for
@@ -97,7 +97,7 @@ def pair_text(pair: CorrelatedPair) -> str:
     return f"{first} and {second} (correlation {pair.correlation:+.2f})".replace("-", "−")
 
 
-def unidentifiable_lines(plan: Plan) -> list[str]:
+def unidentifiable_lines(plan: PlanResult) -> list[str]:
     """Describe the combinations of parameters that no drive identifies."""
     outputs = [channel for channel in plan.measured.channels if not channel.is_input]
     alike = "accelerations" if all(c.quantity == "acceleration" for c in outputs) else "readings"
@@ -107,7 +107,7 @@ def unidentifiable_lines(plan: Plan) -> list[str]:
     ]
 
 
-def unidentified_lines(plan: Plan) -> list[str]:
+def unidentified_lines(plan: PlanResult) -> list[str]:
     """Say, parameter by parameter, what the sensors at hand cannot tell.
 
     A parameter is not told if the passes of the plan's drive leave it about as uncertain as the
@@ -138,12 +138,12 @@ def unidentified_lines(plan: Plan) -> list[str]:
     return recordings
 
 
-def limit_sentence(limiting: LimitingValues, plan: Plan) -> str:
+def limit_sentence(limiting: LimitingValues, plan: PlanResult) -> str:
     """State which given value to measure better, and how well."""
     return _limit_sentence((limiting.parameter,), limiting, plan)
 
 
-def limit_lines(plan: Plan) -> list[str]:
+def limit_lines(plan: PlanResult) -> list[str]:
     """Return the limit sentences of all parameters, one for those with the same requirement."""
     groups: dict[str, list[LimitingValues]] = {}
     for limiting in plan.limits:
@@ -155,7 +155,7 @@ def limit_lines(plan: Plan) -> list[str]:
     ]
 
 
-def _required_text(limiting: LimitingValues, plan: Plan) -> str:
+def _required_text(limiting: LimitingValues, plan: PlanResult) -> str:
     """List the limiting values with their required deviations; empty if there are none."""
     parts = [
         f"the {_label(name)} to {percent_text(sd)} (given: {percent_text(plan.prior.sd(name))})"
@@ -164,7 +164,7 @@ def _required_text(limiting: LimitingValues, plan: Plan) -> str:
     return _join(parts) if parts else ""
 
 
-def _limit_sentence(parameters: Sequence[str], limiting: LimitingValues, plan: Plan) -> str:
+def _limit_sentence(parameters: Sequence[str], limiting: LimitingValues, plan: PlanResult) -> str:
     """Write one sentence for parameters with the same requirement."""
     labels = _join([f"the {_label(name)}" for name in parameters])
     wanted = percent_text(plan.want[limiting.parameter])
@@ -176,7 +176,7 @@ def _limit_sentence(parameters: Sequence[str], limiting: LimitingValues, plan: P
     )
 
 
-def unreachable_reason(plan: Plan, one: RatedDrive, parameter: str) -> str:
+def unreachable_reason(plan: PlanResult, one: RatedDrive, parameter: str) -> str:
     """Explain why no number of passes reaches the wanted standard deviation of a parameter."""
     if not one.evaluation.usable:
         return one.evaluation.reasons[0]
@@ -189,7 +189,7 @@ def unreachable_reason(plan: Plan, one: RatedDrive, parameter: str) -> str:
     return "needs more than a thousand passes"
 
 
-def assumption_lines(plan: Plan) -> list[str]:
+def assumption_lines(plan: PlanResult) -> list[str]:
     """State what the plan assumes because the vehicle file does not give it."""
     recordings = []
     if plan.assumed_noise:
@@ -234,25 +234,25 @@ def assumption_lines(plan: Plan) -> list[str]:
     return recordings
 
 
-def _value_text(value: float, dimension: str, plan: Plan) -> str:
+def _value_text(value: float, dimension: str, plan: PlanResult) -> str:
     """Format a quantity in the vehicle's units with two significant digits."""
     unit = display_units(plan.vehicle.units)[dimension]
     digits = 1 - math.floor(math.log10(value / si_factor(unit, dimension)))
     return f"{round(from_si(value, unit, dimension), digits):g} {readable_unit(unit)}"
 
 
-def _mass_text(value: float, plan: Plan) -> str:
+def _mass_text(value: float, plan: PlanResult) -> str:
     """Format a mass in lbm or kg."""
     unit = "lbm" if plan.vehicle.units == "US" else "kg"
     return f"{from_si(value, unit, 'mass'):.0f} {unit}"
 
 
-def plan_lines(plan: Plan) -> list[str]:
+def plan_lines(plan: PlanResult) -> list[str]:
     """Describe a plan on the terminal.
 
     Parameters
     ----------
-    plan : Plan
+    plan : PlanResult
         From :func:`bayes_asv.planning.plan.plan`.
 
     Returns
@@ -261,7 +261,7 @@ def plan_lines(plan: Plan) -> list[str]:
         Lines.
     """
     units = plan.vehicle.units
-    recordings = [f"Plan for {plain(plan.vehicle.name)}", ""]
+    recordings = [f"PlanResult for {plain(plan.vehicle.name)}", ""]
     best = plan.best
     if best is None:
         recordings += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]
@@ -300,7 +300,7 @@ def common_reasons(rated: Sequence[RatedDrive]) -> list[str]:
     return sorted(counted, key=lambda reason: -counted[reason])[:3]
 
 
-def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
+def _sd_table(plan: PlanResult, one: RatedDrive) -> list[str]:
     """Format the predicted standard deviations of one drive, one line per parameter."""
     sd = plan.sd_after(one, plan.passes)
     rows = [
@@ -315,7 +315,7 @@ def _sd_table(plan: Plan, one: RatedDrive) -> list[str]:
     return _columns([("", "deviation", "95 %", "wanted"), *rows])
 
 
-def _unidentifiable_section(plan: Plan, one: RatedDrive) -> list[str]:
+def _unidentifiable_section(plan: PlanResult, one: RatedDrive) -> list[str]:
     """List what no drive, and what this drive, cannot separate."""
     recordings = ["", "No drive can separate:"]
     recordings += [f"- {words}" for words in unidentifiable_lines(plan)]
@@ -334,7 +334,7 @@ def _unidentifiable_section(plan: Plan, one: RatedDrive) -> list[str]:
     return recordings
 
 
-def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
+def _roads_table(plan: PlanResult, best: RatedDrive) -> list[str]:
     """Format the best drive over each road at the rate of the chosen one."""
     units, rate = plan.vehicle.units, best.evaluation.drive.rate
     rows: list[tuple[str, ...]] = []
@@ -365,7 +365,7 @@ def _roads_table(plan: Plan, best: RatedDrive) -> list[str]:
     return [head, *_columns([("", "speed", *plan.estimands, ""), *rows])]
 
 
-def _rates_table(plan: Plan, best: RatedDrive) -> list[str]:
+def _rates_table(plan: PlanResult, best: RatedDrive) -> list[str]:
     """Format the chosen drive at every sampling rate; empty for a single rate."""
     drive = best.evaluation.drive
     same = [
@@ -395,7 +395,7 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     return recordings
 
 
-def _given_text(plan: Plan, parameter: str) -> str:
+def _given_text(plan: PlanResult, parameter: str) -> str:
     """List the given values that limit a parameter: ``sprung mass 1 %, wheelbase 0.5 %``."""
     direction = plan.prior.estimands[parameter]
     names = [

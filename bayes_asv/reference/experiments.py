@@ -26,7 +26,7 @@ from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.units import INCH, MPH
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 from bayes_asv.models.discretization import simulate_linear
@@ -277,7 +277,7 @@ class Run:
         rest.
     deflection : PointEstimate
         The same criterion in deflections.
-    posterior : Estimate
+    posterior : EstimationResult
         Result of ``bayes-asv estimate``.
     """
 
@@ -287,7 +287,7 @@ class Run:
     integrated: dict[str, Integrated]
     reference_fits: dict[str, PointEstimate]
     deflection: PointEstimate
-    posterior: Estimate
+    posterior: EstimationResult
 
     @property
     def reference_detrending(self) -> str:

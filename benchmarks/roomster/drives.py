@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.analysis.random_effects import HomogeneityTest, RunLikelihood, test_homogeneity
+from bayes_asv.analysis.random_effects import HomogeneityTest, RunLikelihood, homogeneity_test
 from bayes_asv.analysis.run_consistency import SingleRunFit, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
@@ -161,7 +161,7 @@ def between(runs: Sequence[SingleRunFit], counted: bool) -> HomogeneityTest:
     """
     scale = [1.0 if counted else 1.0 / (run.fit.shares[0] or 1.0) for run in runs]
     placed_effects = [_scaled(run.likelihood, by) for run, by in zip(runs, scale, strict=True)]
-    return test_homogeneity(placed_effects, _way(runs[0]))
+    return homogeneity_test(placed_effects, _way(runs[0]))
 
 
 def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> Row:
@@ -172,8 +172,8 @@ def halves(recording: Recording, vehicle: Vehicle, share: float, seed: int) -> R
         for rows in (recording.time < middle, recording.time >= middle)
     ]
     placed_effects = [run.likelihood for run in runs]
-    plain = test_homogeneity(placed_effects, _way(runs[0]))
-    counted = test_homogeneity([_scaled(placed, share) for placed in placed_effects], _way(runs[0]))
+    plain = homogeneity_test(placed_effects, _way(runs[0]))
+    counted = homogeneity_test([_scaled(placed, share) for placed in placed_effects], _way(runs[0]))
     return {"q": plain.q, "q_counted": counted.q, "freedom": plain.freedom}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.acquire.acquisition import acquire
-from bayes_asv.acquire.tracking import TransferTracker
+from bayes_asv.acquire.tracking import TransferOnlineFilter
 from bayes_asv.acquire.transfer import RunRequest
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
@@ -37,7 +37,7 @@ def test_rows_are_tracked_during_the_transfer(
     vehicle: Vehicle, blocks: tuple[SyntheticBlock, SyntheticBlock]
 ) -> None:
     messages: list[str] = []
-    tracker = TransferTracker(vehicle, messages.append)
+    tracker = TransferOnlineFilter(vehicle, messages.append)
     outcome = acquire(FakeLogger(*blocks), RunRequest(start=True), on_block=tracker.on_block)
     assert outcome.recording is not None
     assert tracker.rows == 800
@@ -55,7 +55,7 @@ def test_rows_are_tracked_during_the_transfer(
 def test_gaps_are_processed_at_the_end(
     vehicle: Vehicle, blocks: tuple[SyntheticBlock, SyntheticBlock]
 ) -> None:
-    tracker = TransferTracker(vehicle, lambda text: None)
+    tracker = TransferOnlineFilter(vehicle, lambda text: None)
     logger = FakeLogger(*blocks)
     lost = blocks[1].frames[40][1:-1]  # this frame never arrives
 
@@ -74,6 +74,6 @@ def test_gaps_are_processed_at_the_end(
 
 def test_sensor_without_scale_is_refused_before_the_run() -> None:
     with pytest.raises(InputError, match="zero_counts"):
-        TransferTracker(
+        TransferOnlineFilter(
             read_vehicle(shipped("vehicles", "thesis_simulation.toml")), lambda text: None
         )

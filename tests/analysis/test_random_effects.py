@@ -18,8 +18,8 @@ from bayes_asv.analysis.random_effects import (
     RunLikelihood,
     estimates_of_runs,
     fit_random_effects,
+    homogeneity_test,
     likelihood_of_run,
-    test_homogeneity,
 )
 
 Array = NDArray[np.float64]
@@ -94,11 +94,11 @@ def test_the_test_is_a_difference_of_two_least_squares(seed: int, runs: int) -> 
     rng = np.random.default_rng(seed)
     way, centre = _car(rng), rng.normal(size=6)
     sites = [_site(rng, centre + way @ (0.01 * rng.normal(size=3)), 30.0) for _ in range(runs)]
-    found = test_homogeneity(sites, way)
+    found = homogeneity_test(sites, way)
     assert found.freedom == 3 * (runs - 1)
     best = _dense(sites, way, [])
     assert found.q == pytest.approx(_dense(sites, way, [0, 1, 2]) - best, rel=1e-4, abs=1e-5)
-    one = test_homogeneity(sites, way, [1])
+    one = homogeneity_test(sites, way, [1])
     assert one.freedom == runs - 1
     assert one.q == pytest.approx(_dense(sites, way, [1]) - best, rel=1e-4, abs=1e-5)
     assert found.p == pytest.approx(chi2.sf(found.q, found.freedom))
@@ -112,8 +112,8 @@ def test_what_all_runs_share_is_no_disagreement(seed: int) -> None:
     way, centre = _car(rng), rng.normal(size=6)
     sites = [_site(rng, centre, 30.0) for _ in range(3)]
     moved = [site.around(-way @ np.array([3.0, -2.0, 5.0])) for site in sites]
-    assert test_homogeneity(moved, way).q == pytest.approx(
-        test_homogeneity(sites, way).q, rel=1e-4, abs=1e-4
+    assert homogeneity_test(moved, way).q == pytest.approx(
+        homogeneity_test(sites, way).q, rel=1e-4, abs=1e-4
     )
 
 
@@ -125,7 +125,7 @@ def test_equal_runs_have_uniform_probabilities() -> None:
     found = []
     for _ in range(200):
         centre = outside @ rng.normal(size=3) + way @ rng.normal(size=3)
-        found.append(test_homogeneity([_site(rng, centre, 20.0) for _ in range(3)], way).p)
+        found.append(homogeneity_test([_site(rng, centre, 20.0) for _ in range(3)], way).p)
     assert kstest(found, "uniform").pvalue > 1e-3
 
 
@@ -135,7 +135,7 @@ def test_one_run_and_silent_runs_cannot_be_compared() -> None:
     site = _site(rng, np.zeros(6))
     silent = RunLikelihood(np.zeros((6, 6)), np.zeros(6))
     for sites in ([site], [site, silent]):
-        found = test_homogeneity(sites, way)
+        found = homogeneity_test(sites, way)
         assert found.freedom == 0
         assert math.isnan(found.p)
     shift, sd = estimates_of_runs(silent, way, np.zeros(6))
@@ -148,7 +148,7 @@ def test_what_is_given_as_exact_is_not_tested_and_cannot_differ() -> None:
     way = _car(rng)
     way[:, 2] = 0.0
     sites = [_site(rng, np.zeros(6)) for _ in range(3)]
-    assert test_homogeneity(sites, way).freedom == 4
+    assert homogeneity_test(sites, way).freedom == 4
     found = fit_random_effects(sites, way, 500, 0)
     assert np.all(found.spread[:, 2] == 0.0)
     assert np.any(found.spread[:, 0] > 0.0)

@@ -12,7 +12,7 @@ import xarray as xr
 from bayes_asv.analysis.run_consistency import RunConsistency, compare_runs, fit_single_run
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.library.inference_data import write_netcdf
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -48,7 +48,7 @@ def car_of(given: dict[str, float], seed: int) -> RigCar:
 
 
 @pytest.fixture(scope="module")
-def apart() -> tuple[RigCar, Estimate]:
+def apart() -> tuple[RigCar, EstimationResult]:
     """Two runs, the front damper 5 % stiffer in the second."""
     car = car_of(DECLARED, 2)
     return car, estimate(recordings(car, (1.0, 1.05), 20), vehicle(DECLARED))
@@ -88,7 +88,7 @@ def test_two_percent_of_one_damper_is_found_and_named() -> None:
 
 
 def test_a_run_that_cannot_be_summarised_leaves_the_verdict_open(
-    apart: tuple[RigCar, Estimate],
+    apart: tuple[RigCar, EstimationResult],
 ) -> None:
     assert apart[1].run_consistency is not None
     one, other = apart[1].run_consistency.runs
@@ -96,7 +96,9 @@ def test_a_run_that_cannot_be_summarised_leaves_the_verdict_open(
     assert compare_runs([one, replace(other, effective=3.0)], 500, 0).verdict == "unknown"
 
 
-def test_an_answer_from_runs_that_disagree_allows_for_it(apart: tuple[RigCar, Estimate]) -> None:
+def test_an_answer_from_runs_that_disagree_allows_for_it(
+    apart: tuple[RigCar, EstimationResult],
+) -> None:
     car, result = apart
     assert result.verdict == "ok"
     assert result.run_consistency is not None
@@ -117,7 +119,7 @@ def test_an_answer_from_runs_that_disagree_allows_for_it(apart: tuple[RigCar, Es
 
 
 def test_the_document_and_the_file_hold_the_same_draws(
-    apart: tuple[RigCar, Estimate], tmp_path: Path
+    apart: tuple[RigCar, EstimationResult], tmp_path: Path
 ) -> None:
     _, result = apart
     document = estimate_document(result).to_dict()
@@ -142,7 +144,7 @@ def test_the_document_and_the_file_hold_the_same_draws(
     assert document["diagnostics"]["sampler"] == "random effects"
 
 
-def test_same_seed_same_answer_whatever_the_order(apart: tuple[RigCar, Estimate]) -> None:
+def test_same_seed_same_answer_whatever_the_order(apart: tuple[RigCar, EstimationResult]) -> None:
     car, result = apart
     assert result.run_consistency is not None
     one, two = result.run_consistency.runs

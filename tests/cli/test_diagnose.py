@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from bayes_asv.diagnosis.workflow import Diagnosis
+from bayes_asv.diagnosis.workflow import DiagnosisResult
 from bayes_asv.report.schema import read_saved
 from tests.cli.conftest import ROOT, Check, Command, Said, Saved
 
@@ -141,10 +141,12 @@ def test_a_report_asks_what_it_is_not_given(
     """The wiring alone: what a diagnosis finds is asked above."""
     asked: list[tuple[int, int]] = []
 
-    def quick(runs: Any, holdout: Any, car: Any, seed: int, progress: Any, which: str) -> Diagnosis:
+    def quick(
+        runs: Any, holdout: Any, car: Any, seed: int, progress: Any, which: str
+    ) -> DiagnosisResult:
         assert which == "half"
         asked.append((len(runs), len(holdout)))
-        return Diagnosis("refused", ("it was asked; ask no more",), (), (), car, seed)
+        return DiagnosisResult("refused", ("it was asked; ask no more",), (), (), car, seed)
 
     monkeypatch.setattr("bayes_asv.diagnosis.workflow.diagnose", quick)
     words = ("report", stops, "-v", baja, "--from", saved.json_file, "-o", tmp_path / "x.html")

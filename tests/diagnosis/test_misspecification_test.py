@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
-from bayes_asv.diagnosis.workflow import Diagnosis, diagnose
+from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
 from tests.battery.cases import case
 
 NOTHING = MisspecificationResult(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
@@ -16,7 +16,7 @@ NOTHING = MisspecificationResult(score=-3.0, axle="front", p_whiteness=0.4, exce
 
 def _reliability(unexplained: MisspecificationResult | None) -> float:
     vehicle = case("null/bump~baja", 5, 0).vehicle
-    return Diagnosis("named", (), (), (), vehicle, 0, unexplained=unexplained).reliability
+    return DiagnosisResult("named", (), (), (), vehicle, 0, unexplained=unexplained).reliability
 
 
 def test_named_effects_count_in_full_when_nothing_is_unexplained() -> None:
@@ -75,7 +75,7 @@ def test_the_tests_together_keep_their_false_alarm_rate() -> None:
     assert detected <= 30
 
 
-def _diagnosis(name: str, seed: int, number: int) -> Diagnosis:
+def _diagnosis(name: str, seed: int, number: int) -> DiagnosisResult:
     one = case(name, seed, number, "test")
     return diagnose(one.recordings, one.holdout, one.vehicle, 0)
 

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from bayes_asv.diagnosis.model_assessment import assess
-from bayes_asv.diagnosis.results import Diagnosis
+from bayes_asv.diagnosis.results import DiagnosisResult
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.channels import channel
@@ -190,7 +190,7 @@ def _recording(
 
 
 @cache
-def diagnosed(name: str, seed: int, hidden: str = "") -> Diagnosis:
+def diagnosed(name: str, seed: int, hidden: str = "") -> DiagnosisResult:
     """Diagnose two drives with something hidden, the second held out."""
     setup = SETUPS[name]
     car = _vehicle(setup)

@@ -15,7 +15,7 @@ from bayes_asv.diagnosis.holdout_validation import Split, validation_errors
 from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess, refit_shared
 from bayes_asv.diagnosis.model_comparison import draw_effects
-from bayes_asv.diagnosis.results import Diagnosis, NamedEffect
+from bayes_asv.diagnosis.results import DiagnosisResult, NamedEffect
 from bayes_asv.diagnosis.unlisted_faults import pulse_sensitivities
 from bayes_asv.diagnosis.workflow import diagnose, missing_effects
 from bayes_asv.domain.recording import Recording
@@ -80,9 +80,11 @@ def test_an_effect_beside_something_unexplained_is_not_in_the_model(
     nothing = MisspecificationResult(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
     results = [nothing, replace(nothing, p_unlisted=1e-6)]
 
-    def result(*_: object) -> Diagnosis:
+    def result(*_: object) -> DiagnosisResult:
         unexplained = results.pop(0)
-        return Diagnosis("named", (), (), (), vehicle, 0, named=(damper,), unexplained=unexplained)
+        return DiagnosisResult(
+            "named", (), (), (), vehicle, 0, named=(damper,), unexplained=unexplained
+        )
 
     monkeypatch.setattr(workflow, "diagnose", result)
     assert missing_effects([], vehicle) == (damper.placed,)

@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.workflow import Diagnosis, diagnose
+from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import diagnosis_lines
 from tests.battery.cases import Case, case
 
 
 @cache
-def diagnosed(name: str) -> tuple[Case, Diagnosis]:
+def diagnosed(name: str) -> tuple[Case, DiagnosisResult]:
     one = case(name, 3, 0)
     return one, diagnose(one.recordings, one.holdout, one.vehicle, 1)
 

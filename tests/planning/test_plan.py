@@ -13,7 +13,7 @@ import pytest
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Given, Sensor, Travel, Vehicle, read_vehicle
 from bayes_asv.planning.document import PASSES, plan_document
-from bayes_asv.planning.plan import Plan, plan
+from bayes_asv.planning.plan import PlanResult, plan
 from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.planning.text import plan_lines
 from bayes_asv.shipped import shipped
@@ -24,17 +24,17 @@ TWO_SIDES = read_vehicle(Path(__file__).parents[2] / "data" / "vehicles" / "baja
 PARAMETERS = ("c_f", "c_r", "i", "k_g")
 
 
-def _plan(vehicle: Vehicle, want: float = 0.05, **options: Any) -> Plan:
+def _plan(vehicle: Vehicle, want: float = 0.05, **options: Any) -> PlanResult:
     usual: dict[str, Any] = {"rates": [400.0], "kinds": ["bump"], "speed_limit": 12 * MPH}
     return plan(vehicle, dict.fromkeys(PARAMETERS, want), **{**usual, **options})
 
 
 @pytest.fixture(scope="module")
-def made() -> Plan:
+def made() -> PlanResult:
     return _plan(BAJA, rates=[100.0, 400.0])
 
 
-def test_the_chosen_drive_is_gentle_and_reaches_the_wanted_deviations(made: Plan) -> None:
+def test_the_chosen_drive_is_gentle_and_reaches_the_wanted_deviations(made: PlanResult) -> None:
     assert made.verdict == "ok"
     assert made.chosen is not None
     assert made.chosen.evaluation.gentle
@@ -46,7 +46,7 @@ def test_the_chosen_drive_is_gentle_and_reaches_the_wanted_deviations(made: Plan
     assert made.limits == ()
 
 
-def test_information_grows_with_speed_height_and_sampling_rate(made: Plan) -> None:
+def test_information_grows_with_speed_height_and_sampling_rate(made: PlanResult) -> None:
     by = {
         (
             one.evaluation.drive.road.height,
@@ -95,7 +95,7 @@ def test_unusable_drives_have_their_own_reasons() -> None:
     assert any("off the ground" in r for one in flying.rated for r in one.evaluation.reasons)
 
 
-def test_the_document_agrees_with_the_plan_and_is_json(made: Plan) -> None:
+def test_the_document_agrees_with_the_plan_and_is_json(made: PlanResult) -> None:
     document = json.loads(json.dumps(plan_document(made), allow_nan=False))
     assert document["schema"] == "bayes_asv/plan/1"
     assert len(document["drives"]) == len(made.rated)
@@ -142,7 +142,7 @@ def test_without_sensors_the_plan_reports_its_assumptions() -> None:
     assert np.isfinite([one.worst_ratio for one in made.rated if one.evaluation.usable]).all()
 
 
-def test_given_tyres_are_used_and_assumed_ones_are_reported(made: Plan) -> None:
+def test_given_tyres_are_used_and_assumed_ones_are_reported(made: PlanResult) -> None:
     assumed = plan_document(made)["tyres"]
     assert assumed["assumed"]
     assert any("give --tyre-rate" in line for line in plan_lines(made))
@@ -156,7 +156,7 @@ def test_given_tyres_are_used_and_assumed_ones_are_reported(made: Plan) -> None:
     assert not any("give --tyre-rate" in line for line in plan_lines(own))
 
 
-def _plan_of(vehicle: Vehicle, car: str, names: tuple[str, ...], **options: Any) -> Plan:
+def _plan_of(vehicle: Vehicle, car: str, names: tuple[str, ...], **options: Any) -> PlanResult:
     answers = {"quarter-front": ("c_f",), "half": PARAMETERS}.get(
         car, ("c_fl", "c_fr", "c_rl", "c_rr", "i", "i_roll")
     )

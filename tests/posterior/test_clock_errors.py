@@ -10,7 +10,7 @@ import pytest
 from bayes_asv.domain.clocks import Clock, declared_clocks, with_declared_clock_error
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, sample_times
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.clock_errors import align_clocks, fit_aligned
@@ -21,7 +21,7 @@ from bayes_asv.preprocessing.prepared_recording import ClockVariants, interpolat
 from benchmarks.clocks import CLOCK, clock_draws, drawn, recorded
 
 
-def covered(result: Estimate, name: str, true: float) -> float:
+def covered(result: EstimationResult, name: str, true: float) -> float:
     """Error of a parameter in its standard deviations."""
     draws = result.draws[name]
     return float(abs(draws.mean() - true) / draws.std())

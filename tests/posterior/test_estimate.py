@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Given, Nominal, Sensor, Vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.report.documents.estimate import estimate_document
 from tests.posterior.cases import DECLARED, EXACT, INCH, case, vehicle
@@ -20,7 +20,7 @@ from tests.rig import RigCar, SensorSpec
 
 NAMES = ("c_f", "c_r", "i", "k_g")
 Array = NDArray[np.float64]
-Runs = list[tuple[RigCar, Estimate]]
+Runs = list[tuple[RigCar, EstimationResult]]
 Change = Callable[[Array, Array], tuple[Array, Array]]
 
 

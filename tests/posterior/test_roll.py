@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.filters.kalman import AT_LEAST, VALUE, log_likelihood
 from bayes_asv.io import read_recording, write_recording
@@ -76,7 +76,7 @@ def posterior(car: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Poster
 
 
 @pytest.fixture(scope="module")
-def estimated(tmp_path_factory: pytest.TempPathFactory) -> tuple[WideCar, Estimate]:
+def estimated(tmp_path_factory: pytest.TempPathFactory) -> tuple[WideCar, EstimationResult]:
     """A worn car over a bump, right wheels 0.6 m later; mass and weight share exact."""
     car = worn()
     road = bump()
@@ -85,7 +85,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> tuple[WideCar, Estima
     return car, estimate([as_recording(run)], given, seed=1, car="roll")
 
 
-def test_the_truth_is_within_what_is_claimed(estimated: tuple[WideCar, Estimate]) -> None:
+def test_the_truth_is_within_what_is_claimed(estimated: tuple[WideCar, EstimationResult]) -> None:
     car, result = estimated
     assert (result.verdict, result.reasons) == ("ok", ())
     for name, true in truth(car).items():
@@ -95,7 +95,7 @@ def test_the_truth_is_within_what_is_claimed(estimated: tuple[WideCar, Estimate]
         assert abs(float(logs.mean()) - np.log(true)) < 3.5 * sd
 
 
-def test_a_worn_damper_is_found_on_its_side(estimated: tuple[WideCar, Estimate]) -> None:
+def test_a_worn_damper_is_found_on_its_side(estimated: tuple[WideCar, EstimationResult]) -> None:
     _, result = estimated
     sides = result.draws["c_fl"] / result.draws["c_fr"]
     low, high = np.quantile(sides, [0.025, 0.975])
@@ -103,7 +103,7 @@ def test_a_worn_damper_is_found_on_its_side(estimated: tuple[WideCar, Estimate])
 
 
 def test_a_free_run_of_the_true_car_leaves_noise(
-    tmp_path: Path, estimated: tuple[WideCar, Estimate]
+    tmp_path: Path, estimated: tuple[WideCar, EstimationResult]
 ) -> None:
     car, result = estimated
     (fit,) = result.runs

@@ -7,10 +7,10 @@ declared does to the answers, and ``budget_of_posterior`` puts them together.
 """
 
 from bayes_asv.analysis.uncertainty_budget.budget_of_posterior import (
-    Answer,
+    EstimandBudget,
     UncertaintyBudget,
     find_budget,
 )
 from bayes_asv.analysis.uncertainty_budget.undeclared_faults import Shift
 
-__all__ = ["Answer", "Shift", "UncertaintyBudget", "find_budget"]
+__all__ = ["EstimandBudget", "Shift", "UncertaintyBudget", "find_budget"]

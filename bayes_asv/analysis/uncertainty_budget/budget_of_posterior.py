@@ -31,7 +31,7 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.newton import PosteriorMode
 
-__all__ = ["Answer", "UncertaintyBudget", "find_budget"]
+__all__ = ["EstimandBudget", "UncertaintyBudget", "find_budget"]
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ _NUDGE = 0.1  # in the logarithm of a variance, for derivatives
 
 
 @dataclass(frozen=True)
-class Answer:
+class EstimandBudget:
     """What makes one answer as wide as it is.  All deviations are relative.
 
     Parameters
@@ -82,7 +82,7 @@ class UncertaintyBudget:
 
     Parameters
     ----------
-    estimands : dict of str to Answer
+    estimands : dict of str to EstimandBudget
         For c_f, c_r, i and k_g.
     shifts : tuple of Shift
         What undeclared faults would do.
@@ -99,7 +99,7 @@ class UncertaintyBudget:
         Derivatives of the logarithm of each answer by those of the parameters.
     """
 
-    estimands: dict[str, Answer]
+    estimands: dict[str, EstimandBudget]
     shifts: tuple[Shift, ...]
     white: bool
     runs: int
@@ -180,7 +180,7 @@ def _answer(
     nudged: dict[str, Array],
     bettered: dict[str, Array],
     runs: int,
-) -> Answer:
+) -> EstimandBudget:
     """Budget of one answer."""
     names = [name for name in known if name not in estimated]
     given = {n: known.index(n) for n in names if budget.sd[known.index(n)] > 0.0}
@@ -189,7 +189,7 @@ def _answer(
     shares["prior"] = float(sum(prior[known.index(name)] for name in estimated))
     shares["data"] = data
     alone = budget.halving(g, [-1])
-    return Answer(
+    return EstimandBudget(
         sd=math.sqrt(budget.variance(g)),
         shares=shares,
         noises={name: budget.elasticity(g, slope) for name, slope in nudged.items()},

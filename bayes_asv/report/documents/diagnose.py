@@ -15,7 +15,7 @@ from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Cell
 from bayes_asv.diagnosis.results import UnnamedCause
 from bayes_asv.diagnosis.simulation_error import ErrorChange
-from bayes_asv.diagnosis.workflow import Diagnosis, NamedEffect
+from bayes_asv.diagnosis.workflow import DiagnosisResult, NamedEffect
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
@@ -55,13 +55,13 @@ _ALONG: Final = {
 
 
 def diagnose_document(
-    diagnosis: Diagnosis, recordings: Sequence[Recording] = ()
+    diagnosis: DiagnosisResult, recordings: Sequence[Recording] = ()
 ) -> DiagnoseDocument:
     """Document of a diagnosis.
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : DiagnosisResult
         From :func:`bayes_asv.diagnosis.workflow.diagnose`.
     recordings : sequence of Recording
         The fitted and the held-out recordings, for the provenance.
@@ -126,12 +126,12 @@ def _without_folders(text: str, recordings: Sequence[Recording]) -> str:
     return text
 
 
-def _effects(diagnosis: Diagnosis) -> list[schema.NamedEffect]:
+def _effects(diagnosis: DiagnosisResult) -> list[schema.NamedEffect]:
     engine = [] if diagnosis.engine is None else [_engine(diagnosis.engine, diagnosis)]
     return engine + [_effect(named, diagnosis) for named in diagnosis.named]
 
 
-def _engine(engine: Engine, diagnosis: Diagnosis) -> schema.NamedEffect:
+def _engine(engine: Engine, diagnosis: DiagnosisResult) -> schema.NamedEffect:
     units = Units(diagnosis.vehicle.units)
     frequency = [float(v) for v in engine.frequency]
     amplitude = [units.convert(float(v), "force") for v in engine.amplitude]
@@ -153,7 +153,7 @@ def _engine(engine: Engine, diagnosis: Diagnosis) -> schema.NamedEffect:
     )  # fmt: skip
 
 
-def _effect(named: NamedEffect, diagnosis: Diagnosis) -> schema.NamedEffect:
+def _effect(named: NamedEffect, diagnosis: DiagnosisResult) -> schema.NamedEffect:
     placed = named.placed
     draws = (diagnosis.effect_draws or {}).get(str(placed), {})
     others = [
@@ -206,7 +206,7 @@ def _gap(gaps: Mapping[str, ErrorChange], vehicle: Vehicle) -> schema.Gap:
     return schema.Gap(fit=error("fit"), holdout=error("holdout"), unit=unit)
 
 
-def _unexplained(diagnosis: Diagnosis) -> schema.Unexplained:
+def _unexplained(diagnosis: DiagnosisResult) -> schema.Unexplained:
     left = diagnosis.unexplained
     if left is None:
         return schema.Unexplained(present=False, score=None)
@@ -226,7 +226,7 @@ def _unexplained(diagnosis: Diagnosis) -> schema.Unexplained:
     )
 
 
-def _unnamed(cause: UnnamedCause, diagnosis: Diagnosis) -> schema.UnnamedCause:
+def _unnamed(cause: UnnamedCause, diagnosis: DiagnosisResult) -> schema.UnnamedCause:
     """Draw a cause without a name for a while of the run in which it changes most."""
     units = Units(diagnosis.vehicle.units)
     power = [float(np.mean(change**2)) for change in cause.changes]
@@ -252,7 +252,7 @@ def _unnamed(cause: UnnamedCause, diagnosis: Diagnosis) -> schema.UnnamedCause:
     )
 
 
-def _disagreement(diagnosis: Diagnosis) -> schema.Disagreement | None:
+def _disagreement(diagnosis: DiagnosisResult) -> schema.Disagreement | None:
     seen = diagnosis.localization
     if seen is None:
         return None
@@ -277,7 +277,7 @@ def _cell(cell: Cell, vehicle: Vehicle) -> schema.Cell:
     )
 
 
-def nominal_quantities(diagnosis: Diagnosis) -> dict[str, float]:
+def nominal_quantities(diagnosis: DiagnosisResult) -> dict[str, float]:
     """Nominal values of the parameters that are asked for and of what is derived, SI units."""
     car = car_model(diagnosis.car, diagnosis.vehicle)
     derived = {} if car.derived is None else car.derived(car.nominal)
@@ -285,7 +285,7 @@ def nominal_quantities(diagnosis: Diagnosis) -> dict[str, float]:
     return {name: float(value[0]) for name, value in (asked | derived).items()}
 
 
-def _parameters(draws: dict[str, Array] | None, diagnosis: Diagnosis) -> dict[str, Parameter]:
+def _parameters(draws: dict[str, Array] | None, diagnosis: DiagnosisResult) -> dict[str, Parameter]:
     free_form = without_single_rate(diagnosis.dampers)
     return {
         name: parameter(name, draws[name], diagnosis.vehicle, nominal).model_copy(
@@ -296,7 +296,7 @@ def _parameters(draws: dict[str, Array] | None, diagnosis: Diagnosis) -> dict[st
     }
 
 
-def _residuals(diagnosis: Diagnosis) -> list[schema.Residual]:
+def _residuals(diagnosis: DiagnosisResult) -> list[schema.Residual]:
     """Measured less simulated readings of every fitted run, before and after.
 
     The simulation is driven by the wheels alone.  An engine's tones are removed from both.

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.analysis.prior_sensitivity import log_priors, prior_sensitivity
-from bayes_asv.analysis.uncertainty_budget import Answer, UncertaintyBudget
+from bayes_asv.analysis.uncertainty_budget import EstimandBudget, UncertaintyBudget
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.estimate_result import Estimate
+from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.models.car_model import CarModel, CarParameter
 from bayes_asv.preprocessing.events import NO_TIME, NOT_NEEDED, LogEvents
 from bayes_asv.report.documents.quantities import (
@@ -44,7 +44,7 @@ _PACKAGES: Final = ("numpy", "scipy", "emcee", "numba", "arviz-stats")
 _STOPS: Final = ("front_bump", "front_droop", "rear_bump", "rear_droop")
 
 
-def estimate_document(result: Estimate) -> EstimateDocument:
+def estimate_document(result: EstimationResult) -> EstimateDocument:
     """Document of an estimate from :func:`bayes_asv.estimation.estimate`, of any verdict."""
     vehicle, car = result.vehicle, result.car
     units, nominal = Units(vehicle.units), result.nominal
@@ -120,7 +120,7 @@ def estimate_document(result: Estimate) -> EstimateDocument:
     )  # fmt: skip
 
 
-def _forces(result: Estimate) -> dict[str, schema.DamperForce]:
+def _forces(result: EstimationResult) -> dict[str, schema.DamperForce]:
     """Force of every damper over the velocities driven, by its element."""
     units, nominal, forces = Units(result.vehicle.units), result.nominal, {}
     own = {damper.element: damper for damper in result.dampers}
@@ -149,7 +149,7 @@ def _forces(result: Estimate) -> dict[str, schema.DamperForce]:
     return forces
 
 
-def _sensitivity(result: Estimate) -> dict[str, schema.PriorSensitivity]:
+def _sensitivity(result: EstimationResult) -> dict[str, schema.PriorSensitivity]:
     """Sensitivity of the answers to each prior; empty where runs differ or nothing was drawn."""
     if result.space is None or result.pooled_draws or not result.draws:
         return {}
@@ -209,7 +209,7 @@ def _sd(given: CarParameter) -> float:
     return float(f"{sd:.12g}")  # the prior was rounded as a logarithm
 
 
-def _known(given: CarParameter, result: Estimate) -> Known:
+def _known(given: CarParameter, result: EstimationResult) -> Known:
     units, name = Units(result.vehicle.units), given.name
     known = Known(
         label=QUANTITIES[name][1],
@@ -222,7 +222,7 @@ def _known(given: CarParameter, result: Estimate) -> Known:
     return known
 
 
-def _prior(name: str, result: Estimate) -> schema.Prior:
+def _prior(name: str, result: EstimationResult) -> schema.Prior:
     assert result.space is not None
     mean, sd = result.space.log_prior_of(name)
     units = Units(result.vehicle.units)
@@ -235,7 +235,7 @@ def _prior(name: str, result: Estimate) -> schema.Prior:
     )
 
 
-def _noise(result: Estimate) -> list[schema.Noise]:
+def _noise(result: EstimationResult) -> list[schema.Noise]:
     """Posterior of each run's noise levels, and the share of the noise that passed the filter."""
     units, entries = Units(result.vehicle.units), []
     for n, fit in enumerate(result.runs):
@@ -263,7 +263,7 @@ def _noise(result: Estimate) -> list[schema.Noise]:
     return entries
 
 
-def _clocks(result: Estimate) -> list[schema.ClockErrors]:
+def _clocks(result: EstimationResult) -> list[schema.ClockErrors]:
     """Posterior of the offset of each clock in each run, and of its drift."""
     found = []
     for name, draws in result.nuisance.items():
@@ -303,7 +303,9 @@ def vehicle_info(vehicle: Vehicle) -> VehicleInfo:
     )
 
 
-def _uncertainty_budget(width: UncertaintyBudget, result: Estimate) -> schema.UncertaintyBudget:
+def _uncertainty_budget(
+    width: UncertaintyBudget, result: EstimationResult
+) -> schema.UncertaintyBudget:
     answers = {
         name: _answer_budget(name, answer, width, result)
         for name, answer in width.estimands.items()
@@ -326,7 +328,7 @@ def _uncertainty_budget(width: UncertaintyBudget, result: Estimate) -> schema.Un
 
 
 def _answer_budget(
-    name: str, answer: Answer, width: UncertaintyBudget, result: Estimate
+    name: str, answer: EstimandBudget, width: UncertaintyBudget, result: EstimationResult
 ) -> schema.AnswerBudget:
     halve = []
     for remedy in answer.remedies:
@@ -352,7 +354,7 @@ def _answer_budget(
 
 
 def _measure(
-    source: int, times: float, width: UncertaintyBudget, result: Estimate
+    source: int, times: float, width: UncertaintyBudget, result: EstimationResult
 ) -> schema.Measure:
     """How well a source has to be known for `times` as much information."""
     if source < 0:

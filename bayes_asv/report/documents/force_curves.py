@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.diagnosis.workflow import Diagnosis
+from bayes_asv.diagnosis.workflow import DiagnosisResult
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import PlacedEffect
@@ -27,12 +27,12 @@ _POINTS: Final = 81
 _MIN_EXCESS: Final = 1e-6  # of the largest linear force: less is rounding
 
 
-def force_curves(diagnosis: Diagnosis) -> dict[str, schema.ForceCurves]:
+def force_curves(diagnosis: DiagnosisResult) -> dict[str, schema.ForceCurves]:
     """Force curves of each element with an effect on its damper or spring, over the range covered.
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : DiagnosisResult
         With or without effects.
 
     Returns
@@ -145,7 +145,7 @@ def _with_ranks(ranked: Array, marginal: Array) -> Array:
 
 
 def _effect_draws(
-    model: FittedModel, z: Array, diagnosis: Diagnosis
+    model: FittedModel, z: Array, diagnosis: DiagnosisResult
 ) -> dict[PlacedEffect, dict[str, Array]]:
     drawn = [model.space.effects(one) for one in z]
     out: dict[PlacedEffect, dict[str, Array]] = {}
@@ -159,7 +159,7 @@ def _effect_draws(
     return out
 
 
-def _car_draws(model: FittedModel, z: Array, diagnosis: Diagnosis) -> dict[str, Array]:
+def _car_draws(model: FittedModel, z: Array, diagnosis: DiagnosisResult) -> dict[str, Array]:
     drawn = model.space.quantities(z, diagnosis.seed)
     car = model.space.car
     out: dict[str, Array] = {}

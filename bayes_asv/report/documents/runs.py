@@ -14,7 +14,7 @@ from bayes_asv.analysis.run_consistency import DISAGREE_BELOW
 from bayes_asv.analysis.run_consistency import RunConsistency as Comparison
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.quantities import NORMAL_975
-from bayes_asv.estimate_result import Estimate, RunFit
+from bayes_asv.estimate_result import EstimationResult, RunFit
 from bayes_asv.filters.kalman import MISSING, VALUE
 from bayes_asv.posterior.residual_ar import portmanteau
 from bayes_asv.report.documents.quantities import Units, summary
@@ -274,7 +274,7 @@ def _check(check: Check, channel: Channel, units: Units) -> schema.Check:
     )
 
 
-def run_consistency(result: Estimate) -> schema.RunConsistency | None:
+def run_consistency(result: EstimationResult) -> schema.RunConsistency | None:
     """Comparison of the runs; None with a single run, or where they were not compared."""
     comparison, seed = result.run_consistency, result.seed
     if comparison is None:
