@@ -72,13 +72,13 @@ class MeasurementSchedule(NamedTuple):
 
     step: Array
     moments: Array
-    spread: Array
+    process_noise: Array
     kind: NDArray[np.int8]
     ends_group: Flags
     reading: Array
-    extra: Array
+    extra_variance: Array
     instants: Array
-    pairs: NDArray[np.int64]
+    group_instants: NDArray[np.int64]
 
 
 def rails(readings: Array, vehicle: Vehicle, channels: Sequence[Channel]) -> tuple[Flags, Flags]:
@@ -275,13 +275,13 @@ def schedule(
         moments=np.ascontiguousarray(
             np.stack([moments(w, instants, ORDER) for w in wheels], axis=1)
         ),
-        spread=_spread(wheels, instants),
+        process_noise=_spread(wheels, instants),
         kind=kind,
         ends_group=closes,
         reading=reading,
-        extra=np.zeros_like(reading),
+        extra_variance=np.zeros_like(reading),
         instants=instants,
-        pairs=pairs,
+        group_instants=pairs,
     )
 
 

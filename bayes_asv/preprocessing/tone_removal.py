@@ -358,7 +358,7 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
         **plan._asdict(),
         wheels=wheels,
         values=values,
-        removed_band=missing_band(np.abs(response) ** 2, len(plan.pairs), step, system),
+        removed_band=missing_band(np.abs(response) ** 2, len(plan.group_instants), step, system),
         notches=tuple(notches),
         standstill_noise=None,
         start_time=recording.instants[0] if recording.start_time is None else recording.start_time,
