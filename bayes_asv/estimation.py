@@ -302,7 +302,7 @@ def _sampled(
     else:
         # the parameters of a force law are too far from linear for an expansion at the mode
         exact_form = fit.timed is None or bool(task.placed_effects)
-        ensembles = sampler.sample_runs(
+        ensembles = sampler.sample_posterior(
             posterior if exact_form else posterior.expanded(found.mode.z, found.mode.covariance),
             found.mode,
             seed,
@@ -412,7 +412,7 @@ def _estimate_random_effects(
     """Answer where runs do not agree: the mean car, and each run at its own posterior."""
     found = agreement.population
     together = agreement.joint(math.prod(_APART), seed)
-    rhat, bulk, tail = sampler.diagnose(found.centre.reshape(_APART[0], _APART[1], 1, -1))
+    rhat, bulk, tail = sampler.convergence_diagnostics(found.centre.reshape(_APART[0], _APART[1], 1, -1))
     return EstimationResult(
         verdict="ok",
         reasons=(),
