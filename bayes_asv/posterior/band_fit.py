@@ -1,20 +1,19 @@
-"""The mode in a band, where what is left over is the car's own doing and not the sensors'.
+"""The mode in a band, where residuals are motion of the car and not sensor noise.
 
-On the road a half car leaves ten or a hundred times more than its sensors' noise: the other
-side of the road, friction, the body.  A filter that takes all of it for noise of the wheels
-lets the spectrum of what is left speak about dampers, which it knows nothing of.  So where the
-sensors do not explain what is left, the wheels are taken as they are read, what is left is an
-autoregression of its own (its coefficients plugged in, of low order: a high one follows every
-dip of the spectrum and puts all its trust there), and the parts of each recording say how much
-of it counts.
+On the road, the residuals of a half car are ten or a hundred times larger than the noise of its
+sensors: the other side of the road, friction, motion of the body.  If the filter took all of this
+for noise of the wheel sensors, the spectrum of the residuals would inform the dampers, about which
+it says nothing.  Where sensor noise does not explain the residuals, the wheel readings are
+therefore used as they are, and the residuals are modelled as an autoregression with plugged-in
+coefficients.  Its order is low: a higher one would follow every dip of the spectrum and give those
+frequencies all the weight.
 
-Where a car does what no half car does, what is left over is no steady noise: it swells and
-changes with the road, and the curvature of the likelihood claims too much.  The score of each
-part of a recording, its pull on the parameters, shows how much: the parts' scores vary by F,
-the information, if the likelihood is right, and by K if it is not.  The likelihood is then
-raised to the power tr(F Σ) / tr(K Σ), with Σ the posterior's covariance, so that on the whole
-the posterior is as wide as the estimate varies: the magnitude adjustment of a composite
-likelihood (Pauli, Racugno & Ventura 2011, Statistica Sinica 21) with Takeuchi's trace.
+The residuals are not stationary: they change with the road, and the curvature of the likelihood
+overstates the information.  The scores of the parts of a recording show by how much: their variance
+is F, the information, if the likelihood is right, and K otherwise.  The likelihood is raised to the
+power tr(F Σ) / tr(K Σ), with Σ the covariance of the posterior, so that overall the width of the
+posterior matches the variation of the estimate: the magnitude adjustment of a composite likelihood
+(Pauli, Racugno & Ventura 2011, Statistica Sinica 21) with Takeuchi's trace.
 """
 
 from __future__ import annotations
@@ -47,45 +46,45 @@ __all__ = [
     "notes",
 ]
 
-_STEP = 0.1  # of a posterior deviation, for derivatives of what is all but linear
+_STEP = 0.1  # step of finite differences, posterior sd; innovations are nearly linear in it
 
 
 def composite_likelihood_power(scores: Array, information: Array, covariance: Array) -> float:
-    """Power of a likelihood whose parts' scores vary more than its information says.
+    """Power of a likelihood whose scores vary more than its information says.
 
     Parameters
     ----------
     scores : (B, d) array
         Gradient of each part's log-likelihood.
     information : (d, d) array
-        F, what the whole claims to know.
+        F, the information of the whole recording.
     covariance : (d, d) array
-        Σ, of the posterior.
+        Σ, the covariance of the posterior.
 
     Returns
     -------
     float
-        tr(F Σ) / tr(K Σ) with K the B parts' sum of squares about their mean, times
-        B / (B − 1); near 1 if the likelihood is right, with a relative deviation of about
-        √(2 / (B p)) where p parameters are measured.  Never above 1.
+        tr(F Σ) / tr(K Σ), at most 1, with K the sum of squares of the B scores about their mean
+        times B / (B − 1).  It is near 1 if the likelihood is right, with a relative standard
+        deviation of about √(2 / (B p)) for p measured parameters.
     """
     count = len(scores)
-    about = scores - scores.mean(axis=0)
-    varied = float(np.sum((about @ covariance) * about)) * count / (count - 1)
-    claimed = float(np.sum(information * covariance))
-    return min(1.0, claimed / varied) if varied > 0.0 else 1.0
+    deviations = scores - scores.mean(axis=0)
+    observed = float(np.sum((deviations @ covariance) * deviations)) * count / (count - 1)
+    expected = float(np.sum(information * covariance))
+    return min(1.0, expected / observed) if observed > 0.0 else 1.0
 
 
 def likelihood_weight(
     posterior: Posterior, mode: PosteriorMode, run: int, slowest: float
 ) -> float | None:
-    """Share of its readings for which a run should count.
+    """Power to which the likelihood of a run should be raised.
 
     Parameters
     ----------
     posterior : Posterior
         The posterior.
-    mode : Mode
+    mode : PosteriorMode
         Its mode.
     run : int
         Which recording.
@@ -95,7 +94,8 @@ def likelihood_weight(
     Returns
     -------
     float or None
-        None when the recording has not :data:`FEWEST_PARTS` parts of :data:`PART_PERIODS` periods.
+        None if the recording is shorter than :data:`FEWEST_PARTS` parts of :data:`PART_PERIODS`
+        periods.
     """
     recording = posterior.space.recordings[run]
     time = recording.instants[recording.group_instants.max(axis=1)]
@@ -108,11 +108,15 @@ def likelihood_weight(
 
     steps = _STEP * np.eye(n, len(mode.z)) * mode.sd
     points = mode.z + np.concatenate([np.zeros((1, len(mode.z))), steps, -steps])
-    found = [np.nan_to_num(recording.paired(one)) for one in posterior.innovations(points, run)]
-    # in units of the posterior's deviations
-    slope = np.stack([(found[1 + k] - found[1 + n + k]) / (2.0 * _STEP) for k in range(n)], axis=2)
+    innovations = [
+        np.nan_to_num(recording.paired(one)) for one in posterior.innovations(points, run)
+    ]
+    # in units of the posterior standard deviations
+    slope = np.stack(
+        [(innovations[1 + k] - innovations[1 + n + k]) / (2.0 * _STEP) for k in range(n)], axis=2
+    )
     information = np.einsum("tak,tal->kl", slope, slope)
-    pull = -np.einsum("tak,ta->tk", slope, found[0])
+    pull = -np.einsum("tak,ta->tk", slope, innovations[0])
     part = np.minimum(((time - time[0]) / span * count).astype(int), count - 1)
     scores = np.zeros((count, n))
     np.add.at(scores, part, pull)
@@ -122,9 +126,9 @@ def likelihood_weight(
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 3
-_MOST_LAGS = 4
-_TOLD = 0.8  # share below which it is worth a word
+_ROUNDS = 3  # alternations between autoregression and mode
+_MAX_ORDER = 4  # highest order of the autoregression
+_REPORTED_WEIGHT = 0.8  # likelihood weight of a run below which a note is given
 
 
 class BandFit(NamedTuple):
@@ -132,14 +136,14 @@ class BandFit(NamedTuple):
 
     Parameters
     ----------
-    mode : Mode
+    mode : PosteriorMode
         Mode and curvature.
     posterior : Posterior
-        The posterior; its likelihood is ``innovations`` where the sensors' noise explains what
-        is left, ``coloured`` where it does not.
+        The posterior; its likelihood is ``innovations`` if sensor noise explains the residuals,
+        and ``coloured`` otherwise.
     shares : tuple of float or None
-        Share of its readings that each run counts for; None where it is too short to tell.
-        Empty where the sensors explain what is left.
+        Likelihood weight of each run; None if the run is too short to estimate it.  Empty if sensor
+        noise explains the residuals.
     """
 
     mode: PosteriorMode
@@ -148,7 +152,7 @@ class BandFit(NamedTuple):
 
 
 def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> BandFit:
-    """Climb to the mode of recordings of which a band is left.
+    """Find the mode for recordings that were limited to a band.
 
     Parameters
     ----------
@@ -173,36 +177,38 @@ def fit_in_band(recordings: tuple[PreparedRecording, ...], vehicle: Vehicle) -> 
         ),
         None,
     )
-    # The colour has the scale of what is left, so that the noise levels are but units.
+    # the autoregression sets the scale of the residuals, so the noise levels are fixed
     parameter_space = make_parameter_space(
         vehicle, recordings, "coloured", frozenset(range(len(recordings)))
     )
     for _ in range(_ROUNDS):
-        colours = tuple(_colour(posterior, mode.z, run) for run in range(len(recordings)))
+        residual_ars = tuple(
+            _fit_residual_ar(posterior, mode.z, run) for run in range(len(recordings))
+        )
         start = parameter_space.origin
         start[: parameter_space.car_dimension] = mode.z[: parameter_space.car_dimension]
-        mode, posterior = find_mode_threaded(Posterior(parameter_space, colours), start)
+        mode, posterior = find_mode_threaded(Posterior(parameter_space, residual_ars), start)
     slowest = _slowest(recordings[0])
     shares = tuple(
         likelihood_weight(posterior, mode, run, slowest) for run in range(len(recordings))
     )
-    counted = tuple(
-        colour._replace(root=colour.root * math.sqrt(1.0 if part is None else part))
-        for colour, part in zip(posterior.residual_ars, shares, strict=True)
+    weighted = tuple(
+        residual_ar._replace(root=residual_ar.root * math.sqrt(1.0 if part is None else part))
+        for residual_ar, part in zip(posterior.residual_ars, shares, strict=True)
     )
-    mode, posterior = find_mode_threaded(Posterior(parameter_space, counted), mode.z)
+    mode, posterior = find_mode_threaded(Posterior(parameter_space, weighted), mode.z)
     return BandFit(mode, posterior, shares)
 
 
 def notes(recording: PreparedRecording, part: float | None) -> list[str]:
-    """Say how much wider the intervals are for what the parts of a recording say.
+    """Say by how much the likelihood weight of a recording widens the intervals.
 
     Parameters
     ----------
     recording : PreparedRecording
         The recording.
     part : float or None
-        Its share.
+        Its likelihood weight.
 
     Returns
     -------
@@ -215,7 +221,7 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
             f"is too short to tell from its parts whether the intervals are wide enough; that "
             f"takes {math.ceil(needed)} s"
         ]
-    if part >= _TOLD:
+    if part >= _REPORTED_WEIGHT:
         return []
     return [
         f"the parts of {recording.source} differ {1.0 / math.sqrt(part):.1f} times as much as what "
@@ -232,7 +238,7 @@ def find_mode_threaded(
 
 
 def _sensors_explain(posterior: Posterior, mode: PosteriorMode) -> bool:
-    """Whether what is left is as white and as small as the sensors' noise that was given."""
+    """Whether the residuals are white and as small as the declared sensor noise."""
     noise = {n: float(x[0]) for n, x in posterior.space.nuisance(mode.z[None]).items()}
     for run, recording in enumerate(posterior.space.recordings):
         nu = recording.paired(posterior.innovations(mode.z, run))
@@ -241,15 +247,15 @@ def _sensors_explain(posterior: Posterior, mode: PosteriorMode) -> bool:
     return mode.converged
 
 
-def _colour(posterior: Posterior, z: Array, run: int) -> ResidualAR:
-    """Colour and scale of what one run leaves."""
+def _fit_residual_ar(posterior: Posterior, z: Array, run: int) -> ResidualAR:
+    """Autoregression and scale of one run's residuals."""
     recording = posterior.space.recordings[run]
     nu = recording.paired(posterior.innovations(z, run, WHITE))
-    found = fit_residual_ar(nu, 1, _MOST_LAGS)
-    if found.order > 0:
-        return found
-    whole = nu[np.isfinite(nu).all(axis=1)]
-    root = np.linalg.inv(np.linalg.cholesky(whole.T @ whole / len(whole)))
+    fitted = fit_residual_ar(nu, 1, _MAX_ORDER)
+    if fitted.order > 0:
+        return fitted
+    complete = nu[np.isfinite(nu).all(axis=1)]
+    root = np.linalg.inv(np.linalg.cholesky(complete.T @ complete / len(complete)))
     return ResidualAR(np.zeros((1, nu.shape[1], nu.shape[1])), np.ascontiguousarray(root))
 
 

@@ -1,10 +1,10 @@
-"""Prior of a car, and the directions of it that measured outputs can identify.
+"""Prior of a car, and its directions that measured outputs can identify.
 
-Every positive quantity of the car has a log-normal prior.  Accelerations depend on ratios such as
-c/m, k/m and i/(m l²) alone: mass and wheelbase scale the answer and cannot be identified.  So the
-logarithms, log θ = log θ₀ + S ζ with independent standard normal ζ, are turned into the directions
-of ζ on which the state-space model depends and those on which it does not; the first are sampled,
-the others are drawn from the prior afterwards, which is exact.
+Every positive quantity of the car has a log-normal prior.  Accelerations depend only on ratios such
+as c/m, k/m and i/(m l²): mass and wheelbase are scale factors and cannot be identified.  With the
+logarithms log θ = log θ₀ + S ζ and independent standard normal ζ, the space of ζ is therefore
+divided into directions on which the state-space model depends and directions on which it does not.
+The first are sampled; the others are drawn from the prior afterwards, which is exact.
 """
 
 from __future__ import annotations
@@ -26,24 +26,26 @@ __all__ = ["CarPrior", "car_prior", "effect_scale", "identified_directions", "pr
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # of a logarithm
-_IDENTIFIED = 1e-5  # of the largest singular value; differences are good to 1e-8
+_STEP = 1e-4  # step of finite differences of the logarithms
+# Least singular value of an identified direction, relative to the largest; differences are accurate
+# to 1e-8.
+_IDENTIFIED = 1e-5
 
 
 @dataclass(frozen=True)
 class CarPrior:
-    """Prior of a car's parameters, and what of it a state-space model can identify.
+    """Prior of a car's parameters, and the directions that a state-space model can identify.
 
     Parameters
     ----------
     car : CarModel
         The car.
     log_parameters : tuple of str
-        Its parameters but the fractions and those that are exactly zero, nL of them.
+        Its parameters, except fractions and parameters that are exactly zero; nL of them.
     log_mean : (nL,) array
-        Centre of their logarithms, SI units.
+        Prior mean of their logarithms, SI units.
     root : (nL, nT) array
-        S: a root of the prior covariance of the logarithms.
+        S, a root of the prior covariance of the logarithms.
     identified, unidentified : (nT, r) and (nT, nT − r) arrays
         Orthonormal directions of ζ.
     """
@@ -61,14 +63,14 @@ class CarPrior:
         return np.asarray(np.sqrt(np.sum(self.root**2, axis=1)))
 
 
-@lru_cache(maxsize=16)  # a diagnosis sets up thousands of spaces of one vehicle
+@lru_cache(maxsize=16)  # a diagnosis sets up thousands of parameter spaces of one vehicle
 def prior_of_vehicle(car: str, vehicle: Vehicle, outputs: tuple[Output, ...]) -> CarPrior:
-    """Return :func:`car_prior` of a car model of a vehicle."""
+    """Return the :func:`car_prior` of a car model by name."""
     return car_prior(car_model(car, vehicle), outputs)
 
 
 def car_prior(car: CarModel, outputs: Sequence[Output]) -> CarPrior:
-    """Set up the prior of a car and find what measured outputs can identify."""
+    """Set up the prior of a car, and find the directions that measured outputs identify."""
     logs = tuple(p.name for p in car.parameters if p.kind != "fraction" and p.nominal != 0.0)
     by_name = {p.name: p for p in car.parameters}
     terms = sorted({t[0] for name in logs for t in by_name[name].terms if t[2] > 0.0})
@@ -91,7 +93,7 @@ def identified_directions(
     car : CarModel
         The car.
     outputs : sequence of Output
-        What is measured.
+        Measured outputs.
     logs : tuple of str
         Parameters whose logarithms are log θ₀ + S ζ, nL of them.
     root : (nL, nT) array
@@ -102,19 +104,19 @@ def identified_directions(
     identified, unidentified : (nT, r) and (nT, nT − r) arrays
         Orthonormal directions.
     """
-    _, strength, turned = np.linalg.svd(_sensitivity(car, outputs, logs) @ root)
-    rank = int(np.count_nonzero(strength > _IDENTIFIED * max(strength.max(initial=0.0), 1e-300)))
-    return turned[:rank].T, turned[rank:].T
+    _, singular, right = np.linalg.svd(_sensitivity(car, outputs, logs) @ root)
+    rank = int(np.count_nonzero(singular > _IDENTIFIED * max(singular.max(initial=0.0), 1e-300)))
+    return right[:rank].T, right[rank:].T
 
 
 def _sensitivity(car: CarModel, outputs: Sequence[Output], logs: tuple[str, ...]) -> Array:
-    """Relative derivatives of all entries of A and C by the logarithms, at four cars."""
+    """Relative derivatives of all entries of A and C by the logarithms, for four cars."""
     rng = np.random.default_rng(0)
     nL = len(logs)
     mean = np.log([float(car.nominal[name][0]) for name in logs])
     rows = []
-    for away in (np.zeros(nL), *(0.5 * rng.normal(size=(3, nL)))):
-        points = mean + away + _STEP * np.vstack([np.zeros(nL), np.eye(nL), -np.eye(nL)])
+    for offset in (np.zeros(nL), *(0.5 * rng.normal(size=(3, nL)))):
+        points = mean + offset + _STEP * np.vstack([np.zeros(nL), np.eye(nL), -np.eye(nL)])
         values = {p.name: np.full(len(points), p.nominal) for p in car.parameters}
         values |= dict(zip(logs, np.exp(points).T, strict=True))
         system = state_space(car, values, outputs)
@@ -122,16 +124,18 @@ def _sensitivity(car: CarModel, outputs: Sequence[Output], logs: tuple[str, ...]
             [system.A.reshape(len(points), -1), system.C.reshape(len(points), -1)], axis=1
         )
         scale = np.abs(entries[0])
-        there = scale > 1e-9 * scale.max()
-        slopes = (entries[1 : nL + 1] - entries[nL + 1 :])[:, there] / (2.0 * _STEP * scale[there])
+        is_nonzero = scale > 1e-9 * scale.max()
+        slopes = (entries[1 : nL + 1] - entries[nL + 1 :])[:, is_nonzero] / (
+            2.0 * _STEP * scale[is_nonzero]
+        )
         rows.append(slopes.T)
     return np.concatenate(rows)
 
 
 def effect_scale(car: CarModel) -> Scale:
-    """Sizes of a car that the priors of effects are given in: those of its mean element."""
+    """Return the reference sizes for priors of effects: those of the mean suspension element."""
     nominal, count = car.nominal, len(car.elements)
-    # The mass that an element feels in the first coordinate: all of it in heave.
+    # the effective mass in the first coordinate: all of it in heave
     mass = float(car.inertia(nominal)[0, 0] / car.heights(nominal)[0, 0, 0] ** 2)
     return Scale(
         load=mass * STANDARD_GRAVITY / count,

@@ -1,15 +1,17 @@
 """Unknown offsets and drifts of clocks: a search over the whole prior, then a local expansion.
 
-A shift of some channels in time changes the likelihood in no simple way, and where the motion is
-nearly periodic the likelihood may have several maxima.  The recording is therefore prepared with
-offsets on a grid over three prior deviations to either side, and the car fitted to each.  With n
-readings, S the sum of squared innovations and φ their long-run variance, the profile is
+The log-likelihood is not a simple function of a shift of some channels in time, and where the
+motion is nearly periodic it may have several maxima.  The recording is therefore prepared with
+offsets on a grid over three prior standard deviations to either side, and the car is fitted at each
+of them.  With n readings, S the sum of squared innovations and φ their long-run variance, the
+profile is
 
     ℓ = −n/(2φ) log S + log prior.
 
 Each of its maxima is refined: the recording is prepared at that offset and at neighbouring ones
-(:class:`bayes_asv.preprocessing.prepared_recording.ClockVariants`), between which the
-likelihood is a polynomial of second degree, so that the errors become parameters like all others.
+(:class:`bayes_asv.preprocessing.prepared_recording.ClockVariants`).  The log-likelihood is
+interpolated between them by a polynomial of second degree, so that clock errors become parameters
+like all others.
 """
 
 from __future__ import annotations
@@ -47,19 +49,20 @@ __all__ = ["ClockAlignment", "OffsetMode", "align_clocks", "fit_aligned"]
 
 Array = NDArray[np.float64]
 
-_REACH = 3.0  # prior deviations to either side that are searched
-# Maxima of the profile are as wide as the phase of the fastest motion that suspensions pass to the
-# body allows: 1/(2π 20 Hz) is 8 ms, and a grid of half of that meets each of them.
-_SPACING = 0.004  # s
-_EVALUATIONS = 8  # of the Jacobian, a point of the grid
-_LIVELY = 10.0  # s of a recording that are enough for a search
-_FIRST_STEP = 0.001  # s, of the first expansion: an eighth of a turn at 20 Hz
-_STEP = 1.5  # posterior deviations between the points of the last expansion,
-_NARROWEST, _WIDEST = 0.6, 4.0  # and between which this may lie
-_ROUNDS = 6
-_MOST_MODES = 3
-_KEPT = 8.0  # nats below the best up to which a maximum of the profile is refined
-_REPORTED = 0.025  # probability from which a second mode is reported: a tail of an interval
+_SEARCH_RANGE = 3.0  # half width of the search, prior standard deviations
+# Spacing of the search grid, s: half the width of a maximum of the profile, which is about
+# 1/(2π 20 Hz) = 8 ms for the fastest motion that a suspension transmits to the body.
+_SPACING = 0.004
+_EVALUATIONS = 8  # largest number of function evaluations of a fit at a grid point
+_SEARCH_SECONDS = 10.0  # length of the most active stretch that is used for the search
+_FIRST_STEP = 0.001  # distance of the points of the first expansion, s: 0.13 rad at 20 Hz
+_STEP = 1.5  # distance of the points of the last expansion, posterior sd
+_NARROWEST, _WIDEST = 0.6, 4.0  # range in which that distance is accepted, posterior sd
+_ROUNDS = 6  # largest number of expansions
+_MAX_MODES = 3  # largest number of maxima that are refined
+_MODE_DEPTH = 8.0  # depth below the highest maximum to which maxima are refined, nats
+# Probability above which a further mode is reported: one tail of a 95 % interval.
+_REPORTED = 0.025
 
 
 class OffsetMode(NamedTuple):
@@ -68,7 +71,7 @@ class OffsetMode(NamedTuple):
     Parameters
     ----------
     errors : tuple of ClockError
-        What is unknown.
+        The unknown clock errors, K of them.
     value, sd : (K,) arrays
         Errors at the mode, and their posterior standard deviations.
     probability : float
@@ -86,16 +89,16 @@ class OffsetMode(NamedTuple):
 
 @dataclass(frozen=True)
 class ClockAlignment:
-    """Recordings whose clocks have been compared.
+    """Recordings with aligned clocks.
 
     Parameters
     ----------
     prepared : tuple of PreparedRecording
-        Ready for a fit with the errors of the clocks among its parameters.
+        Recordings prepared for a fit with clock errors among its parameters.
     recordings : tuple of Recording
-        The same with the errors at the mode declared in their metadata.
+        Recordings with the clock errors at the mode declared in their metadata.
     modes : tuple of tuple of OffsetMode
-        Of each run, the most probable first; empty for a run without an unknown error.
+        Modes of each run, the most probable first; empty for a run without unknown clock errors.
     jobs : tuple of _Job
         How each run is prepared.
     """
@@ -107,14 +110,14 @@ class ClockAlignment:
 
     @property
     def ambiguity(self) -> str | None:
-        """Sentence about runs with more than one possible offset; None where there are none."""
+        """Sentence about runs with more than one possible offset; None if there are none."""
         for recording, modes in zip(self.prepared, self.modes, strict=True):
             rivals = [m for m in modes[1:] if m.probability > _REPORTED]
             if rivals:
-                found = [_words(m) for m in (modes[0], *rivals)]
+                descriptions = [_describe(m) for m in (modes[0], *rivals)]
                 return (
                     f"the offset of a clock in {recording.source} is ambiguous: "
-                    f"{' or '.join(found)}; "
+                    f"{' or '.join(descriptions)}; "
                     "the estimate uses the first; give the offset in [clocks] with its sd, or "
                     "record a single sharp bump"
                 )
@@ -142,7 +145,7 @@ class _Job:
         return np.array([error.sd for error in self.errors])
 
     def at(self, x: Array) -> Recording:
-        """Return the recording with errors (K,) declared."""
+        """Return the recording with clock errors (K,) declared."""
         known = {(e.clock, e.kind): float(v) for e, v in zip(self.errors, x, strict=True)}
         out = self.recording
         for clock in self.clocks:
@@ -153,23 +156,23 @@ class _Job:
 
     @property
     def lively(self) -> _Job:
-        """The same for the stretch of the recording in which the wheels move most, at full band."""
+        """Job for the stretch in which the wheels move most; at full bandwidth only."""
         recording = self.recording
         if self.below is not None:
             return self
-        rows = most_active_rows(recording, self.vehicle, _LIVELY)
+        rows = most_active_rows(recording, self.vehicle, _SEARCH_SECONDS)
         return replace(self, recording=cut(recording, rows))
 
     def prepared(self, points: Sequence[Array]) -> list[PreparedRecording]:
-        """Prepare the run at several errors, with the same readings at all of them."""
+        """Prepare the run with several sets of clock errors, with the same readings in each."""
         copies = self._inside([self.at(x) for x in points])
         recordings, _, _ = prepare_runs(copies, self.vehicle, self.below, self.car)
         return common_readings(recordings)
 
     def _inside(self, copies: list[Recording]) -> list[Recording]:
-        """Leave out outputs that lie outside the time of the inputs in one of the copies.
+        """Remove output readings outside the time span of the inputs in any of the copies.
 
-        In a band the grid then begins with the same reading of an output in each of them.
+        In a band, the output grid then starts at the same reading in all copies.
         """
         used = used_channels(self.recording, self.vehicle, car_model(self.car, self.vehicle))
         inputs = [c for c in used if self.vehicle.channel(self.recording.channels[c]).is_input]
@@ -183,7 +186,7 @@ class _Job:
         return [replace(copy, values=values) for copy in copies]
 
     def expanded(self, x: Array, step: Array) -> PreparedRecording:
-        """Prepare the run at errors x and around them."""
+        """Prepare the run at clock errors x, with variants around them."""
         points = [x, *(x + step * u for u in ClockVariants.points(len(x)))]
         middle, *others = self.prepared(points)
         return replace(middle, clock_variants=ClockVariants(self.errors, x, step, tuple(others)))
@@ -197,7 +200,7 @@ def align_clocks(
     car: str = "half",
     likelihood: str = "innovations",
 ) -> ClockAlignment:
-    """Find the offsets and drifts of clocks, and prepare recordings around them.
+    """Find the offsets and drifts of clocks, and prepare recordings with variants around them.
 
     Parameters
     ----------
@@ -206,7 +209,7 @@ def align_clocks(
     vehicle, below, car, likelihood
         As for :func:`bayes_asv.estimation.estimate`.
     clocks : sequence of Clock
-        Clocks with the priors of their errors.
+        Clocks, with the priors of their errors.
 
     Returns
     -------
@@ -214,21 +217,21 @@ def align_clocks(
     """
     jobs = [
         _Job(
-            recording, vehicle, tuple(clocks), _unknown(recording, vehicle, clocks, car),
+            recording, vehicle, tuple(clocks), _unknown_errors(recording, vehicle, clocks, car),
             below, car, likelihood,
         )
         for recording in recordings
     ]  # fmt: skip
-    modes = tuple(_modes(job) if job.errors else () for job in jobs)
+    modes = tuple(_find_modes(job) if job.errors else () for job in jobs)
     drift = _common_drift(modes)
     prepared, timed = [], []
-    for job, found in zip(jobs, modes, strict=True):
-        if not found:
+    for job, modes_of_run in zip(jobs, modes, strict=True):
+        if not modes_of_run:
             one, *_ = job.prepared([job.centre])
             prepared.append(one)
             timed.append(job.at(job.centre))
             continue
-        best = found[0]
+        best = modes_of_run[0]
         x = np.array(
             [
                 drift[e.clock] if e.kind == "drift" else v
@@ -241,12 +244,12 @@ def align_clocks(
 
 
 def fit_aligned(timed: ClockAlignment, placed_effects: tuple[PlacedEffect, ...] = ()) -> MapFit:
-    """Fit all runs together, and expand the likelihood again where its mode has moved.
+    """Fit all runs together, and expand the likelihood again if its mode has moved.
 
     Parameters
     ----------
     timed : ClockAlignment
-        Recordings whose clocks have been compared.
+        Recordings with aligned clocks.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     """
@@ -256,27 +259,27 @@ def fit_aligned(timed: ClockAlignment, placed_effects: tuple[PlacedEffect, ...] 
     recordings = timed.prepared
     for _ in range(_ROUNDS):
         fit = best_fit(recordings, first.vehicle, first.likelihood, placed_effects)
-        settled, out = True, []
+        converged, out = True, []
         for run, (job, recording) in enumerate(zip(timed.jobs, recordings, strict=True)):
             if recording.clock_variants is not None:
-                x, step, good = _moved(
+                x, step, adequate = _next_expansion(
                     recording.clock_variants.middle,
                     recording.clock_variants.step,
                     *_at_mode(fit, run),
                 )
-                settled &= good
+                converged &= adequate
                 recording = job.expanded(x, step)
             out.append(recording)
-        if settled:
+        if converged:
             break
         recordings = tuple(out)
     return fit
 
 
-def _unknown(
+def _unknown_errors(
     recording: Recording, vehicle: Vehicle, clocks: Sequence[Clock], car: str
 ) -> tuple[ClockError, ...]:
-    """List errors of clocks that stamp some of the channels that are used, but not all."""
+    """List unknown errors of the clocks that stamp some, but not all, of the used channels."""
     used = used_channels(recording, vehicle, car_model(car, vehicle))
     names = [recording.channels[c] for c in used]
     out = []
@@ -291,29 +294,31 @@ def _unknown(
     return tuple(out)
 
 
-def _modes(job: _Job) -> tuple[OffsetMode, ...]:
+def _find_modes(job: _Job) -> tuple[OffsetMode, ...]:
     """Find the modes of one run, the most probable first."""
     starts = [job.centre]
     for k, error in enumerate(job.errors):
-        if error.kind == "offset":  # one clock after the other, from the best of those before
-            count = 2 * math.ceil(_REACH * error.sd / _SPACING) + 1
-            grid = error.centre + error.sd * np.linspace(-_REACH, _REACH, count)
+        if error.kind == "offset":  # one clock after another, starting from the best offsets so far
+            count = 2 * math.ceil(_SEARCH_RANGE * error.sd / _SPACING) + 1
+            grid = error.centre + error.sd * np.linspace(-_SEARCH_RANGE, _SEARCH_RANGE, count)
             points = [np.where(np.arange(len(job.errors)) == k, g, starts[0]) for g in grid]
             level = _profile(job, points)
-            top = _maxima(level)
-            starts = [points[j] for j in top if level[j] > level[top[0]] - _KEPT][:_MOST_MODES]
-    found = [_refined(job, start) for start in starts]
-    distinct = [found[0]]
-    for other in found[1:]:
-        if all(_apart(other, one) for one in distinct):
+            maxima = _maxima(level)
+            starts = [points[j] for j in maxima if level[j] > level[maxima[0]] - _MODE_DEPTH][
+                :_MAX_MODES
+            ]
+    refined = [_refine_mode(job, start) for start in starts]
+    distinct = [refined[0]]
+    for other in refined[1:]:
+        if all(_are_distinct(other, one) for one in distinct):
             distinct.append(other)
     if len(distinct) == 1:
         return (distinct[0]._replace(probability=1.0),)
     level = _profile(job, [one.value for one in distinct])
     weight = np.exp(level - level.max())
     weight /= weight.sum()
-    named = [one._replace(probability=float(w)) for one, w in zip(distinct, weight, strict=True)]
-    return tuple(sorted(named, key=lambda one: -one.probability))
+    weighted = [one._replace(probability=float(w)) for one, w in zip(distinct, weight, strict=True)]
+    return tuple(sorted(weighted, key=lambda one: -one.probability))
 
 
 def _maxima(level: Array) -> list[int]:
@@ -323,13 +328,13 @@ def _maxima(level: Array) -> list[int]:
     return sorted(top.tolist(), key=lambda j: -level[j])
 
 
-def _apart(one: OffsetMode, other: OffsetMode) -> bool:
-    """Whether two modes are more than their deviations apart."""
+def _are_distinct(one: OffsetMode, other: OffsetMode) -> bool:
+    """Whether two modes are more than three standard deviations apart."""
     return bool(np.any(np.abs(one.value - other.value) > 3.0 * np.maximum(one.sd, other.sd)))
 
 
 def _profile(job: _Job, points: Sequence[Array]) -> Array:
-    """Profile ℓ of one run at errors."""
+    """Profile log-likelihood ℓ of one run at clock errors."""
     squares, dispersion = [], []
     recordings = job.lively.prepared(points)
     for recording in recordings:
@@ -352,7 +357,7 @@ class _LeastSquaresFit(NamedTuple):
     dispersion : float
         Long-run variance of the innovations over their variance.
     errors, error_sd : (K,) arrays
-        Errors of the clocks.
+        Estimates of the clock errors, and their standard deviations.
     """
 
     squares: float
@@ -364,10 +369,10 @@ class _LeastSquaresFit(NamedTuple):
 def _least_squares(
     job: _Job, recording: PreparedRecording, clocks: Sequence[int]
 ) -> _LeastSquaresFit:
-    """Fit the car, and errors of clocks by their numbers, to one run."""
+    """Fit the car, and the clock errors with the given indices, to one run."""
     kind = job.likelihood
     if kind == "innovations" and any(noise is None for noise in recording.noise):
-        kind = "coloured"  # what is left is not the sensors' noise where that is not known
+        kind = "coloured"  # without declared noise, residuals are not taken for sensor noise
     posterior = Posterior(make_parameter_space(job.vehicle, (recording,), kind), (WHITE,))
     parameter_space = posterior.space
     every = parameter_space.clock_coordinates(0)
@@ -405,36 +410,38 @@ def _least_squares(
     )
 
 
-def _refined(job: _Job, start: Array) -> OffsetMode:
-    """Expand the likelihood around errors until its mode is where it was expanded."""
+def _refine_mode(job: _Job, start: Array) -> OffsetMode:
+    """Expand the likelihood around its mode until the mode lies within the expansion."""
     span = float(job.recording.time[-1] - job.recording.time[0])
     first = [_FIRST_STEP if e.kind == "offset" else 2.0 * _FIRST_STEP / span for e in job.errors]
     x, step = start, np.minimum(first, job.sd)
     every = range(len(job.errors))
     for _ in range(_ROUNDS):
-        found = _least_squares(job, job.expanded(x, step), every)
-        x, step, settled = _moved(x, step, found.errors, np.minimum(found.error_sd, job.sd))
-        if settled:
+        fit_to_clocks = _least_squares(job, job.expanded(x, step), every)
+        x, step, converged = _next_expansion(
+            x, step, fit_to_clocks.errors, np.minimum(fit_to_clocks.error_sd, job.sd)
+        )
+        if converged:
             break
     for _ in range(_ROUNDS):
         fit = best_fit((job.expanded(x, step),), job.vehicle, job.likelihood)
         value, sd = _at_mode(fit, 0)
-        x, step, settled = _moved(x, step, value, sd)
-        if settled:
+        x, step, converged = _next_expansion(x, step, value, sd)
+        if converged:
             break
     return OffsetMode(job.errors, value, sd, 1.0, fit)
 
 
-def _moved(x: Array, step: Array, value: Array, sd: Array) -> tuple[Array, Array, bool]:
-    """Return where to expand next, and whether the last expansion was good enough."""
-    near = np.abs(value - x) <= step
-    settled = bool(np.all(near & (step <= _WIDEST * sd) & (step >= _NARROWEST * sd)))
+def _next_expansion(x: Array, step: Array, value: Array, sd: Array) -> tuple[Array, Array, bool]:
+    """Return centre and step of the next expansion, and whether the last one was adequate."""
+    is_inside = np.abs(value - x) <= step
+    adequate = bool(np.all(is_inside & (step <= _WIDEST * sd) & (step >= _NARROWEST * sd)))
     new = np.clip(_STEP * sd, 0.1 * step, 3.0 * step)
-    return x + np.clip(value - x, -3.0 * step, 3.0 * step), new, settled
+    return x + np.clip(value - x, -3.0 * step, 3.0 * step), new, adequate
 
 
 def _at_mode(fit: MapFit, run: int) -> tuple[Array, Array]:
-    """Errors (K,) of a run's clocks at the mode of a fit, and their standard deviations."""
+    """Clock errors (K,) of a run at the mode of a fit, and their standard deviations."""
     value = fit.space.clock_errors(fit.mode.z[None], run)[0]
     picked = fit.space.clock_coordinates(run)
     scale = np.array([fit.space.coordinates[k].scale for k in picked])
@@ -442,18 +449,18 @@ def _at_mode(fit: MapFit, run: int) -> tuple[Array, Array]:
 
 
 def _common_drift(modes: Sequence[Sequence[OffsetMode]]) -> dict[str, float]:
-    """Mean drift of each clock over all runs, weighted by what each run tells."""
+    """Mean drift of each clock over all runs, weighted by inverse variance."""
     total: dict[str, float] = {}
     weight: dict[str, float] = {}
-    for found in modes:
-        for error, value, sd in zip(*found[0][:3], strict=True) if found else ():
+    for modes_of_run in modes:
+        for error, value, sd in zip(*modes_of_run[0][:3], strict=True) if modes_of_run else ():
             if error.kind == "drift":
                 total[error.clock] = total.get(error.clock, 0.0) + value / sd**2
                 weight[error.clock] = weight.get(error.clock, 0.0) + 1.0 / sd**2
     return {name: total[name] / weight[name] for name in total}
 
 
-def _words(mode: OffsetMode) -> str:
+def _describe(mode: OffsetMode) -> str:
     parts = [
         f"{error.clock} sampled {1e3 * abs(value):.2g} ms "
         f"{'later' if value > 0.0 else 'earlier'} than stamped"

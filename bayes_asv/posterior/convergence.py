@@ -1,8 +1,8 @@
-"""When the ensembles have converged: limits that the sampler keeps and the report states.
+"""Convergence criteria, which the sampler applies and the report states.
 
-Vehtari et al. (2021), Bayesian Analysis 16, 667–718, recommend R̂ < 1.01.  With a tail size
-of 1000 the ends of a 95 % interval have a standard error of 0.085
-posterior standard deviations.
+Vehtari et al. (2021), Bayesian Analysis 16, 667–718, recommend R̂ < 1.01.  With an effective sample
+size of 1000 in the tails, the ends of a 95 % interval have a standard error of 0.085 posterior
+standard deviations.
 """
 
 from __future__ import annotations

@@ -1,21 +1,20 @@
 """Predictions of a model from denoised inputs.
 
-A wheel's noise drives the simulation and the innovations alike.  A pattern or a derivative that
-follows from the simulation must not have it: a lag of 2.3 ms of a chassis sensor came out 15 %
-short, and a narrower filter fitted better than the lag that was there.
+The noise of the wheel sensors drives both the simulation and the innovations.  Corrections or
+derivatives that are computed from the simulation must not contain that noise: a chassis sensor lag
+of 2.3 ms was estimated 15 % too small, and a narrower filter fitted better than the true lag.
 
-So each wheel's reading is used less the conditional mean of its noise given all readings.  With
-the noise n of the wheels, e of the chassis and the car's response G, a free run leaves
-r = e − G n.  The reading less the mean of n given r,
+Therefore the conditional mean of the wheel noise given all readings is subtracted from the wheel
+readings.  With wheel noise n, chassis noise e and the frequency response G of the car, the residual
+of a free run is r = e − G n.  The reading less the mean of n given r,
 
     u + σ_n² Gᴴ (σ_e² + G σ_n² Gᴴ)⁻¹ r,
 
-has nothing more to do with r.  What is worked out from it is not moved by the noise that is
-still to be explained; with u itself, the two share n.  This is the statistic of the conditional
-score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), line by line of
-the spectrum, and the smoother of a filter that takes the wheels for noisy inputs.  G is the linear
-car's: what a law adds is left out.  Lines in which r is louder than all noise together hold
-something that is missing from the model; what they hold is shared out among noise and that.
+is independent of r, while u itself shares n with it.  This is the statistic of the conditional
+score (Stefanski & Carroll 1987, Biometrika 74, 703; Carroll et al. 2006, ch. 7), evaluated at each
+frequency, and the smoother of a filter with noisy inputs.  G is the response of the linear car;
+nonlinear forces are left out.  At frequencies where the power of r exceeds that of all noise, the
+model lacks something; only the share of the power that noise explains is then attributed to it.
 """
 
 from __future__ import annotations
@@ -39,18 +38,20 @@ from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = ["DenoisedInputs", "denoise_and_predict", "simulate_nominal_outputs", "without_noise"]
 
-_FINER = 2  # points of the even grid to a sample
-_LINES = 17  # of a spectrum whose power is averaged
-_CHANCE = 1.5  # times the noise's power, which so many lines hardly reach without anything in them
+_OVERSAMPLING = 2  # points of the even time grid per sample
+_AVERAGED_BINS = 17  # frequency bins over which power is averaged
+# Average power relative to noise above which the model lacks something: noise alone hardly reaches
+# it with so many bins.
+_NOISE_LIMIT = 1.5
 
 
 def without_noise(posterior: Posterior, z: Array, run: int) -> PreparedRecording:
-    """Return a recording whose wheels' readings have lost what the chassis show to be noise.
+    """Subtract the conditional mean of wheel-sensor noise given the chassis readings.
 
     Parameters
     ----------
     posterior : Posterior
-        With sensor corrections.
+        Posterior with sensor corrections.
     z : (D,) array
         Coordinates.
     run : int
@@ -59,55 +60,62 @@ def without_noise(posterior: Posterior, z: Array, run: int) -> PreparedRecording
     Returns
     -------
     PreparedRecording
-        With other :attr:`wheels`; their moments are as they were.
+        With denoised :attr:`wheels`; their moments are unchanged.
     """
     recording = posterior.space.recordings[run]
-    time = np.arange(recording.instants[0], recording.instants[-1], recording.reading_step / _FINER)
-    added = _noise(posterior, z, run, time)
+    time = np.arange(
+        recording.instants[0], recording.instants[-1], recording.reading_step / _OVERSAMPLING
+    )
+    noise_of_wheels = _noise(posterior, z, run, time)
     wheels = []
-    for wheel, noise in zip(recording.wheels, added, strict=True):
+    for wheel, noise in zip(recording.wheels, noise_of_wheels, strict=True):
         value = wheel.spline(wheel.knots) - np.interp(wheel.knots, time, noise, 0.0, 0.0)
         wheels.append(wheel._replace(spline=CubicSpline(wheel.knots, value)))
     return replace(recording, wheels=tuple(wheels))
 
 
 def _noise(posterior: Posterior, z: Array, run: int, time: Array) -> Array:
-    """Mean noise (nu, T) of the inputs' sensors at even instants (T,), m/s²."""
+    """Conditional mean noise (nu, T) of the inputs' sensors on an even grid (T,), m/s²."""
     recording = posterior.space.recordings[run]
-    left = recording.reading - free_run(posterior, z, run)[0]
-    ny = left.shape[1]
-    there = [recording.kind[:, y] == VALUE for y in range(ny)]
+    residuals = recording.reading - free_run(posterior, z, run)[0]
+    ny = residuals.shape[1]
+    has_reading = [recording.kind[:, y] == VALUE for y in range(ny)]
     even = np.stack(
-        [np.interp(time, recording.instants[t], left[t, y]) for y, t in enumerate(there)]
+        [np.interp(time, recording.instants[t], residuals[t, y]) for y, t in enumerate(has_reading)]
     )
     even -= even.mean(axis=1, keepdims=True)
-    n = 2 * len(time)  # zeros behind it, so that the end does not run into the beginning
+    n = 2 * len(time)  # zero padding, so that the end does not wrap around to the beginning
     frequency = np.fft.rfftfreq(n, time[1] - time[0])
     spectrum = np.fft.rfft(even, n).T[..., None]
-    # A body rate answers a constant input without bound; at rest nothing is left of it.
+    # The response of a body rate to a constant input diverges; replace it at zero frequency.
     response = np.zeros((len(frequency), ny, len(recording.wheels)), complex)
     response[1:] = frequency_response(posterior.space.state_space(z[None], run), frequency[1:])
     response[0] = response[1].real
-    back = np.conj(np.swapaxes(response, 1, 2))
+    adjoint = np.conj(np.swapaxes(response, 1, 2))
     noise = posterior.space.noises(z[None], run)
     power = _power(noise, frequency, recording.reading_step)
     nu = len(recording.wheels)
     inputs, outputs = power[:, :nu], power[:, nu:]
-    density = outputs[:, :, None] * np.eye(ny) + (response * inputs[:, None]) @ back
+    density = outputs[:, :, None] * np.eye(ny) + (response * inputs[:, None]) @ adjoint
     whitened = np.linalg.solve(density, spectrum)
-    # A straight line between two samples has less power than a reading.
-    share = _FINER * np.cos(0.5 * np.pi * frequency * recording.reading_step) ** 4 * len(time)
-    loud = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (ny * share + 1e-3 * n)
-    louder = np.maximum(1.0, uniform_filter1d(loud, _LINES) / _CHANCE)
-    found = -inputs[..., None] * (back @ whitened) / louder[:, None, None]
-    return np.asarray(np.fft.irfft(found[..., 0].T, n)[:, : len(time)])
+    # linear interpolation between samples reduces the power
+    share = (
+        _OVERSAMPLING * np.cos(0.5 * np.pi * frequency * recording.reading_step) ** 4 * len(time)
+    )
+    relative_power = np.sum((np.conj(spectrum) * whitened).real, axis=(1, 2)) / (
+        ny * share + 1e-3 * n
+    )
+    excess = np.maximum(1.0, uniform_filter1d(relative_power, _AVERAGED_BINS) / _NOISE_LIMIT)
+    mean_noise = -inputs[..., None] * (adjoint @ whitened) / excess[:, None, None]
+    return np.asarray(np.fft.irfft(mean_noise[..., 0].T, n)[:, : len(time)])
 
 
 def _power(noise: SensorNoise, frequency: Array, step: float) -> Array:
-    """Power (F, nu + ny) of the noise of inputs and outputs, as a sample's variance."""
-    passed = np.exp(-noise.poles[0] * step)
-    shape = (1.0 - passed**2) / np.maximum(
-        1.0 + passed**2 - 2.0 * passed * np.cos(2.0 * np.pi * frequency[:, None] * step), 1e-12
+    """Noise power (F, nu + ny) of inputs and outputs at each frequency, as sample variance."""
+    correlation = np.exp(-noise.poles[0] * step)
+    shape = (1.0 - correlation**2) / np.maximum(
+        1.0 + correlation**2 - 2.0 * correlation * np.cos(2.0 * np.pi * frequency[:, None] * step),
+        1e-12,
     )
     return np.asarray(noise.white[0] + noise.filtered[0] * shape)
 
@@ -116,15 +124,15 @@ Array = NDArray[np.float64]
 
 
 class DenoisedInputs(NamedTuple):
-    """A recording on denoised wheels.
+    """A recording with denoised wheel readings, and predictions from them.
 
     Parameters
     ----------
     recording : PreparedRecording
-        With moments of wheels that have lost what the chassis show to be noise, and those wheels.
+        With denoised wheels and their moments.
     before, after : (E, ny) arrays
-        What sensors as declared would have read of the chassis above the wheels as they are, and
-        above denoised ones, m/s².
+        Simulated chassis readings of sensors as declared, driven by the wheels as read and by the
+        denoised wheels, m/s².
     """
 
     recording: PreparedRecording
@@ -135,12 +143,12 @@ class DenoisedInputs(NamedTuple):
 def denoise_and_predict(
     posterior: Posterior, z: Array, run: int, vehicle: Vehicle
 ) -> DenoisedInputs:
-    """Quieten the wheels of a recording, and simulate the chassis above them.
+    """Denoise the wheel readings of a recording, and simulate the chassis from them.
 
     Parameters
     ----------
     posterior : Posterior
-        With sensor corrections.
+        Posterior with sensor corrections.
     z : (D,) array
         Coordinates.
     run : int
@@ -149,23 +157,23 @@ def denoise_and_predict(
         Gives declared bandwidths.
     """
     recording = without_noise(posterior, z, run)
-    driven = recording.moments.copy()
+    input_moments = recording.moments.copy()
     for u, (wheel, c) in enumerate(zip(recording.wheels, recording.inputs, strict=True)):
         knots, signal = denoise_wheel(
             recording, u, vehicle.sensor(recording.channels[c].name).bandwidth
         )
         denoised = WheelSignal(CubicSpline(knots, signal), knots, wheel.sd)
-        driven[:, u] = moments(denoised, recording.instants, ORDER)
-    still = replace(recording, moments=driven)
-    begin = free_run(posterior, z, run)[2]
+        input_moments[:, u] = moments(denoised, recording.instants, ORDER)
+    denoised_recording = replace(recording, moments=input_moments)
+    initial = free_run(posterior, z, run)[2]
     before, after = (
-        simulate_from(posterior, z, run, posterior.as_declared(z, run, one), begin)[0]
-        for one in (recording, still)
+        simulate_from(posterior, z, run, posterior.as_declared(z, run, one), initial)[0]
+        for one in (recording, denoised_recording)
     )
-    return DenoisedInputs(still, before, after)
+    return DenoisedInputs(denoised_recording, before, after)
 
 
 def simulate_nominal_outputs(posterior: Posterior, z: Array, run: int) -> Array:
-    """Simulate what chassis sensors as declared would have read (E, ny) in a run, m/s²."""
-    begin = free_run(posterior, z, run)[2]
-    return simulate_from(posterior, z, run, posterior.as_declared(z, run), begin)[0]
+    """Simulate the chassis readings (E, ny) of sensors as declared in a run, m/s²."""
+    initial = free_run(posterior, z, run)[2]
+    return simulate_from(posterior, z, run, posterior.as_declared(z, run), initial)[0]

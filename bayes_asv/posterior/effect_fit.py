@@ -1,8 +1,9 @@
 """Fit of one more effect, and of the effects that a user names.
 
-A candidate is one effect at one place with one set of values: a little of it where that makes
-sense (a tolerance), and where nobody has a little of it a stop within the travel that was used,
-or the edge of a push at some time of one run: a push is the difference of two of them.
+A candidate is one effect at one place with one set of parameter values.  Where healthy cars have
+the effect to some extent, the values are one tolerance.  Otherwise the candidate is a stop within
+the travel that was used, or a force step at some time of one run; a force pulse is the difference
+of two steps.
 """
 
 from __future__ import annotations
@@ -30,33 +31,34 @@ from bayes_asv.posterior.free_simulation import free_run
 
 __all__ = ["Candidate", "candidates", "fit_with_effect", "read_effect", "with_effects"]
 
-_DEEP = tuple(np.linspace(0.5, 0.95, 10).tolist())  # shares of the travel used where a stop may be
-_SOFT = 1.0  # rate of a stop that is looked for, in spring rates
-_ONSET, _SHARP = 0.003, 0.07  # m, and as a share of the travel used, of the same
-_GRID = 0.01  # s between edges that are looked for
-_EDGES = 500  # edges that all runs together have at most, an axle
-_PUSH = 0.02  # of the axle's load, of a push that is looked for
-_FOR_EVER = 1e4  # s
+_STOP_GAPS = tuple(np.linspace(0.5, 0.95, 10).tolist())  # of candidate stops, shares of travel used
+_STOP_RATE = 1.0  # rate of a candidate stop, in mean spring rates of the car
+# Onset of a candidate stop: the smaller of a length (m) and a share of the travel used.
+_STOP_ONSET, _STOP_ONSET_SHARE = 0.003, 0.07
+_STEP_SPACING = 0.01  # smallest time between candidate force steps, s
+_MAX_STEPS = 500  # most candidate force steps of an axle, over all runs
+_STEP_FORCE = 0.02  # size of a candidate force step, as a share of an element's static load
+_ENDLESS = 1e4  # duration of a step, s: longer than any recording
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that may be missing.
+    """An effect that the model may lack.
 
     Parameters
     ----------
     placed : PlacedEffect
-        What and where.
+        The effect and its place.
     values : mapping
-        Values of its parameters (SI units) that stand for a little of it.
+        Values of its parameters (SI units), for a small size of the effect.
     tolerance : bool
-        They are one deviation of what every car may have.
+        Whether the values are one standard deviation of a tolerance that every car may have.
     one_sided : bool
-        Less than nothing of it cannot be.
+        The size cannot be negative.
     is_start : bool
-        A fit begins from these values; otherwise from the effect's own starts.
+        Whether a fit starts from these values only, not from the effect's own starting values.
     is_step : bool
-        A force that begins and never ends.
+        Whether it is a force that begins and never ends.
     """
 
     placed: PlacedEffect
@@ -67,33 +69,30 @@ class Candidate:
     is_step: bool = False
 
 
-def _used(model: FittedModel) -> Array:
-    """Largest compression, extension (m) and speed (m/s) of each element over all runs, (ne, 3).
-
-    All positive.
-    """
-    used = np.zeros((len(model.space.car.elements), 3))
+def _range_of_motion(model: FittedModel) -> Array:
+    """Largest compression, extension (m) and speed (m/s) of each element, (ne, 3), all positive."""
+    motion_range = np.zeros((len(model.space.car.elements), 3))
     for run in range(len(model.space.recordings)):
         _, states, _ = free_run(model.posterior, model.mode.z, run)
-        for e in range(len(used)):
+        for e in range(len(motion_range)):
             travel, speed = states[:, 2 * e], states[:, 2 * e + 1]
             reached = -travel.min(), travel.max(), np.abs(speed).max()
-            used[e] = np.maximum(used[e], reached)
-    return used
+            motion_range[e] = np.maximum(motion_range[e], reached)
+    return motion_range
 
 
 def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
-    """List what the recordings of a fitted model may be asked about.
+    """List the effects that may be added to a fitted model.
 
     Parameters
     ----------
     model : FittedModel
-        Where one stands; what it has already is left out.
+        Current model; effects already in it are skipped.
     vehicle : Vehicle
-        What it says is uncertain is in the model already.
+        Declared vehicle and sensors.
     """
     scale = model.space.sizes
-    used = _used(model)
+    motion_range = _range_of_motion(model)
     out: list[Candidate] = []
     for effect in EFFECTS.values():
         if effect.on_request:
@@ -102,64 +101,70 @@ def candidates(model: FittedModel, vehicle: Vehicle) -> list[Candidate]:
             placed = PlacedEffect(effect, where)
             elements = placed.elements(model.space.car)
             known = any(other.subsumes(placed) for other in model.placed_effects)
-            if known or not _possible(placed, model, vehicle):
+            if known or not _is_possible(placed, model, vehicle):
                 continue
             if effect.tolerance_values is not None:
-                # at several elements or channels a tolerance is that of one and of the others
+                # at several elements or channels, a tolerance is that of each by itself
                 group = effect.acts == "reading" and where in GROUPS
                 tolerance = len(elements) <= 1 and not group
                 values = effect.tolerance_values_for(scale)
                 if effect.scaled_to_range is not None:
-                    own = used[list(elements)].max(axis=0)
-                    values = effect.scaled_to_range(values, max(own[0], own[1]), own[2])
+                    reached = motion_range[list(elements)].max(axis=0)
+                    values = effect.scaled_to_range(values, max(reached[0], reached[1]), reached[2])
                 out.append(Candidate(placed, values, tolerance, effect.one_sided))
             elif effect.stops:
-                travel = used[list(elements), 0 if effect.stops == "compression" else 1].max()
-                out += _stops(placed, travel, _SOFT * scale.spring)
+                travel = motion_range[
+                    list(elements), 0 if effect.stops == "compression" else 1
+                ].max()
+                out += _stop_candidates(placed, travel, _STOP_RATE * scale.spring)
             elif not effect.in_one_run:
                 first = effect.parameters[0]
                 sizes = [start * first.size(scale) for start in first.initial_values]
                 out += [Candidate(placed, {first.name: x}, False, effect.one_sided) for x in sizes]
             elif where != BOTH:
-                out += _edges(effect, where, model)
+                out += _step_candidates(effect, where, model)
     return out
 
 
-def _stops(placed: PlacedEffect, travel: float, rate: float) -> list[Candidate]:
-    """List stops within the travel that was used.
+def _stop_candidates(placed: PlacedEffect, travel: float, rate: float) -> list[Candidate]:
+    """List candidate stops within the travel that was used.
 
-    They come in over a small part of it: a stop of a light car that was just reached for 15 ms had
-    a score of 2.5 with an onset of 3 mm, most of the travel of that car, and of 16 with 0.3 mm.
+    Their onset is a small part of that travel: a stop of a light car that was just reached for
+    15 ms had a score of 2.5 with an onset of 3 mm, most of its travel, and of 16 with 0.3 mm.
     """
-    onset = min(_ONSET, _SHARP * travel)
+    onset = min(_STOP_ONSET, _STOP_ONSET_SHARE * travel)
     return [
         Candidate(placed, {"gap": share * travel, "rate": rate, "onset": onset}, False, True)
-        for share in _DEEP
+        for share in _STOP_GAPS
         if share * travel > onset
     ]
 
 
-def _edges(effect: Effect, where: str, model: FittedModel) -> list[Candidate]:
-    """List forces that begin at some instant of a run and never end.
+def _step_candidates(effect: Effect, where: str, model: FittedModel) -> list[Candidate]:
+    """List candidate forces that begin at some instant of a run and never end.
 
-    Off by as long as a car's answer to an edge, a push looks like no push.  Half way between edges
-    every 30 ms one keeps a quarter of its squared score on a car that answers fast, every 15 ms
-    three fifths, every 10 ms four fifths.  Long recordings are asked less closely, for the number
-    of questions has a price.
+    A force step is missed if the nearest candidate is off by the response time of the car.  On a
+    car with a fast response, a step half way between two candidates keeps a quarter of its squared
+    score if the candidates are 30 ms apart, three fifths at 15 ms, and four fifths at 10 ms.  Long
+    recordings have a coarser grid, because the threshold rises with the number of candidates.
     """
-    load = model.space.sizes.load
+    element_load = model.space.sizes.load
     spans = [recording.elapsed[[0, -1]] for recording in model.space.recordings]
-    grid = max(_GRID, float(np.sum(np.diff(spans))) / _EDGES)
+    grid = max(_STEP_SPACING, float(np.sum(np.diff(spans))) / _MAX_STEPS)
     out = []
     for run, span in enumerate(spans):
         placed = PlacedEffect(effect, where, run)
         for begin in np.arange(span[0], span[1], grid):
-            values = {"force": _PUSH * load, "start": float(begin), "duration": _FOR_EVER}
+            values = {
+                "force": _STEP_FORCE * element_load,
+                "start": float(begin),
+                "duration": _ENDLESS,
+            }
             out.append(Candidate(placed, {**values, "rise": grid}, False, False, is_step=True))
     return out
 
 
-def _possible(placed: PlacedEffect, model: FittedModel, vehicle: Vehicle) -> bool:
+def _is_possible(placed: PlacedEffect, model: FittedModel, vehicle: Vehicle) -> bool:
     """Whether a car and its sensors can have an effect."""
     car = model.space.car
     if placed.effect.acts == "reading":
@@ -176,15 +181,16 @@ def _possible(placed: PlacedEffect, model: FittedModel, vehicle: Vehicle) -> boo
 
 Array = NDArray[np.float64]
 
-_TRIED = 2  # starts from which an effect is fitted
-_AT_MOST = 4  # the same, where less is gained than its score promises
-_KEPT = 0.7  # share of a promise that is enough
-_LOOKED = (-2.5, -1.5, -0.7, 0.7, 1.5, 2.5)  # deviations along a shape
-_HIGHER = 1.0  # nats
-_ENDS = (-2.0, 2.0)  # the same of what is believed of a shape beforehand
-_FAR = 1.5  # the same, from where a climb may find another hill
-_KNOWN = 10.0  # nats that the far end of a shape costs where the data know it
-_LENGTHS = (0.12, 0.35, 1.0)  # s, of a push that is asked for
+_STARTS = 2  # starting points from which an effect is fitted
+_MAX_STARTS = 4  # starting points if the gain falls short of what the score predicts
+_ENOUGH_GAIN = 0.7  # share of the predicted gain (nats) at which no further start is tried
+# Offsets from the mode along a shape coordinate at which the density is evaluated, prior sd.
+_SHAPE_OFFSETS = (-2.5, -1.5, -0.7, 0.7, 1.5, 2.5)
+_MODE_MARGIN = 1.0  # nats by which another mode must exceed the current one
+_SHAPE_ENDS = (-2.0, 2.0)  # far ends of a shape coordinate from which to start again, prior sd
+_END_DISTANCE = 1.5  # least distance of a far end from the mode, prior sd
+_MAX_END_LOSS = 10.0  # nats; a far end that costs more is excluded by the data
+_PULSE_DURATIONS = (0.12, 0.35, 1.0)  # of a force pulse that a user asks for, s
 
 
 def read_effect(text: str) -> PlacedEffect:
@@ -208,7 +214,7 @@ def read_effect(text: str) -> PlacedEffect:
 def with_effects(
     dataset: Dataset, placed_effects: Sequence[PlacedEffect], start: FittedModel | None = None
 ) -> tuple[Dataset, FittedModel]:
-    """Fit a model with given effects, one added after the other.
+    """Fit a model with given effects, added one after another.
 
     Parameters
     ----------
@@ -217,12 +223,12 @@ def with_effects(
     placed_effects : sequence of PlacedEffect
         Effects in order.
     start : FittedModel, optional
-        What they are added to; the car without effects where it is left out.
+        Model to which they are added; by default the car without effects.
 
     Returns
     -------
     Dataset, FittedModel
-        With sensor corrections that stand on the fitted model, and its mode.
+        The recordings with sensor corrections computed from the fitted model, and that model.
 
     Raises
     ------
@@ -262,15 +268,15 @@ def with_effects(
 
 
 def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[list[Candidate]]:
-    """Values from which to add an effect, one group a run that it may be in."""
+    """List starting values for an added effect, one group for each run that may have it."""
     if placed.effect.on_request:
-        if not _possible(placed, model, dataset.vehicle):
+        if not _is_possible(placed, model, dataset.vehicle):
             return []
         return [[Candidate(placed, values, False, True) for values in placed.effect.fit_starts]]
     if not placed.effect.in_one_run:
         return [[c for c in candidates(model, dataset.vehicle) if str(c.placed) == str(placed)]]
     runs = range(len(dataset.recordings)) if placed.run is None else (placed.run,)
-    edges = [
+    steps = [
         c
         for c in candidates(model, dataset.vehicle)
         if c.is_step and c.placed.where == _first_place(model)
@@ -280,11 +286,11 @@ def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[
             replace(
                 c,
                 placed=replace(placed, run=run),
-                values={**c.values, "duration": lasts},
+                values={**c.values, "duration": duration},
                 is_step=False,
             )
-            for c in edges
-            for lasts in _LENGTHS
+            for c in steps
+            for duration in _PULSE_DURATIONS
             if c.placed.run == run
         ]
         for run in runs
@@ -303,7 +309,7 @@ def fit_with_effect(
     promised: float = 0.0,
     floor: float = -math.inf,
 ) -> FittedModel:
-    """Fit a model with one more effect, from the best of its starts.
+    """Fit a model with one more effect, from the best of several starting points.
 
     Parameters
     ----------
@@ -312,12 +318,12 @@ def fit_with_effect(
     model : FittedModel
         The model so far, at its mode.
     group : sequence of Candidate
-        Of one effect at its place: sets of values to begin from.
+        Starting values of one effect at its place.
     promised : float
-        Nats that a little of it would gain to first order.  A fit that gains much less has climbed
-        another hill: a stop that is soft and early where a hard one is just reached.
+        Gain that its score predicts to first order, nats.  A fit that gains much less is at another
+        local maximum: a soft stop with a small gap where a hard one is just reached.
     floor : float
-        Log-posterior that others reach; what stays far below is not followed to its mode.
+        Log-posterior that other candidates reach; a fit that stays far below is stopped early.
     """
     placed = group[0].placed
     placed_effects = (*model.placed_effects, placed)
@@ -326,7 +332,7 @@ def fit_with_effect(
     first = placed.effect.parameters[0]
     starts: list[tuple[float, int, Array]] = []
     for candidate in group:
-        tried = [candidate.values]  # a little of it: next to where the model stands already
+        tried = [candidate.values]  # a small size of the effect, close to the current model
         if not candidate.is_start:
             two_sided = first.form in ("linear", "sinh")
             sizes = [s * first.size(scale) for s in first.initial_values]
@@ -337,31 +343,40 @@ def fit_with_effect(
             starts.append((float(posterior.log_posterior(z[None])[0]), len(starts), z))
     starts.sort(key=lambda b: (-b[0], b[1]))
     best: FittedModel | None = None
-    for fits, (_, _, z) in enumerate(starts[:_AT_MOST], 1):
-        one = fit_model(posterior, z, floor)
-        if best is None or one.mode.log_posterior > best.mode.log_posterior:
-            best = one
-        kept = best.mode.log_posterior > model.mode.log_posterior + _KEPT * promised - _HIGHER
+    for fits, (_, _, z) in enumerate(starts[:_MAX_STARTS], 1):
+        fit = fit_model(posterior, z, floor)
+        if best is None or fit.mode.log_posterior > best.mode.log_posterior:
+            best = fit
+        gained_enough = (
+            best.mode.log_posterior
+            > model.mode.log_posterior + _ENOUGH_GAIN * promised - _MODE_MARGIN
+        )
         at_noise = best.mode.converged and float(np.mean(best.mode.slopes.nu**2)) < 1.2
-        if kept and (at_noise or fits >= _TRIED):  # at the noise no start can end lower
+        if gained_enough and (
+            at_noise or fits >= _STARTS
+        ):  # residuals at the noise cannot be smaller
             break
     assert best is not None
-    return _over_the_next_hill(best) if placed.effect.acts != "reading" else _again(dataset, best)
+    return (
+        _search_shape_modes(best)
+        if placed.effect.acts != "reading"
+        else _refit_sensor_effect(dataset, best)
+    )
 
 
-def _again(dataset: Dataset, model: FittedModel) -> FittedModel:
-    """Fit a sensor's fault again, with what it does worked out where the first fit left the car."""
+def _refit_sensor_effect(dataset: Dataset, model: FittedModel) -> FittedModel:
+    """Fit a sensor effect again, with its corrections recomputed at the first fit."""
     better = update_corrections(dataset, model)
     return fit_model(better.posterior(model.placed_effects), model.mode.z)
 
 
-def _over_the_next_hill(model: FittedModel) -> FittedModel:
-    """Look along every shape for a higher place, and climb from there.
+def _search_shape_modes(model: FittedModel) -> FittedModel:
+    """Search along every shape coordinate for a higher mode.
 
-    How sharply a law bends has more than one hill: a corner that is rounded less than the motion
-    shows, and one that is rounded more.  Where the data hardly know a shape the other hill may be
-    higher only once everything else has moved along: then the far ends of what was believed
-    beforehand are climbed from.
+    The posterior may be multimodal in how sharply a force law bends: one mode has a corner that is
+    rounded less than the motion can show, another one that is rounded more.  Where the data hardly
+    constrain a shape, the other mode may be higher only after all other coordinates have been
+    fitted as well; the search then starts again from the far ends of the prior.
     """
     space, z = model.space, model.mode.z
     shapes = [
@@ -372,20 +387,25 @@ def _over_the_next_hill(model: FittedModel) -> FittedModel:
     ]
     if not shapes:
         return model
-    here = model.mode.log_posterior
-    looked = np.array([_with(z, k, z[k] + by) for k in shapes for by in _LOOKED])
-    values = model.posterior.log_posterior(looked)
-    if float(values.max()) > here + _HIGHER:
-        starts = looked[[int(np.argmax(values))]]
+    height = model.mode.log_posterior
+    points = np.array([_with_coordinate(z, k, z[k] + by) for k in shapes for by in _SHAPE_OFFSETS])
+    values = model.posterior.log_posterior(points)
+    if float(values.max()) > height + _MODE_MARGIN:
+        starts = points[[int(np.argmax(values))]]
     else:
-        far = [_with(z, k, end) for k in shapes for end in _ENDS if abs(end - z[k]) > _FAR]
-        ends = np.array(far).reshape(-1, len(z))
-        starts = ends[model.posterior.log_posterior(ends) > here - _KNOWN]
-    others = [fit_model(model.posterior, start, here + _HIGHER) for start in starts]
+        distant = [
+            _with_coordinate(z, k, end)
+            for k in shapes
+            for end in _SHAPE_ENDS
+            if abs(end - z[k]) > _END_DISTANCE
+        ]
+        ends = np.array(distant).reshape(-1, len(z))
+        starts = ends[model.posterior.log_posterior(ends) > height - _MAX_END_LOSS]
+    others = [fit_model(model.posterior, start, height + _MODE_MARGIN) for start in starts]
     return max((model, *others), key=lambda s: s.mode.log_posterior)
 
 
-def _with(z: Array, k: int, value: float) -> Array:
+def _with_coordinate(z: Array, k: int, value: float) -> Array:
     out = z.copy()
     out[k] = value
     return out

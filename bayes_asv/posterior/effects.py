@@ -1,13 +1,17 @@
-"""Effects among the parameters: their forces, and their corrections of readings.
+"""Force laws of effects, and corrections of readings for sensor effects.
 
-Sensor effects are undone by corrections that follow from the signal.  A wheel's follow from its
-reading without most of the noise: with slow that behind one more pole of the declared corner, a
-sensor whose corner is b times the declared one would, were it as declared, have read
-slow + (signal − slow)/b.  A chassis channel's follow from a simulation that knows the wheels alone:
-with slow what a declared sensor would have read behind one more pole, b times the declared corner,
-this one reads slow + b (signal − slow).  Both are exact for one pole.  A lag is a shift, a Taylor
-series of it.  From a chassis reading itself corrections would share its noise, and a change that
-sharpens a channel would be taken for news.
+Sensor effects are undone by corrections that are computed from a signal.
+
+- For a wheel sensor, the signal is its reading with most of the noise removed.  Let slow be that
+  signal after one more pole at the declared corner.  If the true corner is b times the declared
+  one, a sensor as declared would have read slow + (signal − slow)/b.
+- For a chassis sensor, the signal is a simulation that is driven by the wheels alone.  Let slow be
+  the output of a sensor as declared after one more pole at b times the declared corner.  A sensor
+  with that corner reads slow + b (signal − slow).
+
+Both are exact for a filter with one pole.  A lag is a shift in time, computed by a Taylor series.
+Corrections from the chassis readings themselves would share their noise: sharpening would amplify
+noise that the model takes for signal.
 """
 
 from __future__ import annotations
@@ -39,13 +43,14 @@ Array = NDArray[np.float64]
 Values = Mapping[PlacedEffect, Mapping[str, float]]
 
 NO_FILTER = 0.4
-"""Share of the sampling rate that is the pole of a filter which nobody declared."""
-_TERMS = 4  # of a Taylor series: a lag of a sample moves 60 Hz by 0.9 rad, and is good to 0.5 %
-_DEGREE = 7  # of the spline whose fourth derivative is asked for
+"""Corner frequency that is assumed for an undeclared filter, as a share of the sampling rate."""
+# Terms of the Taylor series in a lag: a lag of one sample, 0.9 rad at 60 Hz, is accurate to 0.5 %.
+_TERMS = 4
+_DEGREE = 7  # degree of the interpolating spline; the series needs its fourth derivative
 
 
 def law_table(car: CarModel, values: Values, run: int) -> Array:
-    """Table (K, P) of the laws that act on the suspension elements of a car in one run."""
+    """Table (K, P) of the force laws that act on a car's suspension elements in one run."""
     out: list[list[float]] = []
     for placed, value in values.items():
         if placed.effect.packed is None or placed.run not in (None, run):
@@ -59,14 +64,14 @@ def law_table(car: CarModel, values: Values, run: int) -> Array:
 
 
 class NominalReadings(NamedTuple):
-    """What sensors that are as declared would have read.
+    """Readings that nominal sensors, those as declared, would have given.
 
     Parameters
     ----------
     moments : (E, nu, ORDER) array
-        Of the measured inputs.
+        Moments of the measured inputs.
     reading : (E, ny) array
-        Of the outputs.
+        Readings of the outputs.
     wheel : (E, nu) array
         Measured inputs at the instants, m/s².
     """
@@ -77,16 +82,16 @@ class NominalReadings(NamedTuple):
 
 
 class NominalOutput(NamedTuple):
-    """What one chassis sensor would have read if it were as declared.
+    """Signal that one chassis sensor would have read if it were as declared.
 
     Parameters
     ----------
     has_reading : (E,) array of bool
         Instants at which it was read; R of them.
     spline : CubicSpline
-        Through what it would have read, m/s² over s.
+        Spline through that signal, m/s² over s.
     cutoff : float
-        Declared, rad/s.
+        Declared corner frequency, rad/s.
     """
 
     has_reading: NDArray[np.bool_]
@@ -96,30 +101,32 @@ class NominalOutput(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SensorCorrections:
-    """What sensors that are not as declared change in one recording; itself and no other.
+    """Corrections of one recording's readings, channel by channel.
+
+    Compared by identity: two objects are equal only if they are the same one.
 
     Parameters
     ----------
     pole : float
-        Of the filter that all readings passed, rad/s.
+        Pole of the filter that all readings passed, rad/s.
     wheel : (E, nu) array
         Measured inputs at the instants, m/s².
     lag_series : tuple of (TERMS, E, ORDER) or (TERMS, E) arrays
-        One a channel: moments of the k-th derivative of its reading over k!, or that derivative of
-        what an output would have read.
+        One a channel: the k-th derivative over k!, as moments of the reading of an input, or as
+        values of the simulated signal of an output.
     exact_lag : tuple of callable
-        One a channel: from a lag, s, to what undoes it, by the spline itself.
+        One a channel: the correction for a lag, s, evaluated from the spline.
     max_series_lag : float
-        Lag up to which the series in ``lag_series`` holds, s: one sample.
+        Largest lag for which ``lag_series`` is used, s: one sample.
     high_pass : tuple of C (E, ORDER) arrays or None
-        An input's signal less its slow part, moments of it.
+        Moments of an input's signal less its slow part; None for an output.
     above : tuple of C NominalOutput or None
-        Each output, as declared.
+        Signal of an output as declared; None for an input.
     ramp : tuple of (E, ORDER) or (E,) arrays
-        Drift of a unit slope: time since the recording's beginning, for another quantity than an
-        acceleration times its relative offset.
+        Drift with unit slope: time since the start of the recording, scaled by the relative offset
+        of the channel's quantity.
     unit_moments : (E, ORDER) array
-        Moments of one.
+        Moments of the constant 1.
     """
 
     pole: float
@@ -135,7 +142,7 @@ class SensorCorrections:
     def corrected(
         self, recording: PreparedRecording, values: Values, biases: Array
     ) -> NominalReadings:
-        """Return what sensors that are as declared would have read.
+        """Return the readings that sensors as declared would have given.
 
         Parameters
         ----------
@@ -144,13 +151,13 @@ class SensorCorrections:
         values : mapping
             Effects and their values.
         biases : (nu,) array
-            What the inputs' sensors read at rest, m/s².
+            Biases of the inputs' sensors, m/s².
 
         Returns
         -------
         NominalReadings
-            Taken off a wheel and off the body above it, a level moves the suspension and nothing
-            else.  The arrays are kept for the next call, and are not to be written to.
+            The bias of a wheel is subtracted from the wheel and from the body above it, so that it
+            moves the suspension only.  The arrays are cached: do not write to them.
         """
         names = [channel.name for channel in recording.channels]
         known = tuple(
@@ -159,51 +166,57 @@ class SensorCorrections:
             if placed.effect.fault
             for name in placed.channels(names)
         )
-        return _corrected(self, recording, known, tuple(float(x) for x in biases))
+        return _nominal_readings(self, recording, known, tuple(float(x) for x in biases))
 
     def undo_sensor_effects(self, c: int, fault: str, value: float) -> Array:
-        """Return what to add to one channel to undo one fault of its sensor."""
+        """Return the correction that undoes one fault of one channel's sensor."""
         of_input = self.high_pass[c] is not None
         if fault == "lag":
             if abs(value) > self.max_series_lag:
                 return self.exact_lag[c](value)
-            return _later(self.lag_series[c], value, of_reading=of_input)
-        return self._sharper(c, value) if fault == "bandwidth" else -value * self.ramp[c]
+            return _series_lag_correction(self.lag_series[c], value, of_reading=of_input)
+        return (
+            self._bandwidth_correction(c, value) if fault == "bandwidth" else -value * self.ramp[c]
+        )
 
-    def _sharper(self, c: int, share: float) -> Array:
-        """Return what a channel whose corner is a share of the declared one has lost."""
-        sharper, above = self.high_pass[c], self.above[c]
-        if sharper is not None:
-            return (1.0 / share - 1.0) * sharper
-        assert above is not None
-        there, through, corner = above
-        lost = through(through.x) - low_passed(through.x, through.c, share * corner)
-        return _laid(there, (1.0 - share) * lost)
+    def _bandwidth_correction(self, c: int, share: float) -> Array:
+        """Return the correction of a channel whose corner is a share of the declared one."""
+        high_pass, nominal = self.high_pass[c], self.above[c]
+        if high_pass is not None:
+            return (1.0 / share - 1.0) * high_pass
+        assert nominal is not None
+        has_reading, spline, cutoff = nominal
+        lost = spline(spline.x) - low_passed(spline.x, spline.c, share * cutoff)
+        return _scatter(has_reading, (1.0 - share) * lost)
 
 
-@lru_cache(maxsize=8)  # along all coordinates but a sensor's own and an input's bias it stays
-def _corrected(
-    known: SensorCorrections,
+@lru_cache(maxsize=8)  # changes of the car's coordinates leave the corrections as they are
+def _nominal_readings(
+    corrections: SensorCorrections,
     recording: PreparedRecording,
     faults: tuple[tuple[int, str, float], ...],
     biases: tuple[float, ...],
 ) -> NominalReadings:
-    """Return what sensors as declared would have read; faults by channel, kind and value."""
+    """Nominal readings of a recording; faults by channel, kind and value."""
     level = np.array(biases)
-    driven = recording.moments - level[:, None] * known.unit_moments[:, None]
+    input_moments = recording.moments - level[:, None] * corrections.unit_moments[:, None]
     reading = recording.reading - recording.rigid_gain @ level
     for c, fault, value in faults:
         if c in recording.inputs:
-            driven[:, recording.inputs.index(c)] += known.undo_sensor_effects(c, fault, value)
+            input_moments[:, recording.inputs.index(c)] += corrections.undo_sensor_effects(
+                c, fault, value
+            )
         else:
-            reading[:, recording.outputs.index(c)] += known.undo_sensor_effects(c, fault, value)
-    return NominalReadings(driven, reading, known.wheel - level)
+            reading[:, recording.outputs.index(c)] += corrections.undo_sensor_effects(
+                c, fault, value
+            )
+    return NominalReadings(input_moments, reading, corrections.wheel - level)
 
 
-def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
-    """Return what a channel that samples later by ``lag`` has to be changed by.
+def _series_lag_correction(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
+    """Correction for a sampling delay, from the derivatives of the signal.
 
-    Of a reading r, r(t − lag) − r(t); of what it would have been, −(s(t + lag) − s(t)).
+    For a reading r it is r(t − lag) − r(t); for a simulated signal s, −(s(t + lag) − s(t)).
     """
     by = -lag if of_reading else lag
     change = sum(by ** (k + 1) * one for k, one in enumerate(derivatives))
@@ -213,7 +226,7 @@ def _later(derivatives: Array, lag: float, *, of_reading: bool) -> Array:
 def sensor_corrections(
     recording: PreparedRecording, vehicle: Vehicle, declared: Array
 ) -> SensorCorrections:
-    """Work out the corrections of a recording once.
+    """Compute the corrections of a recording.
 
     Parameters
     ----------
@@ -222,70 +235,77 @@ def sensor_corrections(
     vehicle : Vehicle
         Gives declared bandwidths.
     declared : (E, ny) array
-        Simulated outputs of sensors that are as declared.
+        Simulated outputs of sensors as declared.
     """
     begin = recording.instants[0] - recording.elapsed[0]
-    moved, ramp, later = [], [], []
-    sharper: list[Array | None] = []
+    lag_series, ramp, exact_lag = [], [], []
+    high_pass: list[Array | None] = []
     above: list[NominalOutput | None] = []
     for c, channel in enumerate(recording.channels):
         corner = vehicle.sensor(channel.name).bandwidth
         if c in recording.inputs:
             u = recording.inputs.index(c)
             time, signal = denoise_wheel(recording, u, corner)
-            laid = partial(_moments, recording, time, recording.wheels[u].sd)
-            through = CubicSpline(time, signal)
-            slow = signal if corner is None else low_passed(time, through.c, 2.0 * math.pi * corner)
-            sharper.append(laid(signal - slow))
+            to_instants = partial(_moments, recording, time, recording.wheels[u].sd)
+            spline = CubicSpline(time, signal)
+            slow = signal if corner is None else low_passed(time, spline.c, 2.0 * math.pi * corner)
+            high_pass.append(to_instants(signal - slow))
             above.append(None)
         else:
             y = recording.outputs.index(c)
-            there = recording.kind[:, y] != MISSING
-            time, signal = recording.instants[there], declared[there, y]
-            laid = partial(_laid, there)
-            through = CubicSpline(time, signal)
-            above.append(NominalOutput(there, through, 2.0 * math.pi * (corner or math.inf)))
-            sharper.append(None)
+            has_reading = recording.kind[:, y] != MISSING
+            time, signal = recording.instants[has_reading], declared[has_reading, y]
+            to_instants = partial(_scatter, has_reading)
+            spline = CubicSpline(time, signal)
+            above.append(NominalOutput(has_reading, spline, 2.0 * math.pi * (corner or math.inf)))
+            high_pass.append(None)
         smooth = make_interp_spline(time, signal, k=_DEGREE)
-        found = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
-        moved.append(np.stack([laid(x) for x in found]))
-        later.append(
-            partial(_shift, smooth, time, signal, laid, -1.0 if c in recording.inputs else 1.0)
+        terms = [smooth(time, k) / math.factorial(k) for k in range(1, _TERMS + 1)]
+        lag_series.append(np.stack([to_instants(x) for x in terms]))
+        exact_lag.append(
+            partial(
+                _exact_lag_correction,
+                smooth,
+                time,
+                signal,
+                to_instants,
+                -1.0 if c in recording.inputs else 1.0,
+            )
         )
-        ramp.append(laid(relative_offset(channel.quantity) * (time - begin)))
+        ramp.append(to_instants(relative_offset(channel.quantity) * (time - begin)))
     pole = float(np.max(recording.poles)) or 2.0 * math.pi * NO_FILTER / recording.reading_step
     wheel_at = np.stack([w.spline(recording.instants) for w in recording.wheels], axis=1)
     return SensorCorrections(
-        pole, wheel_at, tuple(moved), tuple(later), recording.reading_step, tuple(sharper),
-        tuple(above), tuple(ramp), unit_input_moments(recording),
+        pole, wheel_at, tuple(lag_series), tuple(exact_lag), recording.reading_step,
+        tuple(high_pass), tuple(above), tuple(ramp), unit_input_moments(recording),
     )  # fmt: skip
 
 
-def _shift(
-    smooth: BSpline,
+def _exact_lag_correction(
+    spline: BSpline,
     time: Array,
     signal: Array,
-    laid: Callable[[Array], Array],
+    to_instants: Callable[[Array], Array],
     sign: float,
     lag: float,
 ) -> Array:
-    """Return what undoes a lag; beyond its ends a channel keeps its first and last value.
+    """Correction for a sampling delay, from the spline itself.
 
-    Of a reading (sign −1) r(t − lag) − r(t), of what it would have been (sign 1)
-    −(s(t + lag) − s(t)).
+    For a reading r (sign −1) it is r(t − lag) − r(t); for a simulated signal s (sign 1),
+    −(s(t + lag) − s(t)).  Beyond its ends a channel keeps its first and last value.
     """
-    moved = smooth(np.clip(time + sign * lag, time[0], time[-1]))
-    return -sign * laid(moved - signal)
+    moved = spline(np.clip(time + sign * lag, time[0], time[-1]))
+    return -sign * to_instants(moved - signal)
 
 
 def _moments(recording: PreparedRecording, time: Array, deviation: Array, samples: Array) -> Array:
-    """Moments (E, ORDER) of what runs through an input's samples."""
-    through = WheelSignal(CubicSpline(time, samples), time, deviation)
-    return np.asarray(moments(through, recording.instants, ORDER))
+    """Moments (E, ORDER) of the cubic spline through samples of an input."""
+    wheel = WheelSignal(CubicSpline(time, samples), time, deviation)
+    return np.asarray(moments(wheel, recording.instants, ORDER))
 
 
-def _laid(there: NDArray[np.bool_], samples: Array) -> Array:
-    """Lay samples where an output was read, and nothing elsewhere (E,)."""
-    out = np.zeros(len(there))
-    out[there] = samples
+def _scatter(has_reading: NDArray[np.bool_], samples: Array) -> Array:
+    """Scatter samples to the instants with a reading (E,); zero elsewhere."""
+    out = np.zeros(len(has_reading))
+    out[has_reading] = samples
     return out

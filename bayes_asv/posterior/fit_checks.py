@@ -11,23 +11,24 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
 __all__ = ["excess_noise_sentence", "explained_power_findings", "model_bandwidth"]
 
-_BAND = 2.5  # times the fastest mode: where the car has to explain what is measured
-_NOT_EXPLAINED = 0.7  # share left over (rms) beyond which the car is another one
-_FARTHEST = 0.4  # m of suspension travel that no small car has
-_EXCESS_NOISE = 3.0  # times the given noise beyond which something else hides in it
+# Bandwidth in which the car has to explain the readings, in frequencies of its fastest mode.
+_BAND = 2.5
+_MAX_RESIDUAL_SHARE = 0.7  # unexplained share (rms) above which the estimate is refused
+_MAX_TRAVEL = 0.4  # suspension travel that no small car has, m
+_EXCESS_NOISE = 3.0  # estimated over declared noise level above which a warning is given
 
 
 def explained_power_findings(
     recording: PreparedRecording, free: FreeRun, widened: bool = False
 ) -> tuple[list[str], list[str]]:
-    """Check that the fitted car explains the motion that it is meant for.
+    """Check that the fitted car explains the motion in its band.
 
     Parameters
     ----------
     recording, free : PreparedRecording and FreeRun
         One recording and its best simulation.
     widened : bool
-        Whether the intervals account for what is left over.
+        Whether the intervals account for the residuals.
 
     Returns
     -------
@@ -36,25 +37,27 @@ def explained_power_findings(
     reasons: list[str] = []
     warnings: list[str] = []
     top = model_bandwidth(recording)
-    for c, left in zip(recording.outputs, unexplained_in_band(recording, free, top), strict=True):
-        share = 100.0 * max(1.0 - float(left) ** 2, 0.0)
+    for c, residual_share in zip(
+        recording.outputs, unexplained_in_band(recording, free, top), strict=True
+    ):
+        share = 100.0 * max(1.0 - float(residual_share) ** 2, 0.0)
         words = (
             f"the fitted {recording.car.name} car explains only {share:.0f} % of the "
             f"{recording.channels[c].words} signal below {top:.0f} Hz in {recording.source}"
         )
-        if left > _NOT_EXPLAINED:
+        if residual_share > _MAX_RESIDUAL_SHARE:
             reasons.append(
                 f"{words}, too little to trust any answer; check channels, signs, units and "
                 "clocks, and that the sensors sit on hubs and frame above the axles; if all that "
                 "is right, this car does something that the linear model cannot"
             )
-        elif left > MAX_UNEXPLAINED:
+        elif residual_share > MAX_UNEXPLAINED:
             words += "; something that it does not know is at work"
             warnings.append(
                 words if widened else f"{words}, and the intervals do not account for it"
             )
     travel = float(np.max(np.abs(free.states[:, 0 : 2 * len(recording.car.elements) : 2])))
-    if travel > _FARTHEST:
+    if travel > _MAX_TRAVEL:
         warnings.append(
             f"{recording.source} would mean {travel:.1f} m of suspension travel; check the units "
             "and scales of the sensors"
@@ -71,14 +74,14 @@ def model_bandwidth(recording: PreparedRecording) -> float:
 def excess_noise_sentence(
     recording: PreparedRecording, found: dict[str, float], run: int
 ) -> list[str]:
-    """Warn where noise had to grow far beyond what is given for the sensor.
+    """Warn if an estimated noise level is far above the declared one.
 
     Parameters
     ----------
     recording : PreparedRecording
         One recording.
     found : dict of str to float
-        Noise deviations by name, m/s².
+        Estimated noise levels (standard deviations) by name, SI units.
     run : int
         Which recording.
 

@@ -1,4 +1,4 @@
-"""A model with some effects, fitted to the recordings at hand."""
+"""Models with effects, fitted to a set of recordings."""
 
 from __future__ import annotations
 
@@ -36,12 +36,13 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_START = 4.0  # times the mean square of where a simulation begins: variance of where a filter does
+# Filter's initial variance, as a multiple of the mean square of the simulated initial state.
+_INITIAL_VARIANCE = 4.0
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Recordings and the car they were taken with.
+    """Recordings, and the vehicle that they were taken with.
 
     Parameters
     ----------
@@ -50,11 +51,11 @@ class Dataset:
     recordings : tuple of PreparedRecording
         Recordings.
     sensor_corrections : tuple of SensorCorrections
-        What sensors that are not as declared would change in each.
+        Corrections for sensor effects, one a recording.
     inputs_denoised : bool
-        The wheels have lost most of their noise already.
+        Whether most of the noise of the wheel sensors has been removed.
     perturbations : tuple of Perturbation
-        What an unlisted fault changes in each recording; empty without one.
+        Change that an unlisted fault makes to each recording; empty without one.
     """
 
     vehicle: Vehicle
@@ -73,10 +74,10 @@ class Dataset:
         )
 
     def posterior(self, placed_effects: tuple[PlacedEffect, ...], hold: bool = False) -> Posterior:
-        """Posterior of a model with some effects, noise levels near what is given or held there."""
-        held = frozenset(range(len(self.recordings))) if hold else frozenset()
+        """Posterior of a model with effects; noise near its declared levels, or fixed there."""
+        fixed_runs = frozenset(range(len(self.recordings))) if hold else frozenset()
         parameter_space = make_parameter_space(
-            self.vehicle, self.recordings, hold=held, placed_effects=placed_effects, near=True
+            self.vehicle, self.recordings, hold=fixed_runs, placed_effects=placed_effects, near=True
         )
         return Posterior(
             parameter_space, (WHITE,) * len(self.recordings),
@@ -85,34 +86,37 @@ class Dataset:
 
 
 def make_dataset(vehicle: Vehicle, recordings: tuple[PreparedRecording, ...]) -> Dataset:
-    """Set recordings up, with sensor corrections that stand on the readings themselves."""
+    """Set up recordings, with sensor corrections computed from the readings themselves."""
     recordings = tuple(
         without_mean_input(with_noise_of_still_wheels(recording)) for recording in recordings
     )
-    found = tuple(
+    corrections = tuple(
         sensor_corrections(recording, vehicle, recording.reading) for recording in recordings
     )
-    dataset = Dataset(vehicle, recordings, found)
-    # a wait tells where a car begins
-    from_rest = [_beginning_as_shown(dataset, run) for run in range(len(recordings))]
+    dataset = Dataset(vehicle, recordings, corrections)
+    # Standstill before the drive determines the initial state, so trim it only afterwards.
+    from_rest = [_limit_initial_covariance(dataset, run) for run in range(len(recordings))]
     return replace(dataset, recordings=tuple(map(without_standstill, from_rest)))
 
 
-def _beginning_as_shown(dataset: Dataset, run: int) -> PreparedRecording:
-    """Return a recording that begins no further from rest than the whole of it shows.
+def _limit_initial_covariance(dataset: Dataset, run: int) -> PreparedRecording:
+    """Limit the initial covariance to what the recording supports.
 
-    A linear car may begin anywhere.  A law that bends is drawn as a line at wherever the filter
-    believes the car to be, and beliefs of a decimetre would bend it out of shape for a second; a
-    filter that takes a zero of a sensor for travel meets stops that are far away.
+    A linear car may start in any state.  The filter linearises a nonlinear force law at its state
+    estimate: with an initial standard deviation of a decimetre that linearisation would be wrong
+    for the first second, and a filter that takes a sensor bias for suspension travel would engage
+    stops that the car never reached.
     """
     posterior = dataset.posterior(())
-    begin, sd = initial_state(posterior, np.zeros(posterior.space.dimension), run)
-    start = dataset.recordings[run].initial_covariance
+    state, sd = initial_state(posterior, np.zeros(posterior.space.dimension), run)
+    covariance = dataset.recordings[run].initial_covariance
     states = 2 * len(dataset.recordings[run].car.elements)
-    shrink = np.ones(len(start))
-    variance = _START * (begin**2 + sd**2)
-    shrink[:states] = np.sqrt(np.minimum(1.0, variance / np.diag(start))[:states])
-    return replace(dataset.recordings[run], initial_covariance=shrink[:, None] * start * shrink)
+    shrink = np.ones(len(covariance))
+    variance = _INITIAL_VARIANCE * (state**2 + sd**2)
+    shrink[:states] = np.sqrt(np.minimum(1.0, variance / np.diag(covariance))[:states])
+    return replace(
+        dataset.recordings[run], initial_covariance=shrink[:, None] * covariance * shrink
+    )
 
 
 def update_corrections(dataset: Dataset, model: FittedModel) -> Dataset:
@@ -123,7 +127,7 @@ def update_corrections(dataset: Dataset, model: FittedModel) -> Dataset:
 def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> Dataset:
     """Recompute the corrections of sensor faults from the prediction at coordinates (D,)."""
 
-    def one(run: int) -> SensorCorrections:
+    def corrections_of_run(run: int) -> SensorCorrections:
         declared = (
             simulate_nominal_outputs(posterior, z, run)
             if dataset.inputs_denoised
@@ -133,8 +137,8 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
 
     with shared_work(posterior) as shared:
         assert shared.pool is not None
-        found = list(shared.pool.map(one, range(len(dataset.recordings))))
-    return replace(dataset, sensor_corrections=tuple(found))
+        corrections = list(shared.pool.map(corrections_of_run, range(len(dataset.recordings))))
+    return replace(dataset, sensor_corrections=tuple(corrections))
 
 
 @dataclass(frozen=True)
@@ -148,7 +152,7 @@ class FittedModel:
     posterior : Posterior
         Its posterior.
     mode : LaplaceApproximation
-        Where it is highest.
+        Mode of the posterior.
     """
 
     placed_effects: tuple[PlacedEffect, ...]
@@ -161,7 +165,7 @@ class FittedModel:
         return self.posterior.space
 
     def transfer(self, new: ParameterSpace) -> Array:
-        """Coordinates of the mode in a larger or smaller model, everything in common kept."""
+        """Coordinates of the mode in another model; shared coordinates keep their values."""
         return transfer_coordinates(self.space, self.mode.z, new, None, {})
 
 
@@ -172,16 +176,17 @@ def transfer_coordinates(
     placed: PlacedEffect | None,
     values: Mapping[str, float],
 ) -> Array:
-    """Coordinates of a larger or smaller model, everything in common kept.
+    """Coordinates in another model; shared coordinates keep their values.
 
     Parameters
     ----------
     old, z : ParameterSpace, (D,) array
-        Where one stands.
+        Current parameter space, and coordinates in it.
     new : ParameterSpace
-        Where to go.
+        Parameter space of the other model.
     placed, values
-        What is new, and the values (SI units) at which it begins; others begin at their centre.
+        An added effect, and initial values of its parameters (SI units).  All other new coordinates
+        start at the centre of their prior.
     """
     known = dict(zip(old.names, z, strict=True))
     out = np.array([known.get(name, 0.0) for name in new.names])
@@ -194,7 +199,7 @@ def transfer_coordinates(
 
 
 def fit_model(posterior: Posterior, start: Array, floor: float = -math.inf) -> FittedModel:
-    """Maximise the posterior of a model; stop early where a floor (nats) is out of reach."""
+    """Maximise a posterior; stop early if its maximum cannot reach ``floor`` (nats)."""
     with shared_work(posterior) as shared:
         mode = maximise_by_scoring(shared, start, floor)
     return FittedModel(posterior.space.placed_effects, replace(posterior, pool=None), mode)
@@ -203,7 +208,7 @@ def fit_model(posterior: Posterior, start: Array, floor: float = -math.inf) -> F
 def fit_again(
     dataset: Dataset, model: FittedModel, placed_effects: tuple[PlacedEffect, ...]
 ) -> FittedModel:
-    """Fit a model with some effects to recordings, starting at the mode of another model."""
+    """Fit a model with effects to recordings, starting at the mode of another model."""
     posterior = dataset.posterior(placed_effects)
     return fit_model(posterior, model.transfer(posterior.space))
 

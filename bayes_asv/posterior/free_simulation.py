@@ -1,4 +1,4 @@
-"""Free-running simulation: the fitted car follows its measured inputs, outputs are not fed back."""
+"""Free-running simulation: measured inputs drive the fitted car, outputs are not fed back."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 4  # of Gauss–Newton where forces are not linear
-_WEAK = 1e-3  # power of noise over that of the motion: what the prior weighs next to the record
+_ROUNDS = 4  # Gauss–Newton iterations if forces are nonlinear
+# Noise power relative to that of the motion, which sets the weight of the readings against the
+# prior of the initial state.
+_NOISE_POWER = 1e-3
 
 
 class FreeRun(NamedTuple):
@@ -35,7 +37,7 @@ class FreeRun(NamedTuple):
     Parameters
     ----------
     output : (E, ny) array
-        Outputs with the fitted biases, as the sensors would have read them.
+        Simulated sensor readings, with the fitted biases.
     states : (E, nx + ne) array
         Deflections (m) and their rates (m/s) element by element, body rates, and excess forces (N).
     initial_state : (nx + nd + ny,) array
@@ -50,39 +52,38 @@ class FreeRun(NamedTuple):
 def free_run(posterior: Posterior, z: Array, run: int) -> FreeRun:
     """Simulate one recording from its measured inputs.
 
-    Initial state and biases are regressed on the outputs under their priors; nothing else is
-    adjusted to them.
+    Initial state and biases are fitted to the outputs under their priors; nothing else is.
 
     Parameters
     ----------
     posterior : Posterior
-        With sensor corrections where it has effects.
+        Posterior; with sensor corrections if it has effects.
     z : (D,) array
-        Coordinates; those of noise play no part.
+        Coordinates; those of noise are not used.
     run : int
         Which recording.
     """
     recording = posterior.space.recordings[run]
     nominal = posterior.as_declared(z, run)
-    found, _ = _of_posterior(posterior, z, run, nominal)
-    # The simulation is of sensors as declared; what the real ones added is put back.
-    return found._replace(output=found.output + (recording.reading - nominal.reading))
+    simulated, _ = _simulate_posterior(posterior, z, run, nominal)
+    # the simulation has sensors as declared: add the sensor effects again
+    return simulated._replace(output=simulated.output + (recording.reading - nominal.reading))
 
 
 def initial_state(posterior: Posterior, z: Array, run: int) -> tuple[Array, Array]:
-    """Where a recording begins, and its standard deviation, (nx + nd + ny,) each.
+    """Estimate the initial state of a recording and its standard deviation, (nx + nd + ny,) each.
 
-    What is left of the recording is taken for white noise.
+    The residuals are assumed to be white.
     """
-    found, deviation = _of_posterior(posterior, z, run, posterior.as_declared(z, run))
-    return found.initial_state, deviation
+    simulated, deviation = _simulate_posterior(posterior, z, run, posterior.as_declared(z, run))
+    return simulated.initial_state, deviation
 
 
-def _of_posterior(
+def _simulate_posterior(
     posterior: Posterior, z: Array, run: int, nominal: NominalReadings
 ) -> tuple[FreeRun, Array]:
     recording = posterior.space.recordings[run]
-    return _regressed(
+    return _fit_initial_state(
         recording,
         posterior.space.state_space(z[None], run),
         recording.measurements._replace(moments=nominal.moments, reading=nominal.reading),
@@ -105,27 +106,27 @@ def simulate_free(recording: PreparedRecording, car: Array) -> FreeRun:
         recording.car, values, recording.output_models,
         bias_directions=recording.bias_directions,
     )  # fmt: skip
-    return _regressed(recording, system, recording.measurements, None)[0]
+    return _fit_initial_state(recording, system, recording.measurements, None)[0]
 
 
 def simulate_from(
     posterior: Posterior, z: Array, run: int, inputs: NominalReadings, begin: Array
 ) -> tuple[Array, Array]:
-    """Simulate one recording from inputs and a beginning that are given.
+    """Simulate one recording from given inputs and a given initial state.
 
     Parameters
     ----------
     posterior, z, run
         As for :func:`free_run`.
     inputs : NominalReadings
-        What sensors as declared would have read.
+        Readings of sensors as declared.
     begin : (nx + nd + ny,) array
-        As :class:`FreeRun` has it.
+        Initial state, as in :class:`FreeRun`.
 
     Returns
     -------
     output, states : (E, ny) and (E, nx + ne) arrays
-        As there, the output of sensors as declared.
+        As in :class:`FreeRun`, with the output of sensors as declared.
     """
     data = posterior.space.recordings[run].measurements._replace(moments=inputs.moments)
     system = posterior.space.state_space(z[None], run)
@@ -147,7 +148,7 @@ def _laws(posterior: Posterior, z: Array, run: int, nominal: NominalReadings) ->
 def _responses(
     system: StateSpace, data: Measurements, begin: Array, laws: Laws | None
 ) -> tuple[Array, Array]:
-    """Return outputs (W, E, ny) and states (W, E, nx + ne) from beginnings (W, …)."""
+    """Return outputs (W, E, ny) and states (W, E, nx + ne) for initial states (W, …)."""
     output, states = free_response(system, data, begin, laws)
     if laws is None:
         none = np.zeros((*states.shape[:2], system.E.shape[2]))
@@ -155,10 +156,10 @@ def _responses(
     return output, states
 
 
-def _regressed(
+def _fit_initial_state(
     recording: PreparedRecording, system: StateSpace, data: Measurements, laws: Laws | None
 ) -> tuple[FreeRun, Array]:
-    """Fit where a recording begins, by Gauss–Newton; return its standard deviation as well."""
+    """Fit the initial state by Gauss–Newton; return the simulation and its standard deviation."""
     use = data.kind == VALUE
     reading = data.reading
     unknown = len(data.initial_covariance)
@@ -167,12 +168,12 @@ def _regressed(
     steps[0 : 2 * system.E.shape[2] : 2] = 1e-4  # m
     weight = _weights(recording, reading, use)
     ridge = np.linalg.inv(data.initial_covariance)
-    begin = np.zeros(unknown)
+    initial = np.zeros(unknown)
     moves = np.concatenate([np.zeros((1, unknown)), np.diag(steps)[: nx + nd]])
-    outputs, states = _responses(system, data, begin + moves, laws)
-    if not np.all(np.isfinite(outputs)):  # far outside the prior the series of a step diverges:
-        nothing = FreeRun(np.zeros_like(outputs[0]), np.zeros_like(states[0]), begin)
-        return nothing, np.sqrt(np.diag(data.initial_covariance))  # such a car explains nothing
+    outputs, states = _responses(system, data, initial + moves, laws)
+    if not np.all(np.isfinite(outputs)):  # a car far outside the prior diverges
+        nothing = FreeRun(np.zeros_like(outputs[0]), np.zeros_like(states[0]), initial)
+        return nothing, np.sqrt(np.diag(data.initial_covariance))
     normal = np.eye(unknown)
     for _ in range(_ROUNDS if laws is not None else 1):
         slopes = np.zeros((*outputs.shape[1:], unknown))
@@ -181,27 +182,27 @@ def _regressed(
         for y in range(outputs.shape[2]):
             slopes[:, y, nx + nd + y] = 1.0
         design = slopes[use] * weight[use, None]
-        left = ((reading - outputs[0]) * weight)[use]
+        residuals = ((reading - outputs[0]) * weight)[use]
         normal = design.T @ design + ridge
-        step = np.linalg.solve(normal, design.T @ left - ridge @ begin)
-        begin = begin + step
-        outputs, states = _responses(system, data, begin + moves, laws)
+        step = np.linalg.solve(normal, design.T @ residuals - ridge @ initial)
+        initial = initial + step
+        outputs, states = _responses(system, data, initial + moves, laws)
         if np.all(np.abs(step) < steps):
             break
-    left = ((reading - outputs[0]) * weight)[use]
-    # The weights take the noise for a share of the motion; what is left says what it is.
-    deviation = np.sqrt(np.diag(np.linalg.inv(normal)) * np.mean(left**2))
-    return FreeRun(outputs[0], states[0], begin), deviation
+    residuals = ((reading - outputs[0]) * weight)[use]
+    # The weights assume a noise power; the residuals give the actual one.
+    deviation = np.sqrt(np.diag(np.linalg.inv(normal)) * np.mean(residuals**2))
+    return FreeRun(outputs[0], states[0], initial), deviation
 
 
 def _weights(recording: PreparedRecording, reading: Array, use: NDArray[np.bool_]) -> Array:
-    """Inverse standard deviation of each output, next to that of the prior (E, ny)."""
+    """Inverse standard deviation that is assumed for each output's residuals (E, ny)."""
     quantities = [recording.channels[c].quantity for c in recording.outputs]
     out = np.empty(reading.shape)
     for y, quantity in enumerate(quantities):
         alike = [z for z, other in enumerate(quantities) if other == quantity]
         power = float(np.var(reading[:, alike][use[:, alike]]))
-        out[:, y] = 1.0 / np.sqrt(max(_WEAK * power, 1e-12))
+        out[:, y] = 1.0 / np.sqrt(max(_NOISE_POWER * power, 1e-12))
     return out
 
 
@@ -215,12 +216,12 @@ def unexplained_in_band(recording: PreparedRecording, free: FreeRun, top: float)
     free : FreeRun
         Its simulation.
     top : float
-        Upper end of the band, Hz: where the car's own modes are, not the engine's.
+        Upper end of the band, Hz.
 
     Returns
     -------
     (ny,) array
-        Root of the ratio of powers: 0 when all is explained, 1 when nothing is.
+        Square root of the ratio of powers: 0 if everything is explained, 1 if nothing is.
     """
     from scipy.signal import welch
 
@@ -231,11 +232,11 @@ def unexplained_in_band(recording: PreparedRecording, free: FreeRun, top: float)
         rate = 1.0 / float(np.median(np.diff(time)))
         even = np.arange(time[0], time[-1], 1.0 / rate)
         measured = np.interp(even, time, recording.reading[use, y])
-        left = measured - np.interp(even, time, free.output[use, y])
+        residuals = measured - np.interp(even, time, free.output[use, y])
         n = min(len(even), int(2.0 * rate))
         frequency, power = welch(measured, rate, nperseg=n)
-        _, residual = welch(left, rate, nperseg=n)
+        _, residual_power = welch(residuals, rate, nperseg=n)
         band = (frequency > 0.0) & (frequency <= top)
         whole = float(power[band].sum())
-        out[y] = np.sqrt(residual[band].sum() / whole) if whole > 0.0 else 1.0
+        out[y] = np.sqrt(residual_power[band].sum() / whole) if whole > 0.0 else 1.0
     return out

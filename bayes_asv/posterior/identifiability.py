@@ -1,4 +1,4 @@
-"""Which answers recordings can give, in sentences: before a fit, and at its mode."""
+"""Messages about unidentified parameters: before a fit, and at its mode."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 def unidentified_before_fit(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle
 ) -> tuple[str, ...]:
-    """Say, before anything is fitted, which answers recordings cannot give.
+    """Name, before any fit, the parameters that recordings cannot determine.
 
     Parameters
     ----------
@@ -41,23 +41,25 @@ def unidentified_before_fit(
     Returns
     -------
     tuple of str
-        A sentence for each answer of which the recordings say next to nothing by their Fisher
+        A sentence for each parameter of interest about which the recordings have almost no Fisher
         information (:mod:`bayes_asv.posterior.information`).
     """
     outputs = tuple(
         dict.fromkeys(output for recording in recordings for output in recording.output_models)
     )
-    about = make_parameter_prior(recordings[0].car, outputs)
+    parameter_prior = make_parameter_prior(recordings[0].car, outputs)
     information = sum(
-        (fisher_information(recording, vehicle, about) for recording in recordings),
-        np.zeros((len(about.names), len(about.names))),
+        (fisher_information(recording, vehicle, parameter_prior) for recording in recordings),
+        np.zeros((len(parameter_prior.names), len(parameter_prior.names))),
     )
-    asked = {name: about.log_gradients[name] for name in about.car.estimated}
-    prior = {name: about.sd(name) for name in asked}
-    after = predicted_sd(information, 1, about, asked)
+    gradients = {
+        name: parameter_prior.log_gradients[name] for name in parameter_prior.car.estimated
+    }
+    prior = {name: parameter_prior.sd(name) for name in gradients}
+    after = predicted_sd(information, 1, parameter_prior, gradients)
     measured = [output.channel for output in outputs]
     return tuple(
-        unidentified_sentence(about.car, measured, name, prior[name])
+        unidentified_sentence(parameter_prior.car, measured, name, prior[name])
         for name in unmeasured(prior, after)
     )
 
@@ -65,7 +67,7 @@ def unidentified_before_fit(
 def unidentified_after_fit(
     parameter_space: ParameterSpace, mode: PosteriorMode
 ) -> tuple[list[str], list[str]]:
-    """Refuse when the drive taught next to nothing about an answer; warn where a prior is one."""
+    """Refuse if the data add little to a wide prior; warn if the prior is informative."""
     prior = {name: parameter_space.log_prior_of(name)[1] for name in parameter_space.car.estimated}
     after = {name: parameter_space.log_deviation(mode.covariance, name) for name in prior}
     measured = [
@@ -82,7 +84,7 @@ def unidentified_after_fit(
 def unidentified_sentence(
     car: CarModel, measured: Sequence[Channel], name: str, prior: float
 ) -> str:
-    """Say that data tell next to nothing about a parameter, and what would.
+    """Say that data hardly constrain a parameter, and which measurement would.
 
     Parameters
     ----------
@@ -106,28 +108,28 @@ def unidentified_sentence(
 
 
 def sensor_for(car: CarModel, measured: Sequence[Channel], name: str) -> str | None:
-    """Say which sensor is missing for a parameter; None where its place is measured."""
+    """Name the sensor that is missing for a parameter; None if there is one."""
     for element in car.elements:
         if element.damping == name:
-            near = any(
+            is_measured = any(
                 c.axle == element.axle and c.side in (None, element.side)
                 for c in measured
                 if c.part in ("body", "suspension")
             )
             return (
                 None
-                if near
+                if is_measured
                 else f"measure the {element.words} suspension travel or the body above it as well"
             )
     axles = {c.axle for c in measured if c.axis is None}
-    turning = "roll" if name == "i_roll" else "pitch"
-    if any(c.axis == turning for c in measured) or len(axles) > 1:
+    rotation = "roll" if name == "i_roll" else "pitch"
+    if any(c.axis == rotation for c in measured) or len(axles) > 1:
         return None
     return "measure the body above the other axle or its pitch rate as well"
 
 
 def _drive(car: CarModel, name: str) -> str:
-    """Say what drive would show a parameter."""
+    """Describe a drive that would determine a parameter."""
     for element in car.elements:
         if element.damping == name:
             wheels = f"{element.name.replace('_', ' ')} wheel" + (

@@ -1,7 +1,7 @@
-"""Proposals shaped like a posterior, and draws from them that are weighted by it.
+"""Importance sampling with proposals that are shaped like the posterior.
 
-Weighted draws (importance sampling) are as good as those of a Markov chain where a posterior is
-nearly normal, and faster.  The weights say themselves when they cannot be trusted.
+If a posterior is nearly normal, weighted draws are as good as those of a Markov chain, and faster.
+The distribution of the weights shows when they cannot be trusted.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-DEGREES_OF_FREEDOM = 20.0  # of the Student t: a little wider in the tails than a normal
+DEGREES_OF_FREEDOM = 20.0  # of the Student t; its tails are a little wider than a normal's
 
 
 class Proposal:
-    """Independence proposal: a multivariate t, bent to the skew of each coordinate.
+    """Independence proposal: a multivariate t with its own skew in each coordinate.
 
-    A point z is bent to y = (z − m)/s with one scale s left and another right of m; y is a
-    Student t with the given covariance.  Callable as emcee's MHMove wants it.
+    A point z maps to y = (z − m)/s, with one scale s left of m and another one right of it; y has a
+    Student t distribution with the given covariance.  Callable as emcee's MHMove requires.
     """
 
     def __init__(self, middle: Array, left: Array, right: Array, covariance: Array) -> None:
@@ -47,14 +47,14 @@ class Proposal:
 
     @classmethod
     def around(cls, mode: PosteriorMode, inflation: float) -> Proposal:
-        """From the curvature at the mode."""
-        one = mode.sd
-        return cls(mode.z, one, one, inflation * mode.covariance / np.outer(one, one))
+        """Create a proposal from the curvature at the mode."""
+        sd = mode.sd
+        return cls(mode.z, sd, sd, inflation * mode.covariance / np.outer(sd, sd))
 
     @classmethod
     def through(cls, points: Array, inflation: float, weight: Array | None = None) -> Proposal:
-        """From draws (N, D), whose weights (N,) sum to one; alike by default."""
-        # Scales from the tails: a walker in a tail that is never proposed again gets stuck.
+        """Create a proposal from draws (N, D) with weights (N,) that sum to one, or equal ones."""
+        # Scales come from the tails: a walker gets stuck in a tail that is never proposed.
         if weight is None:
             weight = np.full(len(points), 1.0 / len(points))
         ends = (_quantiles(x, weight, np.array([0.05, 0.5, 0.95])) for x in points.T)
@@ -82,22 +82,19 @@ class Proposal:
         return self.skewed(random.normal(size=(count, len(self.middle))) * stretch)
 
     def even(self, count: int, random: np.random.Generator) -> Array:
-        """Draw (count, D) points that fill space more evenly than chance does: scrambled Sobol.
-
-        The count is a power of two.
-        """
+        """Draw (count, D) quasi-random points (scrambled Sobol); count is a power of two."""
         d = len(self.middle)
-        even = qmc.Sobol(d + 1, rng=random).random(count)
-        stretch = np.sqrt(DEGREES_OF_FREEDOM / chi2.ppf(even[:, d:], DEGREES_OF_FREEDOM))
-        return self.skewed(ndtri(even[:, :d]) * stretch)
+        uniform = qmc.Sobol(d + 1, rng=random).random(count)
+        stretch = np.sqrt(DEGREES_OF_FREEDOM / chi2.ppf(uniform[:, d:], DEGREES_OF_FREEDOM))
+        return self.skewed(ndtri(uniform[:, :d]) * stretch)
 
     def skewed(self, t: Array) -> Array:
-        """Points (N, D) from standard Student t variables (N, D)."""
+        """Map standard Student t variables (N, D) to points (N, D)."""
         y = t @ self.root.T
         return np.asarray(self.middle + y * np.where(y < 0.0, self.left, self.right))
 
     def __call__(self, z: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        """Propose (N, D) points and the logarithms (N,) of their Metropolis–Hastings factors."""
+        """Propose (N, D) points, with the logarithms (N,) of their Metropolis–Hastings factors."""
         q = self.draw(len(z), random)
         return q, self.log_density(z) - self.log_density(q)
 
@@ -110,7 +107,7 @@ def _quantiles(value: Array, weight: Array, share: Array) -> Array:
 
 
 class Density(Protocol):
-    """Whatever gives a log density (W,) at points (W, D), finite or −inf."""
+    """An object with a log density (W,) at points (W, D), finite or −inf."""
 
     def log_posterior(self, z: Array) -> Array:
         """Log density, not normalised."""
@@ -118,7 +115,7 @@ class Density(Protocol):
 
 
 INFLATION = 1.2
-"""Of the curvature's covariance, so that no tail is left out."""
+"""Factor on the covariance of a proposal, so that it covers the tails."""
 
 
 @dataclass(frozen=True)
@@ -149,35 +146,34 @@ class WeightedDraws:
         return float(self.weight @ value)
 
     def probability_below(self, value: Array, truth: float) -> float:
-        """Posterior probability that a function of the draws (S,) lies below a truth."""
+        """Posterior probability that a function of the draws (S,) lies below a value."""
         share = self.weight @ (value < truth) + 0.5 * self.weight @ (value == truth)
-        return min(1.0, float(share))  # weights sum to one but for rounding
+        return min(1.0, float(share))  # rounding errors in the sum of weights
 
     def quantile(self, value: Array, share: Array) -> Array:
         """Quantiles of a function of the draws (S,)."""
         return _quantiles(value, self.weight, share)
 
     def sd(self, value: Array) -> float:
-        """Deviation of a function of the draws (S,)."""
+        """Return the standard deviation of a function of the draws (S,)."""
         return float(np.sqrt(self.weight @ (value - self.mean(value)) ** 2))
 
 
 def importance_sample(
     posterior: Density, mode: PosteriorMode, count: int, seed: int
 ) -> WeightedDraws:
-    """Draw evenly from a Student t at the mode and weigh by the posterior.
+    """Draw quasi-random points from a Student t at the mode, weighted by the posterior.
 
     Parameters
     ----------
     posterior : Density
         The posterior.
-    mode : Mode
+    mode : PosteriorMode
         Its mode and curvature.
     count : int
-        Number of draws, a power of two: scrambled Sobol points, which fill space more evenly
-        than chance does.
+        Number of draws, a power of two (scrambled Sobol points).
     seed : int
-        Same seed, same draws.
+        Seed of the random numbers.
 
     Returns
     -------

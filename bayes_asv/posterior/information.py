@@ -2,15 +2,15 @@
 
 The unknowns of a car are the independent terms of its prior: a common factor on each parameter, and
 one on the difference of the springs of an axle's two sides (:class:`CarParameter`).  For normalised
-innovations ν with unit covariance, the information about the logarithms t of the unknowns, which
-change their mean, is J = Σ (∂ν/∂t)(∂ν/∂t)ᵀ, the expected negative Hessian of the log-likelihood.
-The noise levels are held at their declared or estimated values.  Compared with the curvature of the
-full posterior with free noise levels, J errs by 2 % on average and by 4 to 9 % in a single
-recording (``benchmarks/plan.py``).
+innovations ν with unit covariance and a mean that depends on the logarithms t of the unknowns, the
+information is J = Σ (∂ν/∂t)(∂ν/∂t)ᵀ, the expected negative Hessian of the log-likelihood.
+The noise levels are fixed at their declared or estimated values.  Compared with the curvature of
+the full posterior with free noise levels, J has an error of 2 % on average and of 4 to 9 % for a
+single recording (``benchmarks/plan.py``).
 
-With the prior deviations σ the posterior precision after n passes is diag(1/σ²) + n J.  Directions
-on which the state-space model does not depend, such as a heavier car with every rate in proportion,
-have no information whatever the recording; J is projected onto the others.
+With the prior standard deviations σ, the posterior precision after n passes is diag(1/σ²) + n J.
+Directions on which the state-space model does not depend, such as a heavier car with every rate in
+proportion, have no information in any recording; J is projected onto the others.
 """
 
 from __future__ import annotations
@@ -44,30 +44,31 @@ __all__ = [
 Array = NDArray[np.float64]
 
 UNMEASURED = 0.7
-"""Posterior over prior standard deviation beyond which a parameter was not measured: the data then
-add less to what is known of it than the prior says, 1/0.7² = 2.04."""
+"""Ratio of posterior to prior standard deviation above which a parameter was not measured: the
+data then have less information about it than the prior (1/0.7² = 2.04)."""
 WIDE_PRIOR = 0.3
-"""Standard deviation of a logarithm; a narrower prior was given by the user and is an answer."""
+"""Prior standard deviation of a logarithm above which a prior is vague; a narrower one was given by
+the user and is informative by itself."""
 
-_STEP = 0.01  # of a logarithm, for central differences
-# Share of the noise that passes the sensor's filter; exactly one has no probit.
+_STEP = 0.01  # step of central differences of the logarithms
+# Share of the noise that passes the sensor's filter; a share of exactly one has no probit.
 _FILTERED_SHARE = 0.98
 
 
 @dataclass(frozen=True)
 class ParameterPrior:
-    """Independent unknowns of a car, and what its outputs can tell of them.
+    """Independent unknowns of a car, their prior, and what its outputs can identify.
 
     Parameters
     ----------
     car : CarModel
         The car.
     names : tuple of str
-        Names (nT,) of the unknowns; those of a parameter with an unknown of its own are the same.
+        Names (nT,) of the unknowns; an unknown of a single parameter has the parameter's name.
     log_sd : (nT,) array
-        Prior standard deviations of their logarithms; of a fraction relative to its value.
+        Prior standard deviations of their logarithms; for a fraction, relative to its value.
     log_gradients : dict of str to (nT,) array
-        Derivatives of the logarithm of every parameter by those of the unknowns.
+        Derivatives of the logarithm of each parameter by the logarithms of the unknowns.
     identified : (nT, r) array
         Orthonormal directions on which the state-space model depends.
     """
@@ -80,7 +81,7 @@ class ParameterPrior:
 
     @property
     def estimands(self) -> dict[str, Array]:
-        """Derivatives (nT,) of the logarithms of what is asked for, by those of the unknowns."""
+        """Derivatives (nT,) of the logarithms of the parameters of interest by the unknowns'."""
         out = {name: self.log_gradients[name] for name in self.car.estimated}
         for name, powers in self.car.ratios.items():
             out[name] = sum(
@@ -102,8 +103,8 @@ class ParameterPrior:
 
     def replaced(self, log_sd: Mapping[str, float]) -> ParameterPrior:
         """Return a copy with some prior standard deviations replaced."""
-        own = dict(zip(self.names, self.log_sd.tolist(), strict=True))
-        return replace(self, log_sd=np.array([{**own, **log_sd}[name] for name in self.names]))
+        log_sds = dict(zip(self.names, self.log_sd.tolist(), strict=True))
+        return replace(self, log_sd=np.array([{**log_sds, **log_sd}[name] for name in self.names]))
 
     def with_exact_given(self) -> ParameterPrior:
         """Return a copy with all given values exact."""
@@ -111,7 +112,7 @@ class ParameterPrior:
 
 
 def make_parameter_prior(car: CarModel, outputs: Sequence[Output]) -> ParameterPrior:
-    """Set up the unknowns of a car of which some outputs are measured.
+    """Set up the unknowns of a car with measured outputs, and their prior.
 
     Parameters
     ----------
@@ -136,18 +137,18 @@ def make_parameter_prior(car: CarModel, outputs: Sequence[Output]) -> ParameterP
     logs = [p.name for p in varying if p.kind != "fraction"]
     root = np.array([parameters[name] for name in logs])
     directions, _ = identified_directions(car, outputs, tuple(logs), root)
-    own = np.eye(len(names))[:, fractions]
+    of_fractions = np.eye(len(names))[:, fractions]
     return ParameterPrior(
         car=car,
         names=names,
         log_sd=np.array(list(sds.values())),
         log_gradients=parameters,
-        identified=np.hstack([directions, own]),
+        identified=np.hstack([directions, of_fractions]),
     )
 
 
 def fisher_information(
-    recording: PreparedRecording, vehicle: Vehicle, about: ParameterPrior
+    recording: PreparedRecording, vehicle: Vehicle, parameter_prior: ParameterPrior
 ) -> Array:
     """Compute the information of one recording about the logarithms of the unknowns.
 
@@ -156,92 +157,96 @@ def fisher_information(
     recording : PreparedRecording
         One pass.
     vehicle : Vehicle
-        The car; its values and the noise of its sensors are taken as true.
-    about : ParameterPrior
-        Of the car of the recording.
+        The car; its values and the noise of its sensors are assumed to be true.
+    parameter_prior : ParameterPrior
+        Prior of the recording's car.
 
     Returns
     -------
     (nT, nT) array
-        Positive semi-definite.  The information of independent passes adds up.
+        Positive semi-definite information.  That of independent passes adds up.
     """
     parameters = make_parameter_space(vehicle, (recording,))
     z = np.zeros(parameters.dimension)
     if "filtered share 0" in parameters.names:
         z[parameters.names.index("filtered share 0")] = ndtri(_FILTERED_SHARE)
     noise = parameters.noises(z[None], 0)
-    directions = about.identified
+    directions = parameter_prior.identified
     slopes = np.empty((recording.kind.size, directions.shape[1]))
-    # Some at a time: all innovations of a long recording at once would fill the memory.
+    # in batches: all innovations of a long recording at once would need too much memory
     for k in range(0, directions.shape[1], LANES // 2):
-        some = directions.T[k : k + LANES // 2]
-        logs = _STEP * np.concatenate([some, -some])
+        batch = directions.T[k : k + LANES // 2]
+        logs = _STEP * np.concatenate([batch, -batch])
         values = {
             p.name: np.full(len(logs), p.nominal)
-            if p.name not in about.log_gradients
-            else p.nominal * np.exp(logs @ about.log_gradients[p.name])
-            for p in about.car.parameters
+            if p.name not in parameter_prior.log_gradients
+            else p.nominal * np.exp(logs @ parameter_prior.log_gradients[p.name])
+            for p in parameter_prior.car.parameters
         }
         system = state_space(
-            about.car, values, recording.output_models, None, recording.bias_directions
+            parameter_prior.car, values, recording.output_models, None, recording.bias_directions
         )
         noises = kalman.SensorNoise(*(np.repeat(part, len(logs), axis=0) for part in noise))
-        found = kalman.filter_pass(system, noises, recording.measurements).innovations
-        above, below = np.split(found.reshape(len(logs), -1), 2)
-        slopes[:, k : k + len(some)] = (above - below).T / (2.0 * _STEP)
-    whole = slopes @ directions.T
-    return np.asarray(whole.T @ whole)
+        innovations = kalman.filter_pass(system, noises, recording.measurements).innovations
+        above, below = np.split(innovations.reshape(len(logs), -1), 2)
+        slopes[:, k : k + len(batch)] = (above - below).T / (2.0 * _STEP)
+    gradients = slopes @ directions.T
+    return np.asarray(gradients.T @ gradients)
 
 
 def predicted_sd(
-    information: Array, passes: float, about: ParameterPrior, directions: Mapping[str, Array]
+    information: Array,
+    passes: float,
+    parameter_prior: ParameterPrior,
+    directions: Mapping[str, Array],
 ) -> dict[str, float]:
     """Predict the posterior standard deviations of logarithms.
 
     Parameters
     ----------
     information : (nT, nT) array
-        Of one pass.
+        Information of one pass.
     passes : float
         Number of passes.
-    about : ParameterPrior
-        With the prior standard deviations.
+    parameter_prior : ParameterPrior
+        Prior, with its standard deviations.
     directions : mapping of str to (nT,) array
-        Derivatives by the unknowns of each quantity's logarithm, such as ``about.answers``.
+        Derivatives of each quantity's logarithm by those of the unknowns, such as
+        ``about.estimands``.
 
     Returns
     -------
     dict of str to float
-        By quantity.
+        Standard deviation of each quantity's logarithm.
     """
-    sd = about.log_sd
-    # in units of the prior deviations, where the prior precision is the unit matrix
+    sd = parameter_prior.log_sd
+    # in units of the prior standard deviations, where the prior precision is the unit matrix
     precision = np.eye(len(sd)) + passes * information * np.outer(sd, sd)
     slopes = np.array(list(directions.values())) * sd
     variance = np.sum(slopes * np.linalg.solve(precision, slopes.T).T, axis=1)
     return dict(zip(directions, np.sqrt(variance).tolist(), strict=True))
 
 
-def sd_floor(about: ParameterPrior, directions: Mapping[str, Array]) -> dict[str, float]:
+def sd_floor(parameter_prior: ParameterPrior, directions: Mapping[str, Array]) -> dict[str, float]:
     """Compute the standard deviations of logarithms in the limit of infinitely many passes.
 
-    Directions along which the state-space model stays as it is keep their prior.  A mass known to
+    Directions on which the state-space model does not depend keep their prior.  A mass known to
     1 % leaves 1 % in every rate; springs known to 5 % add a little information about the mass.
     """
-    free = about.log_sd > 0.0
-    sd = about.log_sd[free]
-    # in units of the prior deviations: what the model depends on, and the rest
-    rows = about.identified.T[:, free] * sd
+    free = parameter_prior.log_sd > 0.0
+    sd = parameter_prior.log_sd[free]
+    # in units of the prior standard deviations: identified directions, and the others
+    rows = parameter_prior.identified.T[:, free] * sd
     _, singular, right = np.linalg.svd(rows)
     rank = int(np.count_nonzero(singular > 1e-9 * singular[0])) if singular.size else 0
     slopes = np.array([slope[free] * sd for slope in directions.values()])
-    left = np.sqrt(np.sum((slopes @ right[rank:].T) ** 2, axis=1))
-    left[left < 1e-12] = 0.0  # rounding error of an identifiable direction
-    return dict(zip(directions, left.tolist(), strict=True))
+    sds = np.sqrt(np.sum((slopes @ right[rank:].T) ** 2, axis=1))
+    sds[sds < 1e-12] = 0.0  # rounding error of an identifiable direction
+    return dict(zip(directions, sds.tolist(), strict=True))
 
 
 def unmeasured(prior_sd: Mapping[str, float], posterior_sd: Mapping[str, float]) -> tuple[str, ...]:
-    """Name the parameters of which data say next to nothing, see :data:`UNMEASURED`.
+    """Name the parameters that data hardly constrain, see :data:`UNMEASURED`.
 
     Parameters
     ----------

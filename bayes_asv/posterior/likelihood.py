@@ -1,4 +1,4 @@
-"""Posterior density over a parameter space, many points at a time."""
+"""Posterior density over a parameter space, evaluated for many points at a time."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_FARTHEST = 4.0  # standard deviations from the mode up to which a polynomial is trusted
-_LARGEST_LOG = 3.0  # of a change of curvature: far from the mode nothing is known of it
-_MANY = 8  # points from which on two threads share them
+_FARTHEST = 4.0  # posterior standard deviations to which the clock expansion is clipped
+# Bound on the logarithm of the factor on the clock expansion; far from the mode it is unknown.
+_LARGEST_LOG = 3.0
+_MANY = 8  # number of points from which a batch is divided between threads
 
 
 class ResidualAR(NamedTuple):
@@ -61,7 +62,7 @@ WHITE = ResidualAR(np.zeros((0, 0, 0)), np.zeros((0, 0)))
 
 
 class Perturbation(NamedTuple):
-    """A change of one run: of its inputs' moments, of its outputs, and forces on the body.
+    """Known change of one run: of its input moments and its outputs, and forces on the body.
 
     Parameters
     ----------
@@ -126,16 +127,15 @@ class Posterior:
     residual_ars : tuple of ResidualAR
         One a run.
     pool : Threads or None
-        Where batches are split; the answer does not depend on it.
+        Threads between which batches are divided; results do not depend on it.
     sensor_corrections : tuple of SensorCorrections
-        One a run where the space has effects; their innovations are taken to be white.
+        One a run if the space has effects; the innovations are then assumed to be white.
     retimed_corrections : tuple of tuple of SensorCorrections
-        The same for each recording with other errors of its clocks.
+        Sensor corrections of each run's clock variants.
     expansions : tuple of ClockExpansion or None
-        One a run, to be used in place of the recordings with other errors of the clocks; empty to
-        use those.
+        One a run, used in place of its clock variants; empty to use the variants.
     perturbations : tuple of Perturbation
-        One a run: known changes of what was read, and known forces; empty without any.
+        One a run: known changes of readings, and known forces; empty if there are none.
     """
 
     space: ParameterSpace
@@ -147,7 +147,7 @@ class Posterior:
     perturbations: tuple[Perturbation, ...] = ()
 
     def with_residual_ar(self, colours: tuple[ResidualAR, ...]) -> Posterior:
-        """Return the same posterior with other residual autoregressions."""
+        """Return a copy with other residual autoregressions."""
         return replace(self, residual_ars=colours)
 
     def run_log_likelihood(self, z: Array, run: int) -> Array:
@@ -165,56 +165,59 @@ class Posterior:
                 weights = recording.clock_variants.weights(errors)
                 recordings = (recording, *recording.clock_variants.recordings)
                 value = np.sum(
-                    [w * self._log_likelihood(z, run, x) for w, x in _used(weights, recordings)],
+                    [
+                        w * self._log_likelihood(z, run, x)
+                        for w, x in _nonzero_weights(weights, recordings)
+                    ],
                     axis=0,
                 )
         return np.where(np.isfinite(value), value, -np.inf)
 
     def expanded(self, z: Array, covariance: Array) -> Posterior:
-        """Expand the change by errors of clocks at the mode, to sample with one pass a point.
+        """Expand the log-likelihood in the clock errors at the mode: one filter pass per point.
 
         Parameters
         ----------
         z, covariance : (D,) and (D, D) arrays
-            Mode and covariance, along whose principal axes derivatives are taken.
+            Mode and covariance; derivatives are taken along the principal axes of the latter.
         """
         runs = range(len(self.residual_ars))
         return replace(self, expansions=tuple(self._expansion(z, covariance, r) for r in runs))
 
     def _expansion(self, z: Array, covariance: Array, run: int) -> ClockExpansion | None:
         recording = self.space.recordings[run]
-        retimed = recording.clock_variants
-        if retimed is None:
+        variants = recording.clock_variants
+        if variants is None:
             return None
         clocks = self.space.clock_coordinates(run)
-        own = [k for k in self.space.coordinates_of_run(run) if k not in clocks]
-        variance, axes = np.linalg.eigh(covariance[np.ix_(own, own)])
-        way = np.zeros((len(z), len(own)))
-        way[own] = axes * np.sqrt(np.maximum(variance, 0.0))
-        away = np.vstack([np.zeros(len(own)), ClockVariants.points(len(own))])
+        others = [k for k in self.space.coordinates_of_run(run) if k not in clocks]
+        variance, axes = np.linalg.eigh(covariance[np.ix_(others, others)])
+        axes_of_others = np.zeros((len(z), len(others)))
+        axes_of_others[others] = axes * np.sqrt(np.maximum(variance, 0.0))
+        offsets = np.vstack([np.zeros(len(others)), ClockVariants.points(len(others))])
         values = np.stack(
             [
-                self._log_likelihood(z + away @ way.T, run, x)
-                for x in (recording, *retimed.recordings)
+                self._log_likelihood(z + offsets @ axes_of_others.T, run, x)
+                for x in (recording, *variants.recordings)
             ]
         )
         slopes, curvatures = _derivatives(values, len(clocks))
         size = np.trace(np.linalg.solve(curvatures[0], curvatures), axis1=1, axis2=2)
         logs = np.log(np.maximum(size / len(clocks), np.exp(-_LARGEST_LOG)))
-        growth = 0.5 * (logs[1 : len(own) + 1] - logs[len(own) + 1 : 2 * len(own) + 1])
-        scale = np.exp(away @ growth)
+        growth = 0.5 * (logs[1 : len(others) + 1] - logs[len(others) + 1 : 2 * len(others) + 1])
+        scale = np.exp(offsets @ growth)
         return ClockExpansion(
-            z, np.asarray(np.linalg.pinv(way), np.float64), growth,
+            z, np.asarray(np.linalg.pinv(axes_of_others), np.float64), growth,
             slopes / scale[:, None], curvatures / scale[:, None, None],
         )  # fmt: skip
 
     def _log_likelihood(self, z: Array, run: int, recording: PreparedRecording) -> Array:
-        """Log-likelihood (W,) of one run, prepared for certain errors of its clocks."""
-        colour = self.residual_ars[run]
+        """Log-likelihood (W,) of one run, as prepared with given clock errors."""
+        residual_ar = self.residual_ars[run]
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
-        if colour.order > 0:
+        if residual_ar.order > 0:
             value = kalman_ar.log_likelihood(
-                system, noise, recording.measurements, recording.ends_group, *colour
+                system, noise, recording.measurements, recording.ends_group, *residual_ar
             )
         elif not (self.space.placed_effects or self.perturbations):
             value = kalman.log_likelihood(system, noise, recording.measurements)
@@ -233,7 +236,7 @@ class Posterior:
     def _models(
         self, z: Array, run: int, recording: PreparedRecording, nudge: Perturbation | None = None
     ) -> Iterator[tuple[list[int], tuple[StateSpace, SensorNoise, Measurements, Laws | None]]]:
-        """Divide points (W, D) by what sensors would have read, each part with its models."""
+        """Group points (W, D) by nominal readings; yield each group with its filter arguments."""
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
         values = [self.space.effects(point) for point in z]
         tables = np.stack([law_table(self.space.car, v, run) for v in values])
@@ -242,7 +245,7 @@ class Posterior:
             biases = self.space.input_biases(z, run)
             on_outputs = biases @ recording.rigid_gain.T
             system = system._replace(biases=np.hstack([biases, on_outputs]))
-        no_zeros = np.zeros(len(recording.inputs))  # the filter takes them off
+        no_zeros = np.zeros(len(recording.inputs))  # the filter subtracts input biases
         as_read = NominalReadings(recording.moments, recording.reading, np.zeros((0, 0)))
         parts: dict[int, tuple[NominalReadings, list[int]]] = {}
         for w, value in enumerate(values):
@@ -255,18 +258,18 @@ class Posterior:
                 (
                     system if whole else system.subset(sets),
                     noise if whole else noise.subset(sets),
-                    *self._declared(recording, run, nominal, tables[sets], nudge),
+                    *self._measurements_and_laws(recording, run, nominal, tables[sets], nudge),
                 ),
             )
 
     def _sensor_corrections(self, run: int, recording: PreparedRecording) -> SensorCorrections:
-        """Patterns of a run, prepared for certain errors of its clocks."""
-        retimed = self.space.recordings[run].clock_variants
-        if retimed is None or recording not in retimed.recordings:
+        """Sensor corrections of a run, as prepared with given clock errors."""
+        variants = self.space.recordings[run].clock_variants
+        if variants is None or recording not in variants.recordings:
             return self.sensor_corrections[run]
-        return self.retimed_corrections[run][retimed.recordings.index(recording)]
+        return self.retimed_corrections[run][variants.recordings.index(recording)]
 
-    def _declared(
+    def _measurements_and_laws(
         self,
         recording: PreparedRecording,
         run: int,
@@ -274,7 +277,7 @@ class Posterior:
         tables: Array,
         nudge: Perturbation | None,
     ) -> tuple[Measurements, Laws | None]:
-        """Measurements of sensors as declared, and the laws; None where no force acts."""
+        """Measurements from nominal readings, and force laws; None if no force acts."""
         moments, reading, _ = self._with_known_changes(nominal, run)
         added = self.known_force(run)
         if nudge is not None:
@@ -287,17 +290,17 @@ class Posterior:
         return data, Laws(tables, pole, nominal.wheel, recording.elapsed, added)
 
     def removed_band_correction(self, z: Array, run: int) -> Array:
-        """½ log det of a band that was cut out of a run (W,), at coordinates (W, D)."""
-        cut = self.space.recordings[run].removed_band
-        if cut is None:
+        """½ log det (W,) of the bands removed from a run, at coordinates (W, D)."""
+        removed_band = self.space.recordings[run].removed_band
+        if removed_band is None:
             return np.zeros(len(z))
-        return log_determinant(cut, self.space.noises(z, run))
+        return log_determinant(removed_band, self.space.noises(z, run))
 
     def by_run(self, z: Array, runs: Sequence[int] | None = None) -> Array:
-        """Log-likelihood (R, W) of runs, or of all of them, at coordinates (W, D).
+        """Log-likelihood (R, W) of some runs, by default all, at coordinates (W, D).
 
-        Many points are divided, and the pieces of all runs shared between the threads of the
-        pool.  A thread of the pool must not call this: it would wait for one that it occupies.
+        Large batches are divided between the threads of the pool.  Do not call this from a thread
+        of the pool: it would wait for itself.
         """
         runs = range(len(self.residual_ars)) if runs is None else runs
         pieces = np.array_split(z, self.pool.count) if len(z) >= _MANY and self.pool else [z]
@@ -307,11 +310,11 @@ class Posterior:
         return np.concatenate(values).reshape(len(runs), len(z))
 
     def log_likelihood(self, z: Array) -> Array:
-        """Log-likelihood (W,) of all runs at coordinates (W, D); as :meth:`by_run`."""
+        """Log-likelihood (W,) of all runs at coordinates (W, D); threads as :meth:`by_run`."""
         return np.asarray(self.by_run(z).sum(axis=0))
 
     def log_posterior(self, z: Array) -> Array:
-        """Log-posterior (W,), not normalised, at coordinates (W, D); as :meth:`by_run`."""
+        """Log-posterior (W,), not normalised, at coordinates (W, D); threads as :meth:`by_run`."""
         value = self.space.log_prior(z)
         ok = np.isfinite(value)
         if np.any(ok):
@@ -319,49 +322,52 @@ class Posterior:
         return value
 
     def innovations(self, z: Array, run: int, colour: ResidualAR | None = None) -> Array:
-        """Normalised innovations of one run, white if all is well.
+        """Normalised innovations of one run, white if the model is complete.
 
-        (E, ny) at coordinates (D,), and (W, E, ny) at (W, D), which takes little more time for as
-        many points as there are lanes in :data:`bayes_asv.filters.vector_code.LANES`.
+        (E, ny) at coordinates (D,), (W, E, ny) at coordinates (W, D).  Up to
+        :data:`bayes_asv.filters.vector_code.LANES` points take little longer than one.
         """
         points = np.atleast_2d(z)
         out = self._innovations(points, run, self.residual_ars[run] if colour is None else colour)
         return out[0] if z.ndim == 1 else out
 
-    def _innovations(self, z: Array, run: int, colour: ResidualAR) -> Array:
+    def _innovations(self, z: Array, run: int, residual_ar: ResidualAR) -> Array:
         """Normalised innovations (W, E, ny) of one run at coordinates (W, D)."""
         if self.space.placed_effects or self.perturbations:
             return self.filter_passes(z, run)[0]
         recording = self.space.recordings[run]
-        retimed = recording.clock_variants
-        if retimed is None:
-            return self._of_recording(z, run, recording, colour)
-        weights = retimed.weights(self.space.clock_errors(z, run))
+        variants = recording.clock_variants
+        if variants is None:
+            return self._innovations_of_recording(z, run, recording, residual_ar)
+        weights = variants.weights(self.space.clock_errors(z, run))
         out = np.zeros((len(z), *recording.reading.shape))
-        for weight, one in _used(weights, (recording, *retimed.recordings)):
-            nu = self._of_recording(z, run, one, colour)
-            for y in range(nu.shape[2]):  # the same readings, at other instants
-                here, there = recording.kind[:, y] != MISSING, one.kind[:, y] != MISSING
-                out[:, here, y] += weight[:, None] * nu[:, there, y]
+        for weight, one in _nonzero_weights(weights, (recording, *variants.recordings)):
+            nu = self._innovations_of_recording(z, run, one, residual_ar)
+            for y in range(nu.shape[2]):  # the same readings, stamped at other instants
+                has_reading, variant_has_reading = (
+                    recording.kind[:, y] != MISSING,
+                    one.kind[:, y] != MISSING,
+                )
+                out[:, has_reading, y] += weight[:, None] * nu[:, variant_has_reading, y]
         return out
 
-    def _of_recording(
-        self, z: Array, run: int, recording: PreparedRecording, colour: ResidualAR
+    def _innovations_of_recording(
+        self, z: Array, run: int, recording: PreparedRecording, residual_ar: ResidualAR
     ) -> Array:
-        """Normalised innovations (W, E, ny) of a run, prepared for certain errors of its clocks."""
+        """Normalised innovations (W, E, ny) of a run, as prepared with given clock errors."""
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
-        if colour.order == 0:
+        if residual_ar.order == 0:
             return kalman.filter_pass(system, noise, recording.measurements).innovations
         return kalman_ar.innovations(
-            system, noise, recording.measurements, recording.ends_group, *colour
+            system, noise, recording.measurements, recording.ends_group, *residual_ar
         )
 
     def innovations_and_variances(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
-        """Innovations (E, ny), logarithms of their variances (E, ny) and states (E, nx + ne).
+        """Innovations (E, ny), their log variances (E, ny) and states (E, nx + ne) of one run.
 
-        Of one run at coordinates (D,); otherwise as :meth:`filter_passes`.
+        As :meth:`filter_passes`, for one point (D,).
         """
         innovations, log_variances, states = self.filter_passes(z[None], run, nudge)
         return innovations[0], log_variances[0], states[0]
@@ -369,21 +375,21 @@ class Posterior:
     def filter_passes(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
-        """Innovations (W, E, ny), logarithms of their variances (W, E, ny) and states of one run.
+        """Innovations (W, E, ny), their log variances (W, E, ny) and states of one run.
 
-        At coordinates (W, D).  Zero where there is no value; the states (W, E, nx + ne) are
-        deflections and their rates element by element, body rates, and excess forces.  A
-        perturbation changes what was read, or adds forces.
+        Evaluated at coordinates (W, D); zero where there is no reading.  The states
+        (W, E, nx + ne) are deflections and their rates element by element, body rates, and excess
+        forces.  The perturbation ``nudge`` changes readings or adds forces.
         """
         passes = []
         order: list[int] = []
         for sets, model in self._models(z, run, self.space.recordings[run], nudge):
-            found = kalman.filter_pass(*model)
-            states = found.states
+            filtered = kalman.filter_pass(*model)
+            states = filtered.states
             if model[-1] is None:
                 forces = np.zeros((*states.shape[:2], len(self.space.car.elements)))
                 states = np.concatenate([states, forces], axis=2)
-            passes.append((found.innovations, found.log_variances, states))
+            passes.append((filtered.innovations, filtered.log_variances, states))
             order += sets
         if len(passes) == 1:
             return passes[0]
@@ -396,9 +402,9 @@ class Posterior:
     def as_declared(
         self, z: Array, run: int, recording: PreparedRecording | None = None
     ) -> NominalReadings:
-        """Return what sensors as declared would have read in a run, at coordinates (D,).
+        """Return a run's readings, corrected for sensor effects and biases at coordinates (D,).
 
-        With ``recording``, from its readings in place of the run's own.
+        ``recording`` replaces the run's own recording.
         """
         recording = self.space.recordings[run] if recording is None else recording
         if not self.sensor_corrections:
@@ -409,7 +415,7 @@ class Posterior:
         return self._with_known_changes(nominal, run)
 
     def _with_known_changes(self, nominal: NominalReadings, run: int) -> NominalReadings:
-        """Add what is known to change the readings of a run."""
+        """Add the known changes of a run's readings."""
         if not self.perturbations:
             return nominal
         known = self.perturbations[run]
@@ -424,15 +430,15 @@ class Posterior:
         return np.zeros((len(self.space.recordings[run].step), len(self.space.car.elements)))
 
 
-def _used(
+def _nonzero_weights(
     weights: Array, recordings: Sequence[PreparedRecording]
 ) -> Iterator[tuple[Array, PreparedRecording]]:
-    """Pair recordings with their weights (W,), but those that have none."""
+    """Pair recordings with their weights (W,); skip zero weights."""
     return ((w, recording) for w, recording in zip(weights.T, recordings, strict=True) if np.any(w))
 
 
 def _derivatives(values: Array, count: int) -> tuple[Array, Array]:
-    """Slopes (P, K) and negative curvatures (P, K, K) by errors, from values (M, P)."""
+    """Slopes (P, K) and negative curvatures (P, K, K) by clock errors, from values (M, P)."""
     middle, ahead, behind = values[0], values[1 : count + 1], values[count + 1 : 2 * count + 1]
     curvatures = np.zeros((len(middle), count, count))
     both = iter(values[2 * count + 1 :])
@@ -446,36 +452,35 @@ def _derivatives(values: Array, count: int) -> tuple[Array, Array]:
 
 @contextmanager
 def shared_work(posterior: Posterior) -> Iterator[Posterior]:
-    """Give a posterior threads for as long as the context lasts, and BLAS none beside its own.
+    """Run a posterior with a thread pool, and BLAS with a single thread, inside the context.
 
-    A thread of BLAS waits for its next small product by spinning, on a core that a filter could
-    use.
+    A BLAS thread that waits for its next small product spins on a core that a filter could use.
     """
-    with threads() as pool, _BLAS.alone():
+    with threads() as pool, _BLAS.single_threaded():
         yield replace(posterior, pool=pool)
 
 
 class _Blas:
-    """Libraries that have threads of their own, and who asked them to have one only."""
+    """Limit of BLAS to one thread, shared by all callers that ask for it."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._asked = 0
+        self._callers = 0
         self._limit: Any = None
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Let BLAS have one thread; as many as before once nobody asks for that any more."""
+    def single_threaded(self) -> Iterator[None]:
+        """Limit BLAS to one thread; the last caller to leave restores the previous limits."""
         with self._lock:
-            self._asked += 1
-            if self._asked == 1:
+            self._callers += 1
+            if self._callers == 1:
                 self._limit = _libraries().limit(limits=1, user_api="blas")
         try:
             yield
         finally:
             with self._lock:
-                self._asked -= 1
-                if self._asked == 0:
+                self._callers -= 1
+                if self._callers == 0:
                     self._limit.restore_original_limits()
 
 
@@ -484,5 +489,5 @@ _BLAS = _Blas()
 
 @lru_cache(maxsize=1)
 def _libraries() -> ThreadpoolController:
-    """Find the libraries that have threads of their own, once: it takes a millisecond."""
+    """Find the libraries that have thread pools of their own; cached, since it takes 1 ms."""
     return ThreadpoolController()

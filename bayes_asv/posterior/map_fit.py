@@ -1,4 +1,4 @@
-"""From recordings to the posterior's mode: what every kind of answer begins with."""
+"""The maximum a posteriori (MAP) fit: from recordings to the mode of the posterior."""
 
 from __future__ import annotations
 
@@ -53,25 +53,25 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_COLOUR_ROUNDS = 3
+_AR_ROUNDS = 3  # alternations between residual autoregression and mode
 
 
 @dataclass(frozen=True)
 class MapFit:
-    """The mode of a posterior, and whether the data can answer at all.
+    """The mode of a posterior, and whether the data determine the parameters.
 
     Parameters
     ----------
     posterior : Posterior
-        The posterior with the colour of each run's innovations.
-    mode : Mode
+        The posterior, with the residual autoregression of each run.
+    mode : PosteriorMode
         Its mode and curvature.
     reasons, warnings : tuple of str
-        Why no answer may be given; what to know otherwise.
+        Reasons to refuse an estimate, and warnings.
     misfit_reasons : tuple of str
-        Those of the reasons that say that a recording is not of this car.
+        The reasons that say that the car model does not fit a recording.
     shares : tuple of float or None
-        In a band, the share of its readings that each run counts for; see
+        In a band, the likelihood weight of each run; see
         :class:`bayes_asv.posterior.band_fit.BandFit`.
     tight_noise_fit : FittedModel or None
         The same model with noise levels near the declared ones, where that was fitted.
@@ -97,7 +97,7 @@ def best_fit(
     likelihood: str = "innovations",
     placed_effects: tuple[PlacedEffect, ...] = (),
 ) -> MapFit:
-    """Find the mode of the posterior, with the residual autoregression of the innovations there.
+    """Find the mode of the posterior, with a residual autoregression estimated there.
 
     Parameters
     ----------
@@ -108,30 +108,30 @@ def best_fit(
     likelihood : str
         ``innovations`` or ``output-error``.
     placed_effects : tuple of PlacedEffect
-        Effects that the car and its sensors have; innovations are then taken to be white.
+        Effects that the car and its sensors have; the innovations are then assumed to be white.
 
     Returns
     -------
     MapFit
-        Its reasons say when the mode answers nothing or explains too little.
+        Its reasons say whether parameters are unidentified or the model explains too little.
     """
     shares: tuple[float | None, ...] = ()
-    near = None
+    tight_noise_fit = None
     if likelihood == "innovations" and recordings[0].below is not None:
         mode, posterior, shares = fit_in_band(recordings, vehicle)
     elif placed_effects:
-        mode, posterior, near = _with_effects(recordings, vehicle, placed_effects)
+        mode, posterior, tight_noise_fit = _fit_with_effects(recordings, vehicle, placed_effects)
     else:
-        mode, posterior = _at_full_band(recordings, vehicle, likelihood)
-    return replace(_judged(posterior, mode, shares), tight_noise_fit=near)
+        mode, posterior = _fit_full_band(recordings, vehicle, likelihood)
+    return replace(_check_fit(posterior, mode, shares), tight_noise_fit=tight_noise_fit)
 
 
 def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
-    """Climb to the mode with noise levels near the declared ones and white innovations.
+    """Find the mode with noise levels near the declared ones and white innovations.
 
-    Where the model lacks something, noise levels that are free swell until it is noise, and a
-    colour gives the parts of the spectrum that the model explains worst the least weight; the
-    parameters then follow the rest of it.
+    Where the model lacks something, free noise levels grow until noise explains the misfit, and an
+    autoregression gives the least weight to the frequencies that the model explains worst; the
+    parameters then follow the rest of the spectrum.
 
     Parameters
     ----------
@@ -140,14 +140,20 @@ def fit_near_declared_noise(found: MapFit, vehicle: Vehicle) -> MapFit:
     vehicle : Vehicle
         Gives the priors.
     """
-    near = found.tight_noise_fit or fit_linear_car(make_dataset(vehicle, found.space.recordings))
-    top = near.mode
-    mode = PosteriorMode(top.z, top.covariance, top.log_posterior, top.converged)
-    return replace(_judged(near.posterior, mode, ()), tight_noise_fit=near)
+    tight_noise_fit = found.tight_noise_fit or fit_linear_car(
+        make_dataset(vehicle, found.space.recordings)
+    )
+    tight_mode = tight_noise_fit.mode
+    mode = PosteriorMode(
+        tight_mode.z, tight_mode.covariance, tight_mode.log_posterior, tight_mode.converged
+    )
+    return replace(_check_fit(tight_noise_fit.posterior, mode, ()), tight_noise_fit=tight_noise_fit)
 
 
-def _judged(posterior: Posterior, mode: PosteriorMode, shares: tuple[float | None, ...]) -> MapFit:
-    """Check whether the data identify the parameters and the model explains them, at the mode."""
+def _check_fit(
+    posterior: Posterior, mode: PosteriorMode, shares: tuple[float | None, ...]
+) -> MapFit:
+    """Check at the mode whether the data identify the parameters and the model explains them."""
     parameter_space = posterior.space
     # Where the search did not converge, the sampler decides.
     reasons, warnings = (
@@ -157,21 +163,27 @@ def _judged(posterior: Posterior, mode: PosteriorMode, shares: tuple[float | Non
     noise = {name: float(x[0]) for name, x in parameter_space.nuisance(mode.z[None]).items()}
     for run, recording in enumerate(parameter_space.recordings):
         free = free_run(posterior, mode.z, run)
-        why, notes = explained_power_findings(recording, free, bool(shares))
-        if recording.below is None and (why or notes):
+        fit_reasons, notes = explained_power_findings(recording, free, bool(shares))
+        if recording.below is None and (fit_reasons or notes):
             top = model_bandwidth(recording)
-            why += suggest_band(recording, unexplained_in_band(recording, free, top) ** 2, top)
-        faults += why
-        warnings += notes + excess_noise_sentence(recording, noise, run) + _cut_out(recording)
+            fit_reasons += suggest_band(
+                recording, unexplained_in_band(recording, free, top) ** 2, top
+            )
+        faults += fit_reasons
+        warnings += (
+            notes
+            + excess_noise_sentence(recording, noise, run)
+            + _removed_tones_sentence(recording)
+        )
         if shares:
             warnings += band_notes(recording, shares[run])
     return MapFit(posterior, mode, (*reasons, *faults), tuple(warnings), shares, tuple(faults))
 
 
-def _at_full_band(
+def _fit_full_band(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, likelihood: str
 ) -> tuple[PosteriorMode, Posterior]:
-    """Climb to the mode, cut tones out, and climb again with the colour that is left."""
+    """Find the mode, remove tones, and find it again with a residual autoregression."""
     parameter_space = make_parameter_space(vehicle, recordings, likelihood)
     mode, posterior = find_mode_threaded(Posterior(parameter_space, (WHITE,) * len(recordings)))
     if likelihood != "innovations":
@@ -182,59 +194,59 @@ def _at_full_band(
         mode, posterior = find_mode_threaded(
             Posterior(parameter_space, (WHITE,) * len(without_tones))
         )
-    return _with_colour(posterior, mode, vehicle)
+    return _fit_with_residual_ar(posterior, mode, vehicle)
 
 
-def _with_effects(
+def _fit_with_effects(
     recordings: tuple[PreparedRecording, ...],
     vehicle: Vehicle,
     placed_effects: tuple[PlacedEffect, ...],
 ) -> tuple[PosteriorMode, Posterior, FittedModel]:
-    """Climb to the mode of a model with effects, its noise levels free.
+    """Find the mode of a model with effects and free noise levels.
 
-    Returns the model with noise levels near the declared ones as well.
+    Also return the model with noise levels near the declared ones.
     """
-    alone = tuple(replace(recording, clock_variants=None) for recording in recordings)
-    dataset, model = with_effects(make_dataset(vehicle, alone), placed_effects)
-    whole = make_parameter_space(vehicle, recordings, placed_effects=model.placed_effects)
-    others = _retimed_patterns(recordings, vehicle, model)
+    without_clocks = tuple(replace(recording, clock_variants=None) for recording in recordings)
+    dataset, model = with_effects(make_dataset(vehicle, without_clocks), placed_effects)
+    space = make_parameter_space(vehicle, recordings, placed_effects=model.placed_effects)
+    retimed_corrections = _retimed_corrections(recordings, vehicle, model)
     posterior = Posterior(
-        whole,
+        space,
         (WHITE,) * len(recordings),
         sensor_corrections=dataset.sensor_corrections,
-        retimed_corrections=others,
+        retimed_corrections=retimed_corrections,
     )
-    start = model.transfer(whole)
-    start[whole.shared_dimension :] = whole.origin[whole.shared_dimension :]
+    start = model.transfer(space)
+    start[space.shared_dimension :] = space.origin[space.shared_dimension :]
     with shared_work(posterior) as shared:
         return find_mode(shared, start), posterior, model
 
 
-def _retimed_patterns(
+def _retimed_corrections(
     recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, model: FittedModel
 ) -> tuple[tuple[SensorCorrections, ...], ...]:
-    """Patterns of each run at other errors of its clocks, by what a fitted model predicts."""
+    """Sensor corrections of each run's clock variants, from the prediction of a fitted model."""
     count = max(
         len(recording.clock_variants.recordings) if recording.clock_variants is not None else 0
         for recording in recordings
     )
-    found = []
+    corrections = []
     for k in range(count):
-        there = tuple(
+        variants = tuple(
             replace(x, clock_variants=None)
             if x.clock_variants is None
             else x.clock_variants.recordings[k]
             for x in recordings
         )
-        dataset = make_dataset(vehicle, there)
+        dataset = make_dataset(vehicle, variants)
         posterior = dataset.posterior(model.placed_effects)
         z = transfer_coordinates(model.space, model.mode.z, posterior.space, None, {})
-        found.append(update_corrections_at(dataset, posterior, z).sensor_corrections)
-    return tuple(zip(*found, strict=True)) if found else ()
+        corrections.append(update_corrections_at(dataset, posterior, z).sensor_corrections)
+    return tuple(zip(*corrections, strict=True)) if corrections else ()
 
 
-def _cut_out(recording: PreparedRecording) -> list[str]:
-    """Say which tones were cut out of a run."""
+def _removed_tones_sentence(recording: PreparedRecording) -> list[str]:
+    """Say which tones were removed from a run."""
     if not recording.notches:
         return []
     tones = [f"{frequency:.0f}" for frequency in main_tones(recording.notches)]
@@ -248,19 +260,19 @@ def _cut_out(recording: PreparedRecording) -> list[str]:
 def _without_tones(
     posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle
 ) -> tuple[PreparedRecording, ...] | None:
-    """Cut the tones of an engine out of every run; None where there are none.
+    """Remove the tones of an engine from every run; None if there are none.
 
-    They are looked for in accelerations alone.  What is left of a deflection or a rate that is
-    read next to exactly is no noise: a fit that is off by a ten-thousandth of a prior deviation
-    leaves the spectrum of the car's own motion, which falls by a factor of a hundred from 5 to
-    20 Hz, and a line on that slope stands out of the median of its neighbours as a tone does.
+    Only accelerations are searched.  The residual of a nearly noise-free deflection or rate is not
+    noise: if the fit is off by a ten-thousandth of a prior standard deviation, the residual has the
+    spectrum of the car's own motion.  That falls by a factor of a hundred from 5 to 20 Hz, and a
+    frequency on such a slope exceeds the median of its neighbours as a tone does.
     """
     out, any_found = [], False
     for run, recording in enumerate(posterior.space.recordings):
         nu = recording.paired(posterior.innovations(mode.z, run))
-        used, rate = nu[:, list(recording.accelerations)], 1.0 / recording.reading_step
+        accelerations, rate = nu[:, list(recording.accelerations)], 1.0 / recording.reading_step
         modes = own_modes(recording.car, vehicle.unsprung)
-        tones = engine_tones(find_tones(used, rate), [used], rate, modes)
+        tones = engine_tones(find_tones(accelerations, rate), [accelerations], rate, modes)
         any_found |= bool(tones)
         out.append(
             with_clock_variants(recording, partial(notched, notches=tones)) if tones else recording
@@ -268,36 +280,41 @@ def _without_tones(
     return tuple(out) if any_found else None
 
 
-def _with_colour(
+def _fit_with_residual_ar(
     posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle
 ) -> tuple[PosteriorMode, Posterior]:
-    """Look at the colour of what is left, and climb again until it settles.
+    """Alternate between the residual autoregression and the mode until they settle.
 
-    Under a colour a run's noise levels are held: left free they swell, since a colour makes
-    good for whatever filter they stand for.
+    The noise levels of a run with an autoregression are fixed: free ones would grow, since the
+    autoregression compensates for whatever filter they imply.
     """
-    whole = posterior.space
-    colours: tuple[ResidualAR, ...] = posterior.residual_ars
-    for _ in range(_COLOUR_ROUNDS):
-        found = tuple(
-            _colour_of(posterior, mode, run) for run in range(len(posterior.space.recordings))
+    space = posterior.space
+    residual_ars: tuple[ResidualAR, ...] = posterior.residual_ars
+    for _ in range(_AR_ROUNDS):
+        fitted = tuple(
+            _residual_ar_of_run(posterior, mode, run)
+            for run in range(len(posterior.space.recordings))
         )
-        if all(c.order == 0 for c in (*found, *colours)):
+        if all(c.order == 0 for c in (*fitted, *residual_ars)):
             break
-        colours = found
-        hold = frozenset(run for run, c in enumerate(found) if c.order > 0)
-        parameter_space = make_parameter_space(vehicle, whole.recordings, whole.likelihood, hold)
+        residual_ars = fitted
+        fixed_runs = frozenset(run for run, c in enumerate(fitted) if c.order > 0)
+        parameter_space = make_parameter_space(
+            vehicle, space.recordings, space.likelihood, fixed_runs
+        )
         start = parameter_space.origin
         start[: parameter_space.shared_dimension] = mode.z[: parameter_space.shared_dimension]
-        mode, posterior = find_mode_threaded(Posterior(parameter_space, found), start)
+        mode, posterior = find_mode_threaded(Posterior(parameter_space, fitted), start)
     return mode, posterior
 
 
-def _colour_of(posterior: Posterior, mode: PosteriorMode, run: int) -> ResidualAR:
-    """Colour of one run's innovations, scaled for what a filter took out of them."""
+def _residual_ar_of_run(posterior: Posterior, mode: PosteriorMode, run: int) -> ResidualAR:
+    """Autoregression of one run's innovations, scaled by the power that notches retained."""
     recording = posterior.space.recordings[run]
-    found = fit_residual_ar(recording.paired(posterior.innovations(mode.z, run, WHITE)))
-    if found.order == 0:
+    fitted = fit_residual_ar(recording.paired(posterior.innovations(mode.z, run, WHITE)))
+    if fitted.order == 0:
         return WHITE
-    left = 1.0 if recording.removed_band is None else recording.removed_band.retained_power
-    return found._replace(root=found.root * math.sqrt(left))
+    retained_power = (
+        1.0 if recording.removed_band is None else recording.removed_band.retained_power
+    )
+    return fitted._replace(root=fitted.root * math.sqrt(retained_power))

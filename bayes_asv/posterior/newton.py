@@ -1,8 +1,8 @@
-"""The most probable parameters and the curvature there.
+"""The mode of the posterior and its curvature there, by Newton's method.
 
-Least squares on the normalised innovations come first, from several starts: with the noise
-held they cannot run to the corner where everything is noise.  Newton steps on the whole
-posterior finish, with derivatives by central differences scaled to each deviation.
+Least squares on the normalised innovations come first, from several starting points; their noise
+levels are fixed, so that they cannot end where noise explains everything.  Newton steps on the full
+posterior follow, with derivatives by central differences scaled to each standard deviation.
 """
 
 from __future__ import annotations
@@ -21,11 +21,13 @@ __all__ = ["PosteriorMode", "find_mode", "residual_functions"]
 
 Array = NDArray[np.float64]
 
-_SLOPE_STEP = 1e-6  # of a prior deviation: halfway between rounding and curvature
-_STEP = 0.3  # of a deviation: large against rounding, small against the posterior's curvature
-_ROUNDS = 25
-_NOTHING_LEFT = 1.3  # deviations of what is left, in units of the noise given
-# Starts besides the prior's centre: factors on all damping rates and on all inertias.
+# Step of forward differences, prior sd: a balance of rounding and truncation errors.
+_SLOPE_STEP = 1e-6
+# Step of central differences, sd: large against rounding, small against changes of the curvature.
+_STEP = 0.3
+_ROUNDS = 25  # Newton iterations
+_GOOD_FIT = 1.3  # rms residual, in declared noise levels, below which no further start is tried
+# Starting points: factors on all damping rates and on all inertias.
 _STARTS = ((1.0, 1.0), (2.5, 1.0), (0.4, 1.0), (1.0, 2.0), (1.0, 0.5))
 
 
@@ -38,11 +40,11 @@ class PosteriorMode:
     z : (D,) array
         Coordinates.
     covariance : (D, D) array
-        Inverse of the curvature of minus the log-posterior there.
+        Inverse of the Hessian of minus the log-posterior there.
     log_posterior : float
-        Its value, not normalised.
+        Log-posterior at the mode, not normalised.
     converged : bool
-        The last Newton step gained less than a thousandth of a nat.
+        Whether the last Newton step gained less than a thousandth of a nat.
     """
 
     z: Array
@@ -52,24 +54,24 @@ class PosteriorMode:
 
     @property
     def sd(self) -> Array:
-        """Deviations (D,)."""
+        """Standard deviations (D,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 def find_mode(posterior: Posterior, start: Array | None = None) -> PosteriorMode:
-    """Climb to the posterior's mode.
+    """Find the mode of a posterior.
 
     Parameters
     ----------
     posterior : Posterior
         The posterior.
     start : (D,) array, optional
-        Where to begin; without it several starts are tried.
+        Starting point; without it several are tried.
 
     Returns
     -------
-    Mode
-        With ``converged`` false when it did not settle: a value, not an error.
+    PosteriorMode
+        Its ``converged`` is false if the iterations did not converge; this is not an error.
     """
     if start is None:
         start, sd = _least_squares(posterior)
@@ -79,7 +81,7 @@ def find_mode(posterior: Posterior, start: Array | None = None) -> PosteriorMode
 
 
 def _least_squares(posterior: Posterior) -> tuple[Array, Array]:
-    """Best of several least-squares fits, noise held at its prior centre."""
+    """Best of several least-squares fits, with noise levels fixed at their prior centre."""
     space = posterior.space
     n = space.shared_dimension
     levels = [
@@ -94,10 +96,10 @@ def _least_squares(posterior: Posterior) -> tuple[Array, Array]:
     residual, slopes = residual_functions(posterior, space.origin, range(n))
     best, best_value, best_sd = space.from_logs({}), -np.inf, space.scales(1.0)
     dampers = {element.damping for element in space.car.elements}
-    for of_dampers, of_inertias in _STARTS:
+    for damping_factor, inertia_factor in _STARTS:
         start = space.from_logs(
             {
-                name: math.log(of_dampers if name in dampers else of_inertias)
+                name: math.log(damping_factor if name in dampers else inertia_factor)
                 for name in space.car.estimated
             }
         )
@@ -109,9 +111,9 @@ def _least_squares(posterior: Posterior) -> tuple[Array, Array]:
         z = space.origin
         z[:n] = fit.x
         largest = 0.0
-        for k, run, y in levels:  # noise as large as what was left over
-            left = posterior.innovations(z, run)[:, y]
-            level = float(np.sqrt(np.mean(left[left != 0.0] ** 2)))
+        for k, run, y in levels:  # set noise levels to the rms of the residuals
+            residuals = posterior.innovations(z, run)[:, y]
+            level = float(np.sqrt(np.mean(residuals[residuals != 0.0] ** 2)))
             largest = max(largest, level)
             z[k] = np.clip(math.log(max(level, 1e-3)) / space.coordinates[k].scale, -4.0, 4.0)
         value = float(posterior.log_posterior(z[None])[0])
@@ -120,30 +122,31 @@ def _least_squares(posterior: Posterior) -> tuple[Array, Array]:
             curvature = np.sum(np.asarray(fit.jac) ** 2, axis=0)
             best_sd = space.scales(0.3)
             best_sd[:n] = 1.0 / np.sqrt(np.maximum(curvature, 1.0))
-        if levels and largest < _NOTHING_LEFT:
-            break  # no start can end lower than at the noise
+        if levels and largest < _GOOD_FIT:
+            break  # no fit can leave less than the noise
     return best, best_sd
 
 
 def residual_functions(
     posterior: Posterior, origin: Array, free: Sequence[int]
 ) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """Make what least squares asks for: residuals and their Jacobian.
+    """Make functions for least squares: residuals and their Jacobian.
 
     Parameters
     ----------
     posterior : Posterior
         The posterior.
     origin : (D,) array
-        Values of the coordinates that are held.
+        Coordinates; those that are not free keep these values.
     free : sequence of int
-        The others, F of them.
+        Free coordinates, F of them.
 
     Returns
     -------
     residual, slopes : callable
-        From values (F,) the normalised innovations of all runs with the values behind them (their
-        prior is a standard normal), and the derivatives of these by forward differences.
+        Functions of the free coordinates (F,): the normalised innovations of all runs followed by
+        the coordinates themselves (whose prior is standard normal), and the Jacobian of these by
+        forward differences.
     """
     runs, free = range(len(posterior.space.recordings)), list(free)
 
@@ -158,10 +161,10 @@ def residual_functions(
         return np.asarray(residuals(values[None])[0])
 
     def slopes(values: Array) -> Array:
-        found = residuals(
+        values_and_steps = residuals(
             values + _SLOPE_STEP * np.vstack([np.zeros(len(free)), np.eye(len(free))])
         )
-        return np.asarray((found[1:] - found[0]).T / _SLOPE_STEP)
+        return np.asarray((values_and_steps[1:] - values_and_steps[0]).T / _SLOPE_STEP)
 
     return residual, slopes
 
@@ -169,18 +172,17 @@ def residual_functions(
 def derivatives(posterior: Posterior, z: Array, scale: Array) -> tuple[float, Array, Array]:
     """Value, gradient (D,) and Hessian (D, D) of the log-posterior in units of ``scale``.
 
-    Differences are taken run by run, since a run knows nothing of another's noise; the prior
-    is a standard normal.  Derivatives are nan where a step leaves the region in which the
-    posterior is positive.
+    Differences are taken run by run, since a run does not depend on the noise of another; the
+    prior is standard normal.  Derivatives are nan if a step leaves the support of the posterior.
     """
     value = float(posterior.space.log_prior(z[None])[0])
     gradient = -z * scale
     hessian = -np.diag(scale**2)
     for run in range(len(posterior.space.recordings)):
-        own = posterior.space.coordinates_of_run(run)
-        d = len(own)
+        coordinates_of_run = posterior.space.coordinates_of_run(run)
+        d = len(coordinates_of_run)
         steps = np.zeros((d, len(z)))
-        steps[np.arange(d), own] = _STEP * scale[own]
+        steps[np.arange(d), coordinates_of_run] = _STEP * scale[coordinates_of_run]
         first, second = np.triu_indices(d, 1)
         both = steps[first] + steps[second]
         points = np.concatenate([z[None], z + steps, z - steps, z + both, z - both])
@@ -190,45 +192,45 @@ def derivatives(posterior: Posterior, z: Array, scale: Array) -> tuple[float, Ar
         f0, fp, fm = values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1]
         fc, fa = np.split(values[2 * d + 1 :], 2)
         value += float(f0)
-        gradient[own] += (fp - fm) / (2.0 * _STEP)
+        gradient[coordinates_of_run] += (fp - fm) / (2.0 * _STEP)
         curvature = np.diag((fp - 2.0 * f0 + fm) / _STEP**2)
         mixed = fc + fa - fp[first] - fm[first] - fp[second] - fm[second] + 2.0 * f0
         curvature[first, second] = curvature[second, first] = mixed / (2.0 * _STEP**2)
-        hessian[np.ix_(own, own)] += curvature
+        hessian[np.ix_(coordinates_of_run, coordinates_of_run)] += curvature
     return value, gradient, hessian
 
 
 def _newton(posterior: Posterior, z: Array, scale: Array) -> PosteriorMode:
-    """Damped Newton steps; the scale follows the curvature."""
+    """Damped Newton iterations; the scale of the differences follows the curvature."""
     damping = 1.0
     d = len(z)
     value = float(posterior.log_posterior(z[None])[0])
     converged = False
     precision = np.eye(d)
-    fresh = False
+    up_to_date = False
     for _ in range(_ROUNDS):
-        if not fresh:
+        if not up_to_date:
             value, gradient, hessian = derivatives(posterior, z, scale)
             if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
                 scale = 0.3 * scale
                 continue
-            # Differences of a stiff likelihood are too coarse for its soft directions; the prior's
-            # curvature is known, and the data can only add to it near a mode.
+            # Differences of a stiff likelihood are too coarse for poorly constrained directions.
+            # The prior's curvature is known, and near a mode the data can only add to it.
             prior = np.diag(scale**2)
             eigen, vectors = np.linalg.eigh(-hessian - prior)
             precision = (vectors * np.maximum(eigen, 0.0)) @ vectors.T + prior
-            fresh = True
+            up_to_date = True
         ridge = precision + (0.0 if damping < 1e-3 else damping) * np.diag(np.diag(precision))
         step = np.linalg.solve(ridge, gradient)
         step /= max(1.0, float(np.max(np.abs(step))) / 30.0)
         candidate = z + step * scale
-        reached = float(posterior.log_posterior(candidate[None])[0])
+        candidate_value = float(posterior.log_posterior(candidate[None])[0])
         gain = 0.5 * float(gradient @ np.linalg.solve(precision, gradient))
         if gain < 1e-3:
             converged = bool(np.linalg.eigvalsh(-hessian)[0] > 0.0)
             break
-        if reached > value:
-            z, fresh = candidate, False
+        if candidate_value > value:
+            z, up_to_date = candidate, False
             damping = 0.0 if damping < 1e-2 else damping * 0.1
             sd = np.sqrt(np.diag(np.linalg.inv(precision)))
             scale = scale * np.clip(sd, 0.2, 5.0)

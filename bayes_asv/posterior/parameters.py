@@ -1,10 +1,10 @@
 """Parameters of the posterior: blocks of coordinates that are standard normal a priori.
 
-Five blocks follow each other: the car (with its given values), gains of sensors, effects, errors of
-clocks, and what belongs to single runs (noise levels, filtered shares, input biases).
+The blocks are, in this order: the car (with its given values), sensor gains, effects, clock errors,
+and the coordinates of single runs (noise levels, filtered shares, input biases).
 
-The car's are directions of its prior (:mod:`.car_prior`).  Fractions are normal, noise levels
-log-normal and the filtered share of the noise uniform.
+Coordinates of the car are directions of its prior (:mod:`.car_prior`).  Fractions have a normal
+prior, noise levels a log-normal one, and the filtered share of the noise a uniform one.
 """
 
 from __future__ import annotations
@@ -42,12 +42,14 @@ __all__ = [
 Array = NDArray[np.float64]
 EffectValues = dict[PlacedEffect, dict[str, float]]
 
-# Where a disagreement is looked for, noise must not swell until it has swallowed it: in no case to
-# more than half as much again, or twice as much where none is given.
+# Bounds on the logarithm of a noise level relative to its prior centre: at most a factor of 1.5, or
+# 2 if the level is undeclared, so that noise cannot absorb a misfit.
 _NEAR_CAP, _UNKNOWN_CAP = 0.4, 0.7
-_NEAR_SD = 0.2  # of the logarithm of a noise level that is given, where it is kept near that
-_NEAR_SHARE = 3.0  # probits: noise comes before a sensor's filter or behind, seldom half and half
-_SHARE_HELD = 0.5  # filtered share of the noise where an autoregression takes over
+_NEAR_SD = 0.2  # prior sd of the logarithm of a declared noise level that is kept near its value
+# Prior sd of the filtered share, probits: noise arises before a sensor's filter or after it, seldom
+# half and half.
+_NEAR_SHARE = 3.0
+_SHARE_HELD = 0.5  # filtered share where it is not sampled: beside a residual autoregression
 
 Kind = Literal[
     "car", "fraction", "gain", "effect", "clock", "noise", "filtered_share", "input_bias"
@@ -61,7 +63,7 @@ class Coordinate:
     Parameters
     ----------
     kind : str
-        What it is of.
+        Kind of quantity.
     name : str
         Unique name.
     centre, scale : float
@@ -70,11 +72,11 @@ class Coordinate:
     channel : str
         Channel of a gain or a noise level, element of an input bias, or name of a clock.
     run : int or None
-        The only run that depends on it; None for all.
+        The only run that depends on it; None for all runs.
     placed : PlacedEffect or None
-        Effect that it belongs to, with
+        Effect that it belongs to, if any.
     parameter : Parameter or None
-        which of its parameters it is.
+        Parameter of that effect.
     """
 
     kind: Kind
@@ -89,7 +91,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """Coordinates (D,) of a posterior, and the way from them to what a filter takes.
+    """Coordinates (D,) of a posterior, and their mapping to the arguments of a filter.
 
     Parameters
     ----------
@@ -102,16 +104,16 @@ class ParameterSpace:
     likelihood : str
         ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
     held : tuple of (C,) arrays
-        Noise level of each channel of each run (SI units) where it is not sampled.
+        Noise level of each channel of each run (SI units), used where it is not sampled.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     sizes : Scale
-        What the effects' priors are given in.
+        Reference sizes in which the priors of effects are expressed.
     tight_noise : bool
-        Noise levels stay near their prior's centre.
+        Whether noise levels are bounded near the centre of their prior.
     sensors : tuple of int
-        Run that has the coordinates of the noise of each run's sensors: the first of the pieces of
-        one log, whose sensors are the same; by default each run its own.
+        For each run, the run whose coordinates describe the noise of its sensors: the first of the
+        pieces of one log, which share their sensors.  By default each run has its own.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -146,14 +148,14 @@ class ParameterSpace:
 
     @property
     def origin(self) -> Array:
-        """Coordinates (D,) of the prior's centre, clocks as the recordings were prepared."""
+        """Coordinates (D,) of the prior's centre, with clock errors as prepared."""
         z = np.zeros(self.dimension)
         for k, one, error in self._clocks():
             z[k] = (error - one.centre) / one.scale
         return z
 
     def scales(self, usual: float) -> Array:
-        """Return steps (D,) that a search begins with: for clocks those of the recordings."""
+        """Return initial steps (D,) of a search: ``usual``, for clocks those of the variants."""
         out = np.full(self.dimension, usual)
         for run, recording in enumerate(self.recordings):
             if recording.clock_variants is not None:
@@ -164,7 +166,7 @@ class ParameterSpace:
         return out
 
     def _clocks(self) -> Iterator[tuple[int, Coordinate, float]]:
-        """Coordinates of clocks, and the errors with which their recordings were prepared."""
+        """Coordinates of clock errors, and the errors with which recordings were prepared."""
         for run, recording in enumerate(self.recordings):
             if recording.clock_variants is not None:
                 for k, error in zip(
@@ -174,8 +176,10 @@ class ParameterSpace:
 
     def clock_coordinates(self, run: int) -> list[int]:
         """Coordinates of the errors of a run's clocks."""
-        retimed = self.recordings[run].clock_variants
-        return [] if retimed is None else [self.index[_clock_name(e, run)] for e in retimed.errors]
+        variants = self.recordings[run].clock_variants
+        return (
+            [] if variants is None else [self.index[_clock_name(e, run)] for e in variants.errors]
+        )
 
     def clock_errors(self, z: Array, run: int) -> Array:
         """Errors (W, K) of a run's clocks at coordinates (W, D)."""
@@ -205,7 +209,7 @@ class ParameterSpace:
         }
 
     def effect_draws(self, z: Array) -> dict[PlacedEffect, dict[str, Array]]:
-        """Values (N,) of the effects' parameters that are reported, at coordinates (N, D)."""
+        """Values (N,) of the reported parameters of effects, at coordinates (N, D)."""
         return {
             placed: {name: x for name, x in self._of_effect(placed, z).items() if name in reported}
             for placed in self.placed_effects
@@ -227,7 +231,7 @@ class ParameterSpace:
         z : (W, D) array
             Coordinates.
         unidentified : (W, nT − r) array, optional
-            Standard normal coordinates of what the data cannot identify; zero by default.
+            Standard normal coordinates of the unidentified directions; zero by default.
         """
         prior = self.prior
         zeta = z[:, : prior.identified.shape[1]] @ prior.identified.T
@@ -257,13 +261,13 @@ class ParameterSpace:
         z : (N, D) array
             Coordinates.
         seed : int
-            What the data cannot identify keeps its prior, independently of everything else: it is
-            drawn from this seed.
+            Seed of the draws of unidentified directions, which keep their prior independently of
+            all other coordinates.
 
         Returns
         -------
         dict of str to (N,) array
-            Whatever of the car's parameters varies, and what is derived from them.
+            The parameters of the car that vary, and quantities derived from them.
         """
         rng = np.random.default_rng([seed, 2])
         values = self.values(z, rng.normal(size=(len(z), self.prior.unidentified.shape[1])))
@@ -271,7 +275,7 @@ class ParameterSpace:
         return named if self.car.derived is None else {**named, **self.car.derived(values)}
 
     def gains(self, z: Array, run: int) -> tuple[Array, Array]:
-        """Return readings over truth (W, nu) of a run's inputs and (W, ny) of its outputs."""
+        """Sensor gains (W, nu) of a run's inputs and (W, ny) of its outputs: reading over truth."""
         recording = self.recordings[run]
         gains = np.ones((len(z), len(recording.channels)))
         for k, coordinate in enumerate(self.coordinates):
@@ -309,7 +313,7 @@ class ParameterSpace:
             elif self.held[run][c] > 0.0:
                 variance = np.full(len(z), self.held[run][c] ** 2)
             else:
-                continue  # with white residuals an input has no noise
+                continue  # inputs without noise
             passed = share if recording.poles[c] > 0.0 else 0.0 * share
             white[:, column] = (1.0 - passed) * variance + recording.quantization_steps[
                 c
@@ -330,11 +334,11 @@ class ParameterSpace:
         return np.asarray(one.centre + cap * np.tanh(one.scale * z[:, k] / cap))
 
     def _sensors_of(self, run: int) -> int:
-        """Return the run that has the coordinates of the noise of a run's sensors."""
+        """Return the run whose coordinates describe the noise of a run's sensors."""
         return self.sensors[run] if self.sensors else run
 
     def _share(self, z: Array, run: int) -> Array:
-        """Share (W,) of the noise that passed the sensor's filter."""
+        """Share (W,) of the noise variance that passed the sensor's filter."""
         k = self.index.get(f"filtered share {self._sensors_of(run)}")
         if k is not None:
             one = self.coordinates[k]
@@ -343,7 +347,7 @@ class ParameterSpace:
         return np.full(len(z), _SHARE_HELD if filtered else 0.0)
 
     def input_biases(self, z: Array, run: int) -> Array:
-        """Return the biases (W, nu) of a run's inputs, m/s², at coordinates (W, D)."""
+        """Biases (W, nu) of a run's inputs, m/s², at coordinates (W, D)."""
         out = np.zeros((len(z), len(self.car.elements)))
         for e, element in enumerate(self.car.elements):
             k = self.index.get(f"input bias {element.name} {run}")
@@ -352,7 +356,7 @@ class ParameterSpace:
         return out
 
     def nuisance(self, z: Array) -> dict[str, Array]:
-        """Noise levels, gains, filtered shares and clocks by name, each (W,), SI units."""
+        """Noise levels, gains, filtered shares and clock errors by name, each (W,), SI units."""
         out: dict[str, Array] = {}
         for k, one in enumerate(self.coordinates):
             if one.kind == "noise":
@@ -368,11 +372,11 @@ class ParameterSpace:
         return out
 
     def _with_sensors(self, owner: int | None) -> list[int]:
-        """Return the runs whose sensors' noise is that of a run."""
+        """Return the runs whose sensor noise is described by the coordinates of run ``owner``."""
         return [run for run in range(len(self.recordings)) if self._sensors_of(run) == owner]
 
     def log_prior(self, z: Array) -> Array:
-        """Log density (W,) of the prior; −inf where no car can be."""
+        """Log density (W,) of the prior; −inf for impossible cars."""
         value = -0.5 * np.sum(z**2, axis=1) - 0.5 * z.shape[1] * math.log(2.0 * math.pi)
         bad = np.any(~(np.abs(z) < MAX_PRIOR_DISTANCE), axis=1)
         for k, one in enumerate(self.coordinates[: self.car_dimension]):
@@ -383,12 +387,12 @@ class ParameterSpace:
 
     def coordinates_of_run(self, run: int) -> NDArray[np.int64]:
         """Coordinates that one run's likelihood depends on."""
-        own = {True: (None, self._sensors_of(run)), False: (None, run)}
+        owners = {True: (None, self._sensors_of(run)), False: (None, run)}
         return np.array(
             [
                 k
                 for k, one in enumerate(self.coordinates)
-                if one.run in own[one.kind in ("noise", "filtered_share")]
+                if one.run in owners[one.kind in ("noise", "filtered_share")]
             ],
             np.int64,
         )
@@ -397,9 +401,9 @@ class ParameterSpace:
         """Coordinates (D,) of the prior's centre with some logarithms shifted."""
         z = np.zeros(self.dimension)
         prior = self.prior
-        moved = np.array([shift.get(name, 0.0) for name in prior.log_parameters])
-        moved[prior.log_sd == 0.0] = 0.0
-        zeta = np.linalg.lstsq(prior.root, moved, rcond=1e-12)[0]
+        shifts = np.array([shift.get(name, 0.0) for name in prior.log_parameters])
+        shifts[prior.log_sd == 0.0] = 0.0
+        zeta = np.linalg.lstsq(prior.root, shifts, rcond=1e-12)[0]
         z[: prior.identified.shape[1]] = zeta @ prior.identified
         return z
 
@@ -413,11 +417,11 @@ class ParameterSpace:
         """
         prior = self.prior
         shape = next(iter(draws.values())).shape
-        moved = np.zeros((*shape, len(prior.log_parameters)))
+        shifts = np.zeros((*shape, len(prior.log_parameters)))
         for k, name in enumerate(prior.log_parameters):
             if name in draws and prior.log_sd[k] > 0.0:
-                moved[..., k] = np.log(draws[name]) - prior.log_mean[k]
-        zeta = moved @ np.linalg.pinv(prior.root).T
+                shifts[..., k] = np.log(draws[name]) - prior.log_mean[k]
+        zeta = shifts @ np.linalg.pinv(prior.root).T
         out = np.zeros((*shape, self.car_dimension))
         out[..., : prior.identified.shape[1]] = zeta @ prior.identified
         for k, one in enumerate(self.coordinates[: self.car_dimension]):
@@ -426,7 +430,7 @@ class ParameterSpace:
         return out
 
     def nuisance_coordinates(self, values: Mapping[str, Array]) -> Array:
-        """Coordinates (…, D − n) of what is not the car; inverse of `nuisance`, without effects."""
+        """Coordinates (…, D − n) of nuisance parameters; inverse of `nuisance`, no effects."""
         out = []
         for one in self.coordinates[self.car_dimension :]:
             value = values[one.name]
@@ -436,7 +440,7 @@ class ParameterSpace:
         return np.stack(out, axis=-1)
 
     def log_slopes(self, name: str) -> Array:
-        """Return derivatives (r,) of a parameter's logarithm by the identified coordinates."""
+        """Return the derivatives (r,) of a parameter's logarithm by identified coordinates."""
         prior = self.prior
         return np.asarray(prior.root[prior.log_parameters.index(name)] @ prior.identified)
 
@@ -453,8 +457,8 @@ class ParameterSpace:
         prior = self.prior
         slopes = self.log_slopes(name)
         r = len(slopes)
-        kept = prior.root[prior.log_parameters.index(name)] @ prior.unidentified
-        return float(math.sqrt(slopes @ covariance[:r, :r] @ slopes + kept @ kept))
+        unidentified = prior.root[prior.log_parameters.index(name)] @ prior.unidentified
+        return float(math.sqrt(slopes @ covariance[:r, :r] @ slopes + unidentified @ unidentified))
 
     def log_prior_of(self, name: str) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of a parameter a priori."""
@@ -463,7 +467,7 @@ class ParameterSpace:
 
 
 def _clock_name(error: ClockError, run: int) -> str:
-    """Name of the coordinate of a clock's error: the drift of a clock is that of all runs."""
+    """Name of the coordinate of a clock error; the drift of a clock is common to all runs."""
     return f"clock {error.kind} {error.clock}" + (f" {run}" if error.kind == "offset" else "")
 
 
@@ -480,18 +484,18 @@ def make_parameter_space(
     Parameters
     ----------
     vehicle : Vehicle
-        Gives the priors of the car, and the sizes that those of effects are given in.
+        Gives the priors of the car, and the sizes in which the priors of effects are expressed.
     recordings : tuple of PreparedRecording
         The recordings, in order, all of one car.
     likelihood : str
         ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
     hold : frozenset of int
-        Runs whose noise levels are held at the centre of their prior: under a residual
-        autoregression they are but the shape of a filter, and the autoregression has the scale.
+        Runs whose noise levels are fixed at the centre of their prior: with a residual
+        autoregression they only shape the filter, and the autoregression sets the scale.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     near : bool
-        Keep noise levels near what is given.
+        Bound noise levels near the declared ones.
 
     Returns
     -------
@@ -507,7 +511,7 @@ def make_parameter_space(
         if p.kind == "fraction" and p.terms[0][2] > 0.0
     ]
     scale_sd: dict[str, float] = {}
-    for recording in recordings:  # one sensor, one scale, whatever the run
+    for recording in recordings:  # a sensor has one gain in all runs
         for c, channel in enumerate(recording.channels):
             known = scale_sd.get(channel.name, 0.0)
             scale_sd[channel.name] = max(known, float(recording.scale_sd[c]))
@@ -538,17 +542,17 @@ def make_parameter_space(
         for element in car.elements
         if any(placed.effect.travel and element.is_at(placed.where) for placed in placed_effects)
     ]
-    held = []
+    noise_levels = []
     sensors = _sensors(recordings, hold)
     for run, recording in enumerate(recordings):
         levels = np.zeros(len(recording.channels))
-        own = run not in hold and sensors[run] == run
+        samples_noise = run not in hold and sensors[run] == run
         for c, channel in enumerate(recording.channels):
             if likelihood != "innovations" and channel.is_input:
                 continue
             noise = recording.noise[c]
             levels[c] = noise_level(recording, c) if noise is None else noise
-            if own:
+            if samples_noise:
                 sd = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
                 if near and noise is not None:
                     sd = _NEAR_SD
@@ -562,9 +566,9 @@ def make_parameter_space(
                         run=run,
                     )
                 )
-        held.append(levels)
+        noise_levels.append(levels)
         filtered = likelihood == "innovations" and bool(np.any(recording.poles > 0.0))
-        if filtered and own:
+        if filtered and samples_noise:
             width = _NEAR_SHARE if near else 1.0
             coordinates.append(
                 Coordinate("filtered_share", f"filtered share {run}", 0.0, width, run=run)
@@ -580,7 +584,7 @@ def make_parameter_space(
         prior=prior,
         recordings=recordings,
         likelihood=likelihood,
-        held=tuple(held),
+        held=tuple(noise_levels),
         placed_effects=placed_effects,
         sizes=effect_scale(car),
         tight_noise=near,
@@ -589,7 +593,7 @@ def make_parameter_space(
 
 
 def _sensors(recordings: tuple[PreparedRecording, ...], hold: frozenset[int]) -> tuple[int, ...]:
-    """Find the first run of each run's log, among those whose noise levels are not held."""
+    """Find the first run of each run's log, among those whose noise levels are not fixed."""
     first: dict[str, int] = {}
     return tuple(
         run if run in hold or not one.log_sha256 else first.setdefault(one.log_sha256, run)

@@ -1,9 +1,9 @@
-"""Noise that is not white: found in the innovations, not assumed.
+"""Vector autoregression of the residuals, fitted to the innovations.
 
-An engine shakes the frame, a body panel rings, a road is not flat from side to side: what the
-half car and its sensors do not explain has a colour of its own.  A vector autoregression on
-the normalised innovations of both chassis channels describes it; its order is chosen by the
-Bayesian information criterion, zero when the innovations are white.
+An engine shakes the frame, a body panel resonates, a road differs from side to side: motion that
+the car model does not contain makes the innovations autocorrelated.  A vector autoregression on
+the normalised innovations of all outputs describes it; its order is chosen by the Bayesian
+information criterion, and is zero if the innovations are white.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ __all__ = ["chance_factor", "fit_residual_ar", "long_run_variance", "portmanteau
 
 Array = NDArray[np.float64]
 
-_ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
-# Nats a colour must gain beyond the criterion before it is believed: keeps a white record
-# white in all but a few of a thousand.
+_ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)  # orders that are compared
+# Log-likelihood margin (nats) for an autoregression over white innovations, beyond the information
+# criterion; its false-alarm rate is a few per thousand.
 _MARGIN = 5.0
-_MEMORY = 0.1  # s over which innovations of a wrong model may be correlated: a period of its modes
+# Time over which innovations of a wrong model may be correlated, s: a period of the car's modes.
+_MEMORY = 0.1
 
 
 def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> ResidualAR:
-    """Fit the autoregression that the information criterion asks for.
+    """Fit an autoregression whose order the information criterion chooses.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
     Returns
     -------
     ResidualAR
-        :data:`~bayes_asv.posterior.likelihood.WHITE` when no order beats order zero.
+        :data:`~bayes_asv.posterior.likelihood.WHITE` if no order is better than zero.
     """
     n, ny = nu.shape
     orders = [p for p in _ORDERS if least <= p <= most and 20 * p <= n]
@@ -51,11 +52,11 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
     lagged = np.concatenate([nu[longest - j : n - j] for j in range(1, longest + 1)], axis=1)
     best, best_score = 0, math.inf
     for p in orders:
-        rows, design = _whole(response, lagged[:, : ny * p])
+        rows, design = _complete_rows(response, lagged[:, : ny * p])
         if len(rows) < max(20 * p, 50):
-            break  # too many gaps to tell
+            break  # too few rows without a gap
         residuals = rows - design @ _solve(design, rows) if p > 0 else rows
-        # by row, since fewer rows are whole the more lags they need
+        # per row, since higher orders have fewer complete rows
         score = _criterion(residuals, p) / len(rows)
         if p == 0:
             score -= 2.0 * _MARGIN / len(rows)
@@ -63,7 +64,7 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
             best, best_score = p, score
     if best == 0:
         return WHITE
-    rows, design = _whole(response, lagged[:, : ny * best])
+    rows, design = _complete_rows(response, lagged[:, : ny * best])
     weights = _solve(design, rows)
     residuals = rows - design @ weights
     covariance = residuals.T @ residuals / (len(rows) - ny * best)
@@ -72,10 +73,10 @@ def fit_residual_ar(nu: Array, least: int = 0, most: int = _ORDERS[-1]) -> Resid
     return ResidualAR(np.ascontiguousarray(coefficients), np.ascontiguousarray(root))
 
 
-def _whole(response: Array, lagged: Array) -> tuple[Array, Array]:
-    """Rows in which nothing is missing."""
-    whole = np.isfinite(response).all(axis=1) & np.isfinite(lagged).all(axis=1)
-    return response[whole], lagged[whole]
+def _complete_rows(response: Array, lagged: Array) -> tuple[Array, Array]:
+    """Rows without a missing value."""
+    complete = np.isfinite(response).all(axis=1) & np.isfinite(lagged).all(axis=1)
+    return response[complete], lagged[complete]
 
 
 def _solve(design: Array, response: Array) -> Array:
@@ -85,23 +86,25 @@ def _solve(design: Array, response: Array) -> Array:
 
 
 def _criterion(residuals: Array, p: int) -> float:
-    """Schwarz's criterion of a vector autoregression of order p."""
+    """Bayesian information criterion (Schwarz) of a vector autoregression of order p."""
     n, ny = residuals.shape
     _, log_det = np.linalg.slogdet(residuals.T @ residuals / n)
     return float(n * log_det + ny**2 * p * math.log(n))
 
 
 def long_run_variance(innovations: Array, use: NDArray[np.bool_], instants: Array) -> float:
-    """Variance of the mean of normalised innovations times their number, the largest output's.
+    """Long-run variance of normalised innovations: N times the variance of their mean.
+
+    The largest of all outputs, by the estimator of Newey & West (1987).
 
     Parameters
     ----------
     innovations : (E, ny) array
         Normalised innovations of one run.
     use : (E, ny) array of bool
-        Where there is one.
+        Whether there is an innovation.
     instants : (E,) array
-        When, s.
+        Their times, s.
     """
     out = []
     for y in range(innovations.shape[1]):
@@ -115,18 +118,18 @@ def long_run_variance(innovations: Array, use: NDArray[np.bool_], instants: Arra
 
 
 def chance_factor(use: NDArray[np.bool_], instants: Array, level: float) -> float:
-    """Return by what factor chance alone makes :func:`long_run_variance` larger.
+    """Factor that the estimate of :func:`long_run_variance` exceeds by chance alone.
 
-    With L lags of Bartlett's weights and N innovations its relative variance is (4/3) L/N
-    (Priestley 1981, Spectral Analysis and Time Series, table 6.1), that of χ² with 1.5 N/L degrees
-    of freedom.
+    With L lags of Bartlett's weights and N innovations, the relative variance of the estimate is
+    (4/3) L/N (Priestley 1981, Spectral Analysis and Time Series, table 6.1), that of χ² with
+    1.5 N/L degrees of freedom.
 
     Parameters
     ----------
     use, instants
-        As of :func:`long_run_variance`.
+        As for :func:`long_run_variance`.
     level : float
-        Probability that it is larger by more than the factor.
+        Probability that the estimate exceeds the true value by more than the factor.
     """
     count = int(np.min(np.count_nonzero(use, axis=0)))
     step = float(np.ptp(instants)) / max(count - 1, 1)
@@ -135,7 +138,7 @@ def chance_factor(use: NDArray[np.bool_], instants: Array, level: float) -> floa
 
 
 def portmanteau(series: Array, lags: int, fitted: int = 0) -> float:
-    """Ljung–Box p-value of one series of innovations: small when it is not white.
+    """Ljung–Box p-value of one series of innovations; small if it is not white.
 
     Parameters
     ----------
@@ -144,12 +147,12 @@ def portmanteau(series: Array, lags: int, fitted: int = 0) -> float:
     lags : int
         Number of lags tested together.
     fitted : int
-        Lags of an autoregression that was fitted to the same series.
+        Order of an autoregression that was fitted to the same series.
 
     Returns
     -------
     float
-        Probability of so much correlation in white noise (Ljung & Box 1978).
+        Probability of at least as much autocorrelation in white noise (Ljung & Box 1978).
     """
     from scipy.special import gammaincc
 

@@ -1,14 +1,15 @@
-"""Draws from a posterior: independent ones that are weighted, or emcee ensembles until they agree.
+"""Draws from a posterior: importance sampling, or emcee ensembles where that fails.
 
-Where a posterior is nearly normal, draws from a Student t that was shaped twice, by the curvature
-at the mode and then by the first draws, are weighted by the posterior and resampled.  Four streams
-of draws never exchange anything, and the tail of the weights says whether they can be trusted
-(Vehtari et al. 2024, Journal of Machine Learning Research 25, 72).
+If a posterior is nearly normal, draws from a Student t are weighted by the posterior and resampled.
+The first proposal is shaped by the curvature at the mode, the next one by the weighted draws so
+far.  Four streams of draws are independent of each other, and the Pareto shape of the largest
+weights tells whether the weights can be trusted (Vehtari et al. 2024, Journal of Machine Learning
+Research 25, 72).
 
-Where they cannot, four emcee ensembles start apart and never exchange anything, so that R̂ between
-them means what it says (walkers of one ensemble are not independent chains).  Proposals are drawn
-from a Student t shaped by what burn-in found, mixed with differential evolution, which explores
-where the first kind is seldom accepted.
+If they cannot, four emcee ensembles start at different points and stay independent of each other,
+so that R̂ compares independent chains (walkers of one ensemble are not independent).  Proposals are
+drawn from a Student t fitted to the burn-in, mixed with differential evolution, which explores
+where proposals of the first kind are seldom accepted.
 """
 
 from __future__ import annotations
@@ -44,30 +45,30 @@ __all__ = [
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-N_CHAINS = 4
-_TAILS = (0.05, 0.95)
-_BURN = ((8, 4), (12, 8))  # steps of each stage, and how many of the last shape the next
-WALKERS = 32
-_BLOCK = 30
-MAX_STEPS = 800
+N_CHAINS = 4  # independent streams or ensembles
+_TAILS = (0.05, 0.95)  # quantiles whose effective sample size is required
+_BURN = ((8, 4), (12, 8))  # burn-in stages: steps, and last steps that shape the next proposal
+WALKERS = 32  # least number of walkers of an ensemble
+_BLOCK = 30  # steps between the first checks of convergence
+MAX_STEPS = 800  # steps of an ensemble after which sampling gives up
 
 
 @dataclass(frozen=True)
 class PosteriorDraws:
-    """Draws and how far they can be trusted.
+    """Draws and their convergence diagnostics.
 
     Parameters
     ----------
     draws : (N_CHAINS, S·W, D) array
-        Coordinates, each ensemble's walkers interleaved in time order.
+        Coordinates; the walkers of an ensemble are interleaved in time order.
     log_posterior : (N_CHAINS, S·W) array
-        Not normalised.
+        Log-posterior of the draws, not normalised.
     rhat_max, ess_bulk_min, ess_tail_min : float
-        Worst coordinate.
+        R̂ and effective sample sizes of the worst coordinate.
     converged : bool
-        R̂ < 1.01 and both sizes at least 1000.
+        Whether R̂ < 1.01 and both effective sample sizes are at least 1000.
     acceptance : float
-        Mean share of accepted proposals; nan of independent draws.
+        Mean share of accepted proposals; nan for independent draws.
     sampler : str
         ``ensembles`` of emcee, ``weighted draws`` or ``normal approximation``.
     """
@@ -82,26 +83,27 @@ class PosteriorDraws:
     sampler: str = "ensembles"
 
     def thinned(self, most: int) -> PosteriorDraws:
-        """Keep every n-th draw, as many as there may be at most in all."""
+        """Keep every n-th draw, at most ``most`` in all."""
         every = -(-self.log_posterior.size // most)
         kept = slice(every - 1, None, every)
         return replace(self, draws=self.draws[:, kept], log_posterior=self.log_posterior[:, kept])
 
 
-_FIRST = 256  # draws of each stream from the curvature at the mode, a power of two
-_LARGEST = 2048  # and the most that are drawn at a time from what they shaped
-_USELESS = 0.1  # share of effective draws below which the first do not shape a proposal
-_TRUSTED = 0.5  # of the Pareto tail of weights: beyond it their variance is infinite
+_FIRST_BATCH = 256  # draws of each stream from the first proposal, a power of two
+_LARGEST_BATCH = 2048  # largest batch of each stream from the adapted proposal
+# Share of effective draws in the first batch below which it cannot shape a proposal.
+_MIN_EFFICIENCY = 0.1
+_MAX_PARETO_SHAPE = 0.5  # Pareto shape of the weights above which their variance is infinite
 
 
 def importance_resample(
     posterior: Density, mode: PosteriorMode, seed: int, progress: Progress | None = None
 ) -> PosteriorDraws | None:
-    """Draw independently, and weigh by the posterior.
+    """Draw from adapted proposals, weight by the posterior, and resample.
 
-    All draws have the weights of one mixture of the proposals (Veach & Guibas 1995).  The effective
-    size of a mean is its variance over Σ w² (x − mean)², and so is that of a tail, of which x says
-    whether a draw is in it.
+    All draws are weighted by the mixture of the proposals (Veach & Guibas 1995).  The effective
+    sample size of a mean is the variance over Σ w² (x − mean)²; for a tail probability, x is the
+    indicator of the tail.
 
     Parameters
     ----------
@@ -111,17 +113,16 @@ def importance_resample(
     Returns
     -------
     PosteriorDraws or None
-        As many draws as are effective, each of equal weight; None where the weights cannot be
-        trusted.
+        As many draws of equal weight as are effective; None if the weights cannot be trusted.
     """
     proposals: list[Proposal] = []
     counts: list[int] = []
     d = len(mode.z)
     streams = [np.random.default_rng([seed, 37, e]) for e in range(N_CHAINS)]
     z, logs = np.zeros((N_CHAINS, 0, d)), np.zeros((N_CHAINS, 0))
-    proposal, count = Proposal.around(mode, INFLATION), _FIRST
+    proposal, count = Proposal.around(mode, INFLATION), _FIRST_BATCH
     with threads() as pool:
-        while count <= _LARGEST:
+        while count <= _LARGEST_BATCH:
             new = [proposal.even(count, stream) for stream in streams]
             logs = np.hstack([logs, np.stack(list(pool.map(posterior.log_posterior, new)))])
             z = np.concatenate([z, np.stack(new)], axis=1)
@@ -134,55 +135,56 @@ def importance_resample(
             weight = np.exp(log_ratio - log_ratio.max())
             weight /= weight.sum()
             if len(proposals) == 1:
-                if 1.0 / np.sum(weight**2) < _USELESS * len(flat):
+                if 1.0 / np.sum(weight**2) < _MIN_EFFICIENCY * len(flat):
                     return None
                 importlib.import_module("arviz_stats.base")
             bulk, tail = effective_sizes(flat, weight)
             if progress is not None:
                 progress(min(bulk / ESS_WANTED, tail / ESS_WANTED, 1.0), f"{bulk:.0f} draws")
-            if min(bulk, tail) >= ESS_WANTED and _pareto_tail(log_ratio) <= _TRUSTED:
-                found = _resampled(z, logs, weight, int(min(bulk, tail)) // N_CHAINS, streams)
-                rhat = convergence_diagnostics(found.draws[:, :, None])[0]
+            if min(bulk, tail) >= ESS_WANTED and _pareto_tail(log_ratio) <= _MAX_PARETO_SHAPE:
+                resampled = _resample(z, logs, weight, int(min(bulk, tail)) // N_CHAINS, streams)
+                rhat = convergence_diagnostics(resampled.draws[:, :, None])[0]
                 if rhat < RHAT_WANTED:
-                    return replace(found, rhat_max=rhat, ess_bulk_min=bulk, ess_tail_min=tail)
-            # A proposal that is no wider than the posterior misses what its own draws missed.
+                    return replace(resampled, rhat_max=rhat, ess_bulk_min=bulk, ess_tail_min=tail)
+            # inflated: a proposal as narrow as the draws would miss the tails that they missed
             proposal, count = Proposal.through(flat, INFLATION, weight), 2 * count
     return None
 
 
 def effective_sizes(z: Array, weight: Array) -> tuple[float, float]:
-    """Effective sizes of weighted draws (N, D): of the means and of the tails, the least of all."""
+    """Smallest effective sample sizes of weighted draws (N, D): of a mean, and of a tail."""
     square = (z - weight @ z) ** 2
     bulk = float(np.min((weight @ square) / (weight**2 @ square)))
     tail = math.inf
     for x in z.T:
         order = np.argsort(x)
-        reached, squares = np.cumsum(weight[order]), np.cumsum(weight[order] ** 2)
+        cumulative, squares = np.cumsum(weight[order]), np.cumsum(weight[order] ** 2)
         for end in _TAILS:
-            last = int(np.searchsorted(reached, end))
-            p, inside = float(reached[last]), float(squares[last])
+            last = int(np.searchsorted(cumulative, end))
+            p, inside = float(cumulative[last]), float(squares[last])
             error = inside * (1.0 - p) ** 2 + (float(squares[-1]) - inside) * p**2
-            tail = min(tail, p * (1.0 - p) / error if error > 0.0 else 1.0)  # one draw is all of it
+            # without an error, one draw has all the weight
+            tail = min(tail, p * (1.0 - p) / error if error > 0.0 else 1.0)
     return bulk, tail
 
 
 def _pareto_tail(log_ratio: Array) -> float:
-    """Shape of the tail of weights, of which moments below its inverse exist."""
+    """Pareto shape k of the largest weights; their moments below 1/k are finite."""
     from arviz_stats.base import array_stats
 
-    # It takes the logarithm of a likelihood, whose inverse are the weights.
+    # psislw takes log-likelihoods and forms the weights from their negatives
     return float(array_stats.psislw(-log_ratio)[1])
 
 
-def _resampled(
+def _resample(
     z: Array, logs: Array, weight: Array, size: int, streams: list[np.random.Generator]
 ) -> PosteriorDraws:
-    """Draw (N_CHAINS, size) draws of equal weight, each stream its own, in random order."""
+    """Resample each stream to ``size`` draws of equal weight, in random order."""
     draws, chosen = [], []
     for points, log, w, stream in zip(z, logs, weight.reshape(logs.shape), streams, strict=True):
-        reached = np.cumsum(w) / w.sum()
-        places = (np.arange(size) + stream.random()) / size  # systematic: few draws come twice
-        at = stream.permutation(np.minimum(np.searchsorted(reached, places), len(w) - 1))
+        cumulative = np.cumsum(w) / w.sum()
+        places = (np.arange(size) + stream.random()) / size  # systematic: few duplicates
+        at = stream.permutation(np.minimum(np.searchsorted(cumulative, places), len(w) - 1))
         draws.append(points[at])
         chosen.append(log[at])
     return PosteriorDraws(
@@ -198,42 +200,42 @@ def sample_mcmc(
     progress: Progress | None = None,
     most: int = MAX_STEPS,
 ) -> PosteriorDraws:
-    """Sample the posterior.
+    """Sample a posterior with emcee ensembles until they agree.
 
     Parameters
     ----------
     posterior : Density
         The posterior.
-    mode : Mode
-        Its mode and curvature: where ensembles start and what they propose at first.
+    mode : PosteriorMode
+        Its mode and curvature, for the initial walkers and the first proposals.
     seed : int
-        Same seed, same draws.
+        Seed of the random numbers.
     progress : callable, optional
-        Told the share done (0 to 1) and a few words.
+        Called with the share done (0 to 1) and a short text.
     most : int
-        Steps after which it gives up.
+        Largest number of steps.
 
     Returns
     -------
     PosteriorDraws
-        ``converged`` is false when ``most`` steps were not enough.
+        ``converged`` is false if ``most`` steps were not enough.
     """
     d = len(mode.z)
     walkers = max(WALKERS, 2 * (d + 2))
     with threads() as pool:
         proposal = Proposal.around(mode, INFLATION)
         streams = [np.random.RandomState([seed, e]) for e in range(N_CHAINS)]
-        places = [_start(posterior, proposal, walkers, stream) for stream in streams]
-        for stage, (burn, used) in enumerate(_BURN):
+        places = [_initial_walkers(posterior, proposal, walkers, stream) for stream in streams]
+        for stage, (burn, kept) in enumerate(_BURN):
             samplers = _samplers(posterior, proposal, walkers, [seed, N_CHAINS + stage])
             running = pool.map(_advance, samplers, places, [burn] * N_CHAINS)
             if stage == 0:
                 importlib.import_module("arviz_stats.base")  # half a second, while they burn in
             ends = list(running)
             places = [end.coords for end in ends]
-            # What burn-in found replaces the curvature at the mode; fixed while draws are kept.
-            found = [s.get_chain(flat=True, discard=burn - used) for s in samplers]
-            proposal = Proposal.through(np.concatenate(found), 1.1)
+            # the burn-in replaces the curvature at the mode; the proposal is fixed while sampling
+            burned_in = [s.get_chain(flat=True, discard=burn - kept) for s in samplers]
+            proposal = Proposal.through(np.concatenate(burned_in), 1.1)
         samplers = _samplers(posterior, proposal, walkers, [seed, N_CHAINS + len(_BURN)])
         steps, block = 0, _BLOCK
         while True:
@@ -268,35 +270,35 @@ def sample_posterior(
     progress: Progress | None = None,
     most: int = MAX_STEPS,
 ) -> PosteriorDraws:
-    """Sample the posterior of one run or of several, by weights where those can be trusted.
+    """Sample the posterior of one or several runs, by importance sampling if possible.
 
-    Of several the draws are of the coordinates that all share; those of single runs are drawn
-    for them afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  Parameters are those of
+    With several runs, only their shared coordinates are sampled; those of single runs are drawn
+    afterwards (:mod:`bayes_asv.posterior.shared_posterior`).  The parameters are those of
     :func:`sample_mcmc`.
     """
     if len(posterior.space.recordings) == 1:
-        return _sampled(posterior, mode, seed, progress, most)
+        return _sample(posterior, mode, seed, progress, most)
     shared = SharedPosterior(posterior, mode)
-    found = _sampled(shared, shared.mode, seed, progress, most)
-    count, length, d = found.draws.shape
+    sampled = _sample(shared, shared.mode, seed, progress, most)
+    count, length, d = sampled.draws.shape
     rng = np.random.default_rng([seed, 31])
-    z, change = shared.completed(found.draws.reshape(-1, d), rng)
+    z, change = shared.completed(sampled.draws.reshape(-1, d), rng)
     return replace(
-        found,
+        sampled,
         draws=z.reshape(count, length, -1),
-        log_posterior=found.log_posterior + change.reshape(count, length),
+        log_posterior=sampled.log_posterior + change.reshape(count, length),
     )
 
 
-def _sampled(
+def _sample(
     posterior: Density, mode: PosteriorMode, seed: int, progress: Progress | None, most: int
 ) -> PosteriorDraws:
-    found = importance_resample(posterior, mode, seed, progress)
-    return sample_mcmc(posterior, mode, seed, progress, most) if found is None else found
+    resampled = importance_resample(posterior, mode, seed, progress)
+    return sample_mcmc(posterior, mode, seed, progress, most) if resampled is None else resampled
 
 
 def independent_draws(posterior: Density, draws: Array) -> PosteriorDraws:
-    """Take independent draws (N_CHAINS, S, D) for ensembles that have converged."""
+    """Wrap independent draws (N_CHAINS, S, D) as converged."""
     count, _, d = draws.shape
     rhat, bulk, tail = convergence_diagnostics(draws.reshape(count, -1, 1, d))
     log_posterior = posterior.log_posterior(draws.reshape(-1, d)).reshape(count, -1)
@@ -312,13 +314,14 @@ def convergence_diagnostics(chains: Array) -> tuple[float, float, float]:
     Parameters
     ----------
     chains : (E, S, W, D) array
-        PosteriorDraws, steps, walkers, coordinates.
+        Draws, by ensemble, step, walker and coordinate.
 
     Returns
     -------
     rhat, bulk, tail : float
-        R̂ is rank-normalised and split, each ensemble one chain; sizes count walkers as
-        chains, which charges them for every disagreement (Vehtari et al. 2021).
+        R̂ is rank-normalised and split, with each ensemble as one chain.  Effective sample sizes
+        treat walkers as chains, so that every disagreement between them reduces the sizes (Vehtari
+        et al. 2021).
     """
     from arviz_stats.base import array_stats
 
@@ -340,7 +343,7 @@ def _advance(sampler: emcee.EnsembleSampler, place: Array, steps: int) -> emcee.
 def _samplers(
     posterior: Density, proposal: Proposal, walkers: int, seed: list[int]
 ) -> list[emcee.EnsembleSampler]:
-    """Set up one sampler an ensemble, each with a stream of its own."""
+    """Create one sampler for each ensemble, each with its own stream of random numbers."""
     d = len(proposal.middle)
     moves = [(emcee.moves.MHMove(proposal, ndim=d), 0.9), (emcee.moves.DEMove(), 0.1)]
     out = []
@@ -348,17 +351,17 @@ def _samplers(
         sampler = emcee.EnsembleSampler(
             walkers, d, posterior.log_posterior, moves=moves, vectorize=True
         )
-        # without the wrapper that prints a traceback when Ctrl-C breaks off a likelihood
+        # without emcee's wrapper, which prints a traceback when Ctrl-C interrupts a likelihood
         sampler.log_prob_fn = posterior.log_posterior
         sampler.random_state = np.random.RandomState([*seed, ensemble]).get_state()
         out.append(sampler)
     return out
 
 
-def _start(
+def _initial_walkers(
     posterior: Density, proposal: Proposal, walkers: int, random: np.random.RandomState
 ) -> Array:
-    """Walkers spread as the proposal, each where the posterior is finite."""
+    """Draw the initial walkers from the proposal, where the posterior is finite."""
     for _ in range(100):
         z = proposal.draw(4 * walkers, random)
         z = z[np.isfinite(posterior.log_posterior(z))]

@@ -1,14 +1,14 @@
-"""Posterior of what several runs share, with what belongs to single runs integrated out.
+"""Posterior of the coordinates that runs share, with those of single runs integrated out.
 
-Noise levels, filtered shares, biases and clock errors of a run are many, one set a run, and
-emcee needs the more steps the more coordinates there are.  Given the shared coordinates x those of
-the runs, η, are nearly normal: noise levels are known to 1/√(2 N), and biases are linear.
-Laplace's approximation integrates them (Tierney & Kadane 1986, J. Am. Stat. Assoc. 81, 82–86)::
+Each run has its own noise levels, filtered share, biases and clock errors, and emcee needs more
+steps the more coordinates there are.  Given the shared coordinates x, the coordinates η of the runs
+are nearly normal: noise levels are known to 1/√(2 N), and biases are linear.  Laplace's
+approximation integrates them out (Tierney & Kadane 1986, J. Am. Stat. Assoc. 81, 82–86)::
 
     log p(x | data) ≈ log p(x, η̂(x) | data) + constant,     η̂(x) = η̂ − H⁻¹ H_x (x − x̂),
 
-with the curvatures H in η and H_x in η and x at the joint mode.  The line η̂(x) in place of the
-conditional mode changes the value by the square of what it misses.
+with the curvatures H in η and H_x in η and x at the joint mode.  Replacing the conditional mode by
+the line η̂(x) makes an error of second order in their distance.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ class SharedPosterior:
     Parameters
     ----------
     posterior : Posterior
-        Of all coordinates.
-    mode : Mode
+        Posterior of all coordinates.
+    mode : PosteriorMode
         Its mode.
 
     Attributes
     ----------
-    mode : Mode
+    mode : PosteriorMode
         Mode and covariance of the shared coordinates.
     """
 
@@ -55,7 +55,7 @@ class SharedPosterior:
         )  # fmt: skip
 
     def _along(self, x: Array) -> Array:
-        """Coordinates (W, D) whose shared part is x (W, d), with the runs' at their mode."""
+        """Coordinates (W, D) with shared part x (W, d) and those of the runs at η̂(x)."""
         z = np.empty((len(x), len(self._all.z)))
         z[:, self._shared] = x
         z[:, self._own] = self._all.z[self._own] + (x - self.mode.z) @ self._follow.T
@@ -80,8 +80,8 @@ class SharedPosterior:
         z : (S, D) array
             All coordinates.
         change : (S,) array
-            What the coordinates of the runs add to the log density.
+            Contribution of the coordinates of the runs to the log density.
         """
-        z, apart = self._along(x), rng.standard_normal((len(x), len(self._own)))
-        z[:, self._own] += apart @ self._root.T
-        return z, -0.5 * np.sum(apart**2, axis=1)
+        z, normals = self._along(x), rng.standard_normal((len(x), len(self._own)))
+        z[:, self._own] += normals @ self._root.T
+        return z, -0.5 * np.sum(normals**2, axis=1)

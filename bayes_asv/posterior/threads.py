@@ -1,4 +1,4 @@
-"""Threads for many small pieces of work, as many as there are processors to run them."""
+"""Thread pool for many small tasks, with at most one thread per processor."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from typing import Any, TypeVar
 
 __all__ = ["Threads", "threads"]
 
-_MOST = 2  # pieces of work take some tenths of a millisecond, too little to share among many
+_MAX_THREADS = 2  # a task takes some tenths of a millisecond, too little for more threads
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
 class Threads:
-    """Threads that work while a context lasts; the caller's own where there is one processor.
+    """Thread pool inside a context; with one processor, the calling thread does the work.
 
     Parameters
     ----------
     count : int
         Number of threads.
     executor : ThreadPoolExecutor or None
-        None where the caller's thread does the work.
+        None if the calling thread does the work.
     """
 
     count: int
     executor: ThreadPoolExecutor | None
 
     def map(self, function: Callable[..., T], *arguments: Iterable[Any]) -> Iterator[T]:
-        """Apply a function to arguments, in their order."""
+        """Apply a function to arguments, in order."""
         return (
             self.executor.map(function, *arguments) if self.executor else map(function, *arguments)
         )
@@ -39,15 +39,15 @@ class Threads:
 
 @contextmanager
 def threads() -> Iterator[Threads]:
-    """Provide as many threads as this process may use processors, at most two."""
-    count = min(_MOST, _processors())
+    """Provide one thread for each processor that this process may use, at most two."""
+    count = min(_MAX_THREADS, _processors())
     if count == 1:
         yield Threads(1, None)
         return
     executor = ThreadPoolExecutor(count)
     try:
         yield Threads(count, executor)
-    except BaseException:  # Ctrl-C does not wait for work whose result nobody takes
+    except BaseException:  # on Ctrl-C, do not wait for pending tasks
         executor.shutdown(wait=False, cancel_futures=True)
         raise
     executor.shutdown()
@@ -56,7 +56,7 @@ def threads() -> Iterator[Threads]:
 def _processors() -> int:
     """Return the number of processors that this process may use.
 
-    One process of several that share a machine is told so by ``OMP_NUM_THREADS=1``.
+    ``OMP_NUM_THREADS=1`` limits a process that shares the machine with others.
     """
     if os.environ.get("OMP_NUM_THREADS") == "1":
         return 1
