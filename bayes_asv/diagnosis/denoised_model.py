@@ -1,20 +1,20 @@
-"""Sensitivities of the predictions: on denoised wheel inputs, through filters of fixed gain.
+"""Sensitivities of the predictions: with denoised wheel inputs and filters of fixed gain.
 
-Two things would correlate a sensitivity with the innovations that it is multiplied by.
+Two effects would correlate a sensitivity with the innovations by which it is multiplied.
 
-Errors in variables.  The filter takes a wheel's noise to be independent of its reading.  Where the
-road gives nothing, the reading *is* the noise, and a derivative along it shares that noise with the
-innovations (Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).  The wheel
-signals are therefore denoised first: they lose what the outputs show to be noise, and then what
-does not stand above a sensor's noise.  The output readings change by what the model makes of the
-difference, so that the innovations stay what they were (exactly for a linear car, to first order
-with a force law in it).
+Errors in variables.  The filter assumes that the noise of a wheel is independent of its reading.
+Without excitation by the road, the reading *is* the noise, and a derivative that is computed from
+it shares that noise with the innovations (Carroll et al. 2006, *Measurement Error in Nonlinear
+Models*, ch. 4).  The wheel signals are therefore denoised first: the noise that the outputs
+identify is subtracted, and then everything below the noise floor of the sensor.  The output
+readings change by the model's response to the difference, so that the innovations remain the same
+(exactly for a linear car, to first order with a nonlinear force law).
 
-The gain.  A car coordinate changes the simulation and, with it, the filter: the variances of the
-innovations and the weight of earlier ones.  Its second part infers the coordinate from the noise
-alone, which is biased where the noise is not as declared.  The sensitivity is therefore that of the
-free simulation, seen through the filter at fixed gain: an estimating equation that is unbiased
-whatever the noise is (Godambe 1960, Ann. Math. Stat. 31, 1208; Liang & Zeger 1986, Biometrika 73,
+The gain.  A coordinate of the car changes the simulation and also the filter: the variances of the
+innovations and the weights of earlier ones.  The second part infers the coordinate from the noise
+alone, with a bias if the noise is not as declared.  The sensitivity is therefore that of the free
+simulation, passed through the filter with its gain fixed.  This is an estimating equation that is
+unbiased for any noise (Godambe 1960, Ann. Math. Stat. 31, 1208; Liang & Zeger 1986, Biometrika 73,
 13), with the weights of the declared noise.
 """
 
@@ -46,15 +46,16 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_PERTURBATION = 0.1  # largest change of a reading, in standard deviations: a law is linear there
-# Time in which a filter finds motion and biases, s.  Meanwhile it linearises a force law with a
-# kink over all the speeds that the car may have, which biases the score of the law.
+# Largest change of a reading, in standard deviations: small, so that force laws are linear in it.
+_PERTURBATION = 0.1
+# Time that a filter needs to estimate motion and biases, s.  Until then it linearises a force law
+# with a kink over all speeds that the car may have, which biases the score of the law.
 _SETTLING_TIME = 0.2
 
 
 @dataclass(frozen=True)
 class FixedGainFilter:
-    """The filter of a model on one run, its gain held.
+    """The filter of a model on one run, with fixed gain.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ class FixedGainFilter:
     start : (nx + nd + ny,) array
         Initial state of the free simulation, as :func:`free_run` returns it.
     residuals : (E, ny) array
-        Readings, as sensors as declared would have given them, minus the free simulation, SI units.
+        Nominal readings (of sensors as declared) minus the free simulation, SI units.
     innovations, log_variances : (E, ny) arrays
         Normalised innovations and the logarithms of their variances.
     """
@@ -82,7 +83,7 @@ class FixedGainFilter:
 
     @property
     def has_reading(self) -> NDArray[np.bool_]:
-        """Where there is a reading (E, ny)."""
+        """Whether there is a reading (E, ny)."""
         return np.asarray(self.log_variances != 0.0)
 
     def sensitivity(self, posterior: Posterior, z: Array) -> Array:
@@ -122,33 +123,40 @@ def fixed_gain_filter(posterior: Posterior, z: Array, run: int) -> FixedGainFilt
 
 
 def coordinate_sensitivities(filters: Sequence[FixedGainFilter], count: int) -> Array:
-    """Differentiate the predictions of all runs along a model's own coordinates.
+    """Differentiate the predictions of all runs along the coordinates of their model.
 
     Parameters
     ----------
     filters : sequence of FixedGainFilter
         One for each run.
     count : int
-        Number of coordinates: those before the first noise level, which changes no prediction.
+        Number of coordinates: those before the first noise level, which do not change predictions.
 
     Returns
     -------
     (count, N) array
-        In standard deviations of the innovations.
+        Derivatives in standard deviations of the innovations.
     """
     return np.concatenate([_run_sensitivities(one, count) for one in filters], axis=1)
 
 
-def _run_sensitivities(at: FixedGainFilter, count: int) -> Array:
-    sensitivities = np.zeros((count, np.count_nonzero(at.has_reading)))
-    relevant = [k for k in at.posterior.space.coordinates_of_run(at.run) if k < count]
+def _run_sensitivities(fixed_gain: FixedGainFilter, count: int) -> Array:
+    sensitivities = np.zeros((count, np.count_nonzero(fixed_gain.has_reading)))
+    relevant = [
+        k for k in fixed_gain.posterior.space.coordinates_of_run(fixed_gain.run) if k < count
+    ]
 
-    def along(k: int) -> Array:
-        return at.sensitivity(at.posterior, at.z + STEP * np.eye(len(at.z))[k]) / STEP
+    def sensitivity_along(k: int) -> Array:
+        return (
+            fixed_gain.sensitivity(
+                fixed_gain.posterior, fixed_gain.z + STEP * np.eye(len(fixed_gain.z))[k]
+            )
+            / STEP
+        )
 
-    with shared_work(at.posterior) as shared:
+    with shared_work(fixed_gain.posterior) as shared:
         assert shared.pool is not None
-        sensitivities[relevant] = list(shared.pool.map(along, relevant))
+        sensitivities[relevant] = list(shared.pool.map(sensitivity_along, relevant))
     return sensitivities
 
 
@@ -164,16 +172,16 @@ class DenoisedModel:
     Parameters
     ----------
     model : FittedModel
-        The model at its mode there.
+        The model at its mode on them.
     dataset : Dataset
         Recordings with denoised inputs, and the model's sensor corrections.
     filters : tuple of FixedGainFilter
         Its filter on each run, without any tolerances.
     settled : (N,) bool array
-        Innovations after the filter has found the motion.
+        Whether the filter has settled at each innovation.
     derivatives : ScoreAndInformation
-        The innovations and their changes along the model's coordinates, those of the car through
-        the filter at fixed gain; zero where the filter has not settled.
+        The innovations and their derivatives along the model's coordinates; for those of the car
+        with fixed gain.  Zero until the filter has settled.
     """
 
     model: FittedModel
@@ -183,7 +191,7 @@ class DenoisedModel:
     derivatives: ScoreAndInformation
 
     def concatenate(self, by_run: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Join changes of the predictions of some runs to one sensitivity (N,).
+        """Concatenate changes of the predictions of some runs to one sensitivity (N,).
 
         Parameters
         ----------
@@ -198,8 +206,10 @@ class DenoisedModel:
 
 
 def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
-    """Denoise the wheel inputs of recordings; a model's innovations stay what they were."""
-    recordings = tuple(_denoised(dataset, model, run) for run in range(len(dataset.recordings)))
+    """Denoise the wheel inputs of recordings such that a model's innovations remain the same."""
+    recordings = tuple(
+        _denoise_recording(dataset, model, run) for run in range(len(dataset.recordings))
+    )
     denoised = replace(dataset, recordings=recordings, inputs_denoised=True)
     return update_corrections(
         denoised, replace(model, posterior=denoised.posterior(model.placed_effects))
@@ -207,10 +217,10 @@ def denoise(dataset: Dataset, model: FittedModel) -> Dataset:
 
 
 def fit_denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, FittedModel]:
-    """Denoise the inputs by a model, and find its mode on them.
+    """Denoise the inputs with a model, and find its mode on them.
 
-    The denoised inputs depend on the model that denoised them: compare the evidence of models on
-    the same ones only.
+    Denoised inputs depend on the model from which they are computed: compare the evidence of models
+    only on the same denoised inputs.
     """
     denoised = denoise(dataset, model)
     return denoised, fit_model(denoised.posterior(model.placed_effects), model.mode.z)
@@ -224,7 +234,7 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
     dataset : Dataset
         Recordings with denoised inputs.
     model : FittedModel
-        At its mode on them.
+        Model at its mode on them.
     """
     dataset = replace(dataset, sensor_corrections=model.posterior.sensor_corrections)
     posterior, z, count = (
@@ -233,21 +243,21 @@ def denoised_model(dataset: Dataset, model: FittedModel) -> DenoisedModel:
         model.space.shared_dimension,
     )
     filters = tuple(fixed_gain_filter(posterior, z, run) for run in range(len(dataset.recordings)))
-    settled, at_mode = np.concatenate([_settled(one) for one in filters]), model.mode.slopes
+    settled, at_mode = np.concatenate([_has_settled(one) for one in filters]), model.mode.slopes
     means, scales = at_mode.means.copy(), at_mode.scales.copy()
     means[:count], scales[:count] = coordinate_sensitivities(filters, count), 0.0
     derivatives = replace(at_mode, means=means * settled, scales=scales * settled)
     return DenoisedModel(model, dataset, filters, settled, derivatives)
 
 
-def _settled(one: FixedGainFilter) -> NDArray[np.bool_]:
-    recording = one.posterior.space.recordings[one.run]
+def _has_settled(fixed_gain: FixedGainFilter) -> NDArray[np.bool_]:
+    recording = fixed_gain.posterior.space.recordings[fixed_gain.run]
     any_reading = np.any(recording.kind != MISSING, axis=1)
     settled = recording.instants > recording.instants[any_reading][0] + _SETTLING_TIME
-    return np.broadcast_to(settled[:, None], one.has_reading.shape)[one.has_reading]
+    return np.broadcast_to(settled[:, None], fixed_gain.has_reading.shape)[fixed_gain.has_reading]
 
 
-def _denoised(dataset: Dataset, model: FittedModel, run: int) -> PreparedRecording:
+def _denoise_recording(dataset: Dataset, model: FittedModel, run: int) -> PreparedRecording:
     recording, before, after = denoise_and_predict(
         model.posterior, model.mode.z, run, dataset.vehicle
     )

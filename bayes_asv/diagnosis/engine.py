@@ -1,13 +1,13 @@
-"""An engine that excites the frame: detected by its tones, removed with them, its force estimated.
+"""Excitation by an engine: detection of its tones, their removal, and estimation of its force.
 
-An engine's speed wanders and its phase is unknown, so that it is no force that a simulation could
-repeat on another drive.  Its tones are removed from measurement and simulation alike.
+The speed of an engine wanders and its phase is unknown, so a simulation cannot repeat its force on
+another drive.  Its tones are removed from measurement and simulation alike.
 
-In the band of a tone the body's accelerations beyond a simulation from the wheels are a force
-times the car's response there, and noise.  The force acts at the front axle, at the rear, or on
-both alike, wherever it explains most.  The noise is that of the bands on either side.  A deflection
-or a rate hardly answers at these frequencies: where no acceleration is measured, no engine is
-looked for.
+In the band of a tone, the body's accelerations minus a simulation from the wheels are a force times
+the car's response, plus noise.  The force is assumed to act at the front axle, at the rear, or
+equally at both, whichever explains most.  The noise is estimated in the bands on either side.
+Deflections and angular rates hardly respond at these frequencies: without a measured acceleration,
+no engine is searched for.
 """
 
 from __future__ import annotations
@@ -54,23 +54,23 @@ __all__ = [
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Prior odds of an engine against nothing at all: it is as probable as each effect of the list.
-_LOOKED_FOR = sum(not effect.on_request for effect in EFFECTS.values())
-_PRIOR_ODDS = (1.0 - PRIOR_NONE) / PRIOR_NONE / (_LOOKED_FOR + 1)
-_ALARM = 0.05  # accepted number of false tones where the innovations are autocorrelated
-_STRICT_ALARM = 5e-3  # the same where they are white
-_AUTOCORRELATION_LEFT = 0.5  # share that may remain without the tones
-_ROUNDS = 2  # of removing what a tone left beside its notch
-_BESIDE = 2.0  # half-widths of a notch
+# Prior odds of an engine against no missing effect: it is as probable as each listed effect.
+_EFFECT_COUNT = sum(not effect.on_request for effect in EFFECTS.values())
+_PRIOR_ODDS = (1.0 - PRIOR_NONE) / PRIOR_NONE / (_EFFECT_COUNT + 1)
+_FALSE_TONES = 0.05  # accepted number of false tones if the innovations are autocorrelated
+_FALSE_TONES_IF_WHITE = 5e-3  # accepted number of false tones if they are white
+_MAX_AUTOCORRELATION = 0.5  # share of the autocorrelation that may remain without the tones
+_ROUNDS = 2  # of removing the remainder of a tone beside its notch
+_BESIDE = 2.0  # distance up to which a tone counts as such a remainder, half-widths of the notch
 _SAME_RATE = 1e-3  # relative difference of the clocks of two recordings of one logger
-# Half-widths of its notch in which a tone is measured, and distance of the bands beside it: on each
-# side the nearest that holds no other tone.  In one half-width forces of 4 to 15 N came out 2 to 9
-# % low, since the tone wanders out of it.
+# Half-widths of its notch in which a tone is measured, and distances of the noise bands, of which
+# the nearest one on each side without another tone is used.  Within one half-width, forces of 4 to
+# 15 N were underestimated by 2 to 9 %, since the tone wanders out of it.
 _MEASURED_WIDTH, _BAND_DISTANCES = 2.0, (4.5, 6.5, 8.5)
-_MIN_NOISE = 1e-12  # m²/s⁴
-_LOWEST_BAND = 3.0  # Hz: below it the car moves
+_MIN_NOISE = 1e-12  # lower bound of the noise power, m²/s⁴
+_LOWEST_BAND = 3.0  # lowest frequency of a noise band, Hz; the car moves below it
 _POWER_LOST = 0.06  # standard deviation of the share of power that wanders out of the band
-_BLOCK = 0.5  # s, jackknife block: longer than the coherence time of an engine's phase
+_BLOCK = 0.5  # jackknife block, s: longer than the coherence time of an engine's phase
 
 
 class IntervalEstimate(NamedTuple):
@@ -79,7 +79,7 @@ class IntervalEstimate(NamedTuple):
     Parameters
     ----------
     value, low, high : float
-        In one unit.
+        Estimate and ends of the interval, in the same unit.
     """
 
     value: float
@@ -117,7 +117,7 @@ def remove_engine_tones(
     fit_holdout: Callable[[Dataset], FittedModel],
     min_energy: float = 0.0,
 ) -> tuple[Dataset, FittedModel, Engine | None, tuple[PreparedRecording, ...]]:
-    """Remove an engine's tones from recordings where a model cannot explain them.
+    """Remove an engine's tones from recordings if a model cannot explain them.
 
     Parameters
     ----------
@@ -128,45 +128,45 @@ def remove_engine_tones(
     fit, fit_holdout : callable
         Fit the model to these recordings without the tones, and to held-out ones.
     min_energy : float
-        Energy of innovations that the tones have to hold: more than a missing effect would.
+        Energy of the innovations that the tones must exceed, since a missing effect may cause it.
 
     Returns
     -------
     Dataset, FittedModel, Engine or None, tuple of PreparedRecording
-        Recordings without the tones, the model there, the engine, and the held-out runs without the
-        tones; all unchanged where there is no engine.
+        Recordings without the tones, the model fitted to them, the engine, and the held-out runs
+        without the tones; all unchanged if there is no engine.
     """
     before, p = whiteness_test(model)
     autocorrelated = p < MISSPECIFICATION_LEVEL
-    alarm = _ALARM if autocorrelated else _STRICT_ALARM
-    tones, log_p = _detect(dataset, model, alarm)
+    false_tones = _FALSE_TONES if autocorrelated else _FALSE_TONES_IF_WHITE
+    tones, log_p = _detect_in_runs(dataset, model, false_tones)
     if not tones or _tone_energy(dataset, model, tones) < min_energy:
         return dataset, model, None, holdout
-    removed, refit = _remove(dataset, tones, fit)
+    removed, refit = _remove_tones(dataset, tones, fit)
     for _ in range(_ROUNDS):
-        rest = _beside(tones, removed, refit)
-        if not rest:
+        remainder = _remaining_tones(tones, removed, refit)
+        if not remainder:
             break
-        tones += rest
-        removed, refit = _remove(dataset, tones, fit)
-    if autocorrelated and whiteness_test(refit)[0] > _AUTOCORRELATION_LEFT * before:
+        tones += remainder
+        removed, refit = _remove_tones(dataset, tones, fit)
+    if autocorrelated and whiteness_test(refit)[0] > _MAX_AUTOCORRELATION * before:
         return dataset, model, None, holdout
     estimates = estimate_engine_force(dataset, model, tones)
     engine = Engine(*estimates, main_tones(tones), engine_probability(log_p))
     holdout_removed = []
     for recording in holdout:
         single = make_dataset(dataset.vehicle, (recording,))
-        own = _detect(single, fit_holdout(single), alarm)
-        holdout_removed.append(notched(recording, _union(tones, own.tones)))
+        own_tones = _detect_in_runs(single, fit_holdout(single), false_tones)
+        holdout_removed.append(notched(recording, _merge_notches(tones, own_tones.tones)))
     return removed, refit, engine, tuple(holdout_removed)
 
 
 def engine_probability(log_p: float) -> float:
     """Probability of an engine, from the log p-value of its strongest tone.
 
-    The prior odds are those of one effect of the list.  The odds of "nothing" fall to no less than
-    −e p log p of what they were (Sellke, Bayarri & Berger 2001, Am. Stat. 55:62, eq. 3), which is
-    taken for the Bayes factor.
+    The prior odds are those of one listed effect.  A p-value reduces the odds of "nothing" by no
+    more than the factor −e p log p (Sellke, Bayarri & Berger 2001, Am. Stat. 55:62, eq. 3), which
+    is used as the Bayes factor.
     """
     if log_p >= -1.0:
         return _PRIOR_ODDS / (1.0 + _PRIOR_ODDS)
@@ -174,7 +174,7 @@ def engine_probability(log_p: float) -> float:
     return odds / (1.0 + odds)
 
 
-def _remove(
+def _remove_tones(
     dataset: Dataset, tones: tuple[Notch, ...], fit: Callable[[Dataset], FittedModel]
 ) -> tuple[Dataset, FittedModel]:
     """Remove tones from all recordings, and fit the model to the rest."""
@@ -183,9 +183,11 @@ def _remove(
     return removed, fit(removed)
 
 
-def _beside(tones: Sequence[Notch], removed: Dataset, refit: FittedModel) -> tuple[Notch, ...]:
-    """Find what a strong tone that wandered left beside its notch, if only for a moment."""
-    rest = _detect(removed, refit, _ALARM, engine=False).tones
+def _remaining_tones(
+    tones: Sequence[Notch], removed: Dataset, refit: FittedModel
+) -> tuple[Notch, ...]:
+    """Find remainders of wandering tones beside their notches, persistent or not."""
+    rest = _detect_in_runs(removed, refit, _FALSE_TONES, engine=False).tones
     return tuple(
         n for n in rest
         if any(abs(n.frequency - t.frequency) < _BESIDE * t.half_width for t in tones)
@@ -193,7 +195,7 @@ def _beside(tones: Sequence[Notch], removed: Dataset, refit: FittedModel) -> tup
 
 
 def _tone_energy(dataset: Dataset, model: FittedModel, tones: Sequence[Notch]) -> float:
-    """Energy of innovations that is removed with the tones, beyond what white ones lose."""
+    """Energy of the innovations that notches remove, beyond that of white innovations."""
     lost = 0.0
     for run, recording in enumerate(dataset.recordings):
         nu = np.nan_to_num(_accelerations(dataset, model, run))
@@ -204,10 +206,10 @@ def _tone_energy(dataset: Dataset, model: FittedModel, tones: Sequence[Notch]) -
     return lost
 
 
-def _detect(
-    dataset: Dataset, model: FittedModel, alarm: float, *, engine: bool = True
+def _detect_in_runs(
+    dataset: Dataset, model: FittedModel, false_tones: float, *, engine: bool = True
 ) -> DetectedTones:
-    """Detect the tones of all runs; one engine excites each of them."""
+    """Detect the tones of all runs, which one engine excites."""
     by_rate: list[tuple[float, list[Array]]] = []
     for run, recording in enumerate(dataset.recordings):
         if not recording.accelerations:
@@ -223,29 +225,37 @@ def _detect(
     modes = own_modes(model.space.car, dataset.vehicle.unsprung)
     detected = []
     for rate, runs in by_rate:
-        one = detect_tones(runs, rate, IDLE_FREQUENCY, alarm / len(by_rate), engine=engine)
+        detection = detect_tones(
+            runs, rate, IDLE_FREQUENCY, false_tones / len(by_rate), engine=engine
+        )
         if engine:
-            tones = engine_tones(one.tones, runs, rate, modes)
-            # the probability is that of the strongest line: without it there is no engine
-            one = one._replace(tones=tones) if tones[:1] == one.tones[:1] else DetectedTones()
-        detected.append(one)
-    found: tuple[Notch, ...] = ()
-    for one in sorted(detected, key=lambda one: one.log_p):
-        found = _union(found, one.tones)
-    if not found:
+            tones = engine_tones(detection.tones, runs, rate, modes)
+            # the probability is that of the strongest tone: without that tone, no engine
+            detection = (
+                detection._replace(tones=tones)
+                if tones[:1] == detection.tones[:1]
+                else DetectedTones()
+            )
+        detected.append(detection)
+    tones_of_all: tuple[Notch, ...] = ()
+    for detection in sorted(detected, key=lambda one: one.log_p):
+        tones_of_all = _merge_notches(tones_of_all, detection.tones)
+    if not tones_of_all:
         return DetectedTones()
-    return DetectedTones(found, min(one.log_p for one in detected) + math.log(len(by_rate)))
+    return DetectedTones(
+        tones_of_all, min(detection.log_p for detection in detected) + math.log(len(by_rate))
+    )
 
 
 def _accelerations(dataset: Dataset, model: FittedModel, run: int) -> Array:
-    """Normalised innovations (R, n) of the accelerations of one run, nan where one is missing."""
+    """Normalised innovations (R, n) of one run's accelerations; nan for a missing reading."""
     recording = dataset.recordings[run]
     nu = recording.paired(model.posterior.innovations_and_variances(model.mode.z, run)[0])
     return nu[:, list(recording.accelerations)]
 
 
-def _union(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...]:
-    """Append notches that do not lie within the others."""
+def _merge_notches(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ...]:
+    """Append notches that do not lie within those before."""
     return notches + tuple(
         n for n in more
         if all(abs(n.frequency - o.frequency) > 0.5 * o.half_width for o in notches)
@@ -253,7 +263,7 @@ def _union(notches: tuple[Notch, ...], more: Iterable[Notch]) -> tuple[Notch, ..
 
 
 class _ToneBand(NamedTuple):
-    """Accelerations of one run beyond the simulation, in the band of a tone.
+    """Residual accelerations of one run in the band of a tone.
 
     Parameters
     ----------
@@ -283,14 +293,14 @@ def estimate_engine_force(
     dataset, model : Dataset, FittedModel
         Recordings as read, at least one of them sampled fast enough, and a model at its mode.
     tones : sequence of Notch
-        The strongest first; the others are not taken for noise.
+        Tones, the strongest first; noise bands avoid the others.
 
     Returns
     -------
     IntervalEstimate, IntervalEstimate
-        With intervals by the jackknife over half seconds of all runs and Student's t (Efron &
-        Tibshirani 1993, *An Introduction to the Bootstrap*, ch. 11); the speed may wander within
-        its own.
+        Intervals are by the jackknife over half seconds of all runs and Student's t (Efron &
+        Tibshirani 1993, *An Introduction to the Bootstrap*, ch. 11).  That of the frequency is for
+        its mean; the speed itself may wander.
     """
     bands = list(_tone_bands(dataset, model, tones))
     axles = model.space.car.axles
@@ -299,7 +309,8 @@ def estimate_engine_force(
         for place in ((*axles, BOTH) if len(axles) > 1 else axles)
     ]
     explained = [
-        sum(_explained(one, h) for one, h in zip(bands, there, strict=True)) for there in responses
+        sum(_explained_energy(one, h) for one, h in zip(bands, of_place, strict=True))
+        for of_place in responses
     ]
     best = responses[int(np.argmax(explained))]
     blocks = [_block_sums(one, h) for one, h in zip(bands, best, strict=True)]
@@ -316,20 +327,23 @@ def _tone_bands(
         if tone.frequency >= 0.5 * rate or not recording.accelerations:
             continue
         output = free_run(model.posterior, model.mode.z, run).output
-        beyond = np.where(recording.kind == VALUE, recording.reading - output, np.nan)
-        residuals = np.nan_to_num(recording.paired(beyond)[:, list(recording.accelerations)])
-        signal = _analytic(residuals, Notch(tone.frequency, width), rate)
-        beside = [
-            _analytic(residuals, Notch(f, width), rate) for f in _noise_bands(tone, others, rate)
+        residual_readings = np.where(recording.kind == VALUE, recording.reading - output, np.nan)
+        residuals = np.nan_to_num(
+            recording.paired(residual_readings)[:, list(recording.accelerations)]
+        )
+        signal = _analytic_signal(residuals, Notch(tone.frequency, width), rate)
+        noise_signals = [
+            _analytic_signal(residuals, Notch(f, width), rate)
+            for f in _noise_bands(tone, others, rate)
         ]
         noise: Complex = np.eye(residuals.shape[1], dtype=np.complex128) * _MIN_NOISE
-        for b in beside or [signal]:  # without a band beside it, all of it may be noise
-            noise = np.asarray(noise + (b.T @ b.conj()) / (len(b) * max(len(beside), 1)))
+        for b in noise_signals or [signal]:  # without a noise band, the whole signal may be noise
+            noise = np.asarray(noise + (b.T @ b.conj()) / (len(b) * max(len(noise_signals), 1)))
         yield _ToneBand(run, signal, noise, rate)
 
 
 def _noise_bands(tone: Notch, others: Sequence[Notch], rate: float) -> list[float]:
-    """Centres (Hz) of the nearest band on either side that holds no tone."""
+    """Centres (Hz) of the nearest bands without a tone, one on each side."""
     width = _MEASURED_WIDTH * tone.half_width
     out = []
     for side in (-1.0, 1.0):
@@ -342,33 +356,33 @@ def _noise_bands(tone: Notch, others: Sequence[Notch], rate: float) -> list[floa
     return out
 
 
-def _analytic(signal: Array, tone: Notch, rate: float) -> Complex:
+def _analytic_signal(signal: Array, tone: Notch, rate: float) -> Complex:
     return np.asarray(hilbert(sosfiltfilt(band_pass_filter(tone, rate), signal, axis=0), axis=0))
 
 
 def _response(model: FittedModel, run: int, frequency: float, place: str) -> Complex:
-    """Return what accelerations read (n,) by a force of one newton, wheels moving as measured."""
+    """Response (n,) of the acceleration readings to a unit force, with given wheel motion."""
     recording = model.space.recordings[run]
-    used = list(recording.accelerations)
+    accelerations = list(recording.accelerations)
     system = model.space.state_space(model.mode.z[None], run)
     by_forces = (
         frequency_response(system._replace(B=system.E), np.array([frequency]))[0] + system.G[0]
     )
-    response = (by_forces @ model.space.car.shares(place))[used]
-    poles = recording.poles[list(recording.outputs)][used]
+    response = (by_forces @ model.space.car.shares(place))[accelerations]
+    poles = recording.poles[list(recording.outputs)][accelerations]
     s = 2j * math.pi * frequency
     return np.asarray(response / (1.0 + s / np.where(poles > 0.0, poles, np.inf)))
 
 
 def _weights(one: _ToneBand, h: Complex) -> tuple[Complex, float]:
-    """Weights (n,) of the channels in the force of least variance, and that variance (N²)."""
+    """Weights (n,) of the channels in the minimum-variance force, and its variance (N²)."""
     weighted = np.linalg.solve(one.noise, h).conj()
     information = float((weighted @ h).real)
     return np.asarray(weighted / information), 1.0 / information
 
 
-def _explained(one: _ToneBand, h: Complex) -> float:
-    """Energy of a run that a force with a response explains, in units of the noise."""
+def _explained_energy(one: _ToneBand, h: Complex) -> float:
+    """Energy of a run that a force with the given response explains, in units of the noise."""
     weights, variance = _weights(one, h)
     return float(np.sum(np.abs(one.signal @ weights) ** 2) / variance)
 
@@ -381,7 +395,7 @@ def _block_sums(one: _ToneBand, h: Complex) -> Array:
     out = []
     for part in np.array_split(force, count):
         power = float(np.sum(np.abs(part) ** 2) - variance * len(part))
-        rotation = np.sum(part[1:] * part[:-1].conj())  # from one reading to the next
+        rotation = np.sum(part[1:] * part[:-1].conj())  # phase advance between readings
         hertz = float(np.angle(rotation)) * one.rate / (2.0 * math.pi)
         out.append([len(part), power, abs(rotation), abs(rotation) * hertz])
     return np.array(out) / one.rate

@@ -1,19 +1,18 @@
-"""Regression on unlisted faults: what no listed effect explains joins the model without a name.
+"""Regression on unlisted faults: changes that no listed effect explains are added to the model.
 
-A fault that is not in the list changes the predictions along what :mod:`.unlisted_fault_models`
-writes down, as the terms of a series add up to a function.  Their sizes β are coefficients of a
-regression: with sensitivities S, and the model's own coordinates and the tolerances of all other
-effects projected out,
+The change that an unlisted fault makes to the predictions is written as a sum of the terms of
+:mod:`.unlisted_fault_models`.  Their sizes β are coefficients of a regression.  With sensitivities
+S, and with the model's own coordinates and the tolerances of all other effects projected out,
 
     ν = ν₀ − βᵀS,    β_k ~ N(0, τ²) with one τ for all terms of a kind of fault at one place.
 
-The τ are those of largest evidence (MacKay 1992, Neural Computation 4, 415).  Kinds are added one
-after another, while each makes the evidence larger by what its choice costs and decisively more.
-A constant that is no size, such as the frequency of a resonance, is then that of largest evidence.
+The τ maximise the evidence (MacKay 1992, Neural Computation 4, 415).  Kinds are added one after
+another, while each increases the evidence decisively and by more than the cost of its choice.
+Constants that are not sizes, such as the frequency of a resonance, then maximise the evidence too.
 
-A fault acts along the motion of the car that has it, and not of the one without: after each step
-the model is fitted again, and the changes are worked out along its motion.  The same sizes then
-change the simulation of held-out recordings along their own motion.
+A fault depends on the motion of the car that has it: after each step the model is fitted again, and
+the changes are recomputed along its motion.  With the same sizes, they also change the simulation
+of held-out recordings, along the motion there.
 """
 
 from __future__ import annotations
@@ -53,33 +52,36 @@ __all__ = ["FaultRegression", "regress_on_unlisted_faults"]
 
 Array = NDArray[np.float64]
 Kind = tuple[str, str]
-"""What an unlisted fault is, and where."""
+"""Name and place of an unlisted fault."""
 
-_MAX_KINDS = 3
-_ROUNDS = 2  # of working the changes out along the motion
-# Of the search for a fault's own constants: trials, and logarithm and evidence (nats) that are left
+_MAX_KINDS = 3  # largest number of kinds that are added
+_ROUNDS = 2  # iterations between the changes and the motion
+# Search for a fault's constants: largest number of evaluations, and tolerances of the logarithms of
+# the constants and of the evidence (nats).
 _TRIALS, _TOLERANCE, _GAIN = 40, 0.01, 0.1
-_BEGINS = 2  # forms that it begins at
-_SCAN_STEP = 0.06  # of the logarithm of a frequency: the width of a resonance with 3 % damping
-# Prior standard deviations, in sizes of a hundredth of the damper's force or of a channel's reading
+_STARTS = 2  # starting points of that search
+# Step of a scan over a frequency, in its logarithm: the width of a resonance with 3 % damping.
+_SCAN_STEP = 0.06
+# Prior standard deviations that are tried, in unit sizes: a hundredth of the damper's force or of a
+# channel's reading.
 _DEVIATIONS = np.exp(0.5 * np.arange(-2.0, 14.0))
 
 
 @dataclass(frozen=True)
 class FaultRegression:
-    """A model with an unlisted fault, for which it has no name.
+    """A model with unlisted faults.
 
     Parameters
     ----------
     assessed : AssessedModel
-        The model on the recordings less what the fault changes; the covariance of its evidence
+        The model on recordings with the faults as perturbations; the covariance of its evidence
         contains that of the sizes.
     holdout : Dataset or None
-        Held-out recordings less what the fault changes there.
+        Held-out recordings with the faults as perturbations.
     causes : tuple of UnnamedCause
         Kinds of fault, the largest first.
     log_evidence : float
-        Log evidence (nats) of the model with them, their choice paid for.
+        Log evidence (nats) of the model with them, less the cost of their choice.
     """
 
     assessed: AssessedModel
@@ -89,7 +91,7 @@ class FaultRegression:
 
 
 class _Regression(NamedTuple):
-    """Terms with their sizes, along the motion of a model that has them.
+    """Terms with their sizes, along the motion of a model that contains them.
 
     Parameters
     ----------
@@ -98,12 +100,12 @@ class _Regression(NamedTuple):
     deviations : dict
         Prior standard deviation of each kind, in unit sizes.
     sizes : (K,) array
-        Factors of the faults as they are written down.
+        Factors on the changes of the terms.
     covariance : (K, K) array
-        Of these.
+        Covariance of the sizes.
     log_occam_factor : float
-        What the sizes' priors and uncertainties add to the log evidence of the model with the
-        faults at these sizes (nats).
+        Contribution of the priors and uncertainties of the sizes to the log evidence of the model
+        with the faults at these sizes (nats).
     """
 
     terms: tuple[FaultTerm, ...] = ()
@@ -114,20 +116,20 @@ class _Regression(NamedTuple):
 
 
 class _Linearized:
-    """A model, expanded along unlisted faults at its motion.
+    """A model linearised in the sizes of unlisted faults.
 
     Parameters
     ----------
     dataset, model : Dataset, FittedModel
-        Denoised recordings less what the faults change so far, and the model at its mode there.
+        Denoised recordings with the current faults as perturbations, and the model at its mode.
     evidence : ModelEvidence
         Gives the tolerances of all other effects.
-    now : _Regression
-        The faults so far.
+    current : _Regression
+        The current faults.
     """
 
     def __init__(
-        self, dataset: Dataset, model: FittedModel, evidence: ModelEvidence, now: _Regression
+        self, dataset: Dataset, model: FittedModel, evidence: ModelEvidence, current: _Regression
     ) -> None:
         self.denoised: DenoisedModel = denoised_model(dataset, model)
         posterior = self.denoised.filters[0].posterior
@@ -138,15 +140,15 @@ class _Linearized:
         self.projection: NuisanceProjection = projection_with_tolerances(
             self.denoised.derivatives, at_mode
         )
-        if now.terms:
-            self._put_back(now)
+        if current.terms:
+            self._restore_innovations(current)
 
-    def _put_back(self, now: _Regression) -> None:
-        """Take the innovations for those before the faults so far were taken off them."""
-        own = self.denoised
-        changes = _perturbations(own.dataset, self.motions, now)
-        change = own.concatenate(
-            {run: own.filters[run].response(one) for run, one in enumerate(changes)}
+    def _restore_innovations(self, current: _Regression) -> None:
+        """Restore the innovations as they were before subtracting the fitted faults."""
+        denoised = self.denoised
+        changes = _perturbations(denoised.dataset, self.motions, current)
+        change = denoised.concatenate(
+            {run: denoised.filters[run].response(one) for run, one in enumerate(changes)}
         )
         self.projection = replace(
             self.projection,
@@ -155,7 +157,7 @@ class _Linearized:
         )
 
     def along(self, terms: Sequence[FaultTerm]) -> _Scores:
-        """Return gradient and information along some terms."""
+        """Compute gradient and information along some terms."""
         sensitivities, factors = unlisted_fault_sensitivities(self.denoised, terms, self.motions)
         gradient, information = self.projection.project_out(sensitivities)
         return _Scores(tuple(terms), sensitivities, factors, gradient, information)
@@ -173,7 +175,7 @@ class _Scores(NamedTuple):
     factors : (K,) array
         Unit sizes.
     gradient, information : (K,) and (K, K) arrays
-        Nuisance directions projected out.
+        Gradient and information, with nuisance directions projected out.
     """
 
     terms: tuple[FaultTerm, ...]
@@ -183,25 +185,31 @@ class _Scores(NamedTuple):
     information: Array
 
     def members(self, kinds: Mapping[Kind, float]) -> tuple[list[int], Array]:
-        """Return the terms of some kinds that say anything, and their prior deviations."""
+        """Return the informative terms of some kinds, and their prior standard deviations."""
         enough = np.diag(self.information) > MIN_INFORMATION_SHARE * np.sum(
             self.sensitivities**2, axis=1
         )
-        own = [k for k, term in enumerate(self.terms) if enough[k] and term.fault in kinds]
-        usual = [self.terms[k].kind.usual / float(self.factors[k]) for k in own]
-        of_kinds = [kinds[self.terms[k].fault] for k in own]
-        return own, np.minimum(of_kinds, usual)
+        terms_of_kinds = [
+            k for k, term in enumerate(self.terms) if enough[k] and term.fault in kinds
+        ]
+        usual = [self.terms[k].kind.usual / float(self.factors[k]) for k in terms_of_kinds]
+        deviations_of_kinds = [kinds[self.terms[k].fault] for k in terms_of_kinds]
+        return terms_of_kinds, np.minimum(deviations_of_kinds, usual)
 
     def log_bayes_factor(self, kinds: Mapping[Kind, float]) -> float:
-        """Log evidence (nats) that kinds of fault gain, at given prior deviations."""
-        own, deviations = self.members(kinds)
-        scaled = deviations[:, None] * self.information[np.ix_(own, own)] * deviations
-        root = np.linalg.cholesky(np.eye(len(own)) + scaled)
-        explained = np.linalg.solve(root, deviations * self.gradient[own])
+        """Log Bayes factor (nats) of kinds of fault, for given prior standard deviations."""
+        terms_of_kinds, deviations = self.members(kinds)
+        scaled = (
+            deviations[:, None]
+            * self.information[np.ix_(terms_of_kinds, terms_of_kinds)]
+            * deviations
+        )
+        root = np.linalg.cholesky(np.eye(len(terms_of_kinds)) + scaled)
+        explained = np.linalg.solve(root, deviations * self.gradient[terms_of_kinds])
         return float(0.5 * explained @ explained - np.log(np.diag(root)).sum())
 
     def most_evidence(self, kinds: Mapping[Kind, float]) -> dict[Kind, float]:
-        """Return the prior deviations of largest evidence, starting at given ones."""
+        """Maximise the evidence over the prior standard deviations, starting from given ones."""
         low, high = np.log(_DEVIATIONS[[0, -1]])
 
         def at(logs: Array) -> dict[Kind, float]:
@@ -213,11 +221,11 @@ class _Scores(NamedTuple):
         return at(minimize(loss, np.log(list(kinds.values())), method="Nelder-Mead").x)
 
     def largest(self, kinds: Mapping[Kind, float], kind: Kind) -> float:
-        """Log evidence (nats) that kinds gain, at the prior deviation of one that gains most."""
+        """Log Bayes factor (nats) of kinds, maximised over the prior deviation of one of them."""
         return max(self.log_bayes_factor({**kinds, kind: d}) for d in _DEVIATIONS.tolist())
 
     def further(self, kinds: Mapping[Kind, float]) -> dict[Kind, float]:
-        """Add the kind that gains most; nothing where none is worth its cost."""
+        """Add the kind of the largest gain; return an empty dict if no gain exceeds its cost."""
         others = {term.fault for term in self.terms} - set(kinds)
         if not others:
             return {}
@@ -232,13 +240,15 @@ class _Scores(NamedTuple):
 
     def regression(self, kinds: Mapping[Kind, float]) -> _Regression:
         """Estimate the sizes of some kinds of fault."""
-        own, deviations = self.members(kinds)
-        precision = self.information[np.ix_(own, own)] + np.diag(deviations**-2)
+        terms_of_kinds, deviations = self.members(kinds)
+        precision = self.information[np.ix_(terms_of_kinds, terms_of_kinds)] + np.diag(
+            deviations**-2
+        )
         covariance = np.linalg.inv(precision)
-        factors, sizes = self.factors[own], covariance @ self.gradient[own]
+        factors, sizes = self.factors[terms_of_kinds], covariance @ self.gradient[terms_of_kinds]
         spread = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(deviations).sum()
         return _Regression(
-            tuple(self.terms[k] for k in own),
+            tuple(self.terms[k] for k in terms_of_kinds),
             dict(kinds),
             factors * sizes,
             factors[:, None] * covariance * factors,
@@ -249,44 +259,48 @@ class _Scores(NamedTuple):
 def regress_on_unlisted_faults(
     assessed: AssessedModel, holdout: Dataset | None
 ) -> FaultRegression | None:
-    """Explain what a model leaves by unlisted faults; None where nothing decisive is found.
+    """Explain the residuals of a model by unlisted faults; None if none is decisive.
 
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     holdout : Dataset or None
         Held-out recordings.
     """
     dataset, model, evidence = assessed.denoised, assessed.model, assessed.evidence
-    now = _Regression()
-    at = _Linearized(dataset, model, evidence, now)
-    every = fault_terms(at.denoised.dataset, rms_travel(at.motions))
-    while len(now.deviations) < _MAX_KINDS:
-        refined = [term for term in now.terms if term not in every]
-        kinds = at.along([*every, *refined]).further(now.deviations)
+    current = _Regression()
+    at = _Linearized(dataset, model, evidence, current)
+    all_terms = fault_terms(at.denoised.dataset, rms_travel(at.motions))
+    while len(current.deviations) < _MAX_KINDS:
+        refined = [term for term in current.terms if term not in all_terms]
+        kinds = at.along([*all_terms, *refined]).further(current.deviations)
         if not kinds:
             break
-        own = [term for term in every if term.fault in kinds and term.fault not in now.deviations]
-        terms = [*now.terms, *own]
+        new_terms = [
+            term
+            for term in all_terms
+            if term.fault in kinds and term.fault not in current.deviations
+        ]
+        terms = [*current.terms, *new_terms]
         for _ in range(_ROUNDS):
-            scores = _refined(at, terms, kinds)
+            scores = _optimise_constants(at, terms, kinds)
             kinds = scores.most_evidence(kinds)
-            now = scores.regression(kinds)
-            terms = list(now.terms)
-            changes = _perturbations(dataset, at.motions, now)
+            current = scores.regression(kinds)
+            terms = list(current.terms)
+            changes = _perturbations(dataset, at.motions, current)
             dataset = replace(dataset, perturbations=changes)
             model = fit_again(dataset, model, model.placed_effects)
             if not math.isfinite(model.mode.log_posterior):
                 return None
-            at = _Linearized(dataset, model, evidence, now)
-    if not now.terms:
+            at = _Linearized(dataset, model, evidence, current)
+    if not current.terms:
         return None
-    scores = at.along(now.terms)
+    scores = at.along(current.terms)
     cross = at.projection.sensitivities @ (scores.sensitivities / scores.factors[:, None]).T
     slope = np.linalg.solve(at.projection.precision, cross)[: len(model.mode.z)]
     evidence = model_evidence(dataset, model)
-    spread = evidence.covariance + slope @ now.covariance @ slope.T
+    spread = evidence.covariance + slope @ current.covariance @ slope.T
     changed = replace(
         assessed,
         dataset=replace(assessed.dataset, perturbations=dataset.perturbations),
@@ -294,16 +308,21 @@ def regress_on_unlisted_faults(
         model=model,
         evidence=replace(evidence, covariance=spread),
     )
-    held = None if holdout is None else _apply(holdout, model, now)
-    choice = UNKNOWN_SIZE_COST + math.log(len({term.fault for term in every}))
-    log_evidence = evidence.log_evidence + now.log_occam_factor - len(now.deviations) * choice
-    return FaultRegression(changed, held, _causes(at, now, scores), log_evidence)
+    perturbed_holdout = None if holdout is None else _perturb_holdout(holdout, model, current)
+    choice = UNKNOWN_SIZE_COST + math.log(len({term.fault for term in all_terms}))
+    log_evidence = (
+        evidence.log_evidence + current.log_occam_factor - len(current.deviations) * choice
+    )
+    return FaultRegression(changed, perturbed_holdout, _causes(at, current, scores), log_evidence)
 
 
-def _refined(at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, float]) -> _Scores:
-    """Replace the terms of each kind by the one form of largest evidence, where any is possible.
+def _optimise_constants(
+    at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, float]
+) -> _Scores:
+    """Replace the terms of each kind with continuous constants by a single one, optimised.
 
-    A kind keeps the terms that it has where they explain decisively more together.
+    The constants maximise the evidence.  A kind keeps its terms if together they explain decisively
+    more.
     """
     scores = at.along(terms)
     for kind in kinds:
@@ -312,16 +331,16 @@ def _refined(at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, f
             continue
         others = [term for term in scores.terms if term.fault != kind]
         one = _SingleForm(at, forms[0], at.along(others) if others else None, kinds)
-        begins = sorted(_scan(forms), key=one.loss)[:_BEGINS]
+        starts = sorted(_scan(forms), key=one.loss)[:_STARTS]
         fits = [
             minimize(
-                one.loss, begin, method="Nelder-Mead",
+                one.loss, start, method="Nelder-Mead",
                 options={
                     "maxfev": _TRIALS, "xatol": _TOLERANCE, "fatol": _GAIN,
-                    "initial_simplex": _simplex(begin),
+                    "initial_simplex": _simplex(start),
                 },
             )
-            for begin in begins
+            for start in starts
         ]  # fmt: skip
         best = min(fits, key=lambda fit: float(fit.fun))
         if -float(best.fun) > scores.largest(kinds, kind) - DECISIVE_EVIDENCE:
@@ -331,7 +350,7 @@ def _refined(at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, f
 
 @dataclass(frozen=True)
 class _SingleForm:
-    """A kind of fault in one form beside all other kinds.
+    """A kind of fault with a single term, beside the terms of all other kinds.
 
     Parameters
     ----------
@@ -340,9 +359,9 @@ class _SingleForm:
     like : FaultTerm
         A term of that kind.
     others : _Scores or None
-        Terms of the other kinds.
+        Scores of the terms of the other kinds.
     kinds : dict
-        All kinds, with prior deviations.
+        All kinds, with prior standard deviations.
     """
 
     at: _Linearized
@@ -351,17 +370,17 @@ class _SingleForm:
     kinds: Mapping[Kind, float]
 
     def scores(self, logs: Array) -> _Scores:
-        """Return the scores with logarithms of the form's constants."""
+        """Return the scores of all kinds, given the logarithms of the constants."""
         form = tuple(np.exp(logs).tolist())
-        return _joined(self.at, self.others, self.at.along([self.like._replace(form=form)]))
+        return _join_scores(self.at, self.others, self.at.along([self.like._replace(form=form)]))
 
     def loss(self, logs: Array) -> float:
-        """Minus the log evidence that it gains, at the prior deviation of most."""
+        """Minus the log Bayes factor (nats), maximised over the prior standard deviation."""
         return -self.scores(logs).largest(self.kinds, self.like.fault)
 
 
 def _scan(forms: Sequence[FaultTerm]) -> list[Array]:
-    """Logarithms of constants over the range of some forms, the first in small steps."""
+    """Logarithms of constants over the range of some forms, with small steps in the first one."""
     logs = np.log([term.form for term in forms])
     first = logs[:, 0]
     count = 1 + math.ceil((first.max() - first.min()) / _SCAN_STEP)
@@ -372,11 +391,11 @@ def _scan(forms: Sequence[FaultTerm]) -> list[Array]:
 
 
 def _simplex(begin: Array) -> Array:
-    """Return points (d + 1, d) a tenth around one of logarithms."""
+    """Return an initial simplex (d + 1, d) with edges of 0.1 in the logarithms."""
     return np.concatenate([begin[None], begin + 0.1 * np.eye(len(begin))])
 
 
-def _joined(at: _Linearized, one: _Scores | None, other: _Scores) -> _Scores:
+def _join_scores(at: _Linearized, one: _Scores | None, other: _Scores) -> _Scores:
     """Join the scores of two sets of terms."""
     if one is None:
         return other
@@ -390,41 +409,45 @@ def _joined(at: _Linearized, one: _Scores | None, other: _Scores) -> _Scores:
 
 
 def _perturbations(
-    dataset: Dataset, motions: Sequence[PredictedMotion], now: _Regression
+    dataset: Dataset, motions: Sequence[PredictedMotion], current: _Regression
 ) -> tuple[Perturbation, ...]:
-    """Return what the faults change in each run."""
-    of_terms = [term.faults(dataset, motions) for term in now.terms]
+    """Return the perturbation of each run by the faults."""
+    of_terms = [term.faults(dataset, motions) for term in current.terms]
     out = []
     for run in range(len(dataset.recordings)):
         parts = zip(*(faults[run].perturbation for faults in of_terms), strict=True)
-        out.append(Perturbation(*(np.tensordot(now.sizes, np.array(part), 1) for part in parts)))
+        out.append(
+            Perturbation(*(np.tensordot(current.sizes, np.array(part), 1) for part in parts))
+        )
     return tuple(out)
 
 
-def _apply(dataset: Dataset, model: FittedModel, now: _Regression) -> Dataset:
-    """Return other recordings less what the faults change along their own motion."""
+def _perturb_holdout(dataset: Dataset, model: FittedModel, current: _Regression) -> Dataset:
+    """Return other recordings with the faults as perturbations, along their own motion."""
     for _ in range(_ROUNDS):
         posterior, z = transfer_frozen(dataset, model, own=False)
         motions = predicted_motions(dataset, posterior, z)
-        dataset = replace(dataset, perturbations=_perturbations(dataset, motions, now))
+        dataset = replace(dataset, perturbations=_perturbations(dataset, motions, current))
     return dataset
 
 
-def _causes(at: _Linearized, now: _Regression, scores: _Scores) -> tuple[UnnamedCause, ...]:
+def _causes(at: _Linearized, current: _Regression, scores: _Scores) -> tuple[UnnamedCause, ...]:
     """Divide the change of the predictions among the kinds of fault."""
-    sizes, dataset = now.sizes / scores.factors, at.denoised.dataset
-    found = []
-    for kind in now.deviations:
-        own = [k for k, term in enumerate(now.terms) if term.fault == kind]
-        part = abs(float(sizes[own] @ scores.information[own] @ sizes))
-        terms = [(now.sizes[k], now.terms[k].faults(dataset, at.motions)) for k in own]
+    sizes, dataset = current.sizes / scores.factors, at.denoised.dataset
+    shares = []
+    for kind in current.deviations:
+        terms_of_kind = [k for k, term in enumerate(current.terms) if term.fault == kind]
+        part = abs(float(sizes[terms_of_kind] @ scores.information[terms_of_kind] @ sizes))
+        terms = [
+            (current.sizes[k], current.terms[k].faults(dataset, at.motions)) for k in terms_of_kind
+        ]
         runs = range(len(dataset.recordings))
         changes = [sum(size * faults[run].change for size, faults in terms) for run in runs]
         along = [terms[0][1][run].along for run in runs]
-        dimensions = now.terms[own[0]].kind.dimensions
-        found.append((part, (*kind, dimensions, tuple(changes), tuple(along))))
-    whole = sum(part for part, _ in found)
+        dimensions = current.terms[terms_of_kind[0]].kind.dimensions
+        shares.append((part, (*kind, dimensions, tuple(changes), tuple(along))))
+    total = sum(part for part, _ in shares)
     return tuple(
-        UnnamedCause(kind, place, part / whole, dimensions, changes, along)
-        for part, (kind, place, dimensions, changes, along) in sorted(found, key=lambda x: -x[0])
+        UnnamedCause(kind, place, part / total, dimensions, changes, along)
+        for part, (kind, place, dimensions, changes, along) in sorted(shares, key=lambda x: -x[0])
     )

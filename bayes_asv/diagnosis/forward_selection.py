@@ -1,7 +1,7 @@
 """Forward selection: the most probable missing effect is added, until nothing more is missing.
 
-Two explanations are indistinguishable when one, fitted to the noise-free prediction of the other,
-comes so close that noise would hide the difference, or when the data prefer neither.
+Two models are indistinguishable if one of them, fitted to the noise-free prediction of the other,
+differs by less than noise would hide, or if the data prefer neither.
 """
 
 from __future__ import annotations
@@ -60,15 +60,16 @@ __all__ = [
     "with_indistinguishable",
 ]
 
-_NO_PREFERENCE = 3.0  # nats: the data do not prefer one to the other by 20 : 1
-_MAX_COMPARED = 4  # explanations, after the best
-_MAX_REFITTED = 2  # effects, in the place of each named effect
+# Difference of log evidence (nats, odds of 20 : 1) below which the data prefer neither model.
+_NO_PREFERENCE = 3.0
+_MAX_COMPARED = 4  # models that are compared with the best one
+_MAX_REFITTED = 2  # effects that are fitted in place of each named effect
 
 
 def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> float:
     """Squared whitened distance of ``other`` after a fit to the noise-free prediction of ``one``.
 
-    Noise levels are held at the given ones, so that they cannot cover the difference.
+    Noise levels are fixed at their declared values, so that they cannot absorb the difference.
     """
     recordings = tuple(
         replace(recording, reading=free_run(one.posterior, one.mode.z, run).output)
@@ -79,14 +80,14 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     for model in (one, other):
         posterior = predicted.posterior(model.placed_effects, hold=True)
         modes.append(fit_model(posterior, model.transfer(posterior.space)).mode)
-    # the misfit of the first to its own prediction is that of the initial state alone
+    # the misfit of ``one`` to its own prediction is due to the initial state alone
     return max(2.0 * (modes[0].log_posterior - modes[1].log_posterior), 0.0)
 
 
 def indistinguishable_from_best(
     dataset: Dataset, extended: list[ExtendedModel]
 ) -> list[ExtendedModel]:
-    """Explanations that the data cannot tell from the first one, that one included."""
+    """List the models that the data cannot distinguish from the first one, including it."""
     best = extended[0]
     out = [best]
     for other in extended[1 : 1 + _MAX_COMPARED]:
@@ -103,72 +104,72 @@ def indistinguishable_from_best(
 def with_indistinguishable(
     assessed: AssessedModel, effects: tuple[NamedEffect, ...]
 ) -> tuple[NamedEffect, ...]:
-    """Add to each named effect what the data cannot tell from it next to all others.
+    """Add the indistinguishable alternatives of each named effect, given all others.
 
-    When the effect was named, other effects were still missing, which may have distinguished
-    explanations that are indistinguishable in the finished model.
+    When the effect was named, other effects were still missing; models that could be distinguished
+    then may be indistinguishable in the final model.
 
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     effects : tuple of NamedEffect
-        Named effects; a single one was compared in the finished model already.
+        Named effects; a single one has been compared in the final model already.
     """
     if len(effects) < 2:
         return effects
-    return tuple(_with_indistinguishable(assessed, one) for one in effects)
+    return tuple(_add_indistinguishable(assessed, one) for one in effects)
 
 
-def _with_indistinguishable(assessed: AssessedModel, effect: NamedEffect) -> NamedEffect:
+def _add_indistinguishable(assessed: AssessedModel, effect: NamedEffect) -> NamedEffect:
     groups = similar_candidates(assessed, effect)
     if not groups:
         return effect
     rest = submodel(assessed, tuple(s for s in assessed.model.placed_effects if s != effect.placed))
     extended = [ExtendedModel(effect.placed, assessed.model, assessed.evidence)]
-    extended += [_in_its_place(assessed, rest, group) for group in groups[:_MAX_REFITTED]]
-    known = {str(other.placed) for other in effect.indistinguishable}
+    extended += [_fit_in_place(assessed, rest, group) for group in groups[:_MAX_REFITTED]]
+    known_effects = {str(other.placed) for other in effect.indistinguishable}
     others = indistinguishable_from_best(assessed.denoised, extended)[1:]
-    new = [one for one in others if str(one.placed) not in known]
+    new = [one for one in others if str(one.placed) not in known_effects]
     return replace(effect, indistinguishable=(*effect.indistinguishable, *new))
 
 
 def similar_candidates(assessed: AssessedModel, effect: NamedEffect) -> list[list[Candidate]]:
     """Candidates, by effect and place, that change predictions as an effect does; closest first.
 
-    To first order: what remains of the effect's change of the predictions after projection on the
-    candidate's is indistinguishable from nothing.
+    To first order: the effect's change of the predictions, with the candidate's projected out, is
+    smaller than noise would hide.
 
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     effect : NamedEffect
-        One of these.
+        One of them.
     """
     model, test = assessed.model, assessed.test
     names = [effect.placed.coordinate_name(p) for p in effect.placed.effect.parameters]
-    own = np.array([name in names for name in model.space.names])
+    is_of_effect = np.array([name in names for name in model.space.names])
     derivatives = test.derivatives
-    change = model.mode.z[own] @ derivatives.means[own]
+    change = model.mode.z[is_of_effect] @ derivatives.means[is_of_effect]
     projection = nuisance_projection(
-        derivatives.only(~own), model.mode.z[~own], test.quantization_drifts
+        derivatives.only(~is_of_effect), model.mode.z[~is_of_effect], test.quantization_drifts
     )
     _, information = projection.project_out(np.vstack([change, test.sensitivities]))
     cross, size = information[0, 1:], np.diag(information)[1:]
-    rest = information[0, 0] - cross**2 / np.maximum(size, 1e-12)
+    remaining = information[0, 0] - cross**2 / np.maximum(size, 1e-12)
     groups: dict[tuple[str, int | None], list[Candidate]] = {}
-    for k in np.argsort(rest):
+    for k in np.argsort(remaining):
         candidate = test.candidates[k]
-        if rest[k] < DISTINGUISHABLE_DISTANCE and not effect.placed.overlaps(candidate.placed):
+        if remaining[k] < DISTINGUISHABLE_DISTANCE and not effect.placed.overlaps(candidate.placed):
             groups.setdefault(candidate.placed.key, []).append(candidate)
     return list(groups.values())
 
 
-def _in_its_place(
+def _fit_in_place(
     assessed: AssessedModel, rest: FittedModel, group: list[Candidate]
 ) -> ExtendedModel:
-    """Fit another effect in the place of one."""
+    """Fit another effect in place of a named one."""
     model = fit_with_effect(assessed.denoised, rest, group)
     evidence = model_evidence(assessed.denoised, model)
     return ExtendedModel(group[0].placed, model, evidence)
@@ -176,27 +177,28 @@ def _in_its_place(
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-"""Called with the share of the work that is done, and what follows."""
+"""Called with the share of the work that is done, and a description of the next step."""
 
-_TINY = 1e-12  # stands for a probability of zero
+_TINY = 1e-12  # lower bound of a probability in a denominator
 
 
 @dataclass(frozen=True)
 class Selection:
-    """A model with the effects that were added to it.
+    """A model with the effects that were selected.
 
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     effects : tuple of NamedEffect
-        In the order in which they were added.
+        Named effects, in the order in which they were added.
     posteriors : list of WeightedPosterior
-        Explanations of the last step, by their probabilities.
+        Models of the last step, weighted by their probabilities.
     p_none : float
         Probability that nothing beyond tolerances is missing, before the first effect was named.
     other_cause : bool
-        A cause that is no effect of the model was found: any effect is a further one.
+        Whether a cause that is no effect of the model was found (an engine), so that any effect is
+        a further one.
     stopped_by : str
         The unlisted explanation that ended the selection; empty without one.
     """
@@ -210,22 +212,22 @@ class Selection:
 
 
 class _Step(NamedTuple):
-    """What may be added next.
+    """Comparison of the effects that may be added next.
 
     Parameters
     ----------
     extended : list of ExtendedModel
-        The most probable first.
+        Models with one more effect, the most probable first.
     probabilities : (K,) array
         Their probabilities.
     p_none : float
         Probability that nothing is missing.
     gain : float
-        Log evidence of the first over the model as it is, nats.
+        Log evidence of the first one over the current model, nats.
     posteriors : list of WeightedPosterior
-        All explanations, by their probabilities.
+        All models, weighted by their probabilities.
     stopped_by : str
-        An unlisted explanation that is better than any of them; empty without one.
+        An unlisted explanation that is better than all of them; empty without one.
     """
 
     extended: list[ExtendedModel]
@@ -249,44 +251,50 @@ def select_effects(
     excluded: Collection[str] = (),
     max_effects: int = MAX_EFFECTS,
 ) -> Selection:
-    """Add the most probable effect, as long as one is missing and it is in the list.
+    """Add the most probable effect, as long as one is missing and no unlisted fault is better.
 
-    Effects of the list stand in for a fault that is not in it, one after the other, each for a part
-    of it.  Where an unlisted explanation is better than the best effect, no more are added.
+    Listed effects can stand in for a fault that is not in the list, each for a part of it.
+    Therefore no more effects are added once an unlisted explanation is better than the best one.
 
-    Where the tolerances alone are more probable than the best effect, it is added on trial, since
-    two faults may each be less probable than tolerances that explain both.  The next step decides.
+    If the tolerances alone are more probable than the best effect, it is added on trial: of two
+    faults, each may be less probable than tolerances that explain both.  The next step decides.
 
     Parameters
     ----------
     selection : Selection
-        From :func:`start_selection`, or a selection to go on with.
+        From :func:`start_selection`, or a selection to continue.
     seed : int
         Seed of the tests.
     progress : callable
         See :data:`Progress`.
     excluded : collection of str
-        Sites that are not named, since they failed on held-out recordings.
+        Placed effects that are not considered, by name, since they failed on held-out recordings.
     max_effects : int
         Largest number of effects in all.
     """
-    current = kept = replace(selection, stopped_by="")
-    p_tolerances = 0.0  # of the tolerances alone, in place of an effect on trial
+    current = accepted_so_far = replace(selection, stopped_by="")
+    p_tolerances = 0.0  # probability of the tolerances alone, in place of the effect on trial
     while len(current.effects) < max_effects:
         assessed = current.assessed
         further = bool(current.effects) or current.other_cause
         if assessed.p_value >= (FURTHER_LEVEL if further else SIGNIFICANCE_LEVEL):
             break
-        done = 0.1 + 0.2 * len(current.effects)
-        progress(done, "testing for missing effects")
-        step = _next_step(assessed, progress, done + 0.05, excluded, further=further)
+        share_done = 0.1 + 0.2 * len(current.effects)
+        progress(share_done, "testing for missing effects")
+        step = _compare_next_effects(
+            assessed, progress, share_done + 0.05, excluded, further=further
+        )
         if step is None:
             break
         p_none = current.p_none if current.effects else step.p_none
-        p_named = 1.0  # that the effects named so far are present
-        if step.stopped_by:  # an effect on trial is no more probable for it
+        p_named = 1.0  # probability that the effects named so far are present
+        if step.stopped_by:  # which does not make an effect on trial more probable
             on_trial = p_tolerances > 0.0
-            last = kept if on_trial else replace(current, posteriors=step.posteriors, p_none=p_none)
+            last = (
+                accepted_so_far
+                if on_trial
+                else replace(current, posteriors=step.posteriors, p_none=p_none)
+            )
             return replace(last, stopped_by=step.stopped_by)
         if p_tolerances > 0.0:
             updated = _updated_tolerance_probability(p_tolerances, step.p_none)
@@ -295,7 +303,7 @@ def select_effects(
             current = _rescaled(current, (1.0 - updated) / (1.0 - p_tolerances), updated)
             p_tolerances, p_none, p_named = 0.0, updated, 1.0 - updated
         current = replace(current, posteriors=step.posteriors, p_none=p_none)
-        progress(done + 0.15, "comparing indistinguishable effects")
+        progress(share_done + 0.15, "comparing indistinguishable effects")
         best, *others = members = indistinguishable_from_best(assessed.denoised, step.extended)
         probability = p_named * float(
             sum(step.probabilities[step.extended.index(one)] for one in members)
@@ -313,24 +321,24 @@ def select_effects(
             effects=(*current.effects, *effects),
         )
         if on_trial:
-            p_tolerances, kept = step.p_none, current if accepted else before
-    return kept if p_tolerances > 0.0 else current
+            p_tolerances, accepted_so_far = step.p_none, current if accepted else before
+    return accepted_so_far if p_tolerances > 0.0 else current
 
 
-def _next_step(
+def _compare_next_effects(
     assessed: AssessedModel,
     progress: Progress,
-    done: float,
+    share_done: float,
     excluded: Collection[str],
     *,
     further: bool,
 ) -> _Step | None:
-    """Compare everything that a model may lack; None where no candidate is worth a fit."""
+    """Compare all effects that a model may lack; None if no candidate is worth a fit."""
     extended = fit_candidates(
         assessed.denoised,
         assessed.model,
         assessed.test,
-        lambda placed: progress(done, f"fitting {placed}"),
+        lambda placed: progress(share_done, f"fitting {placed}"),
         excluded,
         further=further,
     )
@@ -353,24 +361,24 @@ def _next_step(
 
 
 def _better_unlisted(assessed: AssessedModel, best: ExtendedModel, without: float) -> str:
-    """Return the unlisted explanation that is decisively better than any effect of the list.
+    """Return the unlisted explanation that is decisively better than any listed effect.
 
-    It takes the place of that effect, and may not have its tolerance as well, which explains a part
-    of what the effect does.
+    It replaces the best listed effect, and is evaluated without that effect's tolerance as well,
+    which would explain a part of the same change.
 
     Parameters
     ----------
     assessed : AssessedModel
-        The model so far.
+        The current model.
     best : ExtendedModel
-        The best effect of the list.
+        The model with the best listed effect.
     without : float
-        Log evidence of the model as it is.
+        Log evidence of the current model.
 
     Returns
     -------
     str
-        Its description; empty where an effect or the tolerances are as good.
+        Its description; empty if an effect or the tolerances are as good.
     """
     listed = max(best.evidence.log_evidence, without)
 
@@ -392,7 +400,7 @@ def _better_unlisted(assessed: AssessedModel, best: ExtendedModel, without: floa
 
 
 def _rescaled(selection: Selection, factor: float, p_none: float) -> Selection:
-    """Multiply the probabilities of the named effects, those of both axles alike."""
+    """Multiply the probabilities of all named effects by a factor."""
     effects = tuple(
         replace(e, probability=min(e.probability * factor, 1.0)) for e in selection.effects
     )
@@ -402,16 +410,17 @@ def _rescaled(selection: Selection, factor: float, p_none: float) -> Selection:
 def _updated_tolerance_probability(before: float, p_none: float) -> float:
     """Probability of the tolerances alone, after the step that follows an effect on trial.
 
-    Three explanations remain: tolerances alone, the first effect, and the first with a second.  The
-    step compares the last two; by as much as both together are more probable, the odds of the first
-    rise.  With tolerances alone no second effect helps the first.
+    Three explanations remain: tolerances alone, the first effect, and the first effect with a
+    second one.  The step compares the last two.  If o are the odds of the first effect against the
+    tolerances and n is the probability that no second effect is present, the odds of the last two
+    together are o/n.
 
     Parameters
     ----------
     before : float
-        That probability when the first effect was added.
+        Probability of the tolerances alone when the first effect was added.
     p_none : float
-        Probability that nothing is missing next to the first.
+        Probability n that nothing is missing beside the first effect.
     """
     odds = (1.0 - before) / before / max(p_none, _TINY)
     return 1.0 / (1.0 + odds)
@@ -420,16 +429,17 @@ def _updated_tolerance_probability(before: float, p_none: float) -> float:
 def reconsider_pulses(
     selection: Selection, seed: int, progress: Progress, excluded: Collection[str] = ()
 ) -> Selection:
-    """Select again without the force pulses that were named before another effect.
+    """Repeat the selection without force pulses that were named before another effect.
 
-    A pulse of free duration fits a part of most faults, and best while others are missing.  One
-    that is named again before any other effect stays, and so does everything where as many effects
-    were named as may be: what needs so many is not in the list, and would take as many others.
+    A pulse of free duration fits a part of most faults, and fits best while other effects are
+    missing.  The selection is kept if a pulse is named again before any other effect, and if the
+    largest number of effects was named: the cause is then not in the list, and other effects would
+    stand in for it as well.
 
     Parameters
     ----------
     selection, seed, progress, excluded
-        As :func:`select_effects` takes and returns them.
+        As in :func:`select_effects`.
     """
     pulses = [e for e in selection.effects if e.placed.run is not None]
     is_pulse = [e.placed.run is not None for e in selection.effects]
@@ -447,7 +457,7 @@ def reconsider_pulses(
         other = select_effects(other, seed, progress, excluded)
     if {e.placed.key for e in other.effects} == {e.placed.key for e in selection.effects}:
         return selection
-    # evidence is comparable on the same denoised inputs only
+    # evidence is comparable only on the same denoised inputs
     denoised, old = other.assessed.denoised, selection.assessed.model
     behind = model_evidence(denoised, fit_again(denoised, old, old.placed_effects)).log_evidence
     return other if other.assessed.evidence.log_evidence > behind else selection

@@ -1,13 +1,14 @@
-"""Free laws of dampers and springs, where no listed effect explains what is left.
+"""Free laws of dampers and springs, for data that no listed effect explains.
 
-Where to first order a force of any dependence on the rate of deflection, or on deflection, gains at
-least half of what the best unlisted fault does, the axle at which it gains most gets a law of that
-part: a damping curve that may rise in any way, each side its own, and a stiffness in series with
-it; or such a curve of the spring.  The other axle follows if the same holds there.  Further effects
-are selected beside these laws, and the validation removes those that turn out unnecessary.  That
-model takes the place of the listed effects where its evidence is larger by as much as was asked of
-the law, and its error on held-out recordings is not.  The part whose law gains more is tried first,
-and the other one only if that fails.
+To first order, a free damper law adds a force that is any function of the rate of deflection, and a
+free spring law one that is any function of deflection.  If such a law gains at least half of what
+the best unlisted fault gains, the axle with the largest gain gets it: a monotonic damping curve,
+different in compression and rebound, with a stiffness in series; or a monotonic spring curve.  The
+other axle follows if the same holds there.  Further effects are selected beside these laws, and the
+validation removes those that turn out to be unnecessary.  The resulting model replaces that with
+listed effects if its evidence is larger by the amount required of the law, and its error on
+held-out recordings is not larger.  The part whose law gains more is tried first, and the other one
+only if that fails.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from bayes_asv.posterior.fitted_model import Dataset
 
 __all__ = ["with_free_laws"]
 
-_SHARE = 0.5  # of what the best unlisted explanation gains to first order
+# Least gain of a free law, as a share of what the best unlisted explanation gains to first order.
+_MIN_SHARE = 0.5
 _LAWS: dict[Part, tuple[str, ...]] = {
     "damper": ("damper_hysteresis", "damper_curve"),
     "spring": ("spring_curve",),
@@ -42,12 +44,12 @@ def with_free_laws(
     seed: int,
     progress: Progress,
 ) -> Selection:
-    """Return the selection with free laws of a part where those explain decisively more.
+    """Return a selection with free laws of a part, if they explain decisively more.
 
     Parameters
     ----------
     selection : Selection
-        The effects of the list that were selected.
+        The selected listed effects.
     linear : AssessedModel
         The linear car on the same recordings.
     holdout : Dataset or None
@@ -57,31 +59,31 @@ def with_free_laws(
     progress : callable
         See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
     """
-    own = selection.assessed
-    if not (selection.stopped_by or selection.effects or own.p_value < SIGNIFICANCE_LEVEL):
+    listed = selection.assessed
+    if not (selection.stopped_by or selection.effects or listed.p_value < SIGNIFICANCE_LEVEL):
         return selection
-    if not (selection.stopped_by or _something_left(own, seed)):
+    if not (selection.stopped_by or _is_misspecified(listed, seed)):
         return selection
-    for left in free_laws(own.denoised, own.evidence):
-        if not _explains_enough(left):
+    for law in free_laws(listed.denoised, listed.evidence):
+        if not _explains_enough(law):
             break
-        free = _with_laws_of(left.part, selection, linear, seed, progress)
+        free = _select_with_laws(law.part, selection, linear, seed, progress)
         if free is None:
             continue
-        gain = free.assessed.evidence.log_evidence - own.evidence.log_evidence
-        if not _explains_enough(left._replace(gain=gain)):
+        gain = free.assessed.evidence.log_evidence - listed.evidence.log_evidence
+        if not _explains_enough(law._replace(gain=gain)):
             continue
-        models = own.model, free.assessed.model
+        models = listed.model, free.assessed.model
         if holdout is None or not compare_errors(holdout, *models, seed).worse:
             return free
     return selection
 
 
-def _with_laws_of(
+def _select_with_laws(
     part: Part, selection: Selection, linear: AssessedModel, seed: int, progress: Progress
 ) -> Selection | None:
-    """Select effects beside free laws of one part; None where none explains enough."""
-    current, law = linear, _law(part, linear)
+    """Select effects beside free laws of one part; None if no law explains enough."""
+    current, law = linear, _best_free_law(part, linear)
     axles = list(linear.model.space.car.axles)
     while law.axle in axles and _explains_enough(law):
         axles.remove(law.axle)
@@ -89,9 +91,9 @@ def _with_laws_of(
         placed_effects = [PlacedEffect(EFFECTS[name], law.axle) for name in _LAWS[part]]
         dataset, model = with_effects(current.dataset, placed_effects, current.model)
         current = assess(dataset, model, seed)
-        if not _something_left(current, seed):
+        if not _is_misspecified(current, seed):
             break
-        law = _law(part, current)
+        law = _best_free_law(part, current)
     if current is linear:
         return None
     named = [NamedEffect(placed, 1.0, (), {}) for placed in current.model.placed_effects]
@@ -100,14 +102,14 @@ def _with_laws_of(
     return select_effects(start, seed, progress, max_effects=MAX_EFFECTS + len(named))
 
 
-def _law(part: Part, assessed: AssessedModel) -> FreeLaw:
+def _best_free_law(part: Part, assessed: AssessedModel) -> FreeLaw:
     return free_laws(assessed.denoised, assessed.evidence, (part,))[0]
 
 
-def _something_left(assessed: AssessedModel, seed: int) -> bool:
+def _is_misspecified(assessed: AssessedModel, seed: int) -> bool:
     return misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
 
 
 def _explains_enough(law: FreeLaw) -> bool:
-    """Whether a law gains decisively, and half of what the best unlisted explanation does."""
-    return law.gain > max(DECISIVE_EVIDENCE, _SHARE * law.best_gain)
+    """Whether a law gains decisively, and half of what the best unlisted explanation gains."""
+    return law.gain > max(DECISIVE_EVIDENCE, _MIN_SHARE * law.best_gain)

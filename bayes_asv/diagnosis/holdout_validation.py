@@ -34,7 +34,8 @@ __all__ = [
     "validation_errors",
 ]
 
-_AT_FLOOR = 1.03  # times the noise floor: within the uncertainty of an estimated floor
+# Ratio of error to noise floor that counts as at the floor, given the uncertainty of the floor.
+_AT_FLOOR = 1.03
 
 
 class Split(NamedTuple):
@@ -47,7 +48,7 @@ class Split(NamedTuple):
     holdout : Dataset or None
         Held-out recordings.
     linear : FittedModel
-        The linear car at its mode on the first.
+        The linear car, fitted to the fitted recordings.
     """
 
     fit: Dataset
@@ -56,17 +57,17 @@ class Split(NamedTuple):
 
 
 class ValidationErrors(NamedTuple):
-    """Simulation errors before and after.
+    """Simulation errors before and after effects were added.
 
     Parameters
     ----------
     errors : dict of str to ErrorChange
-        ``fit`` and, where there is one, ``holdout``, from the linear car to the final model;
-        an engine is part of the error before.
+        Errors on ``fit`` and, if there is any, ``holdout``, of the linear car and of the final
+        model; those of the linear car include an engine.
     effects : list of NamedEffect
-        Each with its own errors.
+        The effects, each with its own errors.
     without_engine : ErrorChange or None
-        On held-out recordings, engine tones removed before and after.
+        Errors on held-out recordings, with engine tones removed for both models.
     """
 
     errors: dict[str, ErrorChange]
@@ -83,11 +84,11 @@ class ValidatedSelection:
     selection : Selection
         The named effects that did not fail, with their simulation errors.
     errors : dict of str to ErrorChange
-        Simulation errors of all of them together.
+        Simulation errors with all of them.
     failed : tuple of str
-        Sites that were named and made the simulation of held-out recordings worse.
+        Named effects that made the simulation of held-out recordings worse.
     unlisted : bool
-        Something that is not in the list was found, in the selection or when effects failed.
+        Whether an unlisted fault was found, in the selection or when effects failed.
     """
 
     selection: Selection
@@ -104,63 +105,64 @@ def validate(
     seed: int,
     progress: Progress,
 ) -> ValidatedSelection:
-    """Remove effects that are unnecessary or fail; where one failed, select another once.
+    """Remove effects that are unnecessary or fail; if one failed, continue the selection once.
 
-    An effect that failed stood in for something else.  Where that is not in the list, as the
-    selection or the misspecification tests have found, another effect would only stand in for it
-    again.
+    An effect that failed stood in for something else.  If that is not in the list, according to the
+    selection or the misspecification tests, another effect would only stand in for it again.
 
     Parameters
     ----------
     selection : Selection
         The named effects.
     given, without_tones, engine, seed
-        As :func:`validation_errors` takes them.
+        As in :func:`validation_errors`.
     progress : callable
         See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
     """
 
     def attempt(selection: Selection, excluded: tuple[str, ...] = ()) -> ValidatedSelection:
-        selection = _pruned(selection, seed)
+        selection = _prune(selection, seed)
         reconsidered = reconsider_pulses(selection, seed, progress, excluded)
         if reconsidered is not selection:
-            selection = _pruned(reconsidered, seed)
+            selection = _prune(reconsidered, seed)
         assessed, named = selection.assessed, list(selection.effects)
         progress(0.85, "validating on held-out recordings")
-        errors, named, silent = validation_errors(
+        errors, named, without_engine = validation_errors(
             given, without_tones, assessed, named, engine, seed
         )
         unlisted = bool(selection.stopped_by)
-        while failed := failed_effects(without_tones.holdout, assessed, named, silent, seed):
+        while failed := failed_effects(
+            without_tones.holdout, assessed, named, without_engine, seed
+        ):
             excluded += tuple(str(e.placed) for e in failed)
             unlisted = (
                 unlisted
                 or misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
             )
             assessed, named = remove_effects(assessed, named, failed, seed)
-            errors, named, silent = validation_errors(
+            errors, named, without_engine = validation_errors(
                 given, without_tones, assessed, named, engine, seed
             )
         return ValidatedSelection(
-            _with_effects(selection, assessed, named), errors, excluded, unlisted
+            _replace_effects(selection, assessed, named), errors, excluded, unlisted
         )
 
     first = attempt(selection)
     if not first.failed or first.unlisted:
         return first
-    again = select_effects(first.selection, seed, progress, first.failed)
-    return attempt(again, first.failed)
+    continued = select_effects(first.selection, seed, progress, first.failed)
+    return attempt(continued, first.failed)
 
 
-def _pruned(selection: Selection, seed: int) -> Selection:
+def _prune(selection: Selection, seed: int) -> Selection:
     """Remove the effects that later ones made unnecessary."""
-    return _with_effects(selection, *prune(selection.assessed, list(selection.effects), seed))
+    return _replace_effects(selection, *prune(selection.assessed, list(selection.effects), seed))
 
 
-def _with_effects(
+def _replace_effects(
     selection: Selection, assessed: AssessedModel, effects: list[NamedEffect]
 ) -> Selection:
-    """Return a selection with these effects, and the model's posterior where some were removed."""
+    """Return a selection with these effects, and its posterior if some were removed."""
     fewer = len(effects) < len(selection.effects)
     posteriors = selection.posteriors
     if fewer:
@@ -175,26 +177,26 @@ def failed_effects(
     total: ErrorChange | None,
     seed: int,
 ) -> list[NamedEffect]:
-    """Effects that make the simulation of held-out recordings worse.
+    """Find effects that make the simulation of held-out recordings worse.
 
-    An effect fails when the error increased both when it was added (which may be the fault of
-    another that was still missing) and when it is added last, when the remaining error is above the
-    noise floor, and when the likelihood of the held-out recordings speaks against it.  An effect of
-    a single run cannot be judged on others.  Where all effects together increased the error and
-    none alone is to blame, all fail, those of a single run included, which displace the car's own
-    parameters: they stand in for something that is not in the list.
+    An effect fails if all of these hold: the error increased when it was added (which may be due to
+    another effect that was still missing); it also increases when the effect is added last; the
+    remaining error is above the noise floor; and the likelihood of the held-out recordings argues
+    against it.  An effect of a single run cannot be tested on others.  If all effects together
+    increased the error and no single one is responsible, all fail, including those of a single run,
+    which bias the parameters of the car: they stand in for something that is not in the list.
 
     Parameters
     ----------
     holdout : Dataset or None
         Held-out recordings.
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     effects : list of NamedEffect
-        With their simulation errors.
+        Named effects, with their simulation errors.
     total : ErrorChange or None
-        Of all of them on the held-out recordings without engine tones: removed, those lower the
-        error whatever the effects do.
+        Error change by all of them on the held-out recordings without engine tones, whose removal
+        lowers the error by itself.
     seed : int
         Seed of the bootstrap.
     """
@@ -202,20 +204,20 @@ def failed_effects(
         return []
     failed = []
     for effect in effects:
-        if effect.placed.run is not None or not _worse(effect.errors["holdout"]):
+        if effect.placed.run is not None or not _is_worse(effect.errors["holdout"]):
             continue
         others = tuple(e.placed for e in effects if e is not effect)
         without = submodel(assessed, others)
         worse = compare_errors(holdout, without, assessed.model, seed).worse
         if worse and not supported_by_holdout(assessed, holdout, [effect]):
             failed.append(effect)
-    if failed or total is None or not _worse(total):
+    if failed or total is None or not _is_worse(total):
         return failed
     return [] if supported_by_holdout(assessed, holdout, effects) else effects
 
 
-def _worse(error: ErrorChange) -> bool:
-    """Whether an error increased and is not at the noise floor."""
+def _is_worse(error: ErrorChange) -> bool:
+    """Whether an error increased and exceeds the noise floor."""
     return error.worse and error.after > _AT_FLOOR * error.floor
 
 
@@ -234,11 +236,11 @@ def validation_errors(
     given, without_tones : Split
         Recordings as given, and without engine tones.
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     effects : list of NamedEffect
-        In order.
+        Named effects, in the order in which they were added.
     engine : Engine or None
-        Whose tones were removed.
+        Engine whose tones were removed.
     seed : int
         Seed of noise and bootstrap.
     """
@@ -257,14 +259,16 @@ def validation_errors(
     for name, dataset, as_given in parts:
         if dataset is None or as_given is None:
             continue
-        own = name == "fit"
-        change = compare_errors(dataset, models[0], models[-1], seed, own=own)
+        is_fitted = name == "fit"
+        change = compare_errors(dataset, models[0], models[-1], seed, own=is_fitted)
         without_engine[name] = change
         if engine is not None:
             before = simulation_residuals(as_given, given.linear, seed).rms
             change = replace(change, before=before, worse=change.after > before)
         errors[name] = change
         for j in range(len(effects)):
-            of_effects[j][name] = compare_errors(dataset, models[j], models[j + 1], seed, own=own)
+            of_effects[j][name] = compare_errors(
+                dataset, models[j], models[j + 1], seed, own=is_fitted
+            )
     effects = [replace(e, errors=own) for e, own in zip(effects, of_effects, strict=True)]
     return ValidationErrors(errors, effects, without_engine.get("holdout"))

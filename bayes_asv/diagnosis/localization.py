@@ -1,8 +1,8 @@
-"""Localization: output, time, frequency, axle and state at which the model disagrees.
+"""Localisation: output, time, frequency, axle and state at which the model disagrees.
 
-Under the model the innovations are white with unit variance, so that the energy of a time window or
-a frequency band is χ² and a mean is normal.  Each map has a family-wise level of 1 % (Bonferroni
-over its cells).
+Under the model, the innovations are white with unit variance, so the energy in a time window or a
+frequency band is χ² distributed and a mean is normal.  Each map has a family-wise level of 1 %
+(Bonferroni over its cells).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ __all__ = ["Cell", "Localization", "localize"]
 
 Array = NDArray[np.float64]
 Passes = list[tuple[Array, Array, Array]]
-"""Of each run innovations and their log variances (E, ny), and states (E, nx + ne)."""
+"""Innovations and their log variances (E, ny), and states (E, nx + ne), of each run."""
 
-_WINDOW = 0.1  # s
-_LEVEL = 0.01  # family-wise, over the cells of one map
-_GRID = (5, 5)  # cells along deflection and velocity
-_MIN_READINGS = 8  # in a cell
+_WINDOW = 0.1  # length of a time window, s
+_LEVEL = 0.01  # family-wise level over the cells of one map
+_GRID = (5, 5)  # number of cells along deflection and velocity
+_MIN_READINGS = 8  # least number of readings in a cell
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Cell:
     deflection, velocity : (low, high)
         Its edges, m and m/s, extension positive.
     force : float
-        Mean force that the model lacks there, N, upward on the chassis.
+        Mean missing force in the cell, N, upward on the chassis.
     t : float
-        Mean over its standard error.
+        t-value: the mean over its standard error.
     """
 
     deflection: tuple[float, float]
@@ -50,24 +50,24 @@ class Cell:
 
 @dataclass(frozen=True)
 class Localization:
-    """Where innovations have too much energy, or the model lacks a force.
+    """Where innovations have excess energy, or the model lacks a force.
 
     Parameters
     ----------
     channel : str
         Output with the most excess energy.
     axle : str
-        Axle whose missing force depends most clearly on deflection and velocity; empty where the
-        outputs do not show forces.
+        Axle whose missing force depends most significantly on deflection and velocity; empty if the
+        outputs do not determine forces.
     windows : tuple of (run, begin, end)
-        Windows with too much energy, s on each recording's own clock.
+        Windows with excess energy, s on each recording's own clock.
     bands : tuple of (low, high)
-        Third octaves with too much energy, Hz.
+        Third octaves with excess energy, Hz.
     force_maps : dict of str to tuple of Cell
-        Mean missing force over the deflection–velocity plane of each axle; empty where fewer
+        Mean missing force over the deflection–velocity plane of each axle; empty if fewer
         accelerations are measured than there are axles.
     strongest : Cell or None
-        The cell of that axle with the largest |t|, where it is significant.
+        The cell of that axle with the largest |t|, if it is significant.
     """
 
     channel: str
@@ -79,7 +79,7 @@ class Localization:
 
 
 def localize(dataset: Dataset, model: FittedModel) -> Localization:
-    """Find where the innovations of a model have too much energy or a systematic mean."""
+    """Find where the innovations of a model have excess energy or a systematic mean."""
     passes = [
         model.posterior.innovations_and_variances(model.mode.z, run)
         for run in range(len(dataset.recordings))
@@ -89,9 +89,9 @@ def localize(dataset: Dataset, model: FittedModel) -> Localization:
     windows: list[tuple[int, float, float]] = []
     for run, (recording, (nu, logs, _)) in enumerate(zip(dataset.recordings, passes, strict=True)):
         valid = logs != 0.0
-        own = [outputs.index(recording.channels[c].name) for c in recording.outputs]
-        energy[own] += np.where(valid, nu**2, 0.0).sum(axis=0)
-        count[own] += valid.sum(axis=0)
+        output_indices = [outputs.index(recording.channels[c].name) for c in recording.outputs]
+        energy[output_indices] += np.where(valid, nu**2, 0.0).sum(axis=0)
+        count[output_indices] += valid.sum(axis=0)
         windows += [(run, a, b) for a, b in _windows(recording.instants, nu, valid)]
     channel = outputs[int(np.argmax(energy / np.maximum(count, 1)))]
     maps = _force_maps(dataset, model, passes)
@@ -104,7 +104,7 @@ def localize(dataset: Dataset, model: FittedModel) -> Localization:
 
 
 def _windows(instants: Array, nu: Array, valid: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Windows of one run with significantly too much energy, adjacent ones joined."""
+    """Windows of one run with significant excess energy; adjacent ones are joined."""
     edges = np.arange(instants[0], instants[-1] + _WINDOW, _WINDOW)
     window = np.clip(np.searchsorted(edges, instants, "right") - 1, 0, len(edges) - 2)
     energy = np.bincount(window, np.where(valid, nu**2, 0.0).sum(axis=1), len(edges) - 1)
@@ -121,7 +121,7 @@ def _windows(instants: Array, nu: Array, valid: NDArray[np.bool_]) -> list[tuple
 
 
 def _bands(dataset: Dataset, passes: Passes) -> tuple[tuple[float, float], ...]:
-    """Third octaves with significantly too much energy, over all runs and channels."""
+    """Third octaves with significant excess energy over all runs and channels."""
     rate = 1.0 / dataset.recordings[0].reading_step
     centres = 2.0 ** (np.arange(-3, 40) / 3.0)
     centres = centres[(centres < 0.42 * rate) & (centres > 1.0)]
@@ -144,10 +144,10 @@ def _bands(dataset: Dataset, passes: Passes) -> tuple[tuple[float, float], ...]:
 def _force_maps(
     dataset: Dataset, model: FittedModel, passes: Passes
 ) -> dict[str, tuple[Cell, ...]]:
-    """Mean force that the model lacks, over the deflection–velocity plane of each axle.
+    """Mean missing force over the deflection–velocity plane of each axle.
 
-    An acceleration answers a force at once, so that as many of them as there are axles say which
-    force is missing at each, in equal parts on its elements.
+    Accelerations respond to a force without delay, so as many of them as there are axles determine
+    the missing force at each axle, which its elements share.
     """
     car = model.space.car
     shares = np.array([car.shares(axle) for axle in car.axles])
@@ -155,15 +155,15 @@ def _force_maps(
     for run, (recording, (nu, logs, state)) in enumerate(
         zip(dataset.recordings, passes, strict=True)
     ):
-        used = list(recording.accelerations)
-        by_forces = model.space.state_space(model.mode.z[None], run).G[0][used] @ shares.T
+        accelerations = list(recording.accelerations)
+        by_forces = model.space.state_space(model.mode.z[None], run).G[0][accelerations] @ shares.T
         if np.linalg.matrix_rank(by_forces) < len(car.axles):
             continue
-        there = np.all(recording.kind[:, used] == VALUE, axis=1)
-        missing = (nu * np.exp(0.5 * logs))[there][:, used]
+        has_readings = np.all(recording.kind[:, accelerations] == VALUE, axis=1)
+        missing = (nu * np.exp(0.5 * logs))[has_readings][:, accelerations]
         forces.append(np.linalg.lstsq(by_forces, missing.T, rcond=None)[0].T)
-        deflections = state[there, 0 : 2 * len(car.elements) : 2]
-        velocities = state[there, 1 : 2 * len(car.elements) : 2]
+        deflections = state[has_readings, 0 : 2 * len(car.elements) : 2]
+        velocities = state[has_readings, 1 : 2 * len(car.elements) : 2]
         states.append(np.stack([deflections @ shares.T, velocities @ shares.T], axis=2))
     if not any(len(f) for f in forces):
         return dict.fromkeys(car.axles, ()) if forces else {}
@@ -175,7 +175,7 @@ def _force_maps(
 
 
 def _force_map(deflection: Array, velocity: Array, force: Array) -> tuple[Cell, ...]:
-    """Cells of one axle, over all but the outermost 0.2 % of the range at either end."""
+    """Cells of one axle, between the 0.2 % and 99.8 % quantiles of deflection and velocity."""
     d, v = (
         np.linspace(float(np.quantile(x, 0.002)), float(np.quantile(x, 0.998)), cells + 1)
         for x, cells in ((deflection, _GRID[0]), (velocity, _GRID[1]))

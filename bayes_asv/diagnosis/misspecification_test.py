@@ -1,11 +1,11 @@
-"""Misspecification tests: whether something is left that no effect of the list explains.
+"""Misspecification tests: whether something remains that no listed effect explains.
 
-The finished model, on all recordings together, is tested against a free force and unlisted faults
-next to the named effects, against autocorrelated innovations, against a variance that grows with
-the slope of a signal, and against excess noise.
+The final model, on all recordings together, is tested against a free force and unlisted faults
+beside the named effects, against autocorrelated innovations, against a variance that grows with the
+slope of a signal, and against excess noise.
 
-Named effects that only together reproduce another fault leave nothing next to them.  Therefore
-an unlisted fault is also compared with them as the only explanation in their place.
+If named effects reproduce another fault together, nothing remains beside them.  Therefore a single
+unlisted fault is also compared with them, as an alternative in their place.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ __all__ = ["MisspecificationResult", "best_alternative", "misspecification_tests
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 2  # of choosing an alternative
+_ROUNDS = 2  # number of times that an alternative is chosen and fitted
 
 
 @dataclass(frozen=True)
@@ -53,26 +53,25 @@ class MisspecificationResult:
     Parameters
     ----------
     score : float
-        Log Bayes factor (nats) of a free force next to the model; negative when it loses.
+        Log Bayes factor (nats) of a free force beside the model; negative if it is less probable.
     axle : str
         Axle at which the free force gains most.
     p_whiteness : float
-        p-value of white innovations.
+        p-value of the whiteness test.
     excess_noise : tuple of str
-        Channels whose noise is far above the given level.
+        Channels whose noise is far above the declared level.
     p_unlisted : float
         Family-wise p-value of the unlisted faults.
     closest_fault : str
-        The unlisted fault of the largest score.
+        The unlisted fault with the largest score.
     failed : tuple of str
         Effects that were fitted and increased the error on held-out recordings.
     alternative : float
-        Log evidence (nats) by which an unlisted fault alone explains the recordings better than the
-        named effects.
+        Log Bayes factor (nats) of an unlisted fault alone against the named effects.
     p_jitter : float
-        p-value of a variance that does not grow with the slope of a signal.
+        p-value of the timing-jitter test: of a variance that does not grow with a signal's slope.
     jitter_channel : str
-        The channel with whose slope it grows most.
+        The channel on whose slope the variance depends most.
     stopped_by : str
         The unlisted explanation that ended the selection of effects; empty without one.
     """
@@ -91,9 +90,9 @@ class MisspecificationResult:
 
     @property
     def detected(self) -> bool:
-        """Whether something was detected next to the named effects."""
+        """Whether something was detected beside the named effects."""
         p = np.array([self.p_whiteness, self.p_unlisted, self.p_jitter])
-        # Fisher's combination: three weak signs of the same thing are a significant one
+        # Fisher's combination of p-values: several weak signs may be significant together
         combined = chi2.sf(-2.0 * np.sum(np.log(np.maximum(p, 1e-300))), 2 * len(p))
         significant = min(float(p.min()), float(combined)) < MISSPECIFICATION_LEVEL
         other = self.excess_noise or self.failed or self.stopped_by
@@ -101,7 +100,7 @@ class MisspecificationResult:
 
     @property
     def present(self) -> bool:
-        """Whether something is unexplained: next to the named effects, or in their place."""
+        """Whether something is unexplained: beside the named effects, or in their place."""
         return self.detected or self.alternative > ALTERNATIVE_MARGIN
 
 
@@ -142,7 +141,7 @@ def misspecification_tests(
 
 
 def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
-    """Channels whose fitted noise level is far above the given one."""
+    """Channels whose fitted noise level is far above the declared one."""
     levels = model.space.nuisance(model.mode.z[None])
     out = []
     for run, recording in enumerate(dataset.recordings):
@@ -154,22 +153,22 @@ def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
 
 
 class _Alternative(NamedTuple):
-    """An unlisted fault in the place of all named effects.
+    """An unlisted fault in place of all named effects.
 
     Parameters
     ----------
     loss : float
-        Minus the log-posterior of the car with it, up to a constant, nats.
+        Minus the log-posterior of the car with the fault, up to a constant, nats.
     gain : float
-        Log-likelihood that it gains over the car alone, to first order, nats.
+        Gain of log-likelihood over the car without it, to first order, nats.
     description : str
-        What it is.
+        Description of the fault.
     z : (D,) array
-        Mode of car and noise with it.
+        Mode of car and noise levels with it.
     settled : (N,) bool array
-        Innovations that count.
+        Whether the filter has settled at each innovation.
     out_of : int
-        How many faults it was chosen from.
+        Number of faults from which it was chosen.
     """
 
     loss: float
@@ -183,19 +182,24 @@ class _Alternative(NamedTuple):
 def best_alternative(
     dataset: Dataset, model: FittedModel, named: int, effect_count: int
 ) -> tuple[float, str]:
-    """Log evidence (nats) of an unlisted fault alone against all named effects, and which it is.
+    """Log Bayes factor (nats) of the best single unlisted fault against all named effects.
 
-    It is chosen to first order, with the car and noise of the full model but without its effects;
-    its evidence comes from a fit with it, noise levels free: where a named effect stands in for it,
-    noise is in excess to cover the rest, and would hide it.  Where first order may be wrong by as
-    much as it takes, it is chosen again from that fit.
+    The fault is chosen to first order, with the car and noise levels of the full model but without
+    its effects.  Its evidence is computed from a fit with free noise levels: if a named effect
+    stands in for the fault, the noise level has grown to absorb the rest, and would hide it.  If
+    the error of first order could change the result, the fault is chosen again from that fit.
 
     Parameters
     ----------
     dataset, model : Dataset, FittedModel
         Recordings with denoised inputs, and the model with all named effects at its mode.
     named, effect_count : int
-        Number of named effects, and of those that they were selected from.
+        Number of named effects, and number of candidates from which they were selected.
+
+    Returns
+    -------
+    float, str
+        Log Bayes factor, and description of the fault.
     """
     posterior = dataset.posterior(())
     z = model.transfer(posterior.space)
@@ -204,7 +208,7 @@ def best_alternative(
         alternative = _fit_alternative(dataset, posterior, z)
         if alternative is None:
             break
-        loss = _loss(model.posterior, model.mode, alternative.settled)
+        loss = _negative_log_posterior(model.posterior, model.mode, alternative.settled)
         cost = named * (UNKNOWN_SIZE_COST + math.log(effect_count))
         cost = cost - UNKNOWN_SIZE_COST - math.log(alternative.out_of)
         if loss - alternative.loss + cost > best:
@@ -217,12 +221,12 @@ def best_alternative(
 
 
 def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alternative | None:
-    """Fit the unlisted fault of the largest gain over a car without effects; None if none gains."""
+    """Fit the unlisted fault with the largest gain over a car without effects; None without one."""
     with shared_work(posterior) as shared:
         at_z = slopes(shared, z)
     plain = FittedModel((), posterior, LaplaceApproximation(z, at_z, True))
     denoised = denoised_model(dataset, plain)
-    # least squares of the innovations on the car's coordinates, then on each fault as well
+    # least squares of the innovations on the car's coordinates and each fault
     car = slice(posterior.space.shared_dimension)
     of_car = denoised.derivatives.only(car)
     of_car = replace(of_car, scales=0.0 * of_car.scales, removed_band_correction=0.0 * z[car])
@@ -237,18 +241,20 @@ def _fit_alternative(dataset: Dataset, posterior: Posterior, z: Array) -> _Alter
     step = projection.gradient - projection.sensitivities @ change
     start[car] += np.linalg.solve(projection.precision, step)
     fit = fit_model(with_offset(plain, change[None], np.ones(1)), start)
-    loss = _loss(fit.posterior, fit.mode, denoised.settled)
+    loss = _negative_log_posterior(fit.posterior, fit.mode, denoised.settled)
     count = len(faults.descriptions)
     return _Alternative(loss, gain, faults.descriptions[k], fit.mode.z, denoised.settled, count)
 
 
-def _loss(posterior: Posterior, mode: LaplaceApproximation, settled: NDArray[np.bool_]) -> float:
-    """Minus the log-posterior up to a constant (nats), once the filter has settled.
+def _negative_log_posterior(
+    posterior: Posterior, mode: LaplaceApproximation, settled: NDArray[np.bool_]
+) -> float:
+    """Minus the log-posterior up to a constant (nats), over settled innovations.
 
-    A clipped reading does not count: its true value is unknown.
+    Clipped readings are left out, since their true values are unknown.
     """
     at_mode = mode.slopes
     runs = range(len(posterior.space.recordings))
-    back = sum(float(posterior.removed_band_correction(mode.z[None], run)[0]) for run in runs)
+    correction = sum(float(posterior.removed_band_correction(mode.z[None], run)[0]) for run in runs)
     twice = np.sum((at_mode.nu**2 + at_mode.log_variances)[settled]) + mode.z @ mode.z
-    return 0.5 * float(twice) - back
+    return 0.5 * float(twice) - correction

@@ -39,18 +39,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class AssessedModel:
-    """A fitted model, what may be missing from it, and its evidence.
+    """A fitted model, its scores along candidate effects, and its evidence.
 
     Parameters
     ----------
     dataset : Dataset
-        Recordings as read; sensor corrections follow from the model's predictions.
+        Recordings as read, with sensor corrections from the model's predictions.
     denoised : Dataset
-        The same with denoised inputs.
+        The same recordings with denoised inputs.
     model : FittedModel
         The model at its mode on the denoised inputs.
     test : ScoreTest
-        Of all candidate effects.
+        Scores of all candidate effects.
     evidence : ModelEvidence
         The model under the tolerance prior of all other effects.
     p_value : float
@@ -66,24 +66,26 @@ class AssessedModel:
 
     @property
     def on_inputs_as_read(self) -> FittedModel:
-        """The model on recordings as read, at its mode on the denoised inputs."""
+        """The model with the posterior of recordings as read, at its mode on denoised inputs."""
         return replace(self.model, posterior=self.dataset.posterior(self.model.placed_effects))
 
 
 def assess(dataset: Dataset, model: FittedModel, seed: int) -> AssessedModel:
-    """Fit a model on denoised inputs and test it for every candidate effect."""
-    dataset, denoised, model = _denoised(dataset, model)
+    """Fit a model on denoised inputs, and compute the scores of every candidate effect."""
+    dataset, denoised, model = _fit_denoised_inputs(dataset, model)
     steps = score_test(denoised_model(denoised, model), candidates(model, dataset.vehicle))
     test = with_best_pulses(steps)
     p = family_p_value(steps, seed)
     return AssessedModel(dataset, denoised, model, test, tolerance_evidence(model, test), p)
 
 
-def _denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, Dataset, FittedModel]:
+def _fit_denoised_inputs(
+    dataset: Dataset, model: FittedModel
+) -> tuple[Dataset, Dataset, FittedModel]:
     """Return recordings as read and with denoised inputs, and the model at its mode on the latter.
 
-    Sensor corrections follow from the model's predictions, which a faulty sensor changes: it takes
-    two rounds.
+    Sensor corrections are computed from the model's predictions, which sensor effects change; two
+    rounds are needed then.
     """
     rounds = 2 if any(placed.effect.acts == "reading" for placed in model.placed_effects) else 1
     for _ in range(rounds):
@@ -95,7 +97,7 @@ def _denoised(dataset: Dataset, model: FittedModel) -> tuple[Dataset, Dataset, F
 
 
 def refit(model: FittedModel, dataset: Dataset) -> FittedModel:
-    """Fit a model again to its recordings, changed or with others appended."""
+    """Fit a model again to its recordings, after a change or with others appended."""
     return _refit(model, dataset, model.placed_effects)
 
 
@@ -119,24 +121,24 @@ def fit_pooled(
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     holdout : Dataset or None
-        Held-out recordings; without any nothing changes.
+        Held-out recordings; without any, the model is returned as it is.
 
     Returns
     -------
     Dataset, FittedModel, ModelEvidence
-        All recordings with denoised inputs, the model there, and its evidence.
+        All recordings with denoised inputs, the model fitted to them, and its evidence.
     """
-    own = assessed.dataset
+    fitted = assessed.dataset
     if holdout is None:
         return assessed.denoised, assessed.model, assessed.evidence
     recordings, corrections = (
-        (*own.recordings, *holdout.recordings),
-        (*own.sensor_corrections, *holdout.sensor_corrections),
+        (*fitted.recordings, *holdout.recordings),
+        (*fitted.sensor_corrections, *holdout.sensor_corrections),
     )
-    pooled = replace(own, recordings=recordings, sensor_corrections=corrections)
-    _, denoised, model = _denoised(pooled, refit(assessed.model, pooled))
+    pooled = replace(fitted, recordings=recordings, sensor_corrections=corrections)
+    _, denoised, model = _fit_denoised_inputs(pooled, refit(assessed.model, pooled))
     return denoised, model, model_evidence(denoised, model)
 
 
@@ -148,9 +150,9 @@ def submodel(assessed: AssessedModel, placed_effects: tuple[PlacedEffect, ...]) 
 def remove_effects(
     assessed: AssessedModel, effects: list[NamedEffect], removed: list[NamedEffect], seed: int
 ) -> tuple[AssessedModel, list[NamedEffect]]:
-    """Remove effects from a model; return it with those that are left."""
+    """Remove effects from a model; return it with the remaining ones."""
     kept = [e for e in effects if e not in removed]
-    if not kept:  # from scratch: the effects may have drawn the car to another mode
+    if not kept:  # from the nominal car: the effects may have moved it to another local mode
         return assess(assessed.dataset, fit_linear_car(assessed.dataset), seed), kept
     return assess(assessed.dataset, submodel(assessed, tuple(e.placed for e in kept)), seed), kept
 
@@ -158,7 +160,7 @@ def remove_effects(
 def prune(
     assessed: AssessedModel, effects: list[NamedEffect], seed: int
 ) -> tuple[AssessedModel, list[NamedEffect]]:
-    """Remove the effects that later ones made unnecessary."""
+    """Remove effects that later ones have made unnecessary."""
     k = 0
     while len(effects) > 1 and k < len(effects):
         if _evidence_for(assessed, (effects[k].placed,)) < NEEDED_EVIDENCE:
@@ -171,26 +173,26 @@ def prune(
 def supported_by_holdout(
     assessed: AssessedModel, holdout: Dataset, effects: list[NamedEffect]
 ) -> bool:
-    """Whether the held-out recordings take no more than two nats off the evidence for effects.
+    """Whether held-out recordings reduce the evidence for effects by no more than two nats.
 
-    The simulation error on held-out recordings may grow by chance; their predictive evidence says
-    whether an effect is wrong there (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773).
+    The simulation error on held-out recordings may increase by chance; their predictive evidence
+    tells whether an effect is wrong there (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773).
 
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     holdout : Dataset
         Held-out recordings.
     effects : list of NamedEffect
         Some of the named effects, tested together.
     """
     pooled, model, evidence = fit_pooled(assessed, holdout)
-    own = len(assessed.dataset.recordings)  # these come first
+    fitted_count = len(assessed.dataset.recordings)  # these come first
     fit = replace(
         pooled,
-        recordings=pooled.recordings[:own],
-        sensor_corrections=pooled.sensor_corrections[:own],
+        recordings=pooled.recordings[:fitted_count],
+        sensor_corrections=pooled.sensor_corrections[:fitted_count],
     )
     own_model = fit_again(fit, model, model.placed_effects)
     own_evidence = model_evidence(fit, own_model)
@@ -203,7 +205,7 @@ def supported_by_holdout(
 
 
 def _evidence_for(assessed: AssessedModel, placed_effects: tuple[PlacedEffect, ...]) -> float:
-    """Log evidence (nats) that a model loses without some of its effects, on its recordings."""
+    """Log evidence (nats) that a model loses without some of its effects."""
     rest = submodel(
         assessed, tuple(s for s in assessed.model.placed_effects if s not in placed_effects)
     )
@@ -223,9 +225,9 @@ def model_evidence(
     Parameters
     ----------
     denoised, model : Dataset, FittedModel
-        Recordings with denoised inputs, and the model at its mode there.
+        Recordings with denoised inputs, and the model at its mode on them.
     without : tuple of PlacedEffect
-        Effects that have no tolerance either.
+        Effects whose tolerances are excluded as well.
     """
     tolerances = [
         candidate

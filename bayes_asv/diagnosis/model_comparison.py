@@ -1,9 +1,9 @@
-"""Model comparison: the leading candidates fitted in full, their probabilities and their average.
+"""Model comparison: full fits of the leading candidates, their probabilities, and model averaging.
 
 The scores select candidates.  Each is added to the model with its own wide prior and fitted from
-several starts, everything else free.  Laplace's evidence, the tolerances of all other effects
-integrated out, compares them with one another and with the model as it is.  The car's quantities
-are averaged over all of these by their probabilities.
+several starting points, with all other parameters free.  Laplace's evidence, with the tolerances of
+all other effects integrated out, compares the extended models with each other and with the current
+model.  The car's quantities are averaged over all of them, weighted by their probabilities.
 """
 
 from __future__ import annotations
@@ -56,17 +56,19 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_SITES_PER_RANKING = 4
+_EFFECTS_PER_RANKING = 4  # placed effects that each ranking contributes
 _MIN_SQUARE = 1.0  # squared score below which a candidate is not fitted
-# The same for a further effect, which has to gain more than three nats: a fit that gains them where
-# two were expected has left the mode of what is named already.
+# Squared score below which a further candidate is not fitted.  A further effect has to gain more
+# than three nats; a fit that gains that much where two were predicted has left the mode of the
+# effects that are named already.
 _MIN_SQUARE_FURTHER = 4.0
-_MAX_STARTS = 4  # of one effect at its place
-_HOPELESS = 60.0  # nats behind the best at which a fit is not finished
-_CLOSE = 5.0  # nats behind the best within which the tolerances are integrated out closely
-_PULSE_SQUARE = 15.0  # squared score that the best of all force pulses has where there is none
-_DRAWS = 4000
-_MIN_WEIGHT = 0.005  # weight below which an explanation is left out of the average
+_MAX_STARTS = 4  # candidates of one placed effect that serve as starting points
+_MAX_DEFICIT = 60.0  # nats behind the best model at which a fit is stopped early
+# Nats behind the best model within which the evidence is computed with the mode found again.
+_REFINED_DEFICIT = 5.0
+_PULSE_SQUARE = 15.0  # typical largest squared score over all force pulses if there is no pulse
+_DRAWS = 4000  # draws of a model average
+_MIN_WEIGHT = 0.005  # probability below which a model is left out of the average
 
 
 @dataclass(frozen=True)
@@ -90,14 +92,14 @@ class ExtendedModel:
 
 @dataclass(frozen=True)
 class CandidateGroup:
-    """Candidates of one effect at its place that are worth a fit.
+    """Starting points for the fit of one effect at its place.
 
     Parameters
     ----------
     candidates : list of Candidate
-        Sets of values to start from.
+        Sets of starting values.
     expected_gain : float
-        Nats that the best of them gains to first order.
+        Gain that the best of their scores predicts, nats.
     """
 
     candidates: list[Candidate]
@@ -107,19 +109,20 @@ class CandidateGroup:
 def leading_candidates(
     test: ScoreTest, excluded: Collection[str] = (), *, further: bool = False
 ) -> list[CandidateGroup]:
-    """Return the candidates worth a fit, by effect and place, the most promising first.
+    """Return the candidates that are worth a fit, by effect and place, highest scores first.
 
-    One ranking takes the rest of the car to be nominal, the other gives every other effect its
-    tolerance.
+    There are two rankings by squared score: in one, all other effects are absent; in the other,
+    they may be present within their tolerances.
 
     Parameters
     ----------
     test : ScoreTest
-        Of all candidates.
+        Scores of all candidates.
     excluded : collection of str
-        Sites that are left out.
+        Placed effects that are left out, by name.
     further : bool
-        The model has an effect or another cause already, so that a candidate has to gain more.
+        Whether an effect or another cause has been found already; a further candidate needs a
+        higher score.
     """
     least = _MIN_SQUARE_FURTHER if further else _MIN_SQUARE
     scores = test.standardized_scores
@@ -133,7 +136,7 @@ def leading_candidates(
         for k in np.argsort(-squares):
             candidate = test.candidates[k]
             key = candidate.placed.key
-            if squares[k] < least or (key not in taken and len(taken) == _SITES_PER_RANKING):
+            if squares[k] < least or (key not in taken and len(taken) == _EFFECTS_PER_RANKING):
                 continue
             if str(candidate.placed) in excluded:
                 continue
@@ -148,7 +151,7 @@ def leading_candidates(
 
 
 def _at_first_order_size(candidate: Candidate, test: ScoreTest, k: int) -> list[Candidate]:
-    """Return a candidate at its most probable size to first order, where size is a factor."""
+    """Return a candidate at its most probable size to first order, if its size is a factor."""
     first = candidate.placed.effect.parameters[0]
     information = float(test.information[k, k])
     size_is_factor = first.form != "log" or first.prior_unit
@@ -169,22 +172,22 @@ def fit_candidates(
     *,
     further: bool = False,
 ) -> list[ExtendedModel]:
-    """Fit every leading candidate in full; the most probable first.
+    """Fit every leading candidate in full; return the most probable first.
 
     Parameters
     ----------
     dataset : Dataset
         Recordings with denoised inputs.
     model : FittedModel
-        The model so far.
+        The current model.
     test : ScoreTest
-        Of all candidates there.
+        Scores of all candidates at its mode.
     on_effect : callable
         Called with each effect before it is fitted.
     excluded : collection of str
-        Sites that are not fitted.
+        Placed effects that are not fitted, by name.
     further : bool
-        As :func:`leading_candidates` takes it.
+        As in :func:`leading_candidates`.
     """
     extended, tests = [], []
     floor = -math.inf
@@ -192,55 +195,53 @@ def fit_candidates(
         placed = group.candidates[0].placed
         on_effect(str(placed))
         larger = fit_with_effect(dataset, model, group.candidates, group.expected_gain, floor)
-        floor = max(floor, larger.mode.log_posterior - _HOPELESS)
+        floor = max(floor, larger.mode.log_posterior - _MAX_DEFICIT)
         others = score_test(denoised_model(dataset, larger), _other_tolerances(placed, test))
         evidence = tolerance_evidence(larger, others, rough=True)
-        if math.isfinite(evidence.log_evidence):  # a fit that diverged is no explanation
+        if math.isfinite(evidence.log_evidence):  # leave out fits that diverged
             extended.append(ExtendedModel(placed, larger, evidence))
             tests.append(others)
-    return _with_close_evidence(extended, tests)
+    return _refine_evidence(extended, tests)
 
 
-def _with_close_evidence(
-    models: list[ExtendedModel], tests: list[ScoreTest]
-) -> list[ExtendedModel]:
-    """Integrate the tolerances closely for the best models; sorted, the best first."""
+def _refine_evidence(models: list[ExtendedModel], tests: list[ScoreTest]) -> list[ExtendedModel]:
+    """Refine the evidence of the best models; return all, the best first."""
     models, rough = list(models), set(range(len(models)))
     while rough:
         best = max(one.evidence.log_evidence for one in models)
         k = max(rough, key=lambda k: models[k].evidence.log_evidence)
-        if models[k].evidence.log_evidence < best - _CLOSE:
+        if models[k].evidence.log_evidence < best - _REFINED_DEFICIT:
             break
         rough.remove(k)
-        close = tolerance_evidence(models[k].model, tests[k])
-        if math.isfinite(close.log_evidence):
-            models[k] = replace(models[k], evidence=close)
+        refined = tolerance_evidence(models[k].model, tests[k])
+        if math.isfinite(refined.log_evidence):
+            models[k] = replace(models[k], evidence=refined)
     return sorted(models, key=lambda one: -one.evidence.log_evidence)
 
 
 def evidence_without(
     model: FittedModel, evidence: ModelEvidence, extended: list[ExtendedModel], test: ScoreTest
 ) -> tuple[float, FittedModel, ModelEvidence]:
-    """Log evidence of the model without any further effect, and the fit that it comes from.
+    """Log evidence of the model without any further effect, and the fit on which it is based.
 
-    Each approximation leaves something out, first of all the tolerances beyond first order, so that
-    the largest is the best one.
+    It is approximated from the model itself and from each extended model.  Every approximation
+    leaves something out, mainly the tolerances beyond first order, so the largest one is the best.
 
     Parameters
     ----------
     model : FittedModel
-        The model so far.
+        The current model.
     evidence : ModelEvidence
-        The same, tolerances to first order.
+        Its evidence, with tolerances to first order.
     extended : list of ExtendedModel
         From :func:`fit_candidates`.
     test : ScoreTest
-        Of all candidates there.
+        Scores of all candidates at the mode of the current model.
     """
     best = extended[0].evidence.log_evidence
     approximations = [(evidence.log_evidence, model, evidence)]
     for one in extended:
-        if one.evidence.log_evidence > best - _CLOSE:  # the others' evidence is rough
+        if one.evidence.log_evidence > best - _REFINED_DEFICIT:  # the others' evidence is rough
             new = [s for s in one.model.placed_effects if s not in model.placed_effects]
             value = evidence_as_tolerance(new, one.model, one.evidence, test.candidates)
             approximations.append((value, one.model, one.evidence))
@@ -248,7 +249,7 @@ def evidence_without(
 
 
 def split_places(dataset: Dataset, extended: ExtendedModel, test: ScoreTest) -> ExtendedModel:
-    """Give each axle, or each side of one, values of its own where that gains enough evidence."""
+    """Give each axle, or each side of an axle, its own values if that gains enough evidence."""
     model = extended.model
     car, effect = model.space.car, extended.placed.effect
     elements = extended.placed.elements(car)
@@ -286,11 +287,12 @@ def model_probabilities(
     Parameters
     ----------
     without : float
-        Log evidence of the model as it is.
+        Log evidence of the current model.
     extended : list of ExtendedModel
-        From :func:`fit_candidates`; effects that were not fitted are taken to be impossible.
+        From :func:`fit_candidates`; effects that were not fitted get zero probability.
     effect_count : int
-        Number of effects, each at each place, that share the prior probability of a missing effect.
+        Number of candidate effects, counted once for each place; they share the prior probability
+        of a missing effect.
     """
     joint = np.array([np.log(PRIOR_NONE) + without])
     prior = np.log((1.0 - PRIOR_NONE) / effect_count)
@@ -300,16 +302,16 @@ def model_probabilities(
 
 
 class WeightedPosterior(NamedTuple):
-    """One explanation in a model average: a Gaussian with its weight.
+    """One model of a model average: a Gaussian posterior with its weight.
 
     Parameters
     ----------
     weight : float
-        Probability of the explanation.
+        Probability of the model.
     model : FittedModel
-        Whose coordinates the Gaussian has.
+        The model, which defines the coordinates.
     mean, covariance : (D,) and (D, D) arrays
-        Of the Gaussian.
+        Mean and covariance of its posterior.
     """
 
     weight: float
@@ -321,7 +323,7 @@ class WeightedPosterior(NamedTuple):
 def weighted_posterior(
     model: FittedModel, evidence: ModelEvidence, weight: float = 1.0
 ) -> list[WeightedPosterior]:
-    """Return the posterior of one explanation; none where its weight is negligible."""
+    """Return the posterior of one model; an empty list if its weight is negligible."""
     if weight < _MIN_WEIGHT:
         return []
     mean = model.mode.z + evidence.mode_shift
@@ -350,9 +352,9 @@ def draw_dampers(
     Returns
     -------
     tuple of DampingRates
-        Under the tolerance prior, speeds driven at the model's mode.
+        Rates under the tolerance prior, over the speeds driven at the model's mode.
     dict of str to (N,) array
-        Rates of dampers with a free curve, and their damping ratios, in place of the model's own.
+        Rates and damping ratios of dampers with a free curve, which replace those of the model.
     """
     rng = np.random.default_rng([seed, 53])
     mean = model.mode.z + evidence.mode_shift
@@ -364,9 +366,9 @@ def draw_dampers(
 
 
 def draw_springs(model: FittedModel, evidence: ModelEvidence, seed: int) -> tuple[SpringCurve, ...]:
-    """Draw the curves of springs that have a free one, under the tolerance prior.
+    """Draw the free curves of springs under the tolerance prior.
 
-    Deflections driven are those at the model's mode.
+    Each covers the deflections driven at the model's mode.
     """
     if not any(
         placed.effect.on_spring and placed.effect.free_form for placed in model.placed_effects

@@ -1,4 +1,4 @@
-"""Faults of recordings that show before any fit: clipping, missing rows, clock, motion at start."""
+"""Faults of recordings that need no fit: clipping, missing rows, uneven clock, motion at start."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ __all__ = ["find_recording_faults"]
 
 Fault = dict[str, object]
 
-_GAP = 1.5  # steps from row to row beyond which rows are missing in between
-_UNEVEN_STEP = 0.02  # standard deviation of the remaining steps, in steps
-_START_SECONDS = 0.1
-_MIN_READINGS = 4  # from which a channel is judged
-# Standard deviation of a channel at the start over its sensor's noise.  Behind a pole of 50 Hz, 40
-# readings at 400 Hz are worth 15 independent ones; of 4000 records of such noise none exceeded 1.6.
+_GAP = 1.5  # step between rows, in median steps, above which rows are missing
+# Standard deviation of the other steps, in median steps, above which the clock is uneven.
+_UNEVEN_STEP = 0.02
+_START_SECONDS = 0.1  # length of the start of a recording, s
+_MIN_READINGS = 4  # least number of readings at the start
+# Standard deviation of a channel at the start over its sensor's noise, above which the car moves.
+# Behind a pole of 50 Hz, 40 readings at 400 Hz are worth 15 independent ones; of 4000 records of
+# such noise none exceeded 1.6.
 _MOVING = 4.0
 
 
@@ -28,14 +30,14 @@ def find_recording_faults(recordings: Sequence[PreparedRecording]) -> tuple[Faul
     Parameters
     ----------
     recordings : sequence of PreparedRecording
-        As read.
+        Recordings as read.
 
     Returns
     -------
     tuple of dict
-        ``name``, ``where`` (None: the whole recording), ``source`` and the size: ``samples``,
-        ``rms_seconds`` of the clock's steps, or ``times_noise``, the standard deviation of the most
-        active channel in its first tenth of a second over its sensor's noise.
+        Keys are ``name``, ``where`` (None: the whole recording), ``source`` and the size:
+        ``samples``, ``rms_seconds`` of the clock's steps, or ``times_noise``, the standard
+        deviation of the most active channel in the first tenth of a second over its sensor's noise.
     """
     return tuple(fault for recording in recordings for fault in _faults(recording))
 
@@ -65,7 +67,7 @@ def _faults(recording: PreparedRecording) -> list[Fault]:
 
 
 def _start_over_noise(recording: PreparedRecording) -> float:
-    """Largest standard deviation of a channel at the start, over its noise."""
+    """Largest ratio of a channel's standard deviation at the start to its noise."""
     largest = 0.0
     for c, (time, signal) in enumerate(zip(recording.times, recording.values, strict=True)):
         start = signal[np.isfinite(signal) & (time < time[0] + _START_SECONDS)]

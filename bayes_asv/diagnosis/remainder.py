@@ -1,4 +1,4 @@
-"""What is left beside the named effects: added to the model, and compared with them."""
+"""Unlisted faults beside the named effects, and in place of them."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ __all__ = ["UnlistedFaultResult", "fit_unlisted_faults"]
 
 
 class UnlistedFaultResult(NamedTuple):
-    """What is left, added to the model.
+    """A model with unlisted faults beside the named effects.
 
     Parameters
     ----------
     regression : FaultRegression or None
-        The model with it; None where nothing decisive was found, or where it fails.
+        The model with unlisted faults; None if none is decisive, or if it fails the validation.
     errors : dict of str to ErrorChange
-        Simulation errors then.
+        Simulation errors with the resulting model.
     alternative : float
-        Log evidence (nats) by which unlisted faults alone explain the recordings better than the
-        named effects beside what is left; −∞ without named effects.
+        Log Bayes factor (nats) of unlisted faults alone against the named effects, with unlisted
+        faults beside them; −∞ without named effects.
     """
 
     regression: FaultRegression | None
@@ -42,16 +42,16 @@ def fit_unlisted_faults(
     errors: dict[str, ErrorChange],
     seed: int,
 ) -> UnlistedFaultResult:
-    """Explain what is left by unlisted faults, beside the named effects and in their place.
+    """Fit unlisted faults beside the named effects, and in their place.
 
     Parameters
     ----------
     assessed : AssessedModel
-        With all named effects.
+        Model with all named effects.
     named, effect_count : int
-        Number of these, and of those that they were selected from.
+        Number of named effects, and number of candidates from which they were selected.
     runs : Split
-        Fitted and held-out recordings, engine tones removed.
+        Fitted and held-out recordings, with engine tones removed.
     errors : dict of str to ErrorChange
         Simulation errors with the named effects alone.
     seed : int
@@ -63,26 +63,26 @@ def fit_unlisted_faults(
         model = submodel(assessed, ())
         plain = replace(assessed, model=model, evidence=model_evidence(assessed.denoised, model))
         alone = regress_on_unlisted_faults(plain, None)
-        own, other = (
-            base.evidence.log_evidence if found is None else found.log_evidence
-            for base, found in ((assessed, beside), (plain, alone))
+        with_named, without_named = (
+            base.evidence.log_evidence if fit is None else fit.log_evidence
+            for base, fit in ((assessed, beside), (plain, alone))
         )
         prior = named * math.log((1.0 - PRIOR_NONE) / effect_count)
-        alternative = other - (own + prior)
+        alternative = without_named - (with_named + prior)
     if beside is None:
         return UnlistedFaultResult(None, errors, alternative)
-    changed = _changed_errors(assessed, beside, runs, errors, seed)
+    changed = _errors_with(assessed, beside, runs, errors, seed)
     return UnlistedFaultResult(beside if changed else None, changed or errors, alternative)
 
 
-def _changed_errors(
+def _errors_with(
     assessed: AssessedModel,
     regression: FaultRegression,
     runs: Split,
     errors: dict[str, ErrorChange],
     seed: int,
 ) -> dict[str, ErrorChange]:
-    """Return the simulation errors with a regression; none where the held-out one is no smaller."""
+    """Return the simulation errors with a regression; empty if the held-out one is no smaller."""
     model, changed = regression.assessed.model, dict(errors)
     parts = (
         ("fit", runs.fit, regression.assessed.dataset),
@@ -91,9 +91,11 @@ def _changed_errors(
     for name, dataset, perturbed in parts:
         if dataset is None or perturbed is None:
             continue
-        own = name == "fit"
-        error = compare_errors(dataset, assessed.model, model, seed, own=own, perturbed=perturbed)
-        if error.worse or (not own and error.after >= error.before):
+        is_fitted = name == "fit"
+        error = compare_errors(
+            dataset, assessed.model, model, seed, own=is_fitted, perturbed=perturbed
+        )
+        if error.worse or (not is_fitted and error.after >= error.before):
             return {}
         floor = min(error.floor, errors[name].floor)
         worse = errors[name].worse and error.after > errors[name].before

@@ -1,4 +1,4 @@
-"""Tests of the innovations alone: whiteness, and variance that grows with a signal's slope."""
+"""Tests of the innovations: whiteness, and timing jitter (variance that grows with a slope)."""
 
 from __future__ import annotations
 
@@ -25,19 +25,20 @@ __all__ = ["LAGS", "jitter_log_likelihood_ratio", "timing_jitter_test", "whitene
 Array = NDArray[np.float64]
 
 LAGS = 12
-"""Lags of the portmanteau statistic."""
+"""Number of lags of the portmanteau statistic."""
 
-_MIN_GROUPS = 10 * LAGS  # of readings, from which a run is tested
-_REMOVED = 0.9  # power that a notch passes, below which a frequency counts as removed
-_MAX_SQUARED_SLOPE = 10.0  # in mean squares: no single reading is to decide
+_MIN_GROUPS = 10 * LAGS  # least number of groups of readings of a tested run
+_REMOVED = 0.9  # share of power that notches pass, below which a frequency counts as removed
+# Bound on a squared slope, in its mean: no single reading may dominate the test.
+_MAX_SQUARED_SLOPE = 10.0
 
 
 def whiteness_test(model: FittedModel) -> tuple[float, float]:
     """Multivariate portmanteau test over all outputs and all runs.
 
-    Q = Σ_l n² / (n − l) tr(C_lᵀ C₀⁻¹ C_l C₀⁻¹) over lags l = 1 … 12, χ² with 12 ny² degrees of
-    freedom a run of ny outputs (Hosking 1980, J. Am. Stat. Assoc. 75:602); runs with too few groups
-    of readings do not count.
+    Q = Σ_l n² / (n − l) tr(C_lᵀ C₀⁻¹ C_l C₀⁻¹) over lags l = 1 … 12 is χ² distributed, with 12 ny²
+    degrees of freedom for a run of ny outputs (Hosking 1980, J. Am. Stat. Assoc. 75:602).  Runs
+    with too few groups of readings are left out.
 
     Returns
     -------
@@ -66,17 +67,17 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
 
 
 def _autocovariances(nu: Array, sections: Array) -> Array:
-    """Covariances (LAGS + 1, ny, ny) of innovations with later ones.
+    """Autocovariances (LAGS + 1, ny, ny) of innovations.
 
-    A removed band carries no information: what remains in it is the edge of the notch and, where a
-    force law is nonlinear, what the law makes of a signal without its tone.  It is filled with the
-    mean power of the rest.  Estimated from part of the spectrum, the covariances then scatter less
-    than white ones: the test is conservative.
+    A removed band holds no information: it contains the edge of the notch and, if a force law is
+    nonlinear, the distortion by the missing tone.  It is filled with the mean power of the rest of
+    the spectrum.  Covariances that are estimated from part of the spectrum scatter less than those
+    of white noise, so the test is conservative.
 
     Parameters
     ----------
     nu : (N, ny) array
-        Without missing values.
+        Innovations without missing values.
     sections : (T, 6) array
         Second-order sections of the notches; T is 0 without any.
     """
@@ -94,11 +95,11 @@ def _autocovariances(nu: Array, sections: Array) -> Array:
 def timing_jitter_test(dataset: Dataset, model: FittedModel) -> tuple[float, str]:
     """p-value of a variance that grows with the squared slope of a channel, and the channel.
 
-    A reading whose time stamp is off by a random τ, or whose sensor slips, is off by τ times the
-    slope of the signal: the mean is unchanged, the variance is not, and no constant noise level
-    covers it.  A score test of the variance (Breusch & Pagan 1979, Econometrica 47:1287),
-    one-sided, noise levels projected out, Bonferroni over channels.  A bump is steep in a few
-    places, so that the statistic is a sum of few squares: its skewness is accounted for.
+    A reading whose time stamp has a random error τ has an error of τ times the slope of the signal:
+    the mean is unchanged, but the variance follows the squared slope, which no constant noise level
+    describes.  This is a score test of the variance (Breusch & Pagan 1979, Econometrica 47:1287),
+    one-sided, with noise levels projected out and a Bonferroni correction over channels.  A bump is
+    steep at few instants, so the statistic is a sum of few squares; its skewness is accounted for.
 
     Parameters
     ----------
@@ -106,18 +107,20 @@ def timing_jitter_test(dataset: Dataset, model: FittedModel) -> tuple[float, str
         Recordings, and a model at its mode.
     """
     at_mode = model.mode.slopes
-    known = np.vstack([at_mode.scales, np.ones_like(at_mode.nu)])
-    known = known[np.sum(known**2, axis=1) > 1e-12]
+    of_noise_levels = np.vstack([at_mode.scales, np.ones_like(at_mode.nu)])
+    of_noise_levels = of_noise_levels[np.sum(of_noise_levels**2, axis=1) > 1e-12]
     p = []
     for squared_slope in _squared_slopes(dataset, model):
-        explained = known.T @ np.linalg.lstsq(known.T, squared_slope, rcond=1e-10)[0]
-        own = squared_slope - explained
-        variance = 2.0 * float(own @ own)
+        explained = (
+            of_noise_levels.T @ np.linalg.lstsq(of_noise_levels.T, squared_slope, rcond=1e-10)[0]
+        )
+        remaining = squared_slope - explained
+        variance = 2.0 * float(remaining @ remaining)
         if variance <= 0.0:
             p.append(1.0)
             continue
-        z = float(own @ (at_mode.nu**2 - 1.0)) / math.sqrt(variance)
-        skew = 8.0 * float(np.sum(own**3)) / variance**1.5
+        z = float(remaining @ (at_mode.nu**2 - 1.0)) / math.sqrt(variance)
+        skew = 8.0 * float(np.sum(remaining**3)) / variance**1.5
         p.append(float(pearson3(skew).sf(z)))
     best = int(np.argmin(p))
     return min(len(p) * p[best], 1.0), dataset.channels[best].name
@@ -126,16 +129,18 @@ def timing_jitter_test(dataset: Dataset, model: FittedModel) -> tuple[float, str
 def jitter_log_likelihood_ratio(
     dataset: Dataset, model: FittedModel, settled: NDArray[np.bool_]
 ) -> tuple[float, str]:
-    """Nats that a variance growing with a squared slope gains, and the channel that gains most.
+    """Log-likelihood ratio (nats) of a variance that grows with a squared slope, and the channel.
 
-    Level and growth are their maximum-likelihood estimates, against a level of each output and run.
+    The variance is a level plus a factor times the squared slope, both by maximum likelihood; it is
+    compared with a constant level for each output and run.  The channel is that of the largest
+    gain.
 
     Parameters
     ----------
     dataset, model : Dataset, FittedModel
         Recordings, and a model at its mode.
     settled : (N,) bool array
-        Innovations that count.
+        Whether the filter has settled at each innovation.
     """
     squares = np.asarray(model.mode.slopes.nu**2, np.float64)
     for group in _groups(dataset):
@@ -143,18 +148,22 @@ def jitter_log_likelihood_ratio(
     slopes = _squared_slopes(dataset, model)[:, settled]
     squares = squares[settled]
     constant = 0.5 * len(squares)
-    gains = [constant - _min_negative_log_likelihood(squares, own) for own in slopes]
+    gains = [
+        constant - _min_negative_log_likelihood(squares, squared_slope) for squared_slope in slopes
+    ]
     best = int(np.argmax(gains))
     return gains[best], dataset.channels[best].name
 
 
 def _groups(dataset: Dataset) -> Iterator[NDArray[np.bool_]]:
-    """Yield the innovations of each output and run, as a mask of all."""
+    """Yield masks that select the innovations of each output and run."""
     output = [np.nonzero(recording.kind == VALUE)[1] for recording in dataset.recordings]
     most = max(len(recording.outputs) for recording in dataset.recordings)
-    of = np.concatenate([most * run + own for run, own in enumerate(output)])
-    for group in np.unique(of):
-        yield of == group
+    group_index = np.concatenate(
+        [most * run + outputs_of_readings for run, outputs_of_readings in enumerate(output)]
+    )
+    for group in np.unique(group_index):
+        yield group_index == group
 
 
 def _min_negative_log_likelihood(squares: Array, squared_slope: Array) -> float:
@@ -185,7 +194,7 @@ def _run_slopes(
 ) -> Array:
     """Squared slope (C, N) of each channel at every reading, in the order of the innovations.
 
-    An input drives all outputs, so that its slope counts at the readings of each.
+    An input drives all outputs, so its slope is used at the readings of each of them.
     """
     predicted = free_run(model.posterior, model.mode.z, run).output
     instant, output = np.nonzero(recording.kind == VALUE)
@@ -196,8 +205,8 @@ def _run_slopes(
             squared = wheel.spline(recording.instants, 1)[instant] ** 2
         else:
             y = recording.outputs.index(c)
-            through = CubicSpline(recording.instants, predicted[:, y])
-            squared = np.where(output == y, through(recording.instants, 1)[instant] ** 2, 0.0)
+            spline = CubicSpline(recording.instants, predicted[:, y])
+            squared = np.where(output == y, spline(recording.instants, 1)[instant] ** 2, 0.0)
         out[channels.index(channel)] = squared
     out /= np.maximum(out.mean(axis=1, keepdims=True), 1e-30)
     return np.asarray(np.minimum(out, _MAX_SQUARED_SLOPE))

@@ -42,7 +42,7 @@ class NamedEffect:
         Probability that this effect, or an indistinguishable one, is present beyond its tolerance,
         given that the cause is in the list.
     indistinguishable : tuple of ExtendedModel
-        Models with other effects that these data cannot tell from it.
+        Models with other effects that the data cannot distinguish from it.
     errors : dict of str to ErrorChange
         Simulation error on ``fit`` and ``holdout`` before and after this effect was added.
     """
@@ -55,19 +55,19 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class UnnamedCause:
-    """Something that no listed effect explains, as it was added to the model.
+    """An unlisted fault that was added to the model, since no listed effect explains the data.
 
     Parameters
     ----------
     kind, place : str
-        The unlisted fault that changes the recordings as it does, and where that acts.
+        Kind of fault, and its place.
     share : float
         Its share of the squared change of the predictions.
     dimensions : (str, str)
-        Of what it changes, and of what that depends on.
+        Physical dimensions of ``changes`` and of ``along``.
     changes, along : tuple of (E,) arrays
-        What it changes in each fitted run: a force on the body, or what is to be added to a
-        reading; and the rate of deflection, acceleration or reading there.  SI units.
+        For each fitted run, the change (a force on the body, or an addition to a reading) and the
+        variable on which it depends (rate of deflection, acceleration or reading), SI units.
     """
 
     kind: str
@@ -85,15 +85,15 @@ class DiagnosisResult:
     Parameters
     ----------
     verdict : {'agreement', 'named', 'unexplained', 'refused'}
-        Whether the linear car agrees with the recordings, lacks named effects, disagrees for
-        an unknown reason, or cannot be judged by them.
+        Whether the linear car agrees with the recordings, lacks named effects, disagrees for an
+        unknown reason, or cannot be tested with them.
     reasons, warnings : tuple of str
-        Why the recordings were refused, and what limits the answer.
+        Reasons for a refusal, and limitations of the result.
     recording_faults : tuple of dict
-        Faults of the recordings that show before any fit, see
+        Faults of the recordings that are found before any fit, see
         :func:`bayes_asv.diagnosis.recording_faults.find_recording_faults`.
     vehicle : Vehicle
-        As given.
+        Declared vehicle and sensors.
     seed : int
         Seed of all draws.
     car : str
@@ -101,23 +101,23 @@ class DiagnosisResult:
     p_value : float
         Family-wise p-value of the linear car.
     named : tuple of NamedEffect
-        In the order in which they were added.
+        Named effects, in the order in which they were added.
     engine : Engine or None
-        Engine tones that were removed.
+        Engine whose tones were removed.
     p_none : float
         Probability that nothing beyond tolerances is missing.
     unexplained : MisspecificationResult or None
         Tests for something that no listed effect explains.
     unnamed : tuple of UnnamedCause
-        What was added to the model without a name, the largest first.
+        Unlisted faults that were added to the model, the largest first.
     localization : Localization or None
-        Where the linear car disagrees, engine tones removed.
+        Where the linear car disagrees, with engine tones removed.
     errors : dict of str to ErrorChange
-        Simulation error on ``fit`` and, where there is one, ``holdout``.
+        Simulation error on ``fit`` and, if there is any, ``holdout``.
     training, holdout : tuples of PreparedRecording
-        Recordings that were fitted, as given, and held out, engine tones removed.
+        Fitted recordings, as given, and held-out ones, with engine tones removed.
     base_model, final_model : FittedModel or None
-        The linear car, and the model with all that was added to it, engine tones removed.
+        The linear car and the final model, with engine tones removed.
     quantities_before, quantities_after : dict of str to (N,) array
         Draws of the car's quantities, SI units: under the linear car on the recordings as
         given, and averaged over all explanations.
@@ -126,7 +126,7 @@ class DiagnosisResult:
     dampers : tuple of DampingRates
         Rates of the dampers whose force is not proportional to speed, under the final model.
     springs : tuple of SpringCurve
-        Curves of the springs that have a free one, under the final model.
+        Free curves of springs, under the final model.
     seconds : float
         Computing time.
     """
@@ -159,15 +159,15 @@ class DiagnosisResult:
 
     @property
     def reliability(self) -> float:
-        """Factor on probabilities where something unexplained may be the true cause."""
+        """Factor on probabilities if something unexplained may be the true cause."""
         if self.unexplained is None or not self.unexplained.present:
             return 1.0
-        alternative = self.unexplained.alternative  # −∞ where none was compared
+        alternative = self.unexplained.alternative  # −∞ if none was compared
         clearly_worse = math.isfinite(alternative) and alternative < -CLEARLY_WORSE
         if self.unexplained.detected and not clearly_worse:
             return RELIABILITY_BESIDE_FAULT
         return RELIABILITY_WITH_ALTERNATIVE
 
     def probability_of(self, cause: NamedEffect | Engine) -> float:
-        """Probability that a cause is present, given also what remains unexplained."""
+        """Probability that a cause is present, in view of what remains unexplained."""
         return cause.probability * self.reliability

@@ -1,26 +1,26 @@
-"""Score tests: how strongly the innovations support a candidate effect, and any effect at all.
+"""Score tests: whether the innovations support a candidate effect, or any effect at all.
 
-The sensitivity g_j (N,) of a candidate is the change of the predictions, in standard deviations of
-the innovations ν, that its values make through the filter at fixed gain (:mod:`.denoised_model`).
-What the model can reproduce by its own coordinates is projected out in the metric of its posterior.
-With M the sensitivities along these coordinates, P their posterior precision and ∇ the remaining
-gradient of the log-posterior,
+The sensitivity g_j (N,) of a candidate is the change of the predictions by its values, in standard
+deviations of the innovations ν, passed through the filter at fixed gain (:mod:`.denoised_model`).
+Changes that the model can reproduce with its own coordinates are projected out in the metric of its
+posterior.  With M the sensitivities along these coordinates, P their posterior precision and ∇ the
+remaining gradient of the log-posterior,
 
     U_j = g_jᵀν − g_jᵀMᵀP⁻¹∇,    I_jk = g_jᵀg_k − g_jᵀMᵀP⁻¹M g_k,    s_j = U_j / √I_jj.
 
-A given value that is tightly known therefore reproduces little.  Innovations are martingale
-differences, and sensitivities depend on their past alone: under the model s_j is standard normal to
-first order.
+A given value with a small standard deviation therefore reproduces little.  Innovations are
+martingale differences, and sensitivities depend on past ones only: under the model, s_j is standard
+normal to first order.
 
-Whether any effect is missing is a test of the largest squared score (max-score test).  It is
+Whether any effect is missing is tested with the largest squared score (max-score test).  It is
 compared with its distribution under the model, drawn with the correlations of the scores (Westfall
-& Young 1993).  A global χ² of the residuals would need an effect far larger than a test along the
-directions of what may be missing.
+& Young 1993).  A global χ² test of the residuals would detect only far larger effects than tests
+along the directions of the candidates.
 
 Candidates for an external force are steps that begin at some instant of one run and never end.  The
-innovations are linear in a force, so that a force pulse is the difference of two steps, and a pulse
-on both axles the mean of one on either.  Hundreds of steps make thousands of pairs, each of them a
-test: their p-value is that of the largest squared score over all pairs.
+innovations are linear in a force, so a force pulse is the difference of two steps, and a pulse on
+both axles is the mean of one on each.  Hundreds of steps form thousands of pairs; the p-value of
+all of them is that of the largest squared score over all pairs.
 """
 
 from __future__ import annotations
@@ -59,20 +59,20 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_NO_INFORMATION = 1e-8  # information below which a score is zero
+_NO_INFORMATION = 1e-8  # information below which a score is set to zero
 
 
 @dataclass(frozen=True)
 class NuisanceProjection:
-    """Directions that a model can reproduce, at its mode.
+    """Directions that a model can reproduce, and the projection orthogonal to them, at its mode.
 
     Parameters
     ----------
     sensitivities : (G, N) array
-        Changes of the predictions along its own coordinates and along tolerances, in standard
-        deviations.
+        Changes of the predictions along the model's own coordinates and along tolerances, in
+        standard deviations.
     precision : (G, G) array
-        Posterior precision of these.
+        Posterior precision of these coordinates.
     gradient : (G,) array
         Gradient of the log-posterior along them.
     innovations : (N,) array
@@ -87,8 +87,9 @@ class NuisanceProjection:
     def project_out(self, sensitivities: Array) -> tuple[Array, Array]:
         """Return gradient (K,) and information (K, K) along sensitivities (K, N).
 
-        The gradient that remains at the mode counts: the mode is found to a few thousandths of a
-        nat, which is not negligible for a sensitivity that the model can almost reproduce.
+        The remaining gradient at the mode is taken into account: the mode is found to within a few
+        thousandths of a nat, which is not negligible for a sensitivity that the model can almost
+        reproduce.
         """
         cross = self.sensitivities @ sensitivities.T
         solved = np.linalg.solve(self.precision, np.column_stack([self.gradient, cross]))
@@ -99,23 +100,23 @@ class NuisanceProjection:
 def nuisance_projection(
     derivatives: ScoreAndInformation, z: Array, tolerances: Array, offsets: Array | None = None
 ) -> NuisanceProjection:
-    """Return what a model can reproduce by its coordinates and by tolerances.
+    """Return the projection for changes that a model's coordinates and tolerances can reproduce.
 
     Parameters
     ----------
     derivatives : ScoreAndInformation
-        The model's innovations and their changes along its coordinates, on denoised inputs.
+        The model's innovations and their derivatives along its coordinates, on denoised inputs.
     z : (D,) array
         Its mode.
     tolerances : (G, N) array
-        Sensitivities along standard normal coordinates that the model does not have.
+        Sensitivities along standard normal coordinates that the model does not contain.
     offsets : (G,) array, optional
-        Values of these that the model's innovations contain; zero by default.
+        Values of these coordinates that the model's innovations include; zero by default.
     """
     sensitivities = np.concatenate([derivatives.means, tolerances])
     precision = sensitivities @ sensitivities.T + np.eye(len(sensitivities))
-    own = len(derivatives.means)
-    precision[:own, :own] = derivatives.precision()
+    own_count = len(derivatives.means)
+    precision[:own_count, :own_count] = derivatives.precision()
     centre = np.zeros(len(tolerances)) if offsets is None else offsets
     along_tolerances = tolerances @ derivatives.nu - centre
     gradient = np.concatenate([derivatives.gradient(z), along_tolerances])
@@ -131,17 +132,17 @@ class ScoreTest:
     candidates : tuple of Candidate
         The candidates.
     sensitivities : (K, N) array
-        Changes of the predictions by each, in standard deviations.
+        Changes of the predictions by each of them, in standard deviations.
     gradient : (K,) array
-        Gradient U of the log-likelihood, nuisance directions projected out.
+        Gradient U of the log-likelihood, with nuisance directions projected out.
     information : (K, K) array
-        Information I, nuisance directions projected out.
+        Information I, with nuisance directions projected out.
     derivatives : ScoreAndInformation
-        The innovations and their changes along the model's coordinates, on the same denoised
+        The innovations and their derivatives along the model's coordinates, on the same denoised
         inputs.
     quantization_drifts : (G, N) array
-        Sensitivities along drifts that coarse converters may feign, standard normal; nuisance
-        directions as well.
+        Sensitivities along spurious drifts of coarse converters, with standard normal coordinates;
+        these are nuisance directions as well.
     """
 
     candidates: tuple[Candidate, ...]
@@ -153,12 +154,12 @@ class ScoreTest:
 
     @property
     def effect_count(self) -> int:
-        """Number of effects and places; one that may act in several runs counts once."""
+        """Number of effects, counted once for each place but not for each run."""
         return len({str(c.placed) for c in self.candidates})
 
     @property
     def standardized_scores(self) -> Array:
-        """Scores s (K,), each standard normal when nothing is missing; 0 without information."""
+        """Scores s (K,), each standard normal if nothing is missing; 0 without information."""
         return standardized(self.gradient, np.diag(self.information))
 
 
@@ -179,16 +180,18 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
             model.space, z, posterior.space, candidate.placed, candidate.values
         )
         by_run = {}
-        for run, at in enumerate(denoised.filters):
+        for run, fixed_gain in enumerate(denoised.filters):
             if candidate.placed.run not in (None, run):
                 continue
-            if candidate.is_step:  # an added force leaves the gain as it is: one pass is enough
-                predicted = at.innovations - posterior.innovations_and_variances(extended, run)[0]
-                by_run[run] = predicted[at.has_reading]
+            if candidate.is_step:  # an added force does not change the gain: one pass is enough
+                predicted = (
+                    fixed_gain.innovations - posterior.innovations_and_variances(extended, run)[0]
+                )
+                by_run[run] = predicted[fixed_gain.has_reading]
             else:
-                by_run[run] = at.sensitivity(posterior, extended)
+                by_run[run] = fixed_gain.sensitivity(posterior, extended)
         joined = denoised.concatenate(by_run)
-        # a law whose simulation diverges has no score
+        # a candidate whose simulation diverges has no score
         return joined if np.all(np.isfinite(joined)) else np.zeros_like(joined)
 
     with shared_work(model.posterior) as shared:
@@ -206,7 +209,7 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
 def _quantization_drifts(
     dataset: Dataset, model: FittedModel, candidates: list[Candidate], sensitivities: Array
 ) -> Array:
-    """Sensitivities (G, N) along offset drifts that coarse converters may feign, run by run."""
+    """Sensitivities (G, N) along spurious offset drifts of coarse converters, run by run."""
     counts = [_reading_count(model, run) for run in range(len(dataset.recordings))]
     ends = np.cumsum(counts)
     out = []
@@ -215,7 +218,7 @@ def _quantization_drifts(
             continue
         one = candidate.values[candidate.placed.effect.parameters[0].name]
         for recording, end, count in zip(dataset.recordings, ends, counts, strict=True):
-            slope = _feigned_slope(recording, candidate.placed.where)
+            slope = _spurious_slope(recording, candidate.placed.where)
             if slope > 0.0:
                 drift = np.zeros(sensitivities.shape[1])
                 drift[end - count : end] = sensitivities[k, end - count : end] * slope / one
@@ -223,17 +226,18 @@ def _quantization_drifts(
     return np.array(out).reshape(len(out), sensitivities.shape[1])
 
 
-def _feigned_slope(recording: PreparedRecording, name: str) -> float:
-    """Slope of a channel's drift that converters may feign in a run, in units of the effect's.
+def _spurious_slope(recording: PreparedRecording, name: str) -> float:
+    """Slope of the spurious drift of a channel in a run, in units of the effect's.
 
-    A drift of an input is one of the accelerations that follow it, which stand for both.
+    The drift of an input is equivalent to one of the accelerations that follow it; the latter
+    represent both.
     """
     names = [channel.name for channel in recording.channels]
     if name not in names:
         return 0.0
     c = names.index(name)
     slope = spurious_drift(recording, c) / relative_offset(recording.channels[c].quantity)
-    follows = np.round(recording.rigid_gain, 12)  # what an inverse leaves of zero is no gain
+    follows = np.round(recording.rigid_gain, 12)  # remove rounding errors of an inverse
     if c in recording.inputs:
         return 0.0 if np.any(follows[:, recording.inputs.index(c)]) else slope
     for gain, wheel in zip(follows[recording.outputs.index(c)], recording.inputs, strict=True):
@@ -246,16 +250,17 @@ def _reading_count(model: FittedModel, run: int) -> int:
     return int(np.count_nonzero(recording.kind == VALUE))
 
 
-_DRAWS = 20_000
-# Variance of a standardised score under the model: measured innovations have up to 3 % more energy
-# than the noise model says where force laws act, at 10 to 40 Hz (docs/method.md).
+_DRAWS = 20_000  # draws of the max-score test
+# Variance of a standardised score under the model: the measured innovations have up to 3 % more
+# energy than the noise model predicts at 10 to 40 Hz, where force laws act (docs/method.md).
 _SCORE_VARIANCE = 1.03
-_PULSE_SHARE = 0.2  # of the family-wise error, for the pulses alone
-_PULSE_DRAWS = 2000
-_PULSE_BATCH = 100
-_EXCEEDANCES = 50  # draws as large as the observed score at which sequential drawing stops
-_MIN_PULSE_P_VALUE = 1.0 / (1 + _PULSE_DRAWS)  # smallest that pulse_p_value returns
-_MIN_LENGTH = 2  # steps between the beginning and the end of a pulse
+_PULSE_SHARE = 0.2  # share of the family-wise error that the pulses have
+_PULSE_DRAWS = 2000  # largest number of draws of the test of pulses
+_PULSE_BATCH = 100  # draws at a time
+_EXCEEDANCES = 50  # number of draws above the observed score at which sequential drawing stops
+_MIN_PULSE_P_VALUE = 1.0 / (1 + _PULSE_DRAWS)  # smallest value that pulse_p_value returns
+_MIN_LENGTH = 2  # least duration of a pulse, in intervals between candidate steps
+# Shares of the axles in a force, by place.
 _AXLE_SHARES = {"front": (1.0, 0.0), "rear": (0.0, 1.0), "both": (0.5, 0.5)}
 
 
@@ -268,13 +273,13 @@ def one_sided_squares(scores: Array, test: ScoreTest) -> Array:
 def family_p_value(test: ScoreTest, seed: int) -> float:
     """p-value of the largest squared score over all candidates.
 
-    Pulses are thousands of tests.  They have a fifth of the family-wise error to themselves
-    (weighted Bonferroni), so that they do not cost the other candidates their power.
+    Pulses are a very large number of tests.  They have a fifth of the family-wise error to
+    themselves (weighted Bonferroni), so that they do not reduce the power for other candidates.
 
     Parameters
     ----------
     test : ScoreTest
-        Of all candidates, steps of a force among them.
+        Scores of all candidates, including force steps.
     seed : int
         Seed of the draws.
     """
@@ -306,18 +311,17 @@ def max_score_p_value(
     information : (K, K) array
         Its covariance under the model.
     raw_information : (K,) array
-        Information before nuisance directions were projected out; directions with next to nothing
-        left of it are ignored.
+        Information before projection; directions that retain almost none of it are ignored.
     one_sided : (K,) bool array
-        Directions in which only a positive score counts.
+        Whether only a positive score counts.
     seed : int
-        Seed of 20,000 draws.
+        Seed of the 20,000 draws.
     """
-    own = np.diag(information)
-    informative = own > MIN_INFORMATION_SHARE * np.maximum(raw_information, 1e-30)
+    own_information = np.diag(information)
+    informative = own_information > MIN_INFORMATION_SHARE * np.maximum(raw_information, 1e-30)
     if not np.any(informative):
         return 1.0, 0
-    sd = np.sqrt(own[informative])
+    sd = np.sqrt(own_information[informative])
     correlation = information[np.ix_(informative, informative)] / np.outer(sd, sd)
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
@@ -339,12 +343,12 @@ class _PulseScan:
     Parameters
     ----------
     where, run
-        Axle or both of them, and index of the recording.
+        Axle or both axles, and index of the recording.
     mixing : (S, K) array
-        Each step at this place as a combination of all candidates.
+        Each step at this place as a linear combination of all candidates.
     information : (S + 1, S + 1) array
         Information of the pulse from each beginning (row) to each end (column), the last of which
-        lies beyond the record; 0 where there is no pulse.
+        lies after the recording; 0 if there is no such pulse.
     """
 
     where: str
@@ -354,22 +358,22 @@ class _PulseScan:
 
     def max_squares(self, gradients: NDArray[np.floating]) -> Array:
         """Largest squared scores (B,) over all pulses, given gradients (B, K) of all candidates."""
-        own = _with_end(gradients @ self.mixing.T.astype(gradients.dtype))
-        largest = np.zeros(len(own), own.dtype)
+        of_steps = _with_end(gradients @ self.mixing.T.astype(gradients.dtype))
+        largest = np.zeros(len(of_steps), of_steps.dtype)
         for begin, information in enumerate(self.information[:-_MIN_LENGTH]):
             later = slice(begin + _MIN_LENGTH, None)
-            weights = np.zeros_like(information[later], own.dtype)
+            weights = np.zeros_like(information[later], of_steps.dtype)
             np.divide(1.0, information[later], out=weights, where=information[later] > 0.0)
-            squares = (own[:, begin, None] - own[:, later]) ** 2
+            squares = (of_steps[:, begin, None] - of_steps[:, later]) ** 2
             squares *= weights
             np.maximum(largest, squares.max(axis=1), out=largest)
         return largest
 
     def best(self, gradient: Array) -> tuple[int, int]:
         """Beginning and end of the pulse with the largest squared score."""
-        own = _with_end((self.mixing @ gradient)[None])[0]
+        of_steps = _with_end((self.mixing @ gradient)[None])[0]
         with np.errstate(divide="ignore", invalid="ignore"):
-            squares = (own[:, None] - own[None]) ** 2 / self.information
+            squares = (of_steps[:, None] - of_steps[None]) ** 2 / self.information
         squares[self.information <= 0.0] = -1.0
         begin, end = np.unravel_index(int(np.argmax(squares)), squares.shape)
         return int(begin), int(end)
@@ -378,13 +382,13 @@ class _PulseScan:
 def pulse_p_value(test: ScoreTest, seed: int) -> float:
     """p-value of the force pulse with the largest squared score.
 
-    Drawn sequentially, until 50 draws were as large as the observed score or 2000 draws are done:
-    with the 50th of them at draw n the p-value is 50/n (Besag & Clifford 1991).
+    It is drawn sequentially, until 50 draws are as large as the observed score, at most 2000 in
+    all; if the 50th of them is draw n, the p-value is 50/n (Besag & Clifford 1991).
 
     Parameters
     ----------
     test : ScoreTest
-        With steps of a force among the candidates.
+        Scores of candidates, including force steps.
     seed : int
         Seed of the draws.
     """
@@ -409,7 +413,7 @@ def pulse_p_value(test: ScoreTest, seed: int) -> float:
 
 
 def with_best_pulses(test: ScoreTest) -> ScoreTest:
-    """Replace the steps of a force by the best pulse at each place of each run."""
+    """Replace force steps by the best pulse at each place in each run."""
     kept = [k for k, c in enumerate(test.candidates) if not c.is_step]
     if len(kept) == len(test.candidates):
         return test
@@ -444,7 +448,7 @@ def _pulse(test: ScoreTest, scan: _PulseScan, begin: int, end: int) -> Candidate
 
 
 def _pulse_scans(test: ScoreTest) -> Iterator[_PulseScan]:
-    """Yield the pulses at every place of every run."""
+    """Yield the pulses at every place in every run."""
     raw = np.sum(test.sensitivities**2, axis=1)
     for run in sorted(
         {c.placed.run for c in test.candidates if c.is_step and c.placed.run is not None}
@@ -457,7 +461,7 @@ def _pulse_scans(test: ScoreTest) -> Iterator[_PulseScan]:
             count = min(
                 len(steps) for steps, share in zip(steps_of_axle, shares, strict=True) if share
             )
-            if count <= _MIN_LENGTH:  # no steps where a pulse is named already
+            if count <= _MIN_LENGTH:  # there are no steps if a pulse is named already
                 continue
             mixing = np.zeros((count, len(test.candidates)))
             for axle, share in enumerate(shares):
@@ -465,8 +469,8 @@ def _pulse_scans(test: ScoreTest) -> Iterator[_PulseScan]:
                     mixing[np.arange(count), steps_of_axle[axle]] = share
             joint = np.zeros((len(mixing) + 1, len(mixing) + 1))
             joint[:-1, :-1] = mixing @ test.information @ mixing.T
-            own = np.diag(joint)
-            information = own[:, None] + own[None] - 2.0 * joint
+            of_steps = np.diag(joint)
+            information = of_steps[:, None] + of_steps[None] - 2.0 * joint
             length = _with_end((mixing @ raw)[None])[0]
             informative = information > MIN_INFORMATION_SHARE * (length[:, None] + length[None])
             later = np.triu(np.ones_like(joint, bool), _MIN_LENGTH)
@@ -480,5 +484,5 @@ def _acts_at(candidate: Candidate, axle: str, run: int) -> bool:
 
 
 def _with_end(of_steps: NDArray[np.floating]) -> Array:
-    """Append a step that lies beyond the record, where nothing is left: (B, S) to (B, S + 1)."""
+    """Append a step after the end of the recording, which is zero: (B, S) to (B, S + 1)."""
     return np.concatenate([of_steps, np.zeros_like(of_steps[:, :1])], axis=1)

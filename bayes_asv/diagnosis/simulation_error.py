@@ -1,8 +1,9 @@
-"""Simulation error: measured minus simulated outputs, and the floor by sensor noise.
+"""Simulation error: measured minus simulated outputs, and its floor due to sensor noise.
 
-The model runs freely from the wheel accelerations.  On a recording it was not fitted to, everything
-but the recording's biases, initial state and noise levels is frozen.  Outputs of one quantity are
-compared in its unit, those of several relative to the standard deviation of each channel.
+The model is simulated from the wheel accelerations.  On a recording to which it was not fitted, all
+parameters are fixed except biases, initial state and noise levels.  Outputs of one quantity are
+compared in its unit, those of several quantities relative to the standard deviation of each
+channel.
 """
 
 from __future__ import annotations
@@ -34,25 +35,25 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _NOISE_RUNS = 24  # simulations of sensor noise for the floor
-_NOISE_ROUNDS = 4  # of Fisher scoring for the noise levels
-_BLOCK = 0.25  # s, bootstrap block: longer than the correlation time of the body's motion
+_NOISE_ROUNDS = 4  # Fisher-scoring iterations for the noise levels
+_BLOCK = 0.25  # bootstrap block, s: longer than the correlation time of the body's motion
 _BOOTSTRAP_DRAWS = 4999
 
 
 @dataclass(frozen=True)
 class SimulationResiduals:
-    """Measured minus simulated, for each run.
+    """Measured minus simulated outputs of each run.
 
     Parameters
     ----------
     residuals : tuple of (R, ny) arrays
-        In the unit of ``dimension``, nan where there is no reading.
+        Residuals in the unit of ``dimension``; nan where there is no reading.
     times : tuple of (R,) arrays
         Times, s.
     floors : tuple of float
-        Root-mean-square that sensor noise alone would leave in each run.
+        Root-mean-square residual due to sensor noise alone, for each run.
     dimension : str
-        Physical dimension of the outputs; ``dimensionless`` where they have several.
+        Physical dimension of the residuals; ``dimensionless`` if outputs have several.
     """
 
     residuals: tuple[Array, ...]
@@ -67,7 +68,7 @@ class SimulationResiduals:
 
     @property
     def floor(self) -> float:
-        """Root-mean-square that noise alone would leave over all runs."""
+        """Root-mean-square residual due to noise alone, over all runs."""
         weight = np.array([np.count_nonzero(np.isfinite(r)) for r in self.residuals])
         return float(np.sqrt(weight @ np.array(self.floors) ** 2 / weight.sum()))
 
@@ -81,9 +82,9 @@ class ErrorChange:
     before, after, floor : float
         Root-mean-squares, SI units.
     worse : bool
-        The error increased by more than its bootstrap interval allows.
+        Whether the error increased significantly, by the bootstrap.
     dimension : str
-        As :class:`SimulationResiduals` has it.
+        As in :class:`SimulationResiduals`.
     """
 
     before: float
@@ -94,13 +95,16 @@ class ErrorChange:
 
     @property
     def closed(self) -> float | None:
-        """Share of the squared error above the floor that was removed; None where none is above."""
+        """Share of the squared error above the floor that was removed; None at the floor."""
         above = self.before**2 - self.floor**2
         return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else None
 
 
 def transfer_frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
-    """Carry a model's car and effects to recordings; effects of a single run only to their own."""
+    """Transfer a model's car and effects to recordings.
+
+    Effects of a single run are transferred only if the recordings are the model's ``own``.
+    """
     placed_effects: tuple[PlacedEffect, ...] = tuple(
         s for s in model.placed_effects if own or s.run is None
     )
@@ -108,13 +112,13 @@ def transfer_frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Po
     z = model.transfer(posterior.space)
     if any(
         s.effect.acts == "reading" for s in placed_effects
-    ):  # a sensor's fault follows from its signal
+    ):  # sensor corrections depend on the predicted signal
         posterior = update_corrections_at(dataset, posterior, z).posterior(placed_effects)
     return posterior, _fit_noise(posterior, z)
 
 
 def _fit_noise(posterior: Posterior, z: Array) -> Array:
-    """Estimate the noise levels again, everything else held."""
+    """Estimate the noise levels again, with all other coordinates fixed."""
     first = posterior.space.shared_dimension
     z = z.copy()
     z[first:] = 0.0
@@ -137,9 +141,9 @@ def simulation_residuals(
     model : FittedModel
         The model.
     seed : int
-        Seed of the noise that the floor is simulated with.
+        Seed of the simulated noise of the floor.
     own : bool
-        The model was fitted to these recordings: effects of a single run act in it.
+        Whether the model was fitted to these recordings, so that effects of a single run apply.
     """
     posterior, z = transfer_frozen(dataset, model, own)
     dimension, scales = _scales(dataset)
@@ -148,8 +152,8 @@ def simulation_residuals(
         output = free_run(posterior, z, run).output
         valid = recording.kind == VALUE
         scale = np.array([scales[recording.channels[c].name] for c in recording.outputs])
-        beyond = np.where(valid, (recording.reading - output) / scale, np.nan)
-        residuals.append(recording.paired(beyond))
+        residual_readings = np.where(valid, (recording.reading - output) / scale, np.nan)
+        residuals.append(recording.paired(residual_readings))
         times.append(recording.instants[recording.group_instants.max(axis=1)])
         rng = np.random.default_rng([seed, run, 31])
         needed = normals_needed(len(recording.wheels), recording.kind.shape[1])
@@ -165,7 +169,7 @@ def simulation_residuals(
 
 
 def _scales(dataset: Dataset) -> tuple[str, dict[str, float]]:
-    """Dimension of the residuals, and what those of each output are divided by."""
+    """Dimension of the residuals, and the scale by which those of each output are divided."""
     outputs = [channel for channel in dataset.channels if not channel.is_input]
     dimensions = {channel.dimension for channel in outputs}
     if len(dimensions) == 1:
@@ -173,22 +177,22 @@ def _scales(dataset: Dataset) -> tuple[str, dict[str, float]]:
     readings: dict[str, list[Array]] = {}
     for recording in dataset.recordings:
         for y, c in enumerate(recording.outputs):
-            own = recording.reading[recording.kind[:, y] == VALUE, y]
-            readings.setdefault(recording.channels[c].name, []).append(own)
-    scales = {name: float(np.std(np.concatenate(own))) for name, own in readings.items()}
+            values = recording.reading[recording.kind[:, y] == VALUE, y]
+            readings.setdefault(recording.channels[c].name, []).append(values)
+    scales = {name: float(np.std(np.concatenate(values))) for name, values in readings.items()}
     return "dimensionless", {name: scale or 1.0 for name, scale in scales.items()}
 
 
 def error_increased(before: SimulationResiduals, after: SimulationResiduals, seed: int) -> bool:
     """Whether the error increased beyond the 95 % interval of a block bootstrap (Künsch 1989).
 
-    The percentile interval of few blocks is too narrow; it is expanded, as Student's t is wider
-    than a normal (Hesterberg 2015, Am. Stat. 69:371).
+    The percentile interval of few blocks is too narrow; it is expanded by the ratio of Student's t
+    to a normal (Hesterberg 2015, Am. Stat. 69:371).
     """
     by_block = []
     for one, two, time in zip(before.residuals, after.residuals, before.times, strict=True):
         if np.any(np.isfinite(one) & ~np.isfinite(two)):
-            return True  # a simulation that diverged
+            return True  # the simulation diverged
         block = ((time - time[0]) / _BLOCK).astype(int)
         increase = np.nansum(two**2 - one**2, axis=1)
         by_block += [float(increase[block == k].sum()) for k in range(int(block.max()) + 1)]
@@ -213,16 +217,16 @@ def compare_errors(
 ) -> ErrorChange:
     """Compare the simulation errors of two frozen models.
 
-    The floor is the smaller of the two: the noise of a model that is wrong has to cover for it.
+    The floor is the smaller one of the two: the noise level of a wrong model absorbs its misfit.
 
     Parameters
     ----------
     before, after : FittedModel
-        Without and with what was added.
+        Models before and after the change.
     dataset, seed, own
-        As :func:`simulation_residuals` takes them; the seed is that of the bootstrap as well.
+        As in :func:`simulation_residuals`; the seed is also that of the bootstrap.
     perturbed : Dataset, optional
-        The same recordings with an unlisted fault, for the model after.
+        The same recordings with an unlisted fault, for the model ``after``.
     """
     one = simulation_residuals(dataset, before, seed, own=own)
     two = simulation_residuals(dataset if perturbed is None else perturbed, after, seed, own=own)

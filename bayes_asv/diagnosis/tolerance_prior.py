@@ -1,27 +1,27 @@
-"""Tolerance prior: the effect of small amounts of every other effect on evidence and intervals.
+"""Tolerance prior: the influence of small deviations along all other effects.
 
 Every effect that a model does not contain may be present within its tolerance: the innovations are
-ν = ν₀ − a Σ_j t_j g_j with sensitivities g_j and t_j ~ N(0, 1), truncated at three, which is
-integrated out.  The scale a differs from car to car, from 0 for a clean one to 1 for one that has
-all that data sheets allow, and the evidence is averaged over it: a car with a single fault is not
-said to have small amounts of all, nor a car with small amounts of all to have a single fault.
+ν = ν₀ − a Σ_j t_j g_j with sensitivities g_j and t_j ~ N(0, 1), truncated at three.  The t_j are
+integrated out.  The scale a differs from car to car, from 0 for a car without deviations to 1 for
+one with all deviations that data sheets allow, and the evidence is averaged over it.  Thus a car
+with a single fault is not reported to have small deviations everywhere, nor the other way round.
 
-Where tolerances are large, a model without them mistakes them for noise.  At the most probable
-scale the mode is therefore found again, with the tolerances at their own mode.
+If tolerances are large, a model without them treats them as noise.  At the most probable scale, the
+mode is therefore found again, with the tolerances at their own mode.
 
-To first order the tolerances explain a car with small amounts of every effect up to some tens of
-nats.  Whichever effect is fitted in full gains those and would be named.  Where it turns out no
-larger than a tolerance, the same fit gives the better evidence of the tolerances alone: one effect
-in full, with its tolerance for a prior in place of the wide one.  The ratio of the two evidences is
-the posterior mean of the ratio of the priors (Savage–Dickey for a width in place of a point;
-Verdinelli & Wasserman 1995, J. Am. Stat. Assoc. 90, 614).
+To first order, the tolerances explain a car with small deviations to within some tens of nats.  Any
+effect that is fitted in full gains these nats and would be named.  If it turns out to be no larger
+than a tolerance, the same fit gives a better estimate of the evidence of the tolerances alone: one
+effect is treated exactly, with its tolerance as the prior in place of the wide one.  The ratio of
+the two evidences is the posterior mean of the ratio of the priors (Savage–Dickey ratio, with a
+narrow prior in place of a point; Verdinelli & Wasserman 1995, J. Am. Stat. Assoc. 90, 614).
 
 The integral over the tolerances is that of a Gaussian likelihood times a truncated normal prior.
-Along coordinates t a quadratic log-likelihood gains gᵀt − ½ tᵀIt, with gradient g and information I
-(nuisance parameters projected out), and each t has a standard normal prior truncated to its bounds.
-The integral of the product is expanded about the constrained mode.  A coordinate that a bound holds
-is integrated along the tail of its marginal, any other over what the bounds leave of its marginal:
-exact for one coordinate and for independent ones.
+The log-likelihood is gᵀt − ½ tᵀIt in coordinates t, with gradient g and information I (nuisance
+parameters projected out), and each t has a standard normal prior truncated to its bounds.  The
+integrand is expanded about the constrained mode.  A coordinate at a bound is integrated over the
+tail of its marginal, any other one over the part of its marginal within the bounds.  This is exact
+for a single coordinate and for independent ones.
 """
 
 from __future__ import annotations
@@ -70,9 +70,9 @@ class TruncatedGaussian(NamedTuple):
     mode : (K,) array
         Mode inside the bounds.
     covariance : (K, K) array
-        About the mode, bounds ignored.
+        Inverse of the curvature at the mode, without the bounds.
     at_bound : (K,) bool array
-        Coordinates whose unconstrained mode lies beyond a bound.
+        Whether the mode of a coordinate is at a bound.
     """
 
     log_integral: float
@@ -106,10 +106,10 @@ def integrate_truncated(
         mode = np.clip(fit.x, lower, upper)
     sd = np.sqrt(np.diag(covariance))
     slope = gradient - precision @ mode
-    # in standard deviations of the marginal, whose mode lies beyond the bound
+    # distance of the unconstrained mode from the bound, in standard deviations of the marginal
     excess = np.abs(slope) * sd
     above, below = (mode >= upper - 1e-9) & (slope > 0.0), (mode <= lower + 1e-9) & (slope < 0.0)
-    mode = np.where(above, upper, np.where(below, lower, mode))  # bvls stops a digit short of it
+    mode = np.where(above, upper, np.where(below, lower, mode))  # bvls stops just short of it
     at_bound = above | below
     b, width = excess[at_bound], ((upper - lower) / sd)[at_bound]
     beyond_width = np.exp(-b * width - 0.5 * width**2) * erfcx((b + width) / np.sqrt(2.0))
@@ -129,17 +129,18 @@ def _log_probability(lower: Array, upper: Array) -> Array:
 Array = NDArray[np.float64]
 
 TOLERANCE_SCALES = np.array([0.0, 0.5, 1.0])
-"""Scales of the tolerance prior: none, as on a rig or a new car, or about what data sheets allow.
+"""Scales of the tolerance prior: no deviations, as on a test rig, or about those that data sheets
+allow.
 
-With a scale of 0.1 small amounts of all would explain a single small fault, with 2 a large one.
+With a scale of 0.1, tolerances would explain a single small fault; with a scale of 2, a large one.
 """
 
 MAX_TOLERANCES = 3.0
-"""Bound of the tolerance prior: what is larger is no tolerance, and has to be named."""
+"""Bound of the tolerance prior: a larger deviation is not a tolerance, and has to be named."""
 
 _LOG_PRIOR_OF_SCALE = np.log([0.7, 0.15, 0.15])
-_ROUNDS = 2
-_REFIT_GAIN = 3.0  # nats that tolerances have to gain for the mode to be found again
+_ROUNDS = 2  # iterations between the mode of the model and that of the tolerances
+_REFIT_GAIN = 3.0  # gain by tolerances (nats) above which the mode is found again
 
 
 @dataclass(frozen=True)
@@ -159,10 +160,10 @@ class ModelEvidence:
     model : FittedModel
         The model with the tolerances at their mode.
     sensitivities : (K, N) array
-        Sensitivities along the tolerances there.  Effects that would have to be negative, such as a
-        knee that stiffens a damper, reproduce nothing and are left out.
+        Sensitivities along the tolerances at that scale.  Effects whose size would have to be
+        negative, such as a knee that stiffens a damper, are left out.
     offsets : (K,) array
-        Values of these that the model's innovations contain.
+        Values of these tolerances that the model's innovations include.
     """
 
     by_scale: Array
@@ -181,14 +182,14 @@ class ModelEvidence:
 
 @dataclass(frozen=True)
 class OffsetPosterior(Posterior):
-    """A posterior whose predictions are moved by a fixed offset.
+    """A posterior whose predictions are shifted by a fixed offset.
 
     Parameters
     ----------
     offset : tuple of (E, ny) arrays
-        In standard deviations, as the innovations are.
+        Offset of each run, in standard deviations of the innovations.
     log_variances : tuple of (E, ny) arrays
-        Log variances that these standard deviations belong to.
+        Logarithms of the corresponding variances.
     cost : float
         Minus the log prior of the offset, nats.
     """
@@ -200,7 +201,7 @@ class OffsetPosterior(Posterior):
     def filter_passes(
         self, z: Array, run: int, nudge: Perturbation | None = None
     ) -> tuple[Array, Array, Array]:
-        """Return what the plain posterior does, the offset subtracted from the innovations."""
+        """Return the passes of the plain posterior, with the offset subtracted."""
         nu, logs, states = super().filter_passes(z, run, nudge)
         change = np.exp(-0.5 * (logs - self.log_variances[run])) * self.offset[run]
         return np.where(logs != 0.0, nu - change, 0.0), logs, states
@@ -226,7 +227,7 @@ class OffsetPosterior(Posterior):
 def with_offset(
     model: FittedModel, sensitivities: Array, offsets: Array, cost: float = 0.0
 ) -> OffsetPosterior:
-    """Return a model's posterior, predictions moved by offsets (K,) along sensitivities (K, N)."""
+    """Shift a posterior's predictions by offsets (K,) along sensitivities (K, N)."""
     by_run, log_variances, begin = [], [], 0
     change = offsets @ sensitivities
     for run in range(len(model.space.recordings)):
@@ -255,17 +256,19 @@ def tolerance_evidence(
     model : FittedModel
         A model at its mode.
     test : ScoreTest
-        Scores of candidates there; those that are no tolerances are left out.
+        Scores of candidates at the mode; those that are not tolerances are ignored.
     rough : bool
-        Expand about the model's own mode only, which promises more than there is.
+        Expand about the model's own mode only, which overestimates the evidence.
     """
     alone = model.mode.log_evidence
     if not (math.isfinite(alone) and np.all(np.isfinite(test.information))):  # a fit that diverged
-        nothing = np.zeros((0, len(model.mode.slopes.nu)))
+        no_sensitivities = np.zeros((0, len(model.mode.slopes.nu)))
         origin = np.zeros(len(model.mode.z))
         impossible = np.full(len(TOLERANCE_SCALES), -math.inf)
         unit = np.eye(len(origin))
-        return ModelEvidence(impossible, 0.0, origin, unit, model, nothing, nothing[:, 0])
+        return ModelEvidence(
+            impossible, 0.0, origin, unit, model, no_sensitivities, no_sensitivities[:, 0]
+        )
     keep = np.array([c.tolerance for c in test.candidates], bool)
     sensitivities = test.sensitivities[keep]
     upper = np.full(len(sensitivities), MAX_TOLERANCES)
@@ -280,42 +283,52 @@ def tolerance_evidence(
     best = int(np.argmax(gains + _LOG_PRIOR_OF_SCALE))
     scale = float(TOLERANCE_SCALES[best])
     sensitivities = scale * sensitivities
-    at = _Expansion(
+    expansion = _Expansion(
         model, test.derivatives, sensitivities, np.zeros(len(sensitivities)), integrals[best]
     )
     if not rough and scale > 0.0 and gains[best] > gains[0] + _REFIT_GAIN:
-        refit: _Expansion | None = at
+        refit: _Expansion | None = expansion
         for _ in range(_ROUNDS):
             refit = (
-                None if refit is None else _refit(model, test, sensitivities, lower, upper, refit)
+                None
+                if refit is None
+                else _refit_with_tolerances(model, test, sensitivities, lower, upper, refit)
             )
         if refit is not None and math.isfinite(refit.log_evidence):
-            at = refit
-            # Expanded about a mode without tolerances the gains are too large, at all scales by
-            # about the same factor.
-            factor = (at.log_evidence - alone) / gains[best]
+            expansion = refit
+            # Expanded about a mode without tolerances, the gains are too large, by about the same
+            # factor at all scales.
+            factor = (expansion.log_evidence - alone) / gains[best]
             gains = np.where(gains > 0.0, factor * gains, gains)
-    slope = at.mode_slope()
-    shift = at.model.mode.z - model.mode.z + slope @ (at.tolerances.mode - at.offsets)
-    covariance = at.model.mode.covariance + slope @ at.tolerances.covariance @ slope.T
-    at_zero = at.tolerances.at_bound & (at.tolerances.mode == 0.0) & (at.offsets == 0.0)
+    slope = expansion.mode_slope()
+    shift = (
+        expansion.model.mode.z
+        - model.mode.z
+        + slope @ (expansion.tolerances.mode - expansion.offsets)
+    )
+    covariance = expansion.model.mode.covariance + slope @ expansion.tolerances.covariance @ slope.T
+    at_zero = (
+        expansion.tolerances.at_bound
+        & (expansion.tolerances.mode == 0.0)
+        & (expansion.offsets == 0.0)
+    )
     correction = half_normal_correction(model, model.mode.z + shift, covariance)
     return ModelEvidence(
         alone + correction + gains + _LOG_PRIOR_OF_SCALE,
         scale,
         shift,
         covariance,
-        at.model,
-        at.sensitivities[~at_zero],
-        at.offsets[~at_zero],
+        expansion.model,
+        expansion.sensitivities[~at_zero],
+        expansion.offsets[~at_zero],
     )
 
 
 def half_normal_correction(model: FittedModel, z: Array, covariance: Array) -> float:
-    """Log evidence (nats) that Laplace's approximation misses for half-normal priors.
+    """Correction (nats) of Laplace's log evidence for half-normal priors.
 
-    A prior on the size of a coordinate is twice a normal one on one side of zero: log 2 far from
-    zero, and nothing at zero, where the posterior reaches over to the other side.
+    A half-normal density is twice the normal one on one side of zero.  The correction is log 2 for
+    a posterior far from zero, and none at zero, where half of the posterior is on the other side.
 
     Parameters
     ----------
@@ -335,18 +348,18 @@ def half_normal_correction(model: FittedModel, z: Array, covariance: Array) -> f
 
 @dataclass(frozen=True)
 class _Expansion:
-    """A model with tolerances at some offsets, and their posterior expanded from there.
+    """A model with tolerances at some offsets, and the posterior of the tolerances there.
 
     Parameters
     ----------
     model : FittedModel
-        At its mode with the offsets.
+        Model at its mode with the offsets.
     derivatives : ScoreAndInformation
-        Its innovations and their changes on denoised inputs.
+        Its innovations and their derivatives on denoised inputs.
     sensitivities : (K, N) array
         Sensitivities along the tolerances.
     offsets : (K,) array
-        Values that the innovations contain.
+        Values of the tolerances that the innovations include.
     tolerances : TruncatedGaussian
         Posterior of the tolerances.
     """
@@ -359,8 +372,8 @@ class _Expansion:
 
     @property
     def log_evidence(self) -> float:
-        """Laplace's log evidence, tolerances integrated out."""
-        # the prior of the offsets is in the posterior and in the integral: once too often
+        """Laplace's log evidence, with tolerances integrated out."""
+        # the prior of the offsets is in both the posterior and the integral: remove it once
         prior = 0.5 * float(self.offsets @ self.offsets)
         return self.model.mode.log_evidence + prior + self.tolerances.log_integral
 
@@ -370,7 +383,7 @@ class _Expansion:
         return np.asarray(-np.linalg.solve(self.derivatives.precision(), cross), np.float64)
 
 
-def _refit(
+def _refit_with_tolerances(
     model: FittedModel,
     test: ScoreTest,
     sensitivities: Array,
@@ -378,42 +391,42 @@ def _refit(
     upper: Array,
     at: _Expansion,
 ) -> _Expansion | None:
-    """Find the model's mode with tolerances at their own mode, and expand from there.
+    """Find the model's mode with the tolerances at their own mode, and expand about it.
 
-    None where that fit diverged.
+    Return None if that fit diverged.
     """
     offsets = at.tolerances.mode
     start = at.model.mode.z + at.mode_slope() @ (offsets - at.offsets)
     cost = 0.5 * float(offsets @ offsets)
-    moved = fit_model(with_offset(model, sensitivities, offsets, cost), start)
-    # Along a coordinate the predictions change as they did; standard deviations are others.
-    here = moved.mode.slopes
-    ratio = np.exp(-0.5 * (here.log_variances - model.mode.slopes.log_variances))
+    refitted = fit_model(with_offset(model, sensitivities, offsets, cost), start)
+    # the predictions have the same derivatives; only the standard deviations have changed
+    slopes_at_mode = refitted.mode.slopes
+    ratio = np.exp(-0.5 * (slopes_at_mode.log_variances - model.mode.slopes.log_variances))
     derivatives = replace(
-        here, means=test.derivatives.means * ratio, scales=test.derivatives.scales
+        slopes_at_mode, means=test.derivatives.means * ratio, scales=test.derivatives.scales
     )
     scaled = sensitivities * ratio
     drifts = test.quantization_drifts * ratio
-    projection = nuisance_projection(derivatives, moved.mode.z, drifts)
+    projection = nuisance_projection(derivatives, refitted.mode.z, drifts)
     gradient, information = projection.project_out(scaled)
     if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(information))):
         return None
-    # integrate_truncated takes the gradient at t = 0, of a likelihood that is known at the offsets
+    # integrate_truncated takes the gradient at t = 0; here it is known at the offsets
     posterior = integrate_truncated(gradient + information @ offsets, information, lower, upper)
     to_offsets = float((gradient + 0.5 * information @ offsets) @ offsets)
     posterior = posterior._replace(log_integral=posterior.log_integral - to_offsets)
-    return _Expansion(moved, derivatives, scaled, offsets, posterior)
+    return _Expansion(refitted, derivatives, scaled, offsets, posterior)
 
 
 def projection_with_tolerances(
     derivatives: ScoreAndInformation, evidence: ModelEvidence
 ) -> NuisanceProjection:
-    """Return what a model reproduces by its coordinates and the tolerances of all other effects.
+    """Return the projection for a model's coordinates and the tolerances of all other effects.
 
     Parameters
     ----------
     derivatives : ScoreAndInformation
-        Of ``evidence.model``, on denoised inputs.
+        Derivatives of ``evidence.model``, on denoised inputs.
     evidence : ModelEvidence
         The model under its tolerance prior.
     """
@@ -422,7 +435,7 @@ def projection_with_tolerances(
 
 
 def marginal_scores(test: ScoreTest) -> tuple[Array, Array]:
-    """Gradient and information (K,) of each candidate, tolerances of all others projected out."""
+    """Gradient and information (K,) of each candidate, with all other tolerances projected out."""
     tolerances = np.flatnonzero([c.tolerance for c in test.candidates])
     gradient, information = test.gradient.copy(), np.diag(test.information).copy()
     for k in range(len(gradient)):
@@ -444,12 +457,12 @@ class _TolerancePrior(NamedTuple):
     Parameters
     ----------
     mean, sd : float
-        Of the normal.
+        Mean and standard deviation of the normal density.
     lower, upper : float
-        Where it is truncated.
+        Bounds of the truncation.
     log_factor : float
-        Logarithm of what multiplies the normal density: the truncation, and at several elements how
-        far these differ.
+        Logarithm of the factor on the normal density: from the truncation, and with several
+        elements from the differences between them.
     """
 
     mean: float
@@ -465,38 +478,37 @@ def evidence_as_tolerance(
     evidence: ModelEvidence,
     candidates: Sequence[Candidate],
 ) -> float:
-    """Log evidence of a model in which some of its effects have tolerances for priors.
+    """Log evidence of a model in which the priors of some effects are their tolerances.
 
-    The posterior of their first parameters is taken to be normal.  An effect with common values at
-    several elements is the tolerance of each of them: how far these differ is integrated out, as if
-    the data knew each equally well.
+    The posterior of their first parameters is assumed to be normal.  An effect with common values
+    at several elements is a tolerance of each of them; the differences between elements are
+    integrated out, assuming that the data determine each element equally well.
 
     Parameters
     ----------
     placed_effects : sequence of PlacedEffect
         The effects.
     model : FittedModel
-        A model with them, at its mode.
+        A model with these effects, at its mode.
     evidence : ModelEvidence
-        The same under the tolerance prior of all other effects.
+        Its evidence under the tolerance prior of all other effects.
     candidates : sequence of Candidate
-        Among them the tolerance of each effect, at each place.
+        Candidates that include the tolerance of each effect at each place.
 
     Returns
     -------
     float
-        Minus infinity for an effect that has no tolerance, and for a car that shows none of the
-        others.
+        Minus infinity if an effect has no tolerance, or if the most probable scale is zero.
     """
     if evidence.scale == 0.0 or not math.isfinite(evidence.log_evidence):
         return -math.inf
     z = model.mode.z + evidence.mode_shift
-    own = [
+    indices = [
         model.space.names.index(s.coordinate_name(s.effect.parameters[0])) for s in placed_effects
     ]
-    covariance = evidence.covariance[np.ix_(own, own)]
+    covariance = evidence.covariance[np.ix_(indices, indices)]
     priors = []
-    for placed, k in zip(placed_effects, own, strict=True):
+    for placed, k in zip(placed_effects, indices, strict=True):
         tolerances = [c for c in candidates if c.tolerance and placed.overlaps(c.placed)]
         if not tolerances:
             return -math.inf
@@ -504,11 +516,11 @@ def evidence_as_tolerance(
         priors.append(_tolerance_prior(tolerances, placed, model, z, k, sd, evidence.scale))
     value = float(evidence.by_scale[int(np.argmax(evidence.scale == TOLERANCE_SCALES))])
     value -= half_normal_correction(model, z, evidence.covariance)
-    return value + _log_ratio(z[own], covariance, priors)
+    return value + _log_ratio(z[indices], covariance, priors)
 
 
 def _log_ratio(mean: Array, covariance: Array, priors: list[_TolerancePrior]) -> float:
-    """Logarithm of the mean of tolerance prior over standard normal, under a normal posterior."""
+    """Log of the mean ratio of tolerance prior to standard normal, under a normal posterior."""
     centre = np.array([p.mean for p in priors])
     tightness = np.array([p.sd for p in priors]) ** -2
     inverse = np.linalg.inv(covariance)
@@ -536,32 +548,32 @@ def _tolerance_prior(
 ) -> _TolerancePrior:
     """Return the tolerances of an effect's elements as one prior of its coordinate ``k``.
 
-    How many tolerances the effect is, is linearised in the coordinate about the posterior mode.
+    The size of the effect in tolerances is linearised in the coordinate at the posterior mode.
     """
-    moved = z.copy()
-    moved[k] += STEP
-    at_mode, next_to = model.space.effects(z)[placed], model.space.effects(moved)[placed]
+    stepped = z.copy()
+    stepped[k] += STEP
+    at_mode, after_step = model.space.effects(z)[placed], model.space.effects(stepped)[placed]
     parts = []
     for one in tolerances:
         count = placed.effect.in_tolerances(at_mode, one.values)
-        slope = (placed.effect.in_tolerances(next_to, one.values) - count) / STEP
+        slope = (placed.effect.in_tolerances(after_step, one.values) - count) / STEP
         least = 0.0 if one.one_sided else -MAX_TOLERANCES
         points = z[k] + (scale * np.array([0.0, least, MAX_TOLERANCES]) - count) / slope
         probability = float(ndtr(MAX_TOLERANCES) - ndtr(least))
         width = scale / abs(slope)
         lower, upper = sorted(points[1:].tolist())
         parts.append(_TolerancePrior(float(points[0]), width, lower, upper, -math.log(probability)))
-    return parts[0] if len(parts) == 1 else _common(parts, sd)
+    return parts[0] if len(parts) == 1 else _combine_priors(parts, sd)
 
 
-def _common(parts: list[_TolerancePrior], sd: float) -> _TolerancePrior:
-    """Return the priors of n elements as one of their common value, their contrasts integrated out.
+def _combine_priors(parts: list[_TolerancePrior], sd: float) -> _TolerancePrior:
+    """Combine the priors of n elements to one of their common value, with contrasts integrated out.
 
     ``sd`` is the posterior standard deviation of the common value under a standard normal prior.
     """
     n = len(parts)
     means, tightness = np.array([p.mean for p in parts]), np.array([p.sd for p in parts]) ** -2
-    # what the data alone know of the common value, and n times as much of a contrast of unit length
+    # information of the data about the common value; about a contrast of unit length it is n times
     common = 1.0 / max(sd**-2 - 1.0, 1e-12)
     contrasts = helmert(n)
     variances = np.eye(n - 1) + (contrasts / tightness) @ contrasts.T / (n * common)

@@ -1,13 +1,13 @@
-"""Detection of tones that wander, in the innovations of several runs together.
+"""Detection of wandering tones in the innovations of several runs together.
 
-An engine's speed drifts by some per cent within a run: its tone is a single line only within a
-short segment, a hump of several over the whole run, and it is present in every run.  A weak one
-stands out of the mean spectrum of segments as short as its line lasts, where no line of a single
-run does.
+The speed of an engine drifts by some per cent within a run: its tone is a single spectral line only
+within a short segment, and a peak over several lines in the whole run; and it is present in every
+run.  In the mean spectrum of segments within which the tone is a single line, a weak tone exceeds
+its neighbours, even if it does not in the spectrum of any whole run.
 
-Two things have a hump as well and are no engine: a shock that excites a resonance, whereas an
-engine's tone is present at most times; and a body whose vibration covers a wide band, whereas an
-engine's speed does not vary by half as much again.
+Two other causes have such a peak as well: a shock that excites a resonance, while an engine's tone
+is present at most times; and vibration of the body over a wide band, while an engine's speed does
+not vary by a factor of 1.5.
 """
 
 from __future__ import annotations
@@ -36,17 +36,20 @@ __all__ = ["DetectedTones", "detect_tones"]
 
 Array = NDArray[np.float64]
 
-_SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # s, how long a wandering tone may be a single line
-_OVERSAMPLING = 4  # frequencies a line: half way between two lines each has 0.4 of a tone's energy
-# Effective number of tests a line and direction: gives the intended false-alarm rate
+_SEGMENTS = (2.5, 0.75, 0.45, 0.25)  # lengths of a segment, s
+# Frequencies evaluated per spectral line: half way between two lines, each has only 0.4 of a tone's
+# energy.
+_OVERSAMPLING = 4
+# Effective number of tests per line and direction; gives the intended false-alarm rate
 # (docs/method.md).
 _TESTS_PER_DIRECTION = 1.5
-_FLOOR_WIDTH = 60.0  # Hz around a line, whose median power is its floor
-_MIN_FLOOR_LINES = 17  # where there are so many
-_MAX_FLOOR_SHARE = 0.5  # of all lines
-_MIN_RATIO = 1.5  # of a line to its floor; below it may be a slope or the edge of a notch
-_MIN_GAIN = 0.5  # of a notch, below which no tone is looked for in it
-_LOG_P_UNDERFLOW = -600.0  # below which a log-probability is replaced by a bound
+_FLOOR_WIDTH = 60.0  # width around a line whose median power is the floor, Hz
+_MIN_FLOOR_LINES = 17  # least number of lines for the floor, if the spectrum has as many
+_MAX_FLOOR_SHARE = 0.5  # largest share of all lines for the floor
+# Least ratio of a line to its floor; a smaller one may be a slope or the edge of a notch.
+_MIN_RATIO = 1.5
+_MIN_GAIN = 0.5  # gain of the notches below which no tone is searched for
+_LOG_P_UNDERFLOW = -600.0  # log-probability below which a bound is used
 
 
 class DetectedTones(NamedTuple):
@@ -55,10 +58,10 @@ class DetectedTones(NamedTuple):
     Parameters
     ----------
     tones : tuple of Notch
-        The strongest first.
+        Tones, the strongest first.
     log_p : float
-        Logarithm of the p-value of the strongest: of how many tones as strong as that white runs
-        have on average; zero if there is none.
+        Logarithm of the p-value of the strongest one: the expected number of tones of at least that
+        strength in white runs.  Zero if there is no tone.
     """
 
     tones: tuple[Notch, ...] = ()
@@ -70,7 +73,8 @@ def detect_tones(
 ) -> DetectedTones:
     """Find tones in the innovations of all runs.
 
-    The most significant line is removed, as wide as it may wander, and the rest is searched again.
+    The most significant line is removed with the band in which it may wander, and the search is
+    repeated.
 
     Parameters
     ----------
@@ -83,15 +87,17 @@ def detect_tones(
     alarm : float
         Accepted number of false tones in white runs.
     engine : bool
-        Accept only what an engine may have: the strongest tone is present at most times and
-        wanders through a narrow band.
+        Accept only tones of an engine: the strongest one is present at most times, and adjacent
+        ones cover a narrow band.
     """
     signals = [np.nan_to_num(nu) for nu in runs if len(nu)]
     tones: list[Notch] = []
     first = 0.0
     while signals and len(tones) < MOST_TONES:
-        rest = _without(tones, signals, rate)
-        frequency, log_p = _most_significant(rest, rate, slowest, tones) if rest else (0.0, 0.0)
+        remaining = _remove_tones(tones, signals, rate)
+        frequency, log_p = (
+            _most_significant(remaining, rate, slowest, tones) if remaining else (0.0, 0.0)
+        )
         if not log_p < math.log(alarm):
             break
         first = first if tones else log_p
@@ -101,8 +107,8 @@ def detect_tones(
     return DetectedTones(tuple(tones), first)
 
 
-def _without(tones: Sequence[Notch], signals: Sequence[Array], rate: float) -> list[Array]:
-    """Remove tones from signals, and the time in which the filters settle."""
+def _remove_tones(tones: Sequence[Notch], signals: Sequence[Array], rate: float) -> list[Array]:
+    """Remove tones from signals, and the settling time of the notch filters."""
     if not tones:
         return list(signals)
     sections = notch_filter(tones, rate)
@@ -117,18 +123,18 @@ def _most_significant(
 ) -> tuple[float, float]:
     """Frequency (Hz) of the most significant line, and the logarithm of its p-value.
 
-    Searched for in segments of several lengths and in four directions, since one force moves both
-    channels.  The prior density of a tone is uniform over the logarithm of its frequency.  What
-    notches took from white innovations is compensated, or their skirts would lower the floor of all
-    other lines.
+    Segments of several lengths are searched in several directions, since one force moves several
+    channels.  The prior density of a tone is uniform over the logarithm of its frequency.  The
+    power that notches remove from white innovations is compensated, since their skirts would lower
+    the floor of other lines.
     """
-    smallest, at = 0.0, 0.0
-    lengths = _lengths(runs, rate)
-    directions = _directions(runs[0].shape[1])
+    best_log_p, best_frequency = 0.0, 0.0
+    lengths = _segment_lengths(runs, rate)
+    directions = _channel_directions(runs[0].shape[1])
     for n in lengths:
         frequency, power, segments = _spectra([x @ directions.T for x in runs], n, rate)
-        gain = _gain(tones, frequency, rate)
-        # a line below the lowest frequency is as wide as this at its foot
+        gain = _notch_gain(tones, frequency, rate)
+        # the main lobe of a line below the lowest frequency is as wide as this
         low, high = slowest + rate / n, 0.5 * rate - 1.0
         usable = (frequency > low) & (frequency < high) & (gain > _MIN_GAIN)
         if not np.any(usable):
@@ -140,13 +146,13 @@ def _most_significant(
         tests = per_line * len(lengths) * np.count_nonzero(usable) / _OVERSAMPLING
         corrected = np.log(tests * octaves) + log_p[usable].min(axis=1)
         k = int(np.argmin(corrected))
-        if corrected[k] < smallest:
-            smallest, at = float(corrected[k]), float(frequency[usable][k])
-    return at, smallest
+        if corrected[k] < best_log_p:
+            best_log_p, best_frequency = float(corrected[k]), float(frequency[usable][k])
+    return best_frequency, best_log_p
 
 
-def _directions(count: int) -> Array:
-    """Rows: each of some channels, and each pair of them in phase and in antiphase."""
+def _channel_directions(count: int) -> Array:
+    """Return unit vectors (rows): each channel, and each pair in phase and in antiphase."""
     single = np.eye(count)
     pairs = [
         0.5**0.5 * (single[a] + sign * single[b])
@@ -157,15 +163,15 @@ def _directions(count: int) -> Array:
     return np.vstack([single, *pairs])
 
 
-def _lengths(runs: Sequence[Array], rate: float) -> list[int]:
-    """Return readings a segment, the longest first, none longer than a run of the usual length."""
+def _segment_lengths(runs: Sequence[Array], rate: float) -> list[int]:
+    """Return numbers of readings per segment, the longest first, at most that of a usual run."""
     longest = max(len(x) for x in runs)
     shortest = min(len(x) for x in runs if 2 * len(x) >= longest)
     return sorted({min(round(seconds * rate), shortest) for seconds in _SEGMENTS}, reverse=True)
 
 
-def _gain(tones: Sequence[Notch], frequency: Array, rate: float) -> Array:
-    """Share (F,) of white power that notches pass."""
+def _notch_gain(tones: Sequence[Notch], frequency: Array, rate: float) -> Array:
+    """Share (F,) of white-noise power that notches pass."""
     gain = np.ones(len(frequency))
     for sections in notch_filter(tones, rate):
         gain *= np.abs(sosfreqz(sections[None], frequency, fs=rate)[1]) ** 2
@@ -173,24 +179,24 @@ def _gain(tones: Sequence[Notch], frequency: Array, rate: float) -> Array:
 
 
 def _log_p_values(power: Array, n: int, rate: float, segments: int) -> Array:
-    """Log-probability (F, C) of a line as far above its floor in white noise.
+    """Log-probability (F, C) of a line at least as far above its floor in white noise.
 
-    Infinite where a line is so little above it that it may be a slope of the spectrum.
+    Infinite for a line so little above its floor that it may be a slope of the spectrum.
     """
     neighbours = min(
         max(_MIN_FLOOR_LINES, round(_FLOOR_WIDTH * n / rate)), round(_MAX_FLOOR_SHARE * n / 2.0)
     )
     neighbours = neighbours // 2 * 2 + 1
-    ratio = np.array([one / _floor(one, neighbours, segments) for one in power.T]).T
+    ratio = np.array([one / _noise_floor(one, neighbours, segments) for one in power.T]).T
     freedom = 2.0 * segments
-    # The floor is uncertain as well: a median has the efficiency 0.64 of a mean of as many lines.
+    # the floor is uncertain as well: a median has 0.64 of the efficiency of a mean
     log_p = _log_f_tail(ratio, freedom, 0.64 * neighbours * freedom)
     return np.where(ratio < _MIN_RATIO, np.inf, log_p)
 
 
 def _spectra(runs: Sequence[Array], n: int, rate: float) -> tuple[Array, Array, int]:
-    """Frequencies (F,), Hz, mean power (F, C) there of segments of n readings, and their number."""
-    # White innovations do not leak from line to line; a window would only cost energy.
+    """Frequencies (F,), Hz, mean power (F, C) of segments of n readings, and their number."""
+    # white innovations do not leak between lines; a window would only reduce the energy
     parts = [x[: len(x) // n * n].reshape(-1, n, x.shape[1]) for x in runs]
     segments = np.concatenate(parts)
     power = np.abs(np.fft.rfft(segments, _OVERSAMPLING * n, axis=1)) ** 2 / n
@@ -198,19 +204,19 @@ def _spectra(runs: Sequence[Array], n: int, rate: float) -> tuple[Array, Array, 
     return frequency, np.asarray(power.mean(axis=0)), len(segments)
 
 
-def _floor(power: Array, neighbours: int, segments: int) -> Array:
+def _noise_floor(power: Array, neighbours: int, segments: int) -> Array:
     """Mean power (F,) of white noise, from running medians over lines."""
     median = median_filter(power[::_OVERSAMPLING], size=neighbours)
-    half = neighbours // 2  # near its ends a spectrum has neighbours on one side only
+    half = neighbours // 2  # near its ends, a spectrum has neighbours on one side only
     median[:half], median[len(median) - half :] = median[half], median[-half - 1]
     floor = median * segments / float(gamma(segments).median())
     return np.maximum(np.repeat(floor, _OVERSAMPLING)[: len(power)], 1e-12)
 
 
 def _log_f_tail(ratio: Array, a: float, b: float) -> Array:
-    """Log-probability that F of a and b degrees of freedom exceeds a ratio.
+    """Log-probability that F with a and b degrees of freedom exceeds a ratio.
 
-    Where it underflows, Chernoff's bound replaces it.
+    If it underflows, Chernoff's bound is used.
     """
     with np.errstate(divide="ignore"):
         out = np.asarray(f(a, b).logsf(ratio))

@@ -1,8 +1,8 @@
-"""Faults that are not in the list: what each would change in a recording, along the motion.
+"""Models of faults that are not in the list: the change of a recording along its motion.
 
-A damper in a rubber mount or with play, hysteresis, a damper that depends on travel or on the
-square of its speed, a mass on a spring, a resonant sensor mount, a sensor at another position or
-with a drifting clock.
+They are a damper in a rubber mount or with play, hysteresis, a damper that depends on travel or on
+the square of its speed, a mass on a spring, a resonant sensor mount, a sensor at another position
+or with a drifting clock.
 """
 
 from __future__ import annotations
@@ -50,22 +50,24 @@ Distortion = Callable[[Form, "PredictedMotion", Array, Array], Array]
 """From form, motion, and times (s) and samples of a channel to a change of the samples, (n,)."""
 
 UNIT_SHARE = 0.01
-"""Share of the damper's rms force, or of a channel's rms reading, that is a fault of unit size."""
+"""Unit size of a fault, as a share of the damper's rms force or of a channel's rms reading."""
 
-_MOUNT_TIME_CONSTANTS = (0.001, 0.004, 0.015)  # s, c/k of a damper's mount
-_PLAY = (0.05, 0.2, 0.5)  # in rms deflections
-_YIELD_TRAVEL = (0.05, 0.2, 0.6)  # in rms deflections, over which friction builds up
-_SEAT_FREQUENCIES = (2.5, 3.0, 3.5, 4.2, 5.0, 6.0)  # Hz, a seat's resonance width apart
-_SEAT_DAMPING = 0.2  # damping ratio
-# Hz.  A mount whose resonance f₀ is above what the car excites still reads high by f²/f₀².
+_MOUNT_TIME_CONSTANTS = (0.001, 0.004, 0.015)  # c/k of a damper's mount, s
+_PLAY = (0.05, 0.2, 0.5)  # play of a damper, in rms deflections
+_YIELD_TRAVEL = (0.05, 0.2, 0.6)  # travel over which friction builds up, in rms deflections
+_SEAT_FREQUENCIES = (2.5, 3.0, 3.5, 4.2, 5.0, 6.0)  # resonances of a seat, Hz, one width apart
+_SEAT_DAMPING = 0.2  # damping ratio of a seat
+# Resonances f₀ of a sensor mount, Hz.  One above the frequencies f that the car excites still
+# amplifies the reading by f²/f₀².
 _MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
 _RESONANCE = "a sensor mount that resonates"
-_SHARE = (
-    1.0  # of the motion below it that a resonance adds: all of it on a bracket, less on a panel
-)
-_MOUNT_DAMPING = 0.03  # damping ratio
-_POWERS = (2, 3, 5)  # of a sensor's curve: lopsided, and a saturation's first two
-_SUBSTEPS = 4  # steps of a linear system to one of its signal
+# Standard deviation of the size of a resonance, as a share of the motion of its base: all of it on
+# a bracket, less on a panel.
+_RESONANCE_SIZE = 1.0
+_MOUNT_DAMPING = 0.03  # damping ratio of a sensor mount
+# Powers in a sensor's nonlinear scale: asymmetry, and the first two terms of a saturation.
+_POWERS = (2, 3, 5)
+_SUBSTEPS = 4  # steps of a linear system per sample of its signal
 
 
 class UnlistedFault(NamedTuple):
@@ -74,13 +76,14 @@ class UnlistedFault(NamedTuple):
     Parameters
     ----------
     perturbation : Perturbation
-        The change of the run.
+        Perturbation of the run.
     change : (E,) array
-        The change itself: a force (N), or of a channel's reading.
+        The change: a force (N), or a change of a channel's reading.
     along : (E,) array
-        What it depends on: a rate of deflection, an acceleration of the body, or the reading.
+        Variable on which it depends: a rate of deflection, an acceleration of the body, or the
+        reading.
     reference : float
-        Mean square of what the change is to be a small share of.
+        Mean square of the quantity to which the change is compared: damper force or reading.
     """
 
     perturbation: Perturbation
@@ -96,17 +99,17 @@ class FaultKind:
     Parameters
     ----------
     name, place : str
-        What it is, and where.
+        Name and place.
     forms : tuple of tuple of float
-        Values of its constants that are tried, or the order of a term of a series.
+        Values of its constants that are tried, or orders of the terms of a series.
     continuous : bool
-        Any values between these are possible; terms of a series have none between them.
+        Whether any values in between are possible; orders of terms are not continuous.
     dimensions : (str, str)
-        Of the change, and of what it depends on.
+        Physical dimensions of the change, and of the variable on which it depends.
     change : callable
-        From recording, motion and form to the fault there.
+        Function of recording, motion and form that returns the fault.
     usual : float
-        Standard deviation of its sizes; infinite where any is possible.
+        Prior standard deviation of its size; infinite without a limit.
     """
 
     name: str
@@ -134,12 +137,12 @@ class FaultTerm(NamedTuple):
 
     @property
     def fault(self) -> tuple[str, str]:
-        """What it is, and where; kinds that share both are one."""
+        """Name and place; kinds with the same ones are the same fault."""
         return self.kind.name, self.kind.place
 
     @property
     def description(self) -> str:
-        """What it is, and where; of a resonance, its frequency as well."""
+        """Description by name and place, and for a resonance by its frequency."""
         frequency = self.kind.name == _RESONANCE and self.kind.continuous
         detail = f" near {self.form[0]:.0f} Hz" if frequency else ""
         return f"{self.kind.name}{detail} {self.kind.place}"
@@ -147,7 +150,7 @@ class FaultTerm(NamedTuple):
     def faults(
         self, dataset: Dataset, motions: Sequence[PredictedMotion]
     ) -> tuple[UnlistedFault, ...]:
-        """Return the fault in each run, of one size: in each as large as the motion makes it."""
+        """Return the fault in each run, with the same size; its change depends on the motion."""
         return tuple(
             self.kind.change(recording, motion, self.form)
             for recording, motion in zip(dataset.recordings, motions, strict=True)
@@ -162,16 +165,16 @@ class PredictedMotion(NamedTuple):
     instants : (E,) array
         Times of the readings, s.
     inputs : tuple of ((K,) array, (K,) array)
-        Knots (s) of each measured input, and what was read there, without most of its noise.
+        Knots (s) of each measured input, and its readings there with most of the noise removed.
     readings : (E, ny) array
-        What the outputs would read without noise, SI units.
+        Noise-free readings of the outputs, SI units.
     deflection, velocity : (E, ne) arrays
-        Deflections (m) and their rates (m/s) of the elements before the sensors' filter.
+        Deflections (m) and their rates (m/s) of the elements, before the sensors' filter.
     damping_force : (E, ne) array
-        Of the linear dampers, N.
+        Forces of the linear dampers, N.
     body : (E, ne) array
-        Acceleration of the body above each element behind that filter, m/s²; as the sensor above it
-        would read it, where there is one.
+        Acceleration of the body above each element after that filter, m/s²; the noise-free reading
+        of the sensor there, if there is one.
     """
 
     instants: Array
@@ -188,7 +191,7 @@ def predicted_motions(
 ) -> tuple[PredictedMotion, ...]:
     """Predict the motion of a car in each run by its free simulation.
 
-    The filtered states follow the readings and would share their noise.
+    Filtered states would share the noise of the readings.
     """
     with shared_work(posterior) as shared:
         assert shared.pool is not None
@@ -203,10 +206,7 @@ def rms_travel(motions: Sequence[PredictedMotion]) -> Array:
 
 
 def unit_size(faults: Sequence[UnlistedFault]) -> float:
-    """Factor by which a fault becomes a hundredth of the damper's rms force or of the rms reading.
-
-    One factor for all runs.
-    """
+    """Factor that scales a fault to unit size (:data:`UNIT_SHARE`), the same for all runs."""
     power = sum(float(one.change.var()) for one in faults)
     whole = sum(one.reference for one in faults)
     return UNIT_SHARE * math.sqrt(whole / max(power, 1e-24))
@@ -220,7 +220,7 @@ def _predicted_motion(
 ) -> PredictedMotion:
     recording = dataset.recordings[run]
     readings, states, _ = free_run(posterior, z, run)
-    states = np.nan_to_num(states, posinf=0.0, neginf=0.0)  # of a car that diverges
+    states = np.nan_to_num(states, posinf=0.0, neginf=0.0)  # the simulation may diverge
     for known in posterior.perturbations[run : run + 1]:
         readings = readings + known.reading
     inputs = []
@@ -245,21 +245,23 @@ def _predicted_motion(
         deflection + velocity / pole,
         before_filter,
         before_filter * rates,
-        _body(recording, values, readings, states),
+        _body_accelerations(recording, values, readings, states),
     )
 
 
-def _body(recording: PreparedRecording, values: Values, readings: Array, states: Array) -> Array:
-    """Accelerations (E, ne) of the body above the elements, from the outputs or else the states."""
+def _body_accelerations(
+    recording: PreparedRecording, values: Values, readings: Array, states: Array
+) -> Array:
+    """Accelerations (E, ne) of the body above the elements, from outputs or else from states."""
     tops = [
         Channel(element.name, "acceleration", "body", element.axle, element.side)
         for element in recording.car.elements
     ]
     system = state_space(recording.car, values, [Output(top) for top in tops])
     ne = len(tops)
-    # states without an equation of their own among the tops are rates that nothing else follows
-    moved = np.hstack([states[:, : 2 * ne], states[:, len(states[0]) - ne :]])
-    out = moved @ np.hstack([system.C[0], system.G[0]]).T
+    # deflections, their rates and excess forces; accelerations do not depend on body rates
+    states_and_forces = np.hstack([states[:, : 2 * ne], states[:, len(states[0]) - ne :]])
+    out = states_and_forces @ np.hstack([system.C[0], system.G[0]]).T
     for y in recording.accelerations:
         place = recording.channels[recording.outputs[y]]
         for e, top in enumerate(tops):
@@ -269,7 +271,7 @@ def _body(recording: PreparedRecording, values: Values, readings: Array, states:
 
 
 def fault_terms(dataset: Dataset, travel: Array) -> tuple[FaultTerm, ...]:
-    """Return every unlisted fault in every form; ``travel`` (ne,) are the rms deflections."""
+    """Return every unlisted fault in every form; ``travel`` (ne,) contains the rms deflections."""
     kinds = _fault_kinds(dataset, dataset.recordings[0].car, travel)
     return tuple(FaultTerm(kind, form) for kind in kinds for form in kind.forms)
 
@@ -277,23 +279,23 @@ def fault_terms(dataset: Dataset, travel: Array) -> tuple[FaultTerm, ...]:
 def _fault_kinds(dataset: Dataset, car: CarModel, travel: Array) -> Iterator[FaultKind]:
     for e, element in enumerate(car.elements):
         for name, forms, continuous, law in _force_laws(float(travel[e])):
-            change = partial(_force, e, law)
+            change = partial(_element_fault, e, law)
             place = f"at the {element.words}"
             yield FaultKind(name, place, forms, continuous, ("force", "velocity"), change)
     for place, shares in _seat_places(car).items():
-        change = partial(_reaction, shares)
+        change = partial(_seat_fault, shares)
         forms = tuple((f, _SEAT_DAMPING) for f in _SEAT_FREQUENCIES)
         dimensions = "force", "acceleration"
         yield FaultKind("a mass on a spring", f"near {place}", forms, True, dimensions, change)
     for channel in dataset.channels:
         place, dimensions = f"({channel.words})", (channel.dimension, channel.dimension)
         for name, forms, continuous, distortion in _distortions(car, channel):
-            change = partial(_distorted, channel, distortion)
-            usual = _SHARE if continuous else math.inf
+            change = partial(_channel_fault, channel, distortion)
+            usual = _RESONANCE_SIZE if continuous else math.inf
             yield FaultKind(name, place, forms, continuous, dimensions, change, usual)
 
 
-def _nothing(recording: PreparedRecording) -> Perturbation:
+def _no_perturbation(recording: PreparedRecording) -> Perturbation:
     return Perturbation(
         np.zeros_like(recording.moments),
         np.zeros_like(recording.reading),
@@ -301,32 +303,32 @@ def _nothing(recording: PreparedRecording) -> Perturbation:
     )
 
 
-def _force(
+def _element_fault(
     e: int, law: ForceLaw, recording: PreparedRecording, motion: PredictedMotion, form: Form
 ) -> UnlistedFault:
-    """Force of one suspension element, whose size is that of its damper."""
+    """Fault force of one suspension element, relative to its damper's."""
     time = recording.instants - recording.instants[0]
-    perturbation = _nothing(recording)
+    perturbation = _no_perturbation(recording)
     force = law(form, time, motion.deflection[:, e], motion.velocity[:, e])
     perturbation.force[:, e] = force
     reference = float(motion.damping_force[:, e].var())
     return UnlistedFault(perturbation, force, motion.velocity[:, e], reference)
 
 
-def _reaction(
+def _seat_fault(
     shares: Array, recording: PreparedRecording, motion: PredictedMotion, form: Form
 ) -> UnlistedFault:
-    """Force of a mass on a spring, shared out among the elements."""
+    """Force of a mass on a spring, shared by the elements."""
     time = recording.instants - recording.instants[0]
     body = motion.body @ shares
     reaction = _oscillator(time, body, *form)
-    perturbation = _nothing(recording)._replace(force=np.outer(reaction, shares))
+    perturbation = _no_perturbation(recording)._replace(force=np.outer(reaction, shares))
     reference = float(motion.damping_force[:, 0].var())
     return UnlistedFault(perturbation, reaction, body, reference)
 
 
 def _seat_places(car: CarModel) -> dict[str, Array]:
-    """Places of a seat: above each axle, and in the middle of two; shares (ne,) of its force."""
+    """Places of a seat (above each axle, and in the middle), with shares (ne,) of its force."""
     places = {f"the {axle}": car.shares(axle) for axle in car.axles}
     if len(places) < 2:
         return places
@@ -335,9 +337,9 @@ def _seat_places(car: CarModel) -> dict[str, Array]:
 
 
 def _force_laws(travel: float) -> Iterator[tuple[str, tuple[Form, ...], bool, ForceLaw]]:
-    """Yield unlisted force laws of a suspension element, for its rms deflection."""
+    """Yield unlisted force laws of a suspension element, given its rms deflection."""
     yield "a damper in a soft mount", _each(_MOUNT_TIME_CONSTANTS), True, _soft_mount
-    yield "a damper with play", _each(share * travel for share in _PLAY), True, _play
+    yield "a damper with play", _each(share * travel for share in _PLAY), True, _force_with_play
     yield "hysteresis", _each(share * travel for share in _YIELD_TRAVEL), True, _hysteresis
     yield "a damper that depends on travel", _each((1, 2)), False, _damper_by_travel
     yield "a progressive damper", _each((2, 3)), False, _damper_by_speed
@@ -357,16 +359,16 @@ def _damper_by_speed(form: Form, time: Array, deflection: Array, velocity: Array
 
 
 def _spring_by_travel(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
-    """Return the square of deflection, of its own sign where the second constant is zero."""
+    """Return a power of deflection, signed if the second constant is zero."""
     sign = 1.0 if form[1] else np.sign(deflection)
     return np.asarray(-sign * np.abs(deflection) ** form[0])
 
 
-def _filtered(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
-    """Pass a signal through a linear system that was in equilibrium.
+def _pass_through(time: Array, signal: Array, system: tuple[list[float], list[float]]) -> Array:
+    """Pass a signal through a linear system that starts in equilibrium.
 
-    Between samples the signal is a spline: a straight line would be half a step late to what
-    follows its slope.
+    The signal is interpolated by a spline: linear interpolation would delay its slope by half a
+    step.
     """
     even = np.linspace(time[0], time[-1], _SUBSTEPS * len(time))
     numerator, denominator = (np.array(part, np.float64) for part in system)
@@ -378,12 +380,12 @@ def _filtered(time: Array, signal: Array, system: tuple[list[float], list[float]
 
 
 def _soft_mount(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
-    """Force that a damper in series with a spring lacks, per damping rate, for c/k in s."""
-    return velocity - _filtered(time, velocity, ([1.0], [form[0], 1.0]))
+    """Deficit of the force of a damper in series with a spring, per damping rate; c/k in s."""
+    return velocity - _pass_through(time, velocity, ([1.0], [form[0], 1.0]))
 
 
-def _play(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
-    """Force that a damper with play lacks, per damping rate: its end waits until it is taken up."""
+def _force_with_play(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Deficit of the force of a damper with play, per damping rate: no force within the play."""
     gap, end = form[0], float(deflection[0])
     transmitted = np.zeros_like(velocity)
     for k in range(len(deflection)):
@@ -403,10 +405,10 @@ def _hysteresis(form: Form, time: Array, deflection: Array, velocity: Array) -> 
 
 
 def _oscillator(time: Array, base: Array, frequency: float, damping_ratio: float) -> Array:
-    """Force of a unit mass on a spring and damper, by the acceleration of its base."""
+    """Force of a unit mass on a spring and damper, due to the acceleration of its base."""
     w = 2.0 * np.pi * frequency
-    # beyond a mass fixed to the base, −a, which belongs to the car's own mass
-    return _filtered(time, base, ([1.0, 0.0, 0.0], [1.0, 2.0 * damping_ratio * w, w**2]))
+    # relative to a mass fixed to the base, −a, which belongs to the car's own mass
+    return _pass_through(time, base, ([1.0, 0.0, 0.0], [1.0, 2.0 * damping_ratio * w, w**2]))
 
 
 def _distortions(
@@ -414,9 +416,9 @@ def _distortions(
 ) -> Iterator[tuple[str, tuple[Form, ...], bool, Distortion]]:
     """Yield name, forms and law of the distortions of one channel.
 
-    An output's reading is distorted as its sensor distorts it.  What an input's sensor has read is
-    turned back: the inverse of a series is a series in the reading, and that of a resonance with
-    little damping, a share of the reading's second derivative.
+    An output is distorted as its sensor does it.  For an input, the inverse is applied to the
+    reading: the inverse of a power series is a power series of the reading, and that of a resonance
+    with little damping is a share of the reading's second derivative.
     """
     accelerometer = channel.quantity == "acceleration"
     if accelerometer:
@@ -449,12 +451,12 @@ def _power(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> A
 
 
 def _displaced(form: Form, motion: PredictedMotion, time: Array, signal: Array) -> Array:
-    """Return how a reading differs from the acceleration of another place of the body."""
-    there = motion.body[:, int(form[0])]
-    return np.asarray(signal - np.interp(time, motion.instants, there))
+    """Return the difference of a reading from the acceleration at another place of the body."""
+    acceleration = motion.body[:, int(form[0])]
+    return np.asarray(signal - np.interp(time, motion.instants, acceleration))
 
 
-def _distorted(
+def _channel_fault(
     channel: Channel,
     distortion: Distortion,
     recording: PreparedRecording,
@@ -462,7 +464,7 @@ def _distorted(
     form: Form,
 ) -> UnlistedFault:
     """Distortion of one channel of a run."""
-    perturbation, instants = _nothing(recording), recording.instants
+    perturbation, instants = _no_perturbation(recording), recording.instants
     if channel not in recording.channels:
         return UnlistedFault(perturbation, np.zeros(len(instants)), np.zeros(len(instants)), 0.0)
     c = recording.channels.index(channel)

@@ -1,11 +1,11 @@
-"""How well faults that are not in the list explain the residuals of a model.
+"""Scores and evidence of faults that are not in the list.
 
-There are three kinds: faults of known direction; a free force at an axle, as short pulses that
-follow each other through every run, whose amplitude is integrated out over a few sizes, so that the
-number of pulses costs what it should; and time stamps that jitter.
+There are three kinds: faults with a known direction; a free force at an axle, as a succession of
+short pulses through every run, whose amplitudes are integrated out for a few prior sizes, so that
+their number is penalised; and jitter of time stamps.
 
-A model that allows any force finds only what is large.  A test along the direction of a known fault
-(:mod:`.unlisted_fault_models`) finds a hundredth of it.
+A free force is detected only if it is large.  A test along the direction of a known fault
+(:mod:`.unlisted_fault_models`) detects a hundredth of it.
 """
 
 from __future__ import annotations
@@ -56,16 +56,16 @@ __all__ = [
 Array = NDArray[np.float64]
 
 Part = Literal["damper", "spring"]
-"""What of a suspension a free law is of."""
+"""Part of a suspension that has a free law."""
 PARTS: tuple[Part, ...] = ("damper", "spring")
 
-_LAGS = ("hysteresis", "a damper in a soft mount")  # faults by which force lags velocity
+_LAGS = ("hysteresis", "a damper in a soft mount")  # faults in which the force lags the velocity
 
 
 def unlisted_fault_sensitivities(
     model: DenoisedModel, terms: Sequence[FaultTerm], motions: Sequence[PredictedMotion]
 ) -> tuple[Array, Array]:
-    """Sensitivities (K, N) along unlisted faults, and the factors (K,) that their size has there.
+    """Sensitivities (K, N) along unlisted faults of unit size, and those sizes (K,).
 
     Parameters
     ----------
@@ -87,30 +87,30 @@ def unlisted_fault_sensitivities(
             for run, fault in enumerate(faults)
         }
         changed = model.concatenate(responses)
-        # a fault whose simulation diverges has no score
+        # a fault whose simulation diverges gets no score
         return changed if np.all(np.isfinite(changed)) else np.zeros_like(changed), factor
 
     with shared_work(model.filters[0].posterior) as shared:
         assert shared.pool is not None
-        found = list(shared.pool.map(sensitivity, terms))
-    return np.array([one for one, _ in found]), np.array([factor for _, factor in found])
+        results = list(shared.pool.map(sensitivity, terms))
+    return np.array([one for one, _ in results]), np.array([factor for _, factor in results])
 
 
-# Share of the jitter's gain that counts against one named effect: a variance that varies covers
-# what several effects would have to share.
+# Share of the gain by jitter that is compared with one named effect: a variable variance also
+# includes the gains of several effects.
 _JITTER_SHARE = 0.5
-_PULSE_SPACING = 0.04  # s
-_PULSE_FORCE = 0.01  # of an element's load
-_AMPLITUDES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # prior standard deviations, in pulse forces
+_PULSE_SPACING = 0.04  # time between pulses, s
+_PULSE_FORCE = 0.01  # unit force of a pulse, as a share of an element's static load
+_AMPLITUDES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # prior standard deviations, in unit forces
 
 
 class UnlistedFaultScores(NamedTuple):
-    """Scores of K unlisted faults next to a model.
+    """Scores of K unlisted faults beside a model.
 
     Parameters
     ----------
     gradient : (K,) array
-        Gradient of the log-likelihood along each, nuisance directions projected out.
+        Gradient of the log-likelihood along each, with nuisance directions projected out.
     information : (K, K) array
         Its covariance under the model.
     sensitivities : (K, N) array
@@ -126,20 +126,22 @@ class UnlistedFaultScores(NamedTuple):
 
     @property
     def descriptions(self) -> tuple[str, ...]:
-        """What each fault is, and where."""
+        """Descriptions of the faults."""
         return tuple(term.description for term in self.terms)
 
     @property
     def raw_information(self) -> Array:
-        """Information (K,) before nuisance directions were projected out."""
+        """Information (K,) before the projection of nuisance directions."""
         return np.asarray(np.sum(self.sensitivities**2, axis=1))
 
     @property
     def gains(self) -> Array:
-        """Log-likelihood (K,) that each gains at its most probable size, nats."""
-        own = np.diag(self.information)
-        informative = own > MIN_INFORMATION_SHARE * self.raw_information
-        return np.where(informative, 0.5 * self.gradient**2 / np.maximum(own, 1e-30), 0.0)
+        """Gain of log-likelihood (K,) by each at its most probable size, nats."""
+        own_information = np.diag(self.information)
+        informative = own_information > MIN_INFORMATION_SHARE * self.raw_information
+        return np.where(
+            informative, 0.5 * self.gradient**2 / np.maximum(own_information, 1e-30), 0.0
+        )
 
 
 class UnlistedExplanation(NamedTuple):
@@ -150,7 +152,7 @@ class UnlistedExplanation(NamedTuple):
     log_evidence : float
         Log evidence of the model with it.
     description : str
-        What it is.
+        Its description.
     """
 
     log_evidence: float
@@ -160,14 +162,14 @@ class UnlistedExplanation(NamedTuple):
 def unlisted_fault_scores(
     model: DenoisedModel, projection: NuisanceProjection
 ) -> UnlistedFaultScores:
-    """Score the unlisted faults of known direction.
+    """Score the unlisted faults with known directions.
 
     Parameters
     ----------
     model : DenoisedModel
         The model at its mode.
     projection : NuisanceProjection
-        What it can reproduce.
+        Projection of changes that it can reproduce.
     """
     motions = predicted_motions(model.dataset, model.filters[0].posterior, model.model.mode.z)
     terms = fault_terms(model.dataset, rms_travel(motions))
@@ -182,7 +184,7 @@ def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) ->
     Parameters
     ----------
     model, projection
-        As :func:`unlisted_fault_scores` takes them.
+        As in :func:`unlisted_fault_scores`.
     """
     by_axle = {
         axle: _log_bayes_factor(*projection.project_out(pulse_sensitivities(model, axle)))
@@ -198,20 +200,20 @@ def free_law_evidence(
     scores: UnlistedFaultScores,
     part: Part,
 ) -> tuple[float, str]:
-    """Log Bayes factor (nats) of a free law against none, and the axle where it is largest.
+    """Log Bayes factor (nats) of a free law against none, and the axle at which it is largest.
 
-    To first order a damper law adds a force that is any piecewise linear function of the rate of
-    deflection, and the unlisted faults by which force lags velocity; a spring law adds a force that
-    is any piecewise linear function of deflection.
+    To first order, a damper law adds a force that is any piecewise linear function of the rate of
+    deflection, and the unlisted faults in which the force lags the velocity; a spring law adds a
+    force that is any piecewise linear function of deflection.
 
     Parameters
     ----------
     model, projection
-        As :func:`unlisted_fault_scores` takes them.
+        As in :func:`unlisted_fault_scores`.
     scores : UnlistedFaultScores
-        Of the same model.
+        Scores of the same model.
     part : {'damper', 'spring'}
-        Whose law.
+        Part that has the law.
     """
     posterior, z = model.filters[0].posterior, model.model.mode.z
     motions = predicted_motions(model.dataset, posterior, z)
@@ -219,23 +221,23 @@ def free_law_evidence(
     knots = DAMPER_KNOTS if part == "damper" else SPRING_KNOTS
     by_axle = {}
     for axle in car.axles:
-        own = [e for e, element in enumerate(car.elements) if element.axle == axle]
+        of_axle = [e for e, element in enumerate(car.elements) if element.axle == axle]
         if part == "damper":
-            driven = [motion.velocity[:, own].T for motion in motions]
-            names = [car.elements[e].damping for e in own]
+            driven = [motion.velocity[:, of_axle].T for motion in motions]
+            names = [car.elements[e].damping for e in of_axle]
         else:
-            driven = [motion.deflection[:, own].T for motion in motions]
-            names = [car.elements[e].spring for e in own]
+            driven = [motion.deflection[:, of_axle].T for motion in motions]
+            names = [car.elements[e].spring for e in of_axle]
         spread = float(np.std(np.concatenate(driven, axis=1)))
         size = UNIT_SHARE * spread * float(np.mean([values[name][0] for name in names]))
         hats = size * np.delete(np.eye(len(knots)), len(knots) // 2, axis=0)  # no force at rest
         changes = [[np.interp(x, knots, hat) for x in driven] for hat in hats]
-        along = _force_sensitivities(model, own, changes)
+        sensitivities = _force_sensitivities(model, of_axle, changes)
         if part == "damper":
-            places = {f"at the {car.elements[e].words}" for e in own}
+            places = {f"at the {car.elements[e].words}" for e in of_axle}
             lags = [t.kind.name in _LAGS and t.kind.place in places for t in scores.terms]
-            along = np.concatenate([along, scores.sensitivities[lags]])
-        by_axle[axle] = _log_bayes_factor(*projection.project_out(along))
+            sensitivities = np.concatenate([sensitivities, scores.sensitivities[lags]])
+        by_axle[axle] = _log_bayes_factor(*projection.project_out(sensitivities))
     axle = max(by_axle, key=lambda name: by_axle[name])
     return by_axle[axle], axle
 
@@ -243,7 +245,7 @@ def free_law_evidence(
 def _force_sensitivities(
     model: DenoisedModel, elements: list[int], changes: list[list[Array]]
 ) -> Array:
-    """Sensitivities (K, N) along forces (elements, E) of K kinds in every run."""
+    """Sensitivities (K, N) along K sets of forces, each with arrays (elements, E) by run."""
 
     def sensitivity(by_run: list[Array]) -> Array:
         responses = {}
@@ -265,9 +267,9 @@ def _force_sensitivities(
 def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
     """Sensitivities (K, N) along short force pulses at one axle, in succession through every run.
 
-    The elements of the axle share the force.  A pulse rises for as long as the next one takes to
-    begin, so that equal pulses add up to a constant force.  They are added to the model, a named
-    pulse in the same run included.
+    The elements of the axle share the force.  The rise time of a pulse equals their spacing, so
+    that equal pulses add up to a constant force.  They are added to the model, including any named
+    pulse in the same run.
     """
     size = _PULSE_FORCE * model.model.space.sizes.load
     shares = model.model.space.car.shares(axle)
@@ -298,10 +300,10 @@ def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
 def _log_bayes_factor(gradient: Array, information: Array) -> float:
     """Log Bayes factor of normal amplitudes against none, averaged over their prior sizes.
 
-    At a prior standard deviation s it is ½ Σ (s² u² / (1 + s² λ) − log(1 + s² λ)), with eigenvalues
-    λ of the information and u the gradient along its eigenvectors.
+    For a prior standard deviation s it is ½ Σ (s² u² / (1 + s² λ) − log(1 + s² λ)), with the
+    eigenvalues λ of the information and the gradient u along its eigenvectors.
     """
-    if not np.all(np.isfinite(information)):  # a pulse that makes the model diverge
+    if not np.all(np.isfinite(information)):  # a pulse that makes the simulation diverge
         return -math.inf
     eigenvalues, vectors = np.linalg.eigh(information)
     eigenvalues = np.maximum(eigenvalues, 0.0)
@@ -315,7 +317,7 @@ def _log_bayes_factor(gradient: Array, information: Array) -> float:
 
 
 def best_unlisted_explanation(dataset: Dataset, evidence: ModelEvidence) -> UnlistedExplanation:
-    """Find the unlisted explanation of most evidence next to a model, to first order.
+    """Find the unlisted explanation with the largest evidence beside a model, to first order.
 
     Parameters
     ----------
@@ -331,18 +333,18 @@ def best_unlisted_explanation(dataset: Dataset, evidence: ModelEvidence) -> Unli
 
 
 class FreeLaw(NamedTuple):
-    """A damper or spring law of any form next to a model, to first order.
+    """A free damper or spring law beside a model, to first order.
 
     Parameters
     ----------
     part : {'damper', 'spring'}
-        Whose law.
+        Part that has the law.
     axle : str
-        Where it gains most.
+        Axle at which it gains most.
     gain : float
-        Log evidence (nats) that it gains there.
+        Gain of log evidence at that axle, nats.
     best_gain : float
-        The same of the best unlisted explanation.
+        Gain of log evidence by the best unlisted explanation, nats.
     """
 
     part: Part
@@ -354,14 +356,14 @@ class FreeLaw(NamedTuple):
 def free_laws(
     dataset: Dataset, evidence: ModelEvidence, parts: Sequence[Part] = PARTS
 ) -> list[FreeLaw]:
-    """Compare free laws with the best unlisted explanation; the one that gains most comes first.
+    """Compare free laws with the best unlisted explanation; the largest gain comes first.
 
     Parameters
     ----------
     dataset, evidence
-        As :func:`best_unlisted_explanation` takes them.
+        As in :func:`best_unlisted_explanation`.
     parts : sequence of {'damper', 'spring'}
-        Whose laws.
+        Parts whose laws are compared.
     """
     denoised = denoised_model(dataset, evidence.model)
     projection = projection_with_tolerances(denoised.derivatives, evidence)

@@ -1,18 +1,18 @@
 """The discrepancy workflow: from recordings to the effects that the linear car lacks.
 
-1. Preflight, and a fit of the linear car with noise levels near the given ones; where it explains
-   too little, the input is checked for a channel that is not what it is taken for.
-2. An engine is recognised by its tones, which are removed; where they may belong to another fault,
-   only once that is named.
-3. One test over all candidate effects: is any missing?
+1. Data checks, and a fit of the linear car with noise levels near the declared ones.  If it
+   explains too little, the input is checked for a misread channel.
+2. An engine is recognised by its tones, which are removed.  If another fault may have caused them,
+   they are removed only after that fault is named.
+3. A score test over all candidate effects: is any missing?
 4. Forward selection: the most probable effect is added and everything is fitted again, until no
-   effect is missing; effects that turned out unnecessary are removed.
-5. Where something is left that no effect of the list explains, free laws of the dampers or springs
-   are tried in the place of the named effects.
-6. Validation on held-out recordings with everything frozen: an effect that makes the simulation
-   worse there is removed, and another is selected once.
-7. Misspecification tests on all recordings together: is anything left that is not in the list?
-   What is found joins the model without a name, where that makes the held-out error smaller.
+   effect is missing; effects that turn out to be unnecessary are removed.
+5. If the listed effects do not explain everything, free laws of the dampers or springs are tried in
+   their place.
+6. Validation on held-out recordings with all parameters fixed: an effect that makes the simulation
+   worse there is removed, and the selection is continued once.
+7. Misspecification tests on all recordings together: does anything remain that is not in the list?
+   If so, a regression on unlisted faults joins the model, provided that the held-out error falls.
 """
 
 from __future__ import annotations
@@ -74,14 +74,17 @@ from bayes_asv.preprocessing.run_preparation import prepare_runs
 
 __all__ = ["DiagnosisResult", "NamedEffect", "diagnose", "missing_effects"]
 
-# A car that lacks an effect has lines in its innovations as well, near its own frequencies or those
-# of a washboard, while an engine alone gives candidates little (docs/method.md): where the tones
-# hold less than ten times the energy that the best candidate explains, effects are named first.
+# Energy of the tones over the energy that the best candidate explains, below which effects are
+# selected before an engine is considered.  A missing effect also leaves lines in the innovations,
+# near the car's own frequencies or those of a washboard; an engine alone gives candidates low
+# scores (docs/method.md).
 _ENGINE_FIRST = 10.0
-_INEXACT_LAW = 0.03  # of that energy, which a named effect of nearly the right form leaves in lines
+# Share of the energy that an effect explained which it may leave in lines, being of nearly the
+# right form only; the tones of an engine must contain more.
+_INEXACT_LAW = 0.03
 # Wheel power of a recording's second half over that of its first, for the second to be held out.
 _MIN_EXCITATION = 0.3
-_MIN_ROWS = 200  # of a half that is held out
+_MIN_ROWS = 200  # least number of rows of a half that is held out
 
 
 def diagnose(
@@ -101,11 +104,11 @@ def diagnose(
     holdout : sequence of Recording
         Runs for the validation; without any, part of the others is held out.
     vehicle : Vehicle
-        As given.
+        Declared vehicle and sensors.
     seed : int
         Seed of all draws.
     progress : callable, optional
-        Called with the share of the work that is done, and what follows.
+        Called with the share of the work that is done, and a description of the next step.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
 
@@ -122,23 +125,27 @@ def diagnose(
     fit, reasons, warnings = prepare_runs(fit_runs, vehicle, car=car)
     if reasons:
         return DiagnosisResult("refused", reasons, warnings, (), vehicle, seed, car=car)
-    held, unusable, _ = (
+    holdout_prepared, unusable, _ = (
         prepare_runs(holdout_runs, vehicle, car=car) if holdout_runs else ((), (), ())
     )
     if unusable:
         notes.append("the held-out recordings cannot be used: " + "; ".join(unusable))
-        held = ()
-    fit, held = (
-        _synchronised(runs, prepared, vehicle, car)
-        for runs, prepared in ((fit_runs, fit), (holdout_runs, held))
+        holdout_prepared = ()
+    fit, holdout_prepared = (
+        _align_runs(runs, prepared, vehicle, car)
+        for runs, prepared in ((fit_runs, fit), (holdout_runs, holdout_prepared))
     )
     progress(0.05, f"fitting the linear {car} car")
     dataset = make_dataset(vehicle, fit)
-    given = Split(dataset, make_dataset(vehicle, held) if held else None, fit_linear_car(dataset))
-    misread = _misread_channel(given, fit_runs, vehicle, car)
-    if misread is not None:
-        return DiagnosisResult("refused", (misread,), warnings, (), vehicle, seed, car=car)
-    search = _search(given, held, seed, progress)
+    given = Split(
+        dataset,
+        make_dataset(vehicle, holdout_prepared) if holdout_prepared else None,
+        fit_linear_car(dataset),
+    )
+    misread_sentence = _misread_channel(given, fit_runs, vehicle, car)
+    if misread_sentence is not None:
+        return DiagnosisResult("refused", (misread_sentence,), warnings, (), vehicle, seed, car=car)
+    search = _search(given, holdout_prepared, seed, progress)
     localization = localize(search.without_tones.fit, search.without_tones.linear)
     validated = validate(
         search.selection, given, search.without_tones, search.engine, seed, progress
@@ -179,13 +186,15 @@ def diagnose(
     linear = given.linear
     before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
     final = assessed.on_inputs_as_read
-    spread = assessed.evidence
+    final_evidence = assessed.evidence
     if unexplained.detected:
         posteriors = [
             one._replace(covariance=one.covariance + model_error(one.model)) for one in posteriors
         ]
-        spread = replace(spread, covariance=spread.covariance + model_error(assessed.model))
-    dampers, rates = draw_dampers(final, spread, seed)
+        final_evidence = replace(
+            final_evidence, covariance=final_evidence.covariance + model_error(assessed.model)
+        )
+    dampers, rates = draw_dampers(final, final_evidence, seed)
     return DiagnosisResult(
         verdict=verdict,
         reasons=(),
@@ -203,14 +212,14 @@ def diagnose(
         unnamed=() if regression is None else regression.causes,
         errors=errors,
         training=fit,
-        holdout=search.held,
+        holdout=search.holdout_runs,
         base_model=search.without_tones.linear,
         final_model=final,
         quantities_before=draw_quantities([before], seed),
         quantities_after={**draw_quantities(posteriors, seed), **rates},
-        effect_draws=draw_effects(assessed.model, spread, seed),
+        effect_draws=draw_effects(assessed.model, final_evidence, seed),
         dampers=dampers,
-        springs=draw_springs(final, spread, seed),
+        springs=draw_springs(final, final_evidence, seed),
         seconds=time.perf_counter() - clock,
     )
 
@@ -218,92 +227,100 @@ def diagnose(
 def _misread_channel(
     given: Split, runs: Sequence[Recording], vehicle: Vehicle, car: str
 ) -> str | None:
-    """Say which channel is not what it is taken for, where the linear car explains too little.
+    """Describe a misread channel, if the linear car explains too little.
 
-    What an effect describes, such as a sensor that is late or out of calibration, is left to the
-    search.
+    Faults that an effect describes, such as a sensor lag or a wrong gain, are left to the search.
     """
     posterior, z = given.linear.posterior, given.linear.mode.z
-    short = [
+    findings = [
         explained_power_findings(recording, free_run(posterior, z, run))
         for run, recording in enumerate(given.fit.recordings)
     ]
-    if not any(reasons or warnings for reasons, warnings in short):
+    if not any(reasons or warnings for reasons, warnings in findings):
         return None
-    doubt = check_input(runs, vehicle, car)
-    likeliest = doubt.mistakes[:1] if doubt is not None else ()
-    return doubt.sentence if doubt is not None and any(m.misread for m in likeliest) else None
+    input_check = check_input(runs, vehicle, car)
+    likeliest = input_check.mistakes[:1] if input_check is not None else ()
+    return (
+        input_check.sentence
+        if input_check is not None and any(m.misread for m in likeliest)
+        else None
+    )
 
 
 class _Search(NamedTuple):
-    """Engine and effects that were found.
+    """Result of the search for an engine and for missing effects.
 
     Parameters
     ----------
     selection : Selection
         Selected effects, before the validation.
     engine : Engine or None
-        Whose tones were removed.
+        Engine whose tones were removed.
     without_tones : Split
-        Recordings without engine tones, and the linear car there.
-    held : tuple of PreparedRecording
+        Recordings without engine tones, and the linear car fitted to them.
+    holdout_runs : tuple of PreparedRecording
         The held-out recordings without engine tones.
     p_value : float
         Family-wise p-value of the linear car.
     effect_count : int
-        Number of effects, each at each place, that were selected from.
+        Number of candidate effects, counted once for each place.
     """
 
     selection: Selection
     engine: Engine | None
     without_tones: Split
-    held: tuple[PreparedRecording, ...]
+    holdout_runs: tuple[PreparedRecording, ...]
     p_value: float
     effect_count: int
 
 
 def _search(
-    given: Split, held: tuple[PreparedRecording, ...], seed: int, progress: Progress
+    given: Split, holdout_runs: tuple[PreparedRecording, ...], seed: int, progress: Progress
 ) -> _Search:
     """Search for an engine and for missing effects."""
     first = assess(given.fit, given.linear, seed)
     explained = _explained_energy(first)
-    dataset, linear, engine, held = remove_engine_tones(
-        given.fit, given.linear, held, fit_linear_car, fit_linear_car, _ENGINE_FIRST * explained
+    dataset, linear, engine, holdout_runs = remove_engine_tones(
+        given.fit,
+        given.linear,
+        holdout_runs,
+        fit_linear_car,
+        fit_linear_car,
+        _ENGINE_FIRST * explained,
     )
     if engine is not None:
         first = assess(dataset, linear, seed)
     start = start_selection(first, other_cause=engine is not None)
     selection = select_effects(start, seed, progress)
-    held_out = _held_out(given, held, engine)
+    held_out = _holdout_dataset(given, holdout_runs, engine)
     selection = with_free_laws(selection, first, held_out, seed, progress)
     if engine is None:
         # the missing effects may have hidden an engine
         assessed = selection.assessed
         explained = max(_explained_energy(assessed), _INEXACT_LAW * explained)
         fits = partial(refit, assessed.model), partial(refit_shared, assessed.model)
-        removed, model, engine, held = remove_engine_tones(
-            assessed.dataset, assessed.on_inputs_as_read, held, *fits, explained
+        removed, model, engine, holdout_runs = remove_engine_tones(
+            assessed.dataset, assessed.on_inputs_as_read, holdout_runs, *fits, explained
         )
         if engine is not None:
             dataset, linear = removed, fit_linear_car(removed)
-            again = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
-            selection = select_effects(again, seed, progress)
-    split = Split(dataset, _held_out(given, held, engine), linear)
-    return _Search(selection, engine, split, held, first.p_value, first.test.effect_count)
+            restarted = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
+            selection = select_effects(restarted, seed, progress)
+    split = Split(dataset, _holdout_dataset(given, holdout_runs, engine), linear)
+    return _Search(selection, engine, split, holdout_runs, first.p_value, first.test.effect_count)
 
 
-def _held_out(
-    given: Split, held: tuple[PreparedRecording, ...], engine: Engine | None
+def _holdout_dataset(
+    given: Split, holdout_runs: tuple[PreparedRecording, ...], engine: Engine | None
 ) -> Dataset | None:
-    """Held-out recordings, without the tones of an engine that was found."""
-    if engine is None or not held:
+    """Return the held-out recordings, without engine tones if there is an engine."""
+    if engine is None or not holdout_runs:
         return given.holdout
-    return make_dataset(given.fit.vehicle, held)
+    return make_dataset(given.fit.vehicle, holdout_runs)
 
 
 def _explained_energy(assessed: AssessedModel) -> float:
-    """Energy of innovations that the best candidate, or all tolerances, explain."""
+    """Energy of the innovations that the best candidate, or all tolerances together, explain."""
     test, by_scale = assessed.test, assessed.evidence.by_scale
     best = float(one_sided_squares(test.standardized_scores, test).max())
     return max(best, 2.0 * float(by_scale.max() - by_scale[0]))
@@ -316,15 +333,15 @@ def missing_effects(
     progress: Progress | None = None,
     car: str = "half",
 ) -> tuple[PlacedEffect, ...]:
-    """Effects that are more probable than not, for an estimate with them in the model."""
+    """Return the effects that are more probable than not, for an estimate that includes them."""
     diagnosis = diagnose(recordings, (), vehicle, seed, progress, car)
     return tuple(e.placed for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
 
 
-def _synchronised(
+def _align_runs(
     runs: Sequence[Recording], recordings: tuple[PreparedRecording, ...], vehicle: Vehicle, car: str
 ) -> tuple[PreparedRecording, ...]:
-    """Prepare runs again at the most probable errors of the clocks that are declared."""
+    """Prepare runs again with the most probable errors of declared clocks."""
     clocks = declared_clocks(runs, vehicle) if recordings else ()
     if not clocks:
         return recordings
@@ -336,21 +353,21 @@ def _synchronised(
 def _split(
     recordings: Sequence[Recording], holdout: Sequence[Recording], vehicle: Vehicle, car: str
 ) -> tuple[list[Recording], list[Recording], list[str]]:
-    """Choose the recordings that are fitted and held out, with notes on the choice."""
+    """Choose the recordings to fit and to hold out, with notes on the choice."""
     if holdout:
         return list(recordings), list(holdout), []
     if len(recordings) > 1:
         last = recordings[-1]
         return list(recordings[:-1]), [last], [f"{last.source} is held out for the validation"]
-    whole = recordings[0]
-    name = whole.source or "the recording"
-    middle = len(whole.time) // 2
+    recording = recordings[0]
+    name = recording.source or "the recording"
+    middle = len(recording.time) // 2
     first, second = (
-        replace(whole, time=whole.time[half], values=whole.values[:, half])
+        replace(recording, time=recording.time[half], values=recording.values[:, half])
         for half in (slice(0, middle), slice(middle, None))
     )
     elements = car_model(car, vehicle).elements
-    wheels = [whole.channels.index(f"{element.name}_wheel") for element in elements]
+    wheels = [recording.channels.index(f"{element.name}_wheel") for element in elements]
     power = [float(np.nanvar(half.values[wheels], axis=1).sum()) for half in (first, second)]
     usable = middle >= _MIN_ROWS and not any(
         prepare_runs([half], vehicle, car=car)[1] for half in (first, second)
@@ -358,7 +375,7 @@ def _split(
     if power[1] > _MIN_EXCITATION * power[0] and usable:
         return [first], [second], [f"the second half of {name} is held out for the validation"]
     return (
-        [whole],
+        [recording],
         [],
         [f"no part of {name} can be held out for the validation: give a second drive"],
     )
