@@ -1,1 +1,1 @@
-"""What a posterior says: predictive checks, consistency of runs, the uncertainty budget."""
+"""Analysis of a posterior: predictive checks, run consistency, uncertainty budget, input checks."""

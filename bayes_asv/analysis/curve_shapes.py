@@ -1,4 +1,4 @@
-"""Shape of a force curve in words: ratios of slopes and forces that hold for any curve."""
+"""Shape of a force curve: ratios of slopes and forces that are defined for any curve."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["SLOWEST", "CurveShape", "curve_shapes", "log_bend", "ratio"]
 Array = NDArray[np.float64]
 
 SLOWEST = 0.125
-"""Share of the range used whose piece of the curve stands for the neighbourhood of rest."""
+"""Share of the range used that counts as near rest."""
 
-_LEAST_RATIO = 1e-3  # that is stated: a slope of nothing at all is a thousandth
-_UNEQUAL = 1.1  # ratio of forces from which the sides are called unequal
+_LEAST_RATIO = 1e-3  # least ratio that is stated, for slopes that are zero or negative
+_UNEQUAL = 1.1  # ratio of forces above which the sides are called unequal
 
 
 class CurveShape(NamedTuple):
@@ -26,14 +26,14 @@ class CurveShape(NamedTuple):
     Parameters
     ----------
     name : str
-        What it says: ``unequal_sides``, or that it is flatter or steeper far from rest.
+        ``unequal_sides``, or the name of a curve that is flatter or steeper far from rest.
     side : {'compression', 'extension', 'both'}
-        Where it holds.
+        Side to which it applies.
     probability : float
         Posterior probability.
     ratio : (N,) array
-        Draws of what it rests on: slope far from rest over slope near rest (geometric mean of both
-        sides where it holds on both), or force in extension over force in compression.
+        Draws of the ratio on which it is based: slope far from rest over slope near rest (geometric
+        mean of both sides if it applies to both), or force in extension over force in compression.
     """
 
     name: str
@@ -43,7 +43,7 @@ class CurveShape(NamedTuple):
 
 
 def ratio(above: Array, below: Array) -> Array:
-    """Ratio of slopes or forces (N,), of which a draw may have one that is not positive."""
+    """Ratio of slopes or forces (N,); values that are not positive are replaced by small ones."""
     least = _LEAST_RATIO * np.maximum(np.abs(above), np.abs(below))
     least = np.maximum(least, np.finfo(float).tiny)
     return np.asarray(np.maximum(above, least) / np.maximum(below, least))
@@ -68,7 +68,7 @@ def log_bend(near: Array, half: Array, full: Array) -> Array:
 def curve_shapes(
     bends: Mapping[str, Array], sides: Array, names: tuple[str, str], bent: float
 ) -> tuple[CurveShape, ...]:
-    """State what is more probable than not of a curve.
+    """Make the statements about a curve that are more probable than not.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def curve_shapes(
     sides : (N,) array
         Force in extension over force in compression, :func:`ratio`.
     names : pair of str
-        What a curve is called that is flatter far from rest, and one that is steeper.
+        Names of a curve that is flatter far from rest, and of one that is steeper.
     bent : float
-        Ratio of slopes from which it is called so.
+        Ratio of slopes above which these names apply.
     """
     out = []
     for name, sign in zip(names, (-1.0, 1.0), strict=True):
@@ -89,9 +89,9 @@ def curve_shapes(
             both = np.exp(0.5 * sum(bends.values()))
             out.append(CurveShape(name, "both", everywhere, np.asarray(both)))
             continue
-        for side, true in holds.items():
-            if np.mean(true) > 0.5:
-                out.append(CurveShape(name, side, float(np.mean(true)), np.exp(bends[side])))
+        for side, in_draws in holds.items():
+            if np.mean(in_draws) > 0.5:
+                out.append(CurveShape(name, side, float(np.mean(in_draws)), np.exp(bends[side])))
     unequal = float(np.mean(np.abs(np.log(sides)) > math.log(_UNEQUAL)))
     if unequal > 0.5:
         out.append(CurveShape("unequal_sides", "both", unequal, sides))

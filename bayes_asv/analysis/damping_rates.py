@@ -1,15 +1,14 @@
 """Rates and shape of a damper whose force is not proportional to speed.
 
-Three numbers stand for its curve F(v): the slope at rest, the rate of the linear damper that
-takes the same power at the speeds driven, E[F v]/E[v²], and the force over the speed on either
-side at one speed, the root mean square of those driven.  Dry friction at the element is part of
-that power, as it is on a dynamometer: no motion tells that of the damper's seals from that of the
-joints.
+Its curve F(v) is summarised by three numbers: the slope at rest; the rate of the linear damper that
+dissipates the same power at the speeds driven, E[F v]/E[v²]; and force over speed on either side at
+the root-mean-square speed.  Dry friction at the element is part of that power, as it is on a
+dynamometer: no motion distinguishes the friction of the damper's seals from that of the joints.
 
-Its shape is described by ratios that hold for any curve, with the posterior probability of each
-statement.  On either side the mean slope over the upper half of the speeds driven is compared with
-that over their lowest eighth: less is digressive, more is progressive.  Force over speed in
-extension is compared with that in compression.
+Its shape is described by ratios that are defined for any curve, with the posterior probability of
+each statement.  On either side, the mean slope over the upper half of the speeds driven is compared
+with that over their lowest eighth: a smaller one is digressive, a larger one progressive.  Force
+over speed in extension is compared with that in compression.
 """
 
 from __future__ import annotations
@@ -33,12 +32,13 @@ __all__ = ["MAX_DRAWS", "DampingRates", "damping_rates", "with_equal_power"]
 Array = NDArray[np.float64]
 
 MAX_DRAWS = 2000
-"""Draws of which rates are worked out: intervals of 95 % to a twentieth of their width."""
+"""Largest number of draws for which rates are computed; their 95 % intervals are accurate to a
+twentieth of their width."""
 
-_AT_REST = 1e-4  # m/s, at which the slope at rest is taken
+_AT_REST = 1e-4  # speed at which the slope at rest is computed, m/s
 _FASTEST = 0.95  # quantile of the speeds driven up to which the shape is described
-_BENT = 1.25  # ratio of slopes from which a curve is called bent
-_POINTS = 41  # of a curve over the range driven
+_BENT = 1.25  # ratio of slopes above which a curve is digressive or progressive
+_POINTS = 41  # number of points of a curve over the range driven
 
 
 @dataclass(frozen=True)
@@ -52,15 +52,16 @@ class DampingRates:
     parameter : str
         Name of its damping rate.
     over_rate : (N,) array
-        Its rate of equal power over that parameter.
+        Its equal-power rate over that parameter.
     free_form : bool
-        It has no single rate to hold against a nominal one.
+        Whether it has a free curve, and thus no single rate to compare with a nominal one.
     speed : float
         Root mean square of the rates of deflection that were driven, m/s.
     at_rest : (N,) array
         Slope of the curve at rest.
     equal_power : (N,) array
-        Rate of the linear damper that takes the same power at the speeds driven, friction included.
+        Rate of the linear damper that dissipates the same power at the speeds driven, including
+        friction.
     compression, extension : (N,) arrays
         Force over speed at ``speed`` on either side.
     shapes : tuple of CurveShape
@@ -68,7 +69,7 @@ class DampingRates:
     velocity : (P,) array
         Rates of deflection over the range driven, m/s.
     force : (N, P) array
-        Force at these, N, positive where it resists extension.
+        Force at these rates, N, positive if it resists extension.
     """
 
     element: str
@@ -93,35 +94,35 @@ class DampingRates:
 def damping_rates(
     posterior: Posterior, mode: Array, z: Array, draws: Mapping[str, Array]
 ) -> tuple[DampingRates, ...]:
-    """Rates of every damper that has a law of its own.
+    """Compute the rates of every damper with a nonlinear law.
 
     Parameters
     ----------
     posterior : Posterior
-        With effects.
+        Posterior of a model with effects.
     mode : (D,) array
-        Coordinates at which the speeds driven are worked out.
+        Coordinates for which the speeds driven are computed.
     z : (N, D) array
         Draws of the posterior; :data:`MAX_DRAWS` of them are used.
     draws : mapping of str to (N,) array
-        The same of the car's quantities, SI units.
+        Corresponding draws of the car's quantities, SI units.
     """
     space = posterior.space
     laws = [s for s in space.placed_effects if s.effect.on_damper]
     if not laws:
         return ()
     runs = range(len(space.recordings))
-    driven = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
-    used = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
+    states = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
+    picked = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
     rubbing = [s for s in space.placed_effects if s.effect.dissipative]
-    tables = np.stack([_table(posterior, laws, one) for one in z[used]])
-    friction = np.stack([_table(posterior, rubbing, one) for one in z[used]])
+    tables = np.stack([_table(posterior, laws, one) for one in z[picked]])
+    friction = np.stack([_table(posterior, rubbing, one) for one in z[picked]])
     out = []
     for e, element in enumerate(space.car.elements):
-        own = [placed for placed in laws if e in placed.elements(space.car)]
-        if not own:
+        laws_of_element = [placed for placed in laws if e in placed.elements(space.car)]
+        if not laws_of_element:
             continue
-        rates = [run[:, 2 * e + 1] for run in driven]
+        rates = [run[:, 2 * e + 1] for run in states]
         square = sum(float(np.sum(rate**2)) for rate in rates)
         speed = math.sqrt(square / sum(map(len, rates)))
         fastest = float(np.quantile(np.abs(np.concatenate(rates)), _FASTEST))
@@ -129,12 +130,12 @@ def damping_rates(
         ends = min(map(np.min, rates)), max(map(np.max, rates))
         shown = np.linspace(*ends, _POINTS)
         grid = np.concatenate([-side, side, shown])
-        c = draws[element.damping].ravel()[used]
-        curve = np.zeros((len(used), len(grid)))
+        c = draws[element.damping].ravel()[picked]
+        curve = np.zeros((len(picked), len(grid)))
         for n, (one, table) in enumerate(zip(c, tables, strict=True)):
             zero = np.zeros_like(grid)
             curve[n] = one * grid - excess_many(table, e, one, 0.0, zero, grid, zero, 1.0)[:, 0]
-        power = np.zeros(len(used))
+        power = np.zeros(len(picked))
         for rate, recording in zip(rates, space.recordings, strict=True):
             power += damper_force_history(tables, e, c, rate, recording.measurements.step) @ rate
             power -= _added_forces(friction, e, rate) @ rate
@@ -144,7 +145,7 @@ def damping_rates(
                 element.name,
                 element.damping,
                 power / square / c,
-                any(placed.effect.free_form for placed in own),
+                any(placed.effect.free_form for placed in laws_of_element),
                 speed,
                 (extension[:, 0] + compression[:, 0]) / (2.0 * _AT_REST),
                 power / square,
@@ -161,17 +162,17 @@ def damping_rates(
 def with_equal_power(
     draws: Mapping[str, Array], dampers: Sequence[DampingRates]
 ) -> dict[str, Array]:
-    """Return draws in which the rate of a damper with a free curve is that of equal power.
+    """Return draws in which the rate of a damper with a free curve is its equal-power rate.
 
-    Such a curve has no rate of its own: the one that it is a multiple of belongs to speeds that
-    were not driven.  Its damping ratio is changed alike.
+    The parameter of such a curve is only a scale factor, which corresponds to speeds that were not
+    driven.  Its damping ratio is changed in the same way.
 
     Parameters
     ----------
     draws : mapping of str to array
-        Draws that ``dampers`` were worked out from, of any shape.
+        Draws from which ``dampers`` were computed, of any shape.
     dampers : sequence of DampingRates
-        Of as many draws.
+        Rates of the dampers for the same draws.
     """
     out = dict(draws)
     for damper in dampers:
@@ -188,7 +189,7 @@ def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
     Parameters
     ----------
     compression, extension : (N, 5) arrays
-        Draws of the force on either side at the speeds that :func:`damping_rates` takes.
+        Draws of the force on either side at the speeds chosen in :func:`damping_rates`.
     """
     bends = {
         side: log_bend(force[:, 2], force[:, 3], force[:, 4])
@@ -200,14 +201,14 @@ def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
 
 def _added_forces(tables: Array, element: int, rate: Array) -> Array:
     """Return the forces (N, T) that laws add to those of springs and dampers, N."""
-    nothing = np.zeros_like(rate)
+    zero = np.zeros_like(rate)
     if not np.any(tables[:, :, 0] == element):
         return np.zeros((len(tables), len(rate)))
-    forces = (excess_many(t, element, 0.0, 0.0, nothing, rate, nothing, 1.0)[:, 0] for t in tables)
+    forces = (excess_many(t, element, 0.0, 0.0, zero, rate, zero, 1.0)[:, 0] for t in tables)
     return np.stack(list(forces))
 
 
 def _table(posterior: Posterior, laws: list[PlacedEffect], z: Array) -> Array:
-    """Return the table of these laws alone, as they are at the start of a run."""
+    """Return the table of these laws only, as they are at the start of a run."""
     values = posterior.space.effects(z)
     return law_table(posterior.space.car, {placed: values[placed] for placed in laws}, 0)

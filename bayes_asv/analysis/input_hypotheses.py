@@ -1,4 +1,4 @@
-"""Mistakes that an input may have: what may have gone wrong, and how to undo it."""
+"""Hypotheses about mistakes in an input, and the corrections that undo them."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ __all__ = [
     "CORRECT", "REPORTED", "Hypothesis", "Mistake", "hypotheses", "hypotheses_of_recording",
 ]  # fmt: skip
 
-REPORTED = 0.05  # probability from which on a mistake is reported
+REPORTED = 0.05  # probability above which a mistake is reported
 Corrected = tuple[Recording, Vehicle]
 
-_NAMED_FACTOR = 0.03  # how well a factor of units matches, as a standard deviation of its logarithm
-_FAR_GAIN = math.log(1.5)  # beyond which a sensor is not out of calibration, but another one
+_NAMED_FACTOR = 0.03  # standard deviation of the logarithm of a factor between units
+_FAR_GAIN = math.log(1.5)  # log gain above which a sensor is another one, not out of calibration
 _DEAD = 0.05  # gain below which a sensor is called dead
-_NOTHING = 1e-3  # gain of a sensor that shows nothing but noise
-# Width of a size's posterior over that of its prior, as a logarithm: a size of unknown value is
-# measured to a few hundredths of the range in which it may lie.
+_NOTHING = 1e-3  # gain of a sensor whose readings are only noise
+# Occam factor of an unknown size, as a logarithm: its posterior width over its prior width, since
+# the data determine it to a few hundredths of its range.
 _OCCAM = -4.0
 _N_PER_MM = si_factor("N/mm", "stiffness") / si_factor("lbf/in", "stiffness")
 _LBF_S_PER_IN = si_factor("lbf*s/in", "damping")
@@ -63,19 +63,21 @@ _INERTIA_FACTORS = {
     for given_name, given in _INERTIA_UNITS.items()
     if true != given
 }
-# Rates at which loggers run, Hz.  A wrong rate looks like springs and dampers that are wrong by a
-# factor; but it is a rate that somebody took for another one.
+# Common rates of loggers, Hz.  A wrong rate is equivalent to springs and dampers that are wrong by
+# a factor, but it is one of these rates.
 _RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 800.0, 1000.0, 1600.0, 2000.0)
-_RARE = -3.0  # logarithm of how much rarer it is than other mistakes: a logger stamps its rows
-_FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # ratios of rates
-# Where the search for a size begins; between them the fit finds its way.
+# Log prior odds of a wrong rate against other mistakes: rarer, since loggers stamp their rows.
+_RARE = -3.0
+_FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # largest and smallest ratio of rates that is considered
+# Starting values of searches for a size.
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
 _LAGS = (0.005, 0.02)  # s
-_SLOPES = (0.15, 0.8)  # m/s³
-_SHARES = (-0.15, 0.1, 0.3)  # of the way from one axle to the other
-_TIME_CONSTANTS = (0.005, 0.02)  # s, of filters of 32 and 8 Hz
-_FREE = 1.0  # deviation of the logarithm of a given value whose factor is looked for
-_APART = 0.4  # the same of values that have a factor in common, and each one of its own
+_SLOPES = (0.15, 0.8)  # drifts, m/s³
+_SHARES = (-0.15, 0.1, 0.3)  # offsets of a body sensor, shares of the wheelbase
+_TIME_CONSTANTS = (0.005, 0.02)  # time constants of filters, s: corners of 32 and 8 Hz
+_FREE = 1.0  # prior sd of the logarithm of a given value whose factor is estimated
+# Prior sd of the logarithms of values about their common factor, if each has one of its own.
+_APART = 0.4
 
 
 @dataclass(frozen=True)
@@ -85,13 +87,13 @@ class Mistake:
     Parameters
     ----------
     words : str
-        What is probably wrong.
+        Description of the mistake.
     fix : str
         What to do, in one line.
     probability : float
-        Given that the input has a mistake of the list or none.
+        Its probability, given that the input has either one of the listed mistakes or none.
     misread : bool
-        Whether a channel is not what it is taken for.
+        Whether a channel is not what its name says.
     """
 
     words: str
@@ -102,30 +104,31 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What may be wrong, and how to undo it.
+    """A hypothesis about a mistake, and the correction that undoes it.
 
     Parameters
     ----------
     words : callable
-        From the size of the mistake to words and fix.
+        Function of the size of the mistake that returns its description and fix.
     undo : callable
-        From recording, vehicle and size to those without the mistake.
+        Function of recording, vehicle and size that returns the corrected recording and vehicle.
     sizes : tuple of float
-        Where the search for the size begins; empty for a mistake without one.
+        Starting values of the search for the size; empty for a mistake without a size.
     density : callable
-        From the size to the logarithm of its prior probability.
+        Function of the size that returns its log prior density.
     exact : bool
-        It has one of its sizes, or that which a fit finds, and none between them.
+        Whether only these sizes, and the one that a fit finds, are possible.
     stretch : callable
-        From the size to the logarithms of the factors by which undoing it stretches the readings
-        of channels, by name.
+        Function of the size that returns, by channel, the logarithm of the factor by which the
+        correction multiplies readings (for the Jacobian of the likelihood).
     freed : callable or None
-        From a vehicle to one in which the value that may be wrong is hardly known, so that a fit
-        finds it.
+        Function of a vehicle that returns one with a wide prior of the value that may be wrong, so
+        that a fit estimates it.
     size_of : callable or None
-        From the vehicle and the car's parameters that such a fit found to the size.
+        Function of the vehicle and of the car's parameters in such a fit that returns the size.
     misread : callable
-        Whether a channel is then not what it is taken for, as no effect of car or sensor describes.
+        Function of the size: whether a channel is then not what its name says, which no effect of
+        car or sensor describes.
     """
 
     words: Callable[[float], tuple[str, str]]
@@ -143,7 +146,7 @@ CORRECT = Hypothesis(lambda size: ("", ""), lambda recording, vehicle, size: (re
 
 
 def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
-    """Yield the mistakes that an input with these channels and given values may have."""
+    """Yield hypotheses about an input with these channels and given values."""
     yield from hypotheses_of_recording(recording, vehicle, car)
     yield from _of_given_values(vehicle, car)
 
@@ -151,7 +154,7 @@ def hypotheses(recording: Recording, vehicle: Vehicle, car: CarModel) -> Iterato
 def hypotheses_of_recording(
     recording: Recording, vehicle: Vehicle, car: CarModel
 ) -> Iterator[Hypothesis]:
-    """Yield those of them that one recording may have and others of the same car not."""
+    """Yield hypotheses about mistakes that may differ between recordings of one car."""
     channels = [vehicle.channel(name) for name in recording.channels]
     channels = [channel for channel in channels if car.has_channel(channel)]
     yield from _of_columns(channels)
@@ -160,7 +163,7 @@ def hypotheses_of_recording(
 
 
 def _of_columns(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
-    """Columns that were exchanged."""
+    """Exchanged columns."""
     names = {channel.name: channel for channel in channels}
     for one, other in combinations(channels, 2):
         if one.quantity == other.quantity:
@@ -177,7 +180,7 @@ def _of_columns(channels: Sequence[Channel]) -> Iterator[Hypothesis]:
 
 def _exchange(pairs: Sequence[tuple[str, str]]) -> Hypothesis:
     partner = dict(pairs) | {b: a for a, b in pairs}
-    text = ", and ".join(f"{_words(a)} and {_words(b)}" for a, b in pairs)
+    text = ", and ".join(f"{_label(a)} and {_label(b)}" for a, b in pairs)
 
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
         order = [recording.channels.index(partner.get(name, name)) for name in recording.channels]
@@ -192,7 +195,7 @@ def _exchange(pairs: Sequence[tuple[str, str]]) -> Hypothesis:
 
 
 def _of_readings(channels: Sequence[Channel], step: float) -> Iterator[Hypothesis]:
-    """Signs, gains, lags, filters and places of channels that are read every ``step`` seconds."""
+    """Signs, gains, lags, filters and places of channels; ``step`` is the sampling step, s."""
     outputs = tuple(channel.name for channel in channels if not channel.is_input)
     inputs = tuple(channel.name for channel in channels if channel.is_input)
     axles = [tuple(c.name for c in channels if c.axle == axle) for axle in ("front", "rear")]
@@ -211,23 +214,23 @@ def _of_readings(channels: Sequence[Channel], step: float) -> Iterator[Hypothesi
     for names in [*alone, *([outputs] if len(outputs) > 1 else [])]:
         yield _inverted(names)
         yield _gain(names, inputs if names == outputs else ())
-        yield _late(names)
-    for names in axles:  # of one logger; a gain of both its sensors is another car
+        yield _delayed(names)
+    for names in axles:  # an axle may have a logger of its own; a common gain is another car
         if 1 < len(names) < len(channels):
-            yield _late(names)
+            yield _delayed(names)
 
 
 def _inverted(names: tuple[str, ...]) -> Hypothesis:
     fix = "change the sign of the column, or of counts_scale in the vehicle file"
     return Hypothesis(
-        lambda size: (f"{_are(names)} upside down", fix),
+        lambda size: (f"{_are_words(names)} upside down", fix),
         lambda recording, vehicle, size: _scaled(recording, vehicle, names, -1.0),
         misread=lambda size: True,
     )
 
 
 def _gain(names: tuple[str, ...], others: tuple[str, ...] = ()) -> Hypothesis:
-    """Return that channels have another gain, which the data cannot tell from one of the others."""
+    """Wrong gain of channels, which is equivalent to the inverse gain of ``others``."""
 
     def words(size: float) -> tuple[str, str]:
         if size < math.log(_DEAD):
@@ -253,17 +256,17 @@ def _gain(names: tuple[str, ...], others: tuple[str, ...] = ()) -> Hypothesis:
 
 
 def _dead_words(names: tuple[str, ...]) -> tuple[str, str]:
-    return f"{_are(names)} dead or loose", "check sensor, wiring and mount"
+    return f"{_are_words(names)} dead or loose", "check sensor, wiring and mount"
 
 
 def _with_sensor(vehicle: Vehicle, name: str, **changes: float) -> Vehicle:
-    """Change a sensor whose readings were changed, so that its range is no longer known."""
+    """Change a sensor whose readings were corrected; its range is then unknown."""
     sensor = replace(vehicle.sensor(name), low=-math.inf, high=math.inf, **changes)
     return replace(vehicle, sensors={**vehicle.sensors, name: sensor})
 
 
 def _dead(name: str) -> Hypothesis:
-    """Return that a channel shows nothing but noise, as large as its readings are."""
+    """Dead sensor: a channel whose readings are only noise."""
     size = math.log(_NOTHING)
 
     def undo(recording: Recording, vehicle: Vehicle, _: float) -> Corrected:
@@ -283,10 +286,10 @@ def _dead(name: str) -> Hypothesis:
     )
 
 
-def _late(names: tuple[str, ...]) -> Hypothesis:
+def _delayed(names: tuple[str, ...]) -> Hypothesis:
     return Hypothesis(
         lambda size: (
-            f"{_are(names)} {abs(size) * 1e3:.1f} ms {'late' if size > 0.0 else 'early'}",
+            f"{_are_words(names)} {abs(size) * 1e3:.1f} ms {'late' if size > 0.0 else 'early'}",
             f"give the delay of the sensor in the vehicle file, {-size:.4f} s more than now, or "
             "have it estimated: [clocks] in the vehicle file",
         ),
@@ -296,7 +299,7 @@ def _late(names: tuple[str, ...]) -> Hypothesis:
 
 
 def _si(recording: Recording, vehicle: Vehicle, name: str) -> float | None:
-    """Return what one in a channel's column is in m/s²; None where the vehicle does not say."""
+    """Return the unit of a channel's column in m/s²; None if the vehicle does not declare it."""
     unit = recording.units[recording.channels.index(name)]
     if unit == COUNTS:
         return vehicle.sensor(name).counts_scale
@@ -304,22 +307,22 @@ def _si(recording: Recording, vehicle: Vehicle, name: str) -> float | None:
 
 
 def _misplaced(name: str, other: str) -> Hypothesis:
-    """Return that a sensor of the body is a share of the wheelbase away from its axle."""
+    """Body sensor that is a share of the wheelbase away from its axle."""
 
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
-        own, there = _si(recording, vehicle, name), _si(recording, vehicle, other)
-        if own is None or there is None:
+        unit, other_unit = _si(recording, vehicle, name), _si(recording, vehicle, other)
+        if unit is None or other_unit is None:
             return recording, vehicle
         c, d = recording.channels.index(name), recording.channels.index(other)
         values = recording.values.copy()
-        values[c] -= size * there / own * values[d]
+        values[c] -= size * other_unit / unit * values[d]
         moved = replace(recording, values=values)
         return _scaled(moved, vehicle, [name], 1.0 / (1.0 - size))
 
     def words(size: float) -> tuple[str, str]:
         where = "towards the middle of the car" if size > 0.0 else "away from the middle of the car"
         return (
-            f"the {_words(name)} sensor is mounted off its axle by {100 * abs(size):.0f} % of the "
+            f"the {_label(name)} sensor is mounted off its axle by {100 * abs(size):.0f} % of the "
             f"wheelbase, {where}",
             "mount it above the axle",
         )
@@ -331,7 +334,7 @@ def _misplaced(name: str, other: str) -> Hypothesis:
 
 
 def _filtered(name: str, step: float, order: int) -> Hypothesis:
-    """Return that there is a low-pass filter that is not declared, Butterworth's of order 1 or 2.
+    """Undeclared low-pass filter: a Butterworth filter of order 1 or 2.
 
     The size is 1/ω of its corner, s.  It is undone by the recursion that has its poles.
     """
@@ -345,17 +348,17 @@ def _filtered(name: str, step: float, order: int) -> Hypothesis:
 
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
         c = recording.channels.index(name)
-        values, kept = recording.values.copy(), recursion(size)
-        for lag, weight in enumerate(kept, start=1):
+        values, weights = recording.values.copy(), recursion(size)
+        for lag, weight in enumerate(weights, start=1):
             values[c, lag:] -= weight * recording.values[c, :-lag]
-        values[c, len(kept) :] /= 1.0 - sum(kept)
-        values[c, : len(kept)] = recording.values[c, : len(kept)]
+        values[c, len(weights) :] /= 1.0 - sum(weights)
+        values[c, : len(weights)] = recording.values[c, : len(weights)]
         return replace(recording, values=values), _with_sensor(vehicle, name)
 
     def words(size: float) -> tuple[str, str]:
         corner = 1.0 / (2.0 * math.pi * max(size, step))
         return (
-            f"{_words(name)} is low-pass filtered at some {corner:.0f} Hz",
+            f"{_label(name)} is low-pass filtered at some {corner:.0f} Hz",
             "switch the filter off, or give the bandwidth of the sensor in the vehicle file",
         )
 
@@ -377,7 +380,7 @@ def _drifting(name: str) -> Hypothesis:
 
     return Hypothesis(
         lambda size: (
-            f"the zero of {_words(name)} drifts by {size:.2g} m/s² per second",
+            f"the zero of {_label(name)} drifts by {size:.2g} m/s² per second",
             "check the supply, the temperature and the mount of the sensor",
         ),
         undo,
@@ -388,7 +391,7 @@ def _drifting(name: str) -> Hypothesis:
 def _scaled(
     recording: Recording, vehicle: Vehicle, names: Sequence[str], factor: float
 ) -> Corrected:
-    """Multiply readings of some channels, and noise and range of their sensors, by a factor."""
+    """Multiply the readings of channels, and noise and range of their sensors, by a factor."""
     values = recording.values.copy()
     sensors = dict(vehicle.sensors)
     for name in names:
@@ -412,12 +415,12 @@ def _scaled(
 def _shifted(
     recording: Recording, vehicle: Vehicle, names: Sequence[str], seconds: float
 ) -> Corrected:
-    """Add to the delays of some channels."""
+    """Increase the delays of channels."""
     declared = timing(recording).delay
     added = []
     for name in names:
-        own = declared[recording.channels.index(name)]
-        delay = vehicle.sensor(name).delay if own is None else own
+        declared_delay = declared[recording.channels.index(name)]
+        delay = vehicle.sensor(name).delay if declared_delay is None else declared_delay
         added.append((f"delay {name}", f"{delay + seconds:.9f} s"))
     return replace(recording, metadata=(*recording.metadata, *added)), vehicle
 
@@ -426,15 +429,15 @@ def _of_given_values(vehicle: Vehicle, car: CarModel) -> Iterator[Hypothesis]:
     """Given values that are wrong by a factor."""
     springs = tuple(dict.fromkeys(element.spring for element in car.elements))
     given = [p.name for p in car.parameters if p.kind == "given" and hasattr(vehicle, p.name)]
-    own = [name for name in springs if name in given]
-    if len(own) > 1:
-        yield _factor("the spring rates of all axles", own, _SPRING_FACTORS, _SPRING_FIX)
+    given_springs = [name for name in springs if name in given]
+    if len(given_springs) > 1:
+        yield _factor("the spring rates of all axles", given_springs, _SPRING_FACTORS, _SPRING_FIX)
         yield _factor(
-            "the spring rates of all axles, each by a factor of its own,", own, {},
+            "the spring rates of all axles, each by a factor of its own,", given_springs, {},
             f"make sure that the vehicle file is that of this car; {_SPRING_FIX}",
             apart=_APART,
         )  # fmt: skip
-    for name in own:
+    for name in given_springs:
         axle = next(e.axle for e in car.elements if e.spring == name)
         yield _factor(f"the {axle} spring rate", [name], _SPRING_FACTORS, _SPRING_FIX)
     dampers = list(dict.fromkeys(element.damping for element in car.elements))
@@ -484,10 +487,10 @@ def _factor(
     free: bool = True,
     apart: float | None = None,
 ) -> Hypothesis:
-    """Return that given values are too large by one factor.
+    """Given values that are wrong by a common factor.
 
-    Named factors are likelier than others, which there are where it is ``free``.  ``apart`` is the
-    deviation of the logarithm of each value about the factor that they have in common.
+    Named factors are more probable than others, which are possible only if ``free``.  ``apart`` is
+    the standard deviation of the logarithm of each value about the common factor.
     """
 
     def undo(recording: Recording, vehicle: Vehicle, size: float) -> Corrected:
@@ -524,7 +527,7 @@ def _factor(
 def _with_factor(
     vehicle: Vehicle, names: Iterable[str], factor: float, deviation: float | None = None
 ) -> Vehicle:
-    """Multiply values by a factor; their deviations too, unless a relative one is given."""
+    """Multiply values and their standard deviations by a factor, or set a relative deviation."""
     changed = {}
     for name in names:
         old: Given | Nominal = getattr(vehicle, name)
@@ -547,8 +550,8 @@ _MASS_FIX = (
 
 
 def _of_time(recording: Recording, car: CarModel) -> Iterator[Hypothesis]:
-    own = nominal_rate(recording)
-    factors = [own / rate for rate in _RATES]  # by which time runs too fast
+    recorded_rate = nominal_rate(recording)
+    factors = [recorded_rate / rate for rate in _RATES]  # factors by which time runs too fast
     sizes = [math.log(f) for f in factors if 1.0 / _FARTHEST_RATE < f < _FARTHEST_RATE]
     sizes = [size for size in sizes if abs(size) > math.log(_SAME_RATE)]
     if not sizes:
@@ -556,7 +559,7 @@ def _of_time(recording: Recording, car: CarModel) -> Iterator[Hypothesis]:
     yield Hypothesis(
         lambda size: (
             f"time runs {_times(math.exp(-size))} as fast as it should: the sampling rate is "
-            f"wrong, {own * math.exp(-size):.0f} Hz would fit",
+            f"wrong, {recorded_rate * math.exp(-size):.0f} Hz would fit",
             "check the rate and the unit of the time column",
         ),
         lambda r, v, size: (r, _at_another_rate(car, v, size)),
@@ -567,10 +570,10 @@ def _of_time(recording: Recording, car: CarModel) -> Iterator[Hypothesis]:
 
 
 def _at_another_rate(car: CarModel, vehicle: Vehicle, size: float) -> Vehicle:
-    """Return the vehicle as it looks in the time of a recording that has to be stretched.
+    """Return the vehicle that is equivalent to another sampling rate of the recording.
 
-    With true time t′ = f t a spring rate k looks like k f² and a damping rate c like c f.  So the
-    rows stay as they are: an inexact model of the noise from row to row must not speak for a rate.
+    With the true time t′ = f t, a spring rate k appears as k f² and a damping rate c as c f.  Thus
+    the rows do not change, and the choice of a rate does not depend on the noise model.
     """
     springs = {e.spring for e in car.elements if hasattr(vehicle, e.spring)}
     dampers = {e.damping for e in car.elements if hasattr(vehicle, e.damping)}
@@ -578,20 +581,20 @@ def _at_another_rate(car: CarModel, vehicle: Vehicle, size: float) -> Vehicle:
     return _with_factor(stiffer, dampers, math.exp(size))
 
 
-def _words(name: str) -> str:
+def _label(name: str) -> str:
     return name.replace("_", " ")
 
 
 def _and(names: Sequence[str]) -> str:
-    return " and ".join(map(_words, names))
+    return " and ".join(map(_label, names))
 
 
-def _are(names: Sequence[str]) -> str:
+def _are_words(names: Sequence[str]) -> str:
     return f"{_and(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 def _times(factor: float) -> str:
-    """Put a factor in words."""
+    """Format a factor."""
     if factor >= 10.0:
         return f"{factor:.0f} times"
     return f"{factor:.2f} times" if factor >= 0.1 else f"{factor:.2g} times"

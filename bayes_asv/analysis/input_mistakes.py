@@ -1,20 +1,20 @@
-"""Mistakes in the input as hypotheses: exchanged columns, wrong units, lags, signs, values.
+"""Comparison of mistakes in the input: exchanged columns, wrong units, lags, signs, values.
 
-Each hypothesis says what a person or a logger may have got wrong, and how to undo it.  All are
-fitted to the same rows: the stretch of the recording in which the wheels move most.  Each may
-multiply the deviations of all noise by the factor that it needs, at least one; so a mistake has to
-explain more than noise of unknown size does.  With the log posterior ℓ at the mode, a hypothesis
-with prior probability π has the weight
+Each hypothesis describes a mistake of a person or a logger, and the correction that undoes it.  All
+are fitted to the same rows: the stretch of the recording in which the wheels move most.  Each may
+multiply all noise levels by a factor of at least one, so that a mistake has to explain more than a
+larger noise level would.  With the log posterior ℓ at the mode, a hypothesis with prior probability
+π has the weight
 
     π exp(ℓ / φ)
 
 φ ≥ 1 is the long-run variance of the best hypothesis's normalised innovations, over the square of
-its noise factor.  It is one where the innovations are white; what is left makes φ large and all
-comparisons cautious (a quasi-likelihood; McCullagh & Nelder 1989, ch. 9).
+its noise factor.  It is one if the innovations are white; autocorrelated residuals make φ large and
+all comparisons cautious (a quasi-likelihood; McCullagh & Nelder 1989, ch. 9).
 
-Front and rear exchanged make a mirrored car, which leaves little trace in the likelihood; but the
-front wheels meet the road first.  Mistakes in nominal values leave none, see
-:mod:`.input_hypotheses`.
+If front and rear are exchanged, the car is mirrored, which hardly changes the likelihood; but the
+front wheels meet the road first.  Mistakes in nominal values do not change it, see
+:mod:`.nominal_values`.
 """
 
 from __future__ import annotations
@@ -65,34 +65,35 @@ __all__ = [
 Array = NDArray[np.float64]
 Corrected = tuple[Recording, Vehicle]
 
-_SECONDS = 2.5  # of the most lively stretch: five periods of the slowest mode
-_PRIOR = 0.1  # probability that an input has one of the mistakes, shared equally by them
-_REFINED = 6  # hypotheses with a size that are refined, the best ones
-_TOLD = 3  # mistakes in a sentence
-_RUNS = 3  # recordings that are looked at
-_MOVED = 3.0  # deviations: once in 370 right inputs for each given value
-_NEARLY_HOLDS = 30.0  # dispersion up to which a mistake explains enough to be named
-_ERROR_OF_RATES = 0.5 * math.log(2.0)  # of a model that does not hold: a factor of two is rare
+_SECONDS = 2.5  # length of the most active stretch, s: five periods of the slowest mode
+_PRIOR = 0.1  # prior probability of a mistake in the input, shared equally by all hypotheses
+_REFINED = 6  # number of the best hypotheses whose size is refined
+_MAX_NAMED = 3  # largest number of mistakes in a message
+_RUNS = 3  # largest number of recordings that are checked
+# Shift of a given value, in prior sd, that contradicts it; its false-alarm rate is 1 in 370.
+_CONTRADICTED = 3.0
+_MAX_DISPERSION = 30.0  # dispersion above which a hypothesis explains too little to be named
+# Standard deviation of the log error of rates if the model does not hold: a factor of 2 is rare.
+_ERROR_OF_RATES = 0.5 * math.log(2.0)
 _BACKWARDS = -8.0  # log prior odds of a drive in which the rear wheels lead
-_ALIKE = 0.6  # correlation of front and rear wheels from which on their order means something
-_AHEAD = 0.2  # by which it has to be larger than with the other order
+_ALIKE = 0.6  # correlation of front and rear wheels above which their order is significant
+_AHEAD = 0.2  # difference of that correlation between the two orders that is significant
 
 
 @dataclass(frozen=True)
 class InputCheck:
-    """Why no verdict on a damper may rest on an estimate.
+    """Result of the input check: why an estimate supports no verdict on a damper.
 
     Parameters
     ----------
     mistakes : tuple of Mistake
-        Mistakes in the input that explain the recordings, the likeliest first; empty where none
-        does.
+        Mistakes in the input that explain the recordings, the most probable first.
     sentence : str
-        What is probably wrong and what to do.
+        Message: what is probably wrong, and what to do.
     model_holds : bool
-        Whether the car as given explains the recordings down to the noise of the sensors.
+        Whether the car as given explains the recordings to within the noise of the sensors.
     about : {'input', 'model'}
-        Whether the sentence speaks of an input or of the model.
+        Whether the message is about the input or about the model.
     """
 
     mistakes: tuple[Mistake, ...]
@@ -104,12 +105,12 @@ class InputCheck:
 def check_input(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", refused: bool = False
 ) -> InputCheck | None:
-    """Check the input of an estimate and look for a mistake where something is wrong.
+    """Check the input of an estimate, and search for a mistake if something is wrong.
 
-    Something is wrong where a channel holds its value or another one's, where the data move a given
-    value by more than `_MOVED` of its deviations, where the rear wheels lead, where the innovations
-    have a long-run variance that noise as declared cannot explain, or where the fitted car is none
-    that anybody builds.
+    Something is wrong if a channel is stuck or repeats another one, if the data move a given value
+    by more than :data:`_CONTRADICTED` prior standard deviations, if the rear wheels lead, if the
+    long-run variance of the innovations exceeds that of the declared noise, or if the fitted car is
+    implausible.
 
     Parameters
     ----------
@@ -120,25 +121,25 @@ def check_input(
 
     Returns
     -------
-    Doubt or None
-        None where nothing speaks against the estimate.
+    InputCheck or None
+        None if nothing argues against the estimate.
     """
     model = car_model(car, vehicle)
     recordings = recordings[:_RUNS]
-    stuck = [why for one in recordings for why in stuck_channels(one, vehicle, model)]
+    stuck = [sentence for one in recordings for sentence in stuck_channels(one, vehicle, model)]
     if stuck:
-        parts = [why.partition("; ") for why in stuck]
+        parts = [sentence.partition("; ") for sentence in stuck]
         known = [Mistake(what, fix, 1.0, misread=True) for what, _, fix in parts]
         return InputCheck(tuple(known), "; ".join(stuck))
-    fit = _screened(_most_active(recordings, recordings, vehicle), vehicle, car)
-    moved = [] if fit is None else _moved(fit)
+    fit = _fit_or_none(_most_active(recordings, recordings, vehicle), vehicle, car)
+    contradicted = [] if fit is None else _contradicted_values(fit)
     holds = fit is not None and fit.holds
     if fit is not None and holds:
         holds = all(holds_throughout(fit, one, vehicle, car, _SECONDS) for one in recordings)
     mistakes: list[Mistake] = []
-    if moved or not holds or rear_leads(recordings):
+    if contradicted or not holds or rear_leads(recordings):
         mistakes = likely_mistakes(recordings, vehicle, car)
-        mistakes = mistakes or _of_one_recording(recordings, vehicle, car)
+        mistakes = mistakes or _mistakes_of_one_recording(recordings, vehicle, car)
     if not mistakes and fit is not None and not refused:
         mistakes = implausible_values(model, fit.values)
         error = 0.0 if holds else _ERROR_OF_RATES
@@ -146,16 +147,16 @@ def check_input(
     if mistakes:
         return InputCheck(tuple(mistakes), _sentence(mistakes), holds)
     if refused:
-        return None  # a refusal has reasons of its own
-    # White noise leaves the long-run variance small, so that a fit holds nevertheless.
-    noisy = [why for one in recordings for why in noisy_channels(one, vehicle, model)]
+        return None  # a refusal states its own reasons
+    # additional white noise keeps the long-run variance small, so that the fit passes
+    noisy = [sentence for one in recordings for sentence in noisy_channels(one, vehicle, model)]
     if noisy:
         return InputCheck((), "; ".join(noisy), holds)
-    if holds and not moved:
+    if holds and not contradicted:
         return None
-    if moved:
+    if contradicted:
         assert fit is not None
-        return InputCheck((), _contradiction(moved, fit.values, vehicle), holds)
+        return InputCheck((), _contradiction(contradicted, fit.values, vehicle), holds)
     return InputCheck(
         (),
         "the linear car does not explain the recording down to the noise of the sensors; run "
@@ -165,28 +166,30 @@ def check_input(
     )
 
 
-def _moved(fit: ScreeningFit) -> list[str]:
-    """Name the given values that a fit moves by more than is likely."""
-    return [name for name, deviations in fit.moved.items() if abs(deviations) > _MOVED]
+def _contradicted_values(fit: ScreeningFit) -> list[str]:
+    """Name the given values that a fit contradicts."""
+    return [name for name, deviations in fit.moved.items() if abs(deviations) > _CONTRADICTED]
 
 
-def _of_one_recording(recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> list[Mistake]:
-    """Find a mistake of a recording that does not agree with the input, while another one does.
+def _mistakes_of_one_recording(
+    recordings: Sequence[Recording], vehicle: Vehicle, car: str
+) -> list[Mistake]:
+    """Find a mistake in one recording that contradicts the input while another one does not.
 
-    If none agrees, the cause is common to all: a given value, or what the model lacks.
+    If all of them do, the cause is common: a given value, or a deficiency of the model.
     """
     if len(recordings) == 1:
         return []
-    fits = [_screened(_most_active([one], [one], vehicle), vehicle, car) for one in recordings]
-    odd = [fit is None or not fit.holds or bool(_moved(fit)) for fit in fits]
+    fits = [_fit_or_none(_most_active([one], [one], vehicle), vehicle, car) for one in recordings]
+    odd = [fit is None or not fit.holds or bool(_contradicted_values(fit)) for fit in fits]
     if all(odd):
         return []
     for one in (recording for recording, other in zip(recordings, odd, strict=True) if other):
-        every = list(hypotheses_of_recording(one, vehicle, car_model(car, vehicle)))
-        found = _likeliest(every, [one], vehicle, car)
-        if found:
+        candidates = list(hypotheses_of_recording(one, vehicle, car_model(car, vehicle)))
+        mistakes = _likeliest(candidates, [one], vehicle, car)
+        if mistakes:
             source = Path(one.source).name
-            return [replace(m, words=f"in {source} {m.words}") for m in found]
+            return [replace(m, words=f"in {source} {m.words}") for m in mistakes]
     return []
 
 
@@ -212,7 +215,7 @@ def _sentence(mistakes: Sequence[Mistake]) -> str:
     text = (
         f"the input is probably wrong: {first.words} (probability {100 * first.probability:.0f} %)"
     )
-    for other in others[: _TOLD - 1]:
+    for other in others[: _MAX_NAMED - 1]:
         text += f", or {other.words} ({100 * other.probability:.0f} %)"
     return f"{text}; {first.fix}"
 
@@ -223,7 +226,7 @@ def likely_mistakes(
     car: str = "half",
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Mistake]:
-    """Find mistakes that explain recordings better than the input as it stands.
+    """Find mistakes that explain recordings better than the input as given.
 
     Parameters
     ----------
@@ -239,10 +242,11 @@ def likely_mistakes(
     Returns
     -------
     list of Mistake
-        Those of more than 5 %, the likeliest first; empty where no mistake is likelier than all.
+        Mistakes with a probability above 5 %, the most probable first; empty if *no mistake* has
+        more than half of the probability.
     """
-    every = list(hypotheses(recordings[0], vehicle, car_model(car, vehicle)))
-    return _likeliest(every, recordings, vehicle, car, progress)
+    candidates = list(hypotheses(recordings[0], vehicle, car_model(car, vehicle)))
+    return _likeliest(candidates, recordings, vehicle, car, progress)
 
 
 def _likeliest(
@@ -252,26 +256,28 @@ def _likeliest(
     car: str,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Mistake]:
-    """Hold hypotheses against recordings; return the likeliest mistakes, unless there is none."""
-    every = [CORRECT, *others]
-    share = math.log(_PRIOR / (len(every) - 1))
-    # One recording sorts out most of the mistakes; what is left is held against all of them.
-    liveliest = [max(recordings, key=lambda one: float(np.mean(wheel_power(one, vehicle))))]
-    sorted_out: list[_Tried] = []
-    for k, hypothesis in enumerate(every):
-        sizes = _sizes(hypothesis, liveliest, vehicle, car)
-        each = [_evaluate(hypothesis, size, liveliest, vehicle, car) for size in sizes]
-        sorted_out.append(max(each, key=lambda one: one.log_posterior + one.log_prior))
-        progress((k + 1) / (len(every) + _REFINED))
-    sorted_out.sort(key=lambda one: -one.log_posterior)
-    for k, one in enumerate(sorted_out[:_REFINED]):
-        sorted_out[k] = _refined(one, liveliest, vehicle, car)
-    left = sorted_out[: 2 * _REFINED]
-    left += [one for one in sorted_out[2 * _REFINED :] if one.hypothesis is CORRECT]
-    tried = [_evaluate(one.hypothesis, one.size, recordings, vehicle, car, STEPS) for one in left]
-    tried = [one for one in tried if one.dispersion < _NEARLY_HOLDS]
+    """Compare hypotheses; return the most probable mistakes, or none if the input is right."""
+    all_hypotheses = [CORRECT, *others]
+    share = math.log(_PRIOR / (len(all_hypotheses) - 1))
+    # one recording rules out most hypotheses; the others are compared on all recordings
+    most_active = [max(recordings, key=lambda one: float(np.mean(wheel_power(one, vehicle))))]
+    ranked_coarsely: list[_Tried] = []
+    for k, hypothesis in enumerate(all_hypotheses):
+        sizes = _sizes(hypothesis, most_active, vehicle, car)
+        each = [_evaluate(hypothesis, size, most_active, vehicle, car) for size in sizes]
+        ranked_coarsely.append(max(each, key=lambda one: one.log_posterior + one.log_prior))
+        progress((k + 1) / (len(all_hypotheses) + _REFINED))
+    ranked_coarsely.sort(key=lambda one: -one.log_posterior)
+    for k, one in enumerate(ranked_coarsely[:_REFINED]):
+        ranked_coarsely[k] = _refine_size(one, most_active, vehicle, car)
+    remaining = ranked_coarsely[: 2 * _REFINED]
+    remaining += [one for one in ranked_coarsely[2 * _REFINED :] if one.hypothesis is CORRECT]
+    tried = [
+        _evaluate(one.hypothesis, one.size, recordings, vehicle, car, STEPS) for one in remaining
+    ]
+    tried = [one for one in tried if one.dispersion < _MAX_DISPERSION]
     if not tried:
-        return []  # whatever is wrong is not in the list
+        return []  # whatever is wrong, it is not in the list
     likeliest = max(tried, key=lambda one: one.log_posterior)
     dispersion = max(1.0, likeliest.dispersion / likeliest.noise_factor**2)
     logs = np.array(
@@ -299,11 +305,11 @@ def _likeliest(
 def _sizes(
     hypothesis: Hypothesis, recordings: Sequence[Recording], vehicle: Vehicle, car: str
 ) -> Sequence[float]:
-    """Sizes that a mistake may have: where a search begins, and what a fit finds."""
+    """List the sizes of a mistake that are tried: starting values, and the estimate of a fit."""
     sizes = hypothesis.sizes
     if hypothesis.freed is not None and hypothesis.size_of is not None:
         parts = _most_active(recordings, recordings, vehicle)
-        fit = _screened(parts, hypothesis.freed(vehicle), car)
+        fit = _fit_or_none(parts, hypothesis.freed(vehicle), car)
         if fit is not None:
             sizes = (*sizes, hypothesis.size_of(vehicle, fit.values))
     return sizes or (0.0,)
@@ -312,18 +318,18 @@ def _sizes(
 def _most_active(
     recordings: Sequence[Recording], given: Sequence[Recording], vehicle: Vehicle
 ) -> list[Recording]:
-    """Cut recordings to the rows in which the wheels move most, according to those as given.
+    """Cut recordings to the rows in which the wheels move most in the recordings as given.
 
-    Every hypothesis so has the same rows to explain.
+    Thus every hypothesis is fitted to the same rows.
     """
     rows = [most_active_rows(one, vehicle, _SECONDS) for one in given]
     return [cut(one, own) for one, own in zip(recordings, rows, strict=True)]
 
 
-def _screened(
+def _fit_or_none(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str, steps: int = STEPS
 ) -> ScreeningFit | None:
-    """Fit quickly; None where an input cannot be fitted at all."""
+    """Compute a screening fit; None if the input cannot be fitted."""
     try:
         return screening_fit(recordings, vehicle, car, steps)
     except InputError:
@@ -347,27 +353,29 @@ def _evaluate(
     car: str,
     steps: int = COARSE_STEPS,
 ) -> _Tried:
-    """Fit with one mistake undone; minus infinity where that leaves nothing to fit."""
-    undone = [hypothesis.undo(recording, vehicle, size) for recording in recordings]
-    whole = [recording for recording, _ in undone]
-    inputs = _most_active(whole, recordings, vehicle)
-    fit = _screened(inputs, undone[0][1], car, steps)
+    """Fit with one mistake undone; the log posterior is −∞ if that cannot be fitted."""
+    corrections = [hypothesis.undo(recording, vehicle, size) for recording in recordings]
+    corrected = [recording for recording, _ in corrections]
+    inputs = _most_active(corrected, recordings, vehicle)
+    fit = _fit_or_none(inputs, corrections[0][1], car, steps)
     if fit is None:
         return _Tried(hypothesis, size, -math.inf, 0.0, math.inf, 1.0)
     volume = sum(
         log * np.count_nonzero(np.isfinite(recording.values[recording.channels.index(name)]))
         for recording in inputs
         for name, log in hypothesis.stretch(size).items()
-        if not vehicle.channel(name).is_input  # on which the likelihood is conditioned
+        if not vehicle.channel(name).is_input  # the likelihood is conditional on inputs
     )
-    prior = hypothesis.density(size) + (_BACKWARDS if rear_leads(whole) else 0.0)
+    prior = hypothesis.density(size) + (_BACKWARDS if rear_leads(corrected) else 0.0)
     return _Tried(
         hypothesis, size, fit.log_posterior + volume, prior, fit.dispersion, fit.noise_factor
     )
 
 
-def _refined(one: _Tried, recordings: Sequence[Recording], vehicle: Vehicle, car: str) -> _Tried:
-    """Search the size of a mistake between the neighbours of its best starting value."""
+def _refine_size(
+    one: _Tried, recordings: Sequence[Recording], vehicle: Vehicle, car: str
+) -> _Tried:
+    """Optimise the size of a mistake between the neighbours of its best starting value."""
     sizes = sorted({*one.hypothesis.sizes, 0.0})
     if one.hypothesis.exact or len(sizes) == 1 or not math.isfinite(one.log_posterior):
         return one
@@ -379,18 +387,18 @@ def _refined(one: _Tried, recordings: Sequence[Recording], vehicle: Vehicle, car
         other = _evaluate(one.hypothesis, float(size), recordings, vehicle, car)
         return -max(other.log_posterior + other.log_prior, -1e300)
 
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         loss, bounds=(low, high), method="bounded", options={"xatol": 5e-3 * (high - low)}
     )
-    better = _evaluate(one.hypothesis, float(found.x), recordings, vehicle, car)
-    return max(one, better, key=lambda other: other.log_posterior + other.log_prior)
+    refined = _evaluate(one.hypothesis, float(optimum.x), recordings, vehicle, car)
+    return max(one, refined, key=lambda other: other.log_posterior + other.log_prior)
 
 
 def rear_leads(recordings: Sequence[Recording]) -> bool:
     """Whether the rear wheels meet the road before the front ones.
 
-    The signals of both hubs are correlated at all shifts up to half the recording; the order
-    counts where they are alike and clearly less so the other way round.
+    The signals of both hubs are correlated for all shifts up to half the recording.  Their order is
+    significant if they are similar in one order and clearly less so in the other.
     """
     evidence = 0
     for recording in recordings:

@@ -1,18 +1,18 @@
-"""Nominal values that are mistaken, and fitted cars that nobody builds.
+"""Mistakes in nominal values, and implausible estimates.
 
-Mistakes in nominal values leave no trace in the likelihood; they are judged by their size.  A
-damper that wears loses damping, each for itself, and seldom more than half of it.  A wrong unit,
-one side for both, or a rate at the damper instead of at the wheel moves all dampers by the same
-factor, or one by a factor of units.  With ρ the logarithms of estimated over nominal damping the
-hypotheses are::
+Mistakes in nominal values hardly affect the likelihood; they are recognised by their size.  Dampers
+wear independently, and seldom lose more than half of their damping.  A wrong unit, the rate of one
+side instead of both, or a rate at the damper instead of at the wheel changes all dampers by the
+same factor, or one of them by a factor between units.  With ρ the logarithms of estimated over
+nominal damping, the hypotheses are::
 
     no mistake   ρ_e as stated, normal with a deviation of 0.1, or worn or set otherwise, split
                  normal with 0.35 downward and 0.2 upward, each with a probability of one half
-    mistake      ρ_e + s_e as without one, where s_e undoes the mistake at element e
+    mistake      ρ_e + s_e as without a mistake, where s_e undoes it at element e
 
-Nominal damping has a mistake with a probability of one tenth.
+Nominal damping has a mistake with a prior probability of one tenth.
 
-A pitch inertia is judged by the dynamic index i/(m l_f l_r), which lies near one for all cars.
+A pitch inertia is checked by the dynamic index i/(m l_f l_r), which is near one for all cars.
 """
 
 from __future__ import annotations
@@ -34,34 +34,35 @@ __all__ = ["NominalDamping", "implausible_values", "nominal_damping", "nominal_m
 
 Array = NDArray[np.float64]
 
-# Deviations of ln(estimated/nominal): half of all dampers are as stated within a tolerance, the
-# others are worn or set stiffer.
+# Standard deviations of ln(estimated/nominal): half of all dampers are as stated within a
+# tolerance, the others are worn or set stiffer.
 _TOLERANCE, _WORN, _STIFFER = 0.1, 0.35, 0.2
-_AS_STATED = 0.5
-_PRIOR = 0.1  # that nominal damping has a mistake; all kinds are equally likely
-_UNITS = (  # the larger unit over the smaller one
+_AS_STATED = 0.5  # prior probability that a damper is as stated
+_PRIOR = 0.1  # prior probability of a mistake in nominal damping; all kinds are equally likely
+_UNITS = (  # ratio of two units, the larger one and the smaller one
     (12.0, "lbf·s/in", "lbf·s/ft"),
     (si_factor("lbf*s/in", "damping"), "lbf·s/in", "N·s/m"),
     (si_factor("lbf*s/ft", "damping"), "lbf·s/ft", "N·s/m"),
     (1e3, "N·s/mm", "N·s/m"),
 )
-_MOTION_RATIOS = np.linspace(0.35, 0.9, 45)
+_MOTION_RATIOS = np.linspace(0.35, 0.9, 45)  # motion ratios that are considered
 _INDEX_RANGE = (0.3, 2.5)
-"""Dynamic index beyond which something is wrong; that of cars is near one (Gillespie 1992,
-Fundamentals of Vehicle Dynamics, ch. 5)."""
+"""Range of the dynamic index; that of cars is near one (Gillespie 1992, Fundamentals of Vehicle
+Dynamics, ch. 5)."""
 
 _RATIOS = (0.01, 3.0)
-"""Damping ratios of an axle between which all cars are.  Passenger cars have 0.2 to 0.4 and racing
-cars up to one (Dixon 2007, The Shock Absorber Handbook, ch. 3); a damper without oil leaves the
-friction of its bushes, and the rate of a racing damper at low speed is up to three times its mean.
+"""Range of the damping ratio of an axle.  Passenger cars have 0.2 to 0.4 and racing cars up to one
+(Dixon 2007, The Shock Absorber Handbook, ch. 3); without oil in the damper the friction of its
+bushes remains, and the rate of a racing damper at low speed is up to three times its mean.
 """
 _RIDE_FREQUENCIES = (0.4, 12.0)
-"""Hz: half of the softest and nearly twice the stiffest car, which runs on its tyres (Milliken &
-Milliken 1995, Race Car Vehicle Dynamics, ch. 16)."""
+"""Range of the ride frequency, Hz: from half that of the softest car to nearly twice that of the
+stiffest, whose springs are its tyres (Milliken & Milliken 1995, Race Car Vehicle Dynamics, ch. 16).
+"""
 
 
 def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mistake]:
-    """Say where a fitted car is none that anybody builds.
+    """List implausible values of a fitted car.
 
     Parameters
     ----------
@@ -73,8 +74,8 @@ def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mista
     Returns
     -------
     list of Mistake
-        One an element whose damping ratio c/(2√(k m)) or natural frequency √(k/m)/2π, with m the
-        sprung mass that it bears, is outside the range of all cars.
+        One for each element whose damping ratio c/(2√(k m)) or natural frequency √(k/m)/2π, with m
+        the sprung mass that it supports, is outside the range of real cars.
     """
     if car.derived is None:
         return []
@@ -110,16 +111,16 @@ def implausible_values(car: CarModel, values: Mapping[str, float]) -> list[Mista
 
 @dataclass(frozen=True)
 class NominalDamping:
-    """Whether nominal damping is mistaken, as far as estimated rates tell.
+    """Possible mistakes in nominal damping, given the estimated rates.
 
     Parameters
     ----------
     mistakes : tuple of Mistake
-        Those that are not improbable, the likeliest first.
+        Mistakes that are probable enough to be reported, the most probable first.
     probability : float
-        That there is any mistake.
+        Probability of any mistake.
     names : frozenset of str
-        Damping rates and the damping ratios that go with them.
+        Damping rates and the corresponding damping ratios.
     """
 
     mistakes: tuple[Mistake, ...]
@@ -127,17 +128,17 @@ class NominalDamping:
     names: frozenset[str]
 
     def probability_below(self, name: str, p: float) -> float:
-        """Return the probability that a quantity is below what is nominal, mistaken or not.
+        """Return the probability that a quantity is below nominal, allowing for a mistake.
 
-        Where the nominal value is mistaken, the estimate says nothing about wear.
+        If the nominal value is mistaken, the estimate gives no information about wear.
 
         Parameters
         ----------
         name : str
-            Of the quantity.
+            Name of the quantity.
         p : float
-            Probability that it is below nominal as given; returned as it is where no mistake is
-            probable enough to be reported, or the quantity has nothing to do with damping.
+            Probability that it is below the given nominal value.  It is returned unchanged if no
+            mistake is probable enough to be reported, or if the quantity is unrelated to damping.
         """
         if not self.mistakes or name not in self.names:
             return p
@@ -147,7 +148,7 @@ class NominalDamping:
 def nominal_mistakes(
     vehicle: Vehicle, car: CarModel, values: Mapping[str, float], error: float = 0.0
 ) -> list[Mistake]:
-    """Compare estimated values with nominal ones, and say where a mistake is likelier than wear.
+    """Compare estimated values with nominal ones; list mistakes that are more probable than wear.
 
     Parameters
     ----------
@@ -158,22 +159,22 @@ def nominal_mistakes(
     values : mapping of str to float
         Its parameters as estimated, SI units.
     error : float
-        Deviation of the logarithms of the estimated rates, beyond what wear makes of them.
+        Standard deviation of the error of the logarithms of the estimated rates.
 
     Returns
     -------
     list of Mistake
-        The likeliest where it is likelier than wear.
+        Mistakes in nominal damping, if any is more probable than wear, and in the pitch inertia.
     """
-    found = nominal_damping(car, values, error)
-    mistakes = list(found.mistakes) if found.probability > 0.5 else []
+    damping = nominal_damping(car, values, error)
+    mistakes = list(damping.mistakes) if damping.probability > 0.5 else []
     return mistakes + _inertia(vehicle, car, values)
 
 
 def nominal_damping(
     car: CarModel, values: Mapping[str, float], error: float = 0.0
 ) -> NominalDamping:
-    """Weigh mistakes in nominal damping against wear.
+    """Compute the probabilities of mistakes in nominal damping, against wear.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ def nominal_damping(
     values : mapping of str to float
         Its damping rates as estimated, SI units.
     error : float
-        As of :func:`nominal_mistakes`.
+        As in :func:`nominal_mistakes`.
     """
     names = list(dict.fromkeys(element.damping for element in car.elements))
     nominal = {p.name: p.nominal for p in car.parameters}
@@ -190,8 +191,8 @@ def nominal_damping(
     kinds = _kinds(names, np.array([nominal[name] for name in names]), rho)
     logs, texts = [float(_log_wear(rho, error)) + math.log(1.0 - _PRIOR)], []
     for kind in kinds:
-        for moved, text in kind:
-            each = np.atleast_1d(_log_wear(rho + moved, error))
+        for change, text in kind:
+            each = np.atleast_1d(_log_wear(rho + change, error))
             prior = math.log(_PRIOR / len(kinds) / len(kind) / len(each))
             logs.append(float(np.logaddexp.reduce(each)) + prior)
             texts.append(text)
@@ -208,7 +209,7 @@ def nominal_damping(
 
 
 def _kinds(names: list[str], nominal: Array, rho: Array) -> list[list[tuple[Array, str]]]:
-    """Mistakes by kind: what each adds to rho, at one or several possible sizes, and its words."""
+    """Mistakes by kind: what undoes each in rho, for one or several sizes, and its description."""
     several = len(names) > 1
     every, elements = np.ones(len(names)), np.eye(len(names))
     sides = [
@@ -263,11 +264,11 @@ def _inertia(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> li
     if not needed <= set(car.names):
         return []
     nominal = {p.name: p.nominal for p in car.parameters}
-    given, found = _index(nominal), _index(values)
+    given, estimated = _index(nominal), _index(values)
     low, high = _INDEX_RANGE
-    if abs(math.log(found / given)) < math.log(2.0):
-        return []  # an unusual car, and the recording agrees
-    if low <= found <= high and not low <= given <= high:
+    if abs(math.log(estimated / given)) < math.log(2.0):
+        return []  # an unusual car, in agreement with the recording
+    if low <= estimated <= high and not low <= given <= high:
         return [
             Mistake(
                 f"the nominal pitch inertia means a radius of gyration of {_gyration(nominal):.2f} "
@@ -276,7 +277,7 @@ def _inertia(vehicle: Vehicle, car: CarModel, values: Mapping[str, float]) -> li
                 1.0,
             )
         ]
-    if not low <= found <= high:
+    if not low <= estimated <= high:
         return [
             Mistake(
                 "the estimated pitch inertia means a radius of gyration of "

@@ -1,20 +1,19 @@
 """Posterior predictive checks: whether the fitted model would produce such recordings.
 
-For draws of the posterior the recording is made again: the car runs over the measured wheel
-accelerations from the initial state and with the biases that fit best (a start drawn from the
-prior would drown everything), and fresh noise of wheel and chassis sensors goes the way it
-goes in the model.  Peak, root mean square and the power in a few bands of the measured record
-are then looked for among those of the replicates (Rubin 1984; Gelman, Meng & Stern 1996)
+For draws of the posterior, the recording is simulated again.  The measured wheel accelerations
+drive the car, with the initial state and the biases that fit best (initial states drawn from the
+prior would dominate everything), and new noise of wheel and chassis sensors enters as in the model.
+Peak, root mean square and the power in a few bands of the recording are compared with those of the
+replicates (Rubin 1984; Gelman, Meng & Stern 1996), for
 
-- of the *reading*: what a user sees, but dominated by the motion that the wheels cause, so
-  that only gross faults show;
-- of the *residual*, what is left once start and biases were fitted, to the record and to each
-  replicate alike: a discrepancy T(y, θ), and the sharper test of the two.
+- the *reading*: visible to the user, but dominated by the motion that the wheels cause, so that
+  only large faults are detected;
+- the *residual* after initial state and biases are fitted, to the recording and to each replicate
+  alike: a discrepancy T(y, θ), and the more sensitive check of the two.
 
-The replicates know the half car and its sensors alone.  A colour found in the innovations is
-left out on purpose: it describes what the half car does not know, which is looked for here.  So
-does a noise level that has swollen, and no level is taken farther than two prior deviations
-from what the vehicle file says of the sensor.
+The replicates contain only the half car and its sensors.  They have no residual autoregression,
+since it describes motion that the half car does not contain, which these checks are to detect.  For
+the same reason, no noise level is more than two prior standard deviations from its declared value.
 """
 
 from __future__ import annotations
@@ -44,15 +43,15 @@ __all__ = ["BANDS", "Check", "predictive_checks"]
 Array = NDArray[np.float64]
 
 BANDS = ((0.5, 5.0), (5.0, 15.0), (15.0, np.inf))
-"""Body, wheel hop, and above: Hz."""
+"""Frequency bands, Hz: body, wheel hop, and above."""
 
-_CARS = 40  # draws of the posterior, and
-_PATHS = 20  # records of noise for each
-_MOST_VALUES = 2_000_000  # instants times replicates: a long record is made again less often
-_FEWEST_PATHS = 4
-_TAPER = 0.1  # share of a record over which its ends are faded before the power is taken
-_BELIEVED = 2.0  # prior deviations of a noise level
-_EVEN = 1e-3  # of a step: unevenness that needs no interpolation
+_CARS = 40  # draws of the posterior
+_PATHS = 20  # noise realisations for each draw
+_MOST_VALUES = 2_000_000  # bound on instants times replicates, which limits long recordings
+_FEWEST_PATHS = 4  # least number of noise realisations for each draw
+_TAPER = 0.1  # share of a record that is tapered before its power is computed
+_MAX_NOISE_DEVIATION = 2.0  # bound on a noise level's distance from the declared one, prior sd
+_EVEN = 1e-3  # unevenness of samples that needs no interpolation, in steps
 
 
 class Check(NamedTuple):
@@ -67,17 +66,17 @@ class Check(NamedTuple):
     quantity : str
         ``peak``, the largest distance from the record's mean, or ``rms``.
     band : tuple of float or None
-        Edges in Hz of what the root mean square is taken of; None for the whole record.
+        Edges of the band, Hz; None for all frequencies.
     observed : float
-        Of the record, m/s²; for a residual its median over the posterior.
+        Value for the recording, m/s²; for a residual, its median over the posterior.
     replicated : (3,) array
         Quantiles 2.5, 50 and 97.5 % of the replicates, m/s².
     p_larger : float
         P(T(y_rep) ≥ T(y)).
     p : float
-        The same two-sided.
+        Two-sided p-value.
     p_family : float
-        Probability that the worst of all checks of the run is as far out as this one.
+        Probability that the most extreme of all checks of the run is as extreme as this one.
     """
 
     output: int
@@ -92,7 +91,7 @@ class Check(NamedTuple):
 
     @property
     def larger(self) -> bool:
-        """Whether the record has more of it than most replicates."""
+        """Whether the recording has a larger value than most replicates."""
         return self.p_larger < 0.5
 
 
@@ -108,12 +107,12 @@ def predictive_checks(posterior: Posterior, draws: Array, run: int, seed: int) -
     run : int
         Which recording.
     seed : int
-        Same seed, same replicates.
+        Seed of the replicates.
 
     Returns
     -------
     tuple of Check
-        Reading and residual of both chassis channels.
+        Checks of readings and residuals of all outputs.
     """
     recording = posterior.space.recordings[run]
     rng = np.random.default_rng([seed, run, 9])
@@ -121,9 +120,9 @@ def predictive_checks(posterior: Posterior, draws: Array, run: int, seed: int) -
     paths = max(min(_PATHS, _MOST_VALUES // (_CARS * count)), _FEWEST_PATHS)
     cars = min(_CARS, max(_MOST_VALUES // (paths * count), 8), len(draws))
     picked = draws[np.linspace(0, len(draws) - 1, cars).astype(int)]
-    noises = posterior.space.noises(_believed(posterior, picked), run)
+    noises = posterior.space.noises(_clip_noise_levels(posterior, picked), run)
     views = [_View.of(recording, y) for y in range(len(recording.outputs))]
-    low, high = _rails(recording, views)
+    low, high = _clipping_limits(recording, views)
     observed, replicated = [], []
     ny = len(views)
     normal_count = normals_needed(len(recording.wheels), ny)
@@ -136,49 +135,55 @@ def predictive_checks(posterior: Posterior, draws: Array, run: int, seed: int) -
         normals = rng.standard_normal((count, paths, normal_count))
         noisy = simulate_noise(system, noises.subset([k]), data, normals)
         for y, view in enumerate(views):
-            noisy[view.rows, :, y] = _notched(noisy[view.rows, :, y], recording, view)
-        measured = _stacked(recording.reading[:, None, :], views)
-        made = np.clip(_stacked(fitted[:, None, :] + noisy, views), low, high)
-        residual = [x - _stacked(fitted[:, None, :], views) for x in (measured, made)]
-        left = [e - basis @ (basis.T @ e) for e in residual]
-        observed.append(_statistics(measured, left[0], views))
-        replicated.append(_statistics(made, left[1], views))
+            noisy[view.rows, :, y] = _apply_notches(noisy[view.rows, :, y], recording, view)
+        measured = _stack_readings(recording.reading[:, None, :], views)
+        replicates = np.clip(_stack_readings(fitted[:, None, :] + noisy, views), low, high)
+        residual = [x - _stack_readings(fitted[:, None, :], views) for x in (measured, replicates)]
+        projected = [e - basis @ (basis.T @ e) for e in residual]
+        observed.append(_statistics(measured, projected[0], views))
+        replicated.append(_statistics(replicates, projected[1], views))
     names = [
         (axle, of, quantity, band)
         for of in ("reading", "residual")
         for axle, view in enumerate(views)
         for quantity, band in (("peak", None), ("rms", None), *(("rms", b) for b in view.bands))
     ]
-    return _compared(names, np.concatenate(observed, axis=1), np.stack(replicated, axis=1))
+    return _compare_statistics(
+        names, np.concatenate(observed, axis=1), np.stack(replicated, axis=1)
+    )
 
 
-def _believed(posterior: Posterior, draws: Array) -> Array:
-    """Draws (S, D) with noise levels no farther from the given ones than is believed."""
+def _clip_noise_levels(posterior: Posterior, draws: Array) -> Array:
+    """Return draws (S, D) with noise levels clipped to a range about the declared ones."""
     out = draws.copy()
     levels = [k for k, one in enumerate(posterior.space.coordinates) if one.kind == "noise"]
-    out[:, levels] = np.clip(out[:, levels], -_BELIEVED, _BELIEVED)
+    out[:, levels] = np.clip(out[:, levels], -_MAX_NOISE_DEVIATION, _MAX_NOISE_DEVIATION)
     return out
 
 
-def _compared(
-    names: list[tuple[int, str, str, tuple[float, float] | None]], observed: Array, made: Array
+def _compare_statistics(
+    names: list[tuple[int, str, str, tuple[float, float] | None]],
+    observed: Array,
+    replicated: Array,
 ) -> tuple[Check, ...]:
-    """Set observed (T, cars) against replicated (T, cars, paths) statistics."""
-    ahead = np.log(np.maximum(made, 1e-300)) - np.log(np.maximum(observed, 1e-300))[:, :, None]
-    ahead = ahead.reshape(len(ahead), -1)
-    total = ahead.shape[1]
-    larger = (1.0 + np.count_nonzero(ahead >= 0.0, axis=1)) / (total + 1.0)
-    smaller = (1.0 + np.count_nonzero(ahead <= 0.0, axis=1)) / (total + 1.0)
-    # The largest of all standardised distances (Westfall & Young 1993, single step).
-    middle, sd = ahead.mean(axis=1), np.maximum(ahead.std(axis=1), 1e-12)
-    farthest = np.max(np.abs(ahead - middle[:, None]) / sd[:, None], axis=0)
-    far = np.abs(middle) / sd
-    family = (1.0 + np.count_nonzero(farthest >= far[:, None], axis=1)) / (total + 1.0)
+    """Compare observed (T, cars) with replicated (T, cars, paths) statistics."""
+    log_ratio = (
+        np.log(np.maximum(replicated, 1e-300)) - np.log(np.maximum(observed, 1e-300))[:, :, None]
+    )
+    log_ratio = log_ratio.reshape(len(log_ratio), -1)
+    total = log_ratio.shape[1]
+    larger = (1.0 + np.count_nonzero(log_ratio >= 0.0, axis=1)) / (total + 1.0)
+    smaller = (1.0 + np.count_nonzero(log_ratio <= 0.0, axis=1)) / (total + 1.0)
+    # the largest of all standardised distances (Westfall & Young 1993, single step)
+    middle, sd = log_ratio.mean(axis=1), np.maximum(log_ratio.std(axis=1), 1e-12)
+    largest_distance = np.max(np.abs(log_ratio - middle[:, None]) / sd[:, None], axis=0)
+    distance = np.abs(middle) / sd
+    family = (1.0 + np.count_nonzero(largest_distance >= distance[:, None], axis=1)) / (total + 1.0)
     return tuple(
         Check(
             *name,
             observed=float(np.median(observed[k])),
-            replicated=np.quantile(made[k], [0.025, 0.5, 0.975]),
+            replicated=np.quantile(replicated[k], [0.025, 0.5, 0.975]),
             p_larger=float(larger[k]),
             p=float(min(1.0, 2.0 * min(larger[k], smaller[k]))),
             p_family=float(family[k]),
@@ -189,20 +194,20 @@ def _compared(
 
 @dataclass(frozen=True)
 class _View:
-    """The readings of one chassis channel, and how their power is taken.
+    """The readings of one output, and the even grid and taper for their power.
 
     Parameters
     ----------
     rows : (M,) int array
-        Instants at which this channel has a value.
+        Instants at which this output has a value.
     rate : float
-        Readings a second, Hz.
+        Readings per second, Hz.
     lower_index, share : (L,) arrays
-        Even grid: the reading before each point, and the share of the one after it.
+        Even grid: index of the reading before each point, and weight of the one after it.
     window : (L,) array
         Taper.
     bands : tuple of (float, float)
-        Bands in which the record has at least two lines.
+        Bands with at least two spectral lines.
     """
 
     rows: NDArray[np.int64]
@@ -218,8 +223,8 @@ class _View:
         time = recording.instants[rows]
         step = float(np.median(np.diff(time)))
         grid = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
-        left = np.clip(np.searchsorted(time, grid, "right") - 1, 0, len(time) - 2)
-        share = np.clip((grid - time[left]) / (time[left + 1] - time[left]), 0.0, 1.0)
+        before = np.clip(np.searchsorted(time, grid, "right") - 1, 0, len(time) - 2)
+        share = np.clip((grid - time[before]) / (time[before + 1] - time[before]), 0.0, 1.0)
         share = np.where(np.abs(share - np.round(share)) < _EVEN, np.round(share), share)
         place = np.linspace(0.0, 1.0, len(grid))
         edge = np.clip(np.minimum(place, 1.0 - place) / (0.5 * _TAPER), 0.0, 1.0)
@@ -229,14 +234,14 @@ class _View:
         return cls(
             rows,
             1.0 / step,
-            left,
+            before,
             share,
             np.sin(0.5 * np.pi * edge) ** 2,
             tuple(b for b in bands if np.count_nonzero((lines >= b[0]) & (lines <= b[1])) > 1),
         )
 
     def statistics(self, values: Array) -> Array:
-        """Peak, root mean square and that of each band (2 + B, K) of records (M, K)."""
+        """Peak, root mean square and that in each band (2 + B, K) of records (M, K)."""
         values = values - values.mean(axis=0)
         share = self.share[:, None]
         even = (1.0 - share) * values[self.lower_index] + share * values[self.lower_index + 1]
@@ -251,13 +256,13 @@ class _View:
         return np.stack(rows)
 
 
-def _stacked(values: Array, views: list[_View]) -> Array:
-    """Take readings (M, K) out of values at instants (E, K, ny), output after output."""
+def _stack_readings(values: Array, views: list[_View]) -> Array:
+    """Select the readings (M, K) from values at instants (E, K, ny), output after output."""
     return np.concatenate([values[view.rows, :, axle] for axle, view in enumerate(views)])
 
 
 def _statistics(reading: Array, residual: Array, views: list[_View]) -> Array:
-    """All statistics (T, K) of records (M, K) and of what is left of them."""
+    """All statistics (T, K) of records (M, K) and of their residuals."""
     ends = np.cumsum([len(view.rows) for view in views])[:-1]
     return np.concatenate(
         [
@@ -269,15 +274,15 @@ def _statistics(reading: Array, residual: Array, views: list[_View]) -> Array:
 
 
 def _basis(system: StateSpace, data: Measurements, views: list[_View]) -> Array:
-    """Orthonormal basis (M, U) of what initial state and biases can explain."""
-    still = data._replace(moments=np.zeros_like(data.moments))
-    columns, _ = free_response(system, still, np.eye(len(data.initial_covariance)))
-    basis, _ = np.linalg.qr(_stacked(np.moveaxis(columns, 0, 1), views))
+    """Orthonormal basis (M, U) of the outputs due to initial state and biases."""
+    no_input = data._replace(moments=np.zeros_like(data.moments))
+    columns, _ = free_response(system, no_input, np.eye(len(data.initial_covariance)))
+    basis, _ = np.linalg.qr(_stack_readings(np.moveaxis(columns, 0, 1), views))
     return np.asarray(basis)
 
 
-def _notched(noise: Array, recording: PreparedRecording, view: _View) -> Array:
-    """Noise (M, K) after the notches that cut tones out of the recording."""
+def _apply_notches(noise: Array, recording: PreparedRecording, view: _View) -> Array:
+    """Filter noise (M, K) with the notches that removed tones from the recording."""
     if not recording.notches:
         return noise
     from scipy.signal import sosfilt
@@ -286,8 +291,8 @@ def _notched(noise: Array, recording: PreparedRecording, view: _View) -> Array:
     return np.asarray(sosfilt(sections, noise, axis=0))
 
 
-def _rails(recording: PreparedRecording, views: list[_View]) -> tuple[Array, Array]:
-    """Where each output of this recording was cut off (M, 1); infinite where none was."""
+def _clipping_limits(recording: PreparedRecording, views: list[_View]) -> tuple[Array, Array]:
+    """Limits (M, 1) at which the outputs of this recording were clipped; infinite if not."""
     low, high = [], []
     for y, view in enumerate(views):
         top = recording.reading[recording.kind[:, y] == AT_LEAST, y]

@@ -1,8 +1,8 @@
-"""Power-scaling sensitivity: how much an answer depends on each prior.
+"""Power-scaling sensitivity: how much each parameter of interest depends on each prior.
 
 A prior is raised to powers near one by importance weights of the draws.  The sensitivity is the
-cumulative Jensen–Shannon distance by which the posterior of an answer moves, per doubling of the
-power; Kallioinen, Paananen, Bürkner & Vehtari, Detecting and diagnosing prior and likelihood
+cumulative Jensen–Shannon distance by which the posterior of a parameter changes, per doubling of
+the power; Kallioinen, Paananen, Bürkner & Vehtari, Detecting and diagnosing prior and likelihood
 sensitivity with power-scaling, Statistics and Computing 34:57 (2024).
 """
 
@@ -21,16 +21,16 @@ __all__ = ["PriorSensitivity", "log_priors", "prior_sensitivity"]
 
 Array = NDArray[np.float64]
 
-_POWERS = (0.99, 1.01)  # of the paper, for a derivative at one
+_POWERS = (0.99, 1.01)  # powers of the paper, for a derivative at one
 
 
 class PriorSensitivity(NamedTuple):
-    """Sensitivity of the answers to one prior.
+    """Sensitivity of the parameters of interest to one prior.
 
     Parameters
     ----------
     sensitivity : dict of str to float
-        By answer; above 0.05 an answer depends on the prior.
+        Sensitivity by parameter; above 0.05 a parameter depends on the prior.
     pareto_k : float
         Pareto k̂ of the importance weights; above 0.7 the sensitivities are not reliable.
     """
@@ -42,19 +42,19 @@ class PriorSensitivity(NamedTuple):
 def log_priors(
     space: ParameterSpace, draws: Mapping[str, Array], nuisance: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Log prior density of each variable at its draws, of the logarithm of a positive one.
+    """Log prior density of each variable at its draws; for positive ones, that of the logarithm.
 
     Parameters
     ----------
     space : ParameterSpace
-        With the priors.
+        Parameter space with the priors.
     draws, nuisance : mapping of str to array
         Draws of the car's parameters, and of noise levels and biases, SI units.
 
     Returns
     -------
     dict of str to array
-        Of the shape of the draws; variables without a prior density of their own are left out.
+        Log densities with the shape of the draws; variables without a prior are left out.
     """
     half_log_2pi = 0.5 * math.log(2.0 * math.pi)
     out = {}
@@ -83,14 +83,14 @@ def log_priors(
 def prior_sensitivity(
     log_prior: Mapping[str, Array], answers: Mapping[str, Array]
 ) -> dict[str, PriorSensitivity]:
-    """Sensitivity of every answer to every prior.
+    """Sensitivity of every parameter of interest to every prior.
 
     Parameters
     ----------
     log_prior : mapping of str to (chains, draws) array
         Log prior density at the draws, by prior.
     answers : mapping of str to (chains, draws) array
-        The draws themselves, by answer.
+        Draws of the parameters of interest, by name.
     """
     from arviz_stats.base import array_stats
 
@@ -99,12 +99,12 @@ def prior_sensitivity(
         logs = [array_stats.power_scale_lw(density, power, axis=(-2, -1)) for power in _POWERS]
         lower, upper = (np.exp(log - log.max()) for log in logs)
         lower, upper = lower / lower.sum(), upper / upper.sum()
-        raw = [(power - 1.0) * density.ravel() for power in _POWERS]
+        log_ratios = [(power - 1.0) * density.ravel() for power in _POWERS]
         out[prior] = PriorSensitivity(
             {
                 name: max(float(array_stats.power_scale_sense(x, lower, upper, *_POWERS)), 0.0)
                 for name, x in answers.items()
             },
-            max(float(array_stats.psislw(one)[1]) for one in raw),
+            max(float(array_stats.psislw(one)[1]) for one in log_ratios),
         )
     return out

@@ -1,15 +1,15 @@
-"""Do the runs of one car differ, and by how much: a random-effects model of several runs.
+"""Random-effects model of several runs of one car: whether they differ, and by how much.
 
-Every run r speaks of the car's coordinates θ through a Gaussian likelihood, its *site*
-exp(h_rᵀθ − ½ θᵀH_r θ).  The given values (mass, springs, weight share) are shared by all runs,
-so an error in them is common and no disagreement; c_f, c_r and i may differ::
+Every run r has a Gaussian likelihood exp(h_rᵀθ − ½ θᵀH_r θ) over the car's coordinates θ.  The
+given values (mass, springs, weight fraction) are shared by all runs, so an error in them is common
+to all and no difference between runs; c_f, c_r and i may differ::
 
     θ_r = θ + B u_r,    u_r ~ N(0, diag τ²),    θ ~ N(0, I)
 
-with u_r in logarithms and B the way from those to the coordinates.  Given τ all is Gaussian,
-so only the three deviations τ are integrated numerically, over a grid.  This is the
-normal–normal model of meta-analysis (DerSimonian & Laird 1986; Röver 2020) with three outcomes
-and shared nuisance parameters.
+with u_r in logarithms and B = ∂θ/∂u.  Given τ the model is Gaussian, so only the three standard
+deviations τ are integrated numerically, over a grid.  This is the normal–normal model of
+meta-analysis (DerSimonian & Laird 1986; Röver 2020) with three outcomes and shared nuisance
+parameters.
 """
 
 from __future__ import annotations
@@ -40,23 +40,25 @@ __all__ = [
 Array = NDArray[np.float64]
 
 SPREAD_SCALE = 0.03
-"""Median of the half-Cauchy prior of every τ (logarithms): 3 % from run to run.
+"""Median of the half-Cauchy prior of every τ (logarithms): 3 % between runs.
 
-Warm oil, fuel and a driver who sits elsewhere move a rate by a few per cent; a worn damper or a
-nonlinear one over another road by tens, which the Cauchy tail leaves room for (Gelman 2006).
+Oil temperature, fuel and the position of the driver change a rate by a few per cent; wear, or a
+nonlinear damper on another road, by tens of per cent, which the Cauchy tail allows (Gelman 2006).
 """
 LARGEST_SPREAD = 1.0
-"""A τ beyond this, a factor e at one deviation, is no longer the same car."""
+"""Upper bound of τ, a factor e at one standard deviation: beyond it, it is not the same car."""
 
 SAME = 0.5
-"""Prior probability that a quantity is the same in all runs, for each by itself: a front damper
-that was turned is no reason to doubt the rear one."""
+"""Prior probability that a parameter is the same in all runs, independently for each one: an
+adjusted front damper implies nothing about the rear one."""
 
-_NO_EFFECT = 0.03  # share of the smallest own deviation below which a spread changes nothing
-_SHARPEST = 1e-16  # variance, in those of the prior: nothing is known better
-_SILENT = 0.1  # a direction of which a run says less than a tenth of what the prior says
-_COARSE, _FINE = 11, 21  # nodes a deviation, first and final grid
-_EDGE = 1e-4  # share of the mass that the final grid may leave out at either end
+# Spread, relative to the smallest standard deviation of a run, below which it has no effect.
+_NO_EFFECT = 0.03
+_MIN_VARIANCE = 1e-16  # lower bound of a posterior variance, in prior variances
+# Information of a run about a direction, relative to the prior's, below which it is set to zero.
+_MIN_INFORMATION = 0.1
+_COARSE, _FINE = 11, 21  # nodes for each τ on the first and on the final grid
+_EDGE = 1e-4  # probability mass that the final grid may omit at either end
 
 
 class RunLikelihood(NamedTuple):
@@ -74,7 +76,7 @@ class RunLikelihood(NamedTuple):
     linear: Array
 
     def around(self, centre: Array) -> RunLikelihood:
-        """Return the same likelihood with the coordinates counted from ``centre``."""
+        """Return the same likelihood in coordinates relative to ``centre``."""
         return RunLikelihood(self.precision, self.linear - self.precision @ centre)
 
 
@@ -84,9 +86,10 @@ class HomogeneityTest(NamedTuple):
     Parameters
     ----------
     q : float
-        Twice the gain in log-likelihood when runs may differ.
+        Twice the gain in log-likelihood if runs may differ.
     freedom : int
-        Contrasts that the data see; q is χ² with so many when the runs are alike.
+        Degrees of freedom: number of contrasts that the data determine.  Under equal runs, q is χ²
+        distributed.
     """
 
     q: float
@@ -94,14 +97,14 @@ class HomogeneityTest(NamedTuple):
 
     @property
     def p(self) -> float:
-        """Probability of so large a gain among equal runs; nan when nothing can be compared."""
+        """p-value: probability of at least this gain for equal runs; nan without a contrast."""
         if self.freedom == 0:
             return math.nan
         return float(gammaincc(0.5 * self.freedom, 0.5 * max(self.q, 0.0)))
 
 
 def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
-    """Take the standard normal prior out of a Gaussian posterior.
+    """Divide a Gaussian posterior by the standard normal prior.
 
     Parameters
     ----------
@@ -111,90 +114,90 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
     Returns
     -------
     RunLikelihood
-        Nothing is left in directions that the run is silent about.
+        Its precision is zero in directions about which the run has almost no information.
     """
     eigen, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    told = 1.0 / np.maximum(eigen, _SHARPEST) - 1.0
-    speaks = told > _SILENT
-    told = np.where(speaks, told, 0.0)
-    # A site's own mean is the posterior's, scaled back from the pull of the prior.
-    linear = np.where(speaks, (vectors.T @ mean) * (1.0 + told), 0.0)
-    return RunLikelihood((vectors * told) @ vectors.T, vectors @ linear)
+    information = 1.0 / np.maximum(eigen, _MIN_VARIANCE) - 1.0
+    is_informative = information > _MIN_INFORMATION
+    information = np.where(is_informative, information, 0.0)
+    # the mean of the likelihood is that of the posterior, without the shrinkage by the prior
+    linear = np.where(is_informative, (vectors.T @ mean) * (1.0 + information), 0.0)
+    return RunLikelihood((vectors * information) @ vectors.T, vectors @ linear)
 
 
 def homogeneity_test(
     run_likelihoods: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
 ) -> HomogeneityTest:
-    """Test whether runs share their values.
+    """Test whether runs have the same parameters.
 
     Parameters
     ----------
     run_likelihoods : sequence of RunLikelihood
         One a run.
     way : (n, 3) array
-        B; a column of zeros for a quantity that is given as exact.
+        B; a column of zeros for a parameter that is given as exact.
     which : sequence of int, optional
         Columns of B that are tested, with the others free to differ; all of them by default.
 
     Returns
     -------
-    Contrast
-        The common value of a free quantity has a flat prior here: that the data disagree with
-        a prior is not that runs disagree with each other.
+    HomogeneityTest
+        The common value of a free parameter has a flat prior here: a conflict between data and
+        prior is not a difference between runs.
     """
-    seen = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
-    tested = [k for k in (seen if which is None else which) if k in seen]
-    others = [k for k in seen if k not in tested]
+    identified = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
+    tested = [k for k in (identified if which is None else which) if k in identified]
+    others = [k for k in identified if k not in tested]
     if len(run_likelihoods) < 2 or not tested:
         return HomogeneityTest(0.0, 0)
-    turned, _ = np.linalg.qr(way[:, seen])
-    prior = np.eye(len(way)) - turned @ turned.T
-    together = prior + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
-    centre = np.linalg.pinv(together, hermitian=True) @ sum(
+    basis, _ = np.linalg.qr(way[:, identified])
+    prior = np.eye(len(way)) - basis @ basis.T
+    total = prior + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
+    centre = np.linalg.pinv(total, hermitian=True) @ sum(
         run_likelihood.linear for run_likelihood in run_likelihoods
     )
-    near = [run_likelihood.around(centre) for run_likelihood in run_likelihoods]
-    pull = -prior @ centre
-    full, full_rank = _highest(near, prior, pull, way[:, seen])
-    held, held_rank = _highest(near, prior, pull, way[:, others])
-    return HomogeneityTest(2.0 * (full - held), full_rank - held_rank)
+    relative = [run_likelihood.around(centre) for run_likelihood in run_likelihoods]
+    linear_prior = -prior @ centre
+    full, full_rank = _max_log_likelihood(relative, prior, linear_prior, way[:, identified])
+    restricted, restricted_rank = _max_log_likelihood(relative, prior, linear_prior, way[:, others])
+    return HomogeneityTest(2.0 * (full - restricted), full_rank - restricted_rank)
 
 
-def _highest(
-    run_likelihoods: Sequence[RunLikelihood], prior: Array, pull: Array, free: Array
+def _max_log_likelihood(
+    run_likelihoods: Sequence[RunLikelihood], prior: Array, linear_prior: Array, free: Array
 ) -> tuple[float, int]:
-    """Largest log-likelihood with columns free in every run, and the rank of what was fitted."""
-    precision, linear = prior.copy(), pull.copy()
+    """Maximum log-likelihood with columns free in every run, and the rank of the fit."""
+    precision, linear = prior.copy(), linear_prior.copy()
     value, rank = 0.0, 0
-    # In units of the coordinates, in which a prior deviation is one.
+    # in units of the coordinates, in which a prior standard deviation is one
     unit = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
     for H, h in run_likelihoods:
-        inverse, found = pseudo_inverse(unit.T @ H @ unit)
-        own = unit.T @ h
+        inverse, added_rank = pseudo_inverse(unit.T @ H @ unit)
+        score = unit.T @ h
         cross = H @ unit @ inverse
         precision += H - cross @ unit.T @ H
-        linear += h - cross @ own
-        value += 0.5 * float(own @ inverse @ own)
-        rank += found
-    inverse, found = pseudo_inverse(precision)
-    return value + 0.5 * float(linear @ inverse @ linear), rank + found
+        linear += h - cross @ score
+        value += 0.5 * float(score @ inverse @ score)
+        rank += added_rank
+    inverse, added_rank = pseudo_inverse(precision)
+    return value + 0.5 * float(linear @ inverse @ linear), rank + added_rank
 
 
 def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
-    """Inverse of a positive semidefinite matrix where it says anything, and its rank."""
+    """Pseudo-inverse on the numerical range of a positive semidefinite matrix, and the rank."""
     if not matrix.size:
         return matrix, 0
     eigen, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    # Differences of large precisions leave rounding behind.
-    speaks = eigen > max(0.5 * _SILENT, 1e-9 * float(eigen[-1]))
-    inverse = np.where(speaks, 1.0 / np.where(speaks, eigen, 1.0), 0.0)
-    return (vectors * inverse) @ vectors.T, int(np.count_nonzero(speaks))
+    # differences of large precisions have rounding errors
+    is_informative = eigen > max(0.5 * _MIN_INFORMATION, 1e-9 * float(eigen[-1]))
+    inverse = np.where(is_informative, 1.0 / np.where(is_informative, eigen, 1.0), 0.0)
+    return (vectors * inverse) @ vectors.T, int(np.count_nonzero(is_informative))
 
 
 def estimates_of_runs(
     run_likelihood: RunLikelihood, way: Array, centre: Array
 ) -> tuple[Array, Array]:
-    """Ask one run alone for its values when what runs share is held.
+    """Estimate the parameters from one run alone, with shared coordinates fixed.
 
     Parameters
     ----------
@@ -203,23 +206,23 @@ def estimates_of_runs(
     way : (n, 3) array
         B.
     centre : (n,) array
-        Coordinates at which the given values are held.
+        Coordinates at which the given values are fixed.
 
     Returns
     -------
     shift, sd : (3,) arrays
-        Logarithm of each value against that at ``centre``, and its deviation; nan and infinite
-        where the run says nothing.
+        Logarithm of each parameter relative to ``centre``, and its standard deviation; nan and
+        infinite if the run has no information.
     """
     shift, sd = np.full(way.shape[1], np.nan), np.full(way.shape[1], np.inf)
-    seen = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
-    B = way[:, seen]
+    identified = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
+    B = way[:, identified]
     size = np.linalg.norm(B, axis=0)
     unit = B / size
     inverse, rank = pseudo_inverse(unit.T @ run_likelihood.precision @ unit)
-    if rank == len(seen):
-        shift[seen] = inverse @ (unit.T @ run_likelihood.around(centre).linear) / size
-        sd[seen] = np.sqrt(np.diag(inverse)) / size
+    if rank == len(identified):
+        shift[identified] = inverse @ (unit.T @ run_likelihood.around(centre).linear) / size
+        sd[identified] = np.sqrt(np.diag(inverse)) / size
     return shift, sd
 
 
@@ -232,12 +235,11 @@ class RandomEffectsPosterior:
     centre : (S, n) array
         Coordinates θ of the mean car.
     spread : (S, 3) array
-        Deviations τ from run to run, in logarithms; zero where all runs share a value.
+        Standard deviations τ between runs, in logarithms; zero if all runs share a value.
     next_run : (S, n) array
-        Coordinates of a run to come.
+        Coordinates of a further run.
     log_density : (S,) array
-        Logarithm of the posterior density of (θ, log τ), not normalised; where τ is zero, of its
-        probability.
+        Log posterior density of (θ, log τ), not normalised; log probability for zero τ.
     """
 
     centre: Array
@@ -249,7 +251,7 @@ class RandomEffectsPosterior:
 def fit_random_effects(
     run_likelihoods: Sequence[RunLikelihood], way: Array, count: int, seed: int
 ) -> RandomEffectsPosterior:
-    """Posterior of the mean car and of the spread of runs about it.
+    """Draw from the posterior of the mean car and of the spread of runs about it.
 
     Parameters
     ----------
@@ -260,55 +262,57 @@ def fit_random_effects(
     count : int
         Number of draws.
     seed : int
-        Same seed, same draws.
+        Seed of the draws.
 
     Returns
     -------
     RandomEffectsPosterior
-        The deviation of a quantity that is given as exact is zero.
+        The spread of a parameter that is given as exact is zero.
     """
     rng = np.random.default_rng([seed, 5])
     n, free = way.shape
     total = np.eye(n) + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
-    middle = np.linalg.solve(
+    reference = np.linalg.solve(
         total, np.asarray(sum(run_likelihood.linear for run_likelihood in run_likelihoods))
     )
-    near = [run_likelihood.around(middle) for run_likelihood in run_likelihoods]
-    axes = _first_axes(run_likelihoods, way, middle)
-    weight = _on_grid(axes, near, way, middle)[1]
+    relative = [run_likelihood.around(reference) for run_likelihood in run_likelihoods]
+    axes = _coarse_axes(run_likelihoods, way, reference)
+    weight = _grid_weights(axes, relative, way, reference)[1]
     axes = [
-        _narrowed(axis, mass) for axis, mass in zip(axes, _marginals(axes, weight), strict=True)
+        _refine_axis(axis, mass) for axis, mass in zip(axes, _marginals(axes, weight), strict=True)
     ]
-    nodes, weight = _on_grid(axes, near, way, middle)
+    nodes, weight = _grid_weights(axes, relative, way, reference)
     pick = np.searchsorted(np.cumsum(weight), (rng.random() + np.arange(count)) / count)
     pick = rng.permutation(np.minimum(pick, len(weight) - 1))
     width = np.array([_width(axis) for axis in axes])
     spread = np.exp(nodes[pick] + width * (rng.random((count, free)) - 0.5))
-    mean, root, log_evidence = _given_spread(spread, near, way, middle)
+    mean, root, log_evidence = _given_spread(spread, relative, way, reference)
     shift = rng.standard_normal((count, n))
     offset = np.linalg.solve(np.swapaxes(root, 1, 2), shift[:, :, None])[:, :, 0]
-    centre = middle + mean + offset
+    centre = reference + mean + offset
     log_det = np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
     density = log_evidence + _log_prior(spread, way) + log_det - 0.5 * np.sum(shift**2, axis=1)
-    fresh = centre + (rng.standard_normal((count, free)) * spread) @ way.T
-    return RandomEffectsPosterior(centre, spread, fresh, density)
+    next_run = centre + (rng.standard_normal((count, free)) * spread) @ way.T
+    return RandomEffectsPosterior(centre, spread, next_run, density)
 
 
-def _first_axes(run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array) -> list[Array]:
-    """Nodes of log τ for each quantity: none at all, then from no effect to the largest."""
-    own = np.array(
+def _coarse_axes(
+    run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
+) -> list[Array]:
+    """Nodes of log τ for each parameter: −∞, then from a negligible spread to the largest."""
+    sds = np.array(
         [estimates_of_runs(run_likelihood, way, middle)[1] for run_likelihood in run_likelihoods]
     )
-    least = np.where(np.isfinite(own), own, SPREAD_SCALE).min(axis=0) * _NO_EFFECT
+    least = np.where(np.isfinite(sds), sds, SPREAD_SCALE).min(axis=0) * _NO_EFFECT
     top = math.log(LARGEST_SPREAD)
     return [
-        np.append(-np.inf, np.linspace(math.log(min(low, 0.01)), top, _COARSE) if there else [])
-        for low, there in zip(least, np.any(way != 0.0, axis=0), strict=True)
+        np.append(-np.inf, np.linspace(math.log(min(low, 0.01)), top, _COARSE) if is_free else [])
+        for low, is_free in zip(least, np.any(way != 0.0, axis=0), strict=True)
     ]
 
 
 def _log_prior(spread: Array, way: Array) -> Array:
-    """Log prior (G,) of spreads (G, 3): the chance of none, or the density of log τ."""
+    """Log prior (G,) of spreads (G, 3): probability of zero, or density of log τ."""
     some = spread > 0.0
     safe = np.where(some, spread, 1.0) / SPREAD_SCALE
     slab = np.log(safe) - np.log1p(safe**2) + math.log(2.0 / math.pi * (1.0 - SAME))
@@ -316,7 +320,7 @@ def _log_prior(spread: Array, way: Array) -> Array:
     return np.asarray(np.sum(np.where(some, slab, none), axis=1))
 
 
-def _on_grid(
+def _grid_weights(
     axes: list[Array], run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
 ) -> tuple[Array, Array]:
     """Nodes (G, 3) of log τ and their posterior weights (G,)."""
@@ -330,7 +334,7 @@ def _on_grid(
 
 
 def _width(axis: Array) -> float:
-    """Distance of the nodes that stand for a spread."""
+    """Distance between the nodes of nonzero spread."""
     return float(axis[2] - axis[1]) if len(axis) > 2 else 0.0
 
 
@@ -341,8 +345,8 @@ def _marginals(axes: list[Array], weight: Array) -> list[Array]:
     return [box.sum(axis=tuple(j for j in every if j != k)) for k in every]
 
 
-def _narrowed(axis: Array, mass: Array) -> Array:
-    """Finer nodes over the part of an axis that holds nearly all the mass of a spread."""
+def _refine_axis(axis: Array, mass: Array) -> Array:
+    """Finer nodes over the part of an axis with nearly all of the mass of nonzero spread."""
     some = mass[1:]
     if len(axis) == 1 or not some.sum() > 0.0:
         return axis
@@ -357,7 +361,7 @@ def _given_spread(
 ) -> tuple[Array, Array, Array]:
     """Mean car given each of G spreads: mean (G, n), root of its precision, log evidence (G,).
 
-    The runs' own shifts are integrated out: a site becomes one with the precision
+    The deviations u_r of the runs are integrated out: a run's likelihood then has the precision
     H − H B W Bᵀ H, where W = D (I + D BᵀHB D)⁻¹ D and D = diag τ.
     """
     count, free = spread.shape
@@ -366,15 +370,15 @@ def _given_spread(
     linear = np.broadcast_to(-middle, (count, n)).copy()
     log_evidence = np.zeros(count)
     for H, h in run_likelihoods:
-        HB, own = H @ way, way.T @ h
+        HB, score = H @ way, way.T @ h
         inner = spread[:, :, None] * (way.T @ HB) * spread[:, None, :] + np.eye(free)
         root = np.linalg.cholesky(inner)
         half = np.linalg.solve(root, spread[:, :, None] * np.eye(free))  # W = halfᵀ half
         cross = half @ HB.T
         precision += H - np.swapaxes(cross, 1, 2) @ cross
-        pulled = half @ own
-        linear += h - np.einsum("gan,ga->gn", cross, pulled)
-        log_evidence += 0.5 * np.sum(pulled**2, axis=1)
+        half_score = half @ score
+        linear += h - np.einsum("gan,ga->gn", cross, half_score)
+        log_evidence += 0.5 * np.sum(half_score**2, axis=1)
         log_evidence -= np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
     root = np.linalg.cholesky(precision)
     half = np.linalg.solve(root, linear[:, :, None])

@@ -1,10 +1,10 @@
-"""One run against another: each run's own posterior, and whether the runs tell of one car.
+"""Consistency of runs: the posterior of each run alone, and whether the runs share one car.
 
-A joint posterior takes for granted that c_f, c_r and i are the same in every run.  Here every run
-is asked alone and the answers are held against each other, with what the runs share (the given
-values and their errors) taken out: see :mod:`bayes_asv.analysis.random_effects`.  Runs that do not
-agree get an answer of their own, the mean car with the spread from run to run in its interval; a
-joint fit would hide the difference in swollen noise and a coloured residual.
+A joint posterior assumes that c_f, c_r and i are the same in every run.  Here every run is
+estimated alone, and the estimates are compared; errors of the given values are common to all runs
+(:mod:`bayes_asv.analysis.random_effects`).  If the runs are inconsistent, the result is that of the
+mean car, and its interval includes the spread between runs; a joint fit would hide the difference
+in larger noise levels and an autoregression.
 """
 
 from __future__ import annotations
@@ -47,36 +47,37 @@ __all__ = [
 Array = NDArray[np.float64]
 
 MAX_COMPARED = 3
-"""Parameters that may differ from run to run: spreads of so many are integrated on a grid."""
+"""Largest number of parameters that may differ between runs: their spreads are integrated on a
+grid."""
 
 DISAGREE_BELOW = 0.01
-"""Probability of so much difference among equal runs, below which runs are said to disagree.
+"""Level of the homogeneity test below which runs are reported as inconsistent.
 
-How often equal runs of the rig fall below it is measured in ``benchmarks/agreement.py``.
+Its false-alarm rate on equal runs of the rig is measured in ``benchmarks/agreement.py``.
 """
-_SURELY = 0.9  # probability of differing beyond which a quantity is named
+_SURELY = 0.9  # probability of a difference between runs above which a parameter is named
 
-_WEIGHTED = 512  # draws of a run alone before, and
-_KEPT = 1024  # after resampling to equal weights
-_FEWEST = 60.0  # effective draws without which a run's mean and deviation are not trusted
+_WEIGHTED = 512  # weighted draws of the posterior of one run
+_RESAMPLED = 1024  # draws after resampling to equal weights
+_FEWEST = 60.0  # effective draws below which the moments of a run's posterior are not trusted
 
 
 @dataclass(frozen=True)
 class SingleRunFit:
-    """What one run says by itself.
+    """Posterior of one run alone.
 
     Parameters
     ----------
     fit : MapFit
-        Its mode; its posterior has the residual autoregression of this run.
+        Its mode; the posterior has the residual autoregression of this run.
     z : (S, D) array
         Draws of its posterior, equally weighted, in the coordinates of a single run.
     effective : float
-        Effective number of the weighted draws that they come from.
+        Effective number of the weighted draws from which they were resampled.
     likelihood : RunLikelihood
-        Over the car's coordinates.
+        Gaussian likelihood over the car's coordinates.
     misfit_reasons : tuple of str
-        Why the car explains too little of this run, if it does.
+        Reasons why the car explains too little of this run, if so.
     """
 
     fit: MapFit
@@ -87,30 +88,30 @@ class SingleRunFit:
 
     @property
     def trusted(self) -> bool:
-        """Whether mean and covariance of its posterior may be believed."""
+        """Whether mean and covariance of its posterior are reliable."""
         return self.fit.mode.converged and self.effective >= _FEWEST
 
 
 @dataclass(frozen=True)
 class RunConsistency:
-    """Whether the runs of one car agree.
+    """Whether the runs of one car are consistent.
 
     Parameters
     ----------
     verdict : str
-        ``agree``, ``disagree``, or ``unknown`` where a run alone cannot be summarised or
-        nothing can be compared.
-    overall_test : Contrast
+        ``agree``, ``disagree``, or ``unknown`` if the posterior of a run is unreliable or nothing
+        can be compared.
+    overall_test : HomogeneityTest
         Test of all of :attr:`compared` together.
-    parameter_tests : dict of str to Contrast
-        Test of one quantity, with the others free to differ.
+    parameter_tests : dict of str to HomogeneityTest
+        Test of each parameter, with the others free to differ.
     runs : tuple of SingleRunFit
-        One a recording.
+        Fits of the single runs.
     population : RandomEffectsPosterior
-        Mean car, spread and a run to come; meaningful whatever the verdict.
+        Mean car, spread between runs and next run; valid for any verdict.
     shift, sd : (R, 3) arrays
-        What each run says when the given values are held at their estimate: logarithm against
-        the mean car, and its deviation; nan and infinite where a run says nothing.
+        Estimate of each run with the given values fixed at their estimates: logarithm relative to
+        the mean car, and its standard deviation; nan and infinite if a run has no information.
     """
 
     verdict: str
@@ -123,33 +124,35 @@ class RunConsistency:
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """What may differ from run to run: whatever is estimated."""
+        """Parameters that may differ between runs: those that are estimated."""
         return self.space.car.estimated
 
     @property
     def differing(self) -> tuple[str, ...]:
-        """Quantities that surely differ, or the likeliest one when none surely does."""
-        chance = np.mean(self.population.spread > 0.0, axis=0)
-        sure = [name for name, p in zip(self.compared, chance, strict=True) if p > _SURELY]
-        return tuple(sure) or (self.compared[int(np.argmax(chance))],)
+        """Parameters that almost certainly differ, or else the one that most probably does."""
+        probability = np.mean(self.population.spread > 0.0, axis=0)
+        almost_certain = [
+            name for name, p in zip(self.compared, probability, strict=True) if p > _SURELY
+        ]
+        return tuple(almost_certain) or (self.compared[int(np.argmax(probability))],)
 
     def spread_percent(self, name: str) -> tuple[float, float, float]:
-        """Quantiles 2.5, 50 and 97.5 % of one deviation from run to run, in percent."""
+        """Quantiles 2.5, 50 and 97.5 % of a parameter's spread between runs, in percent."""
         k = self.compared.index(name)
         spread = 100.0 * np.expm1(self.population.spread[:, k])
         low, middle, high = np.quantile(spread, [0.025, 0.5, 0.975])
         return float(low), float(middle), float(high)
 
     def own_percent(self, name: str) -> float:
-        """Root mean square of the runs' own deviations of a quantity, in percent."""
+        """Root mean square of the single runs' standard deviations of a parameter, in percent."""
         sd = self.sd[:, self.compared.index(name)]
-        there = sd[np.isfinite(sd)]
-        return 100.0 * float(np.sqrt(np.mean(there**2))) if len(there) else math.nan
+        finite = sd[np.isfinite(sd)]
+        return 100.0 * float(np.sqrt(np.mean(finite**2))) if len(finite) else math.nan
 
     def estimates_of_runs(self, name: str) -> tuple[Array, Array]:
-        """Tell what every run says with the given values held: values and deviations (R,).
+        """Return each run's estimate with given values fixed: values and standard deviations (R,).
 
-        SI units; nan and infinite where a run says nothing.
+        SI units; nan and infinite if a run has no information.
         """
         k = self.compared.index(name)
         z = np.zeros((1, self.space.dimension))
@@ -160,28 +163,28 @@ class RunConsistency:
 
     @property
     def fit_separately(self) -> bool:
-        """Whether a joint fit is idle: the runs disagree, or one is not explained by the car."""
+        """Whether to fit the runs separately: they disagree, or the car does not explain one."""
         return self.verdict == "disagree" or any(run.misfit_reasons for run in self.runs)
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the runs cannot answer even apart: one is not of this car, or none tells enough."""
+        """Reasons to refuse even separate fits: a misfit, or parameters that no run identifies."""
         faults = [why for run in self.runs for why in run.misfit_reasons]
-        silent = [
+        common_reasons = [
             why for why in self.runs[0].fit.reasons if all(why in r.fit.reasons for r in self.runs)
         ]
-        return tuple(dict.fromkeys([*faults, *silent]))
+        return tuple(dict.fromkeys([*faults, *common_reasons]))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know of the runs: that they disagree, if so, and what each has on its own."""
-        told = [self.sentence()] if self.verdict == "disagree" else []
-        own = [note for run in self.runs for note in run.fit.warnings]
-        return tuple(dict.fromkeys([*told, *own]))
+        """Warnings: that the runs disagree, if so, and the warnings of each run."""
+        inconsistency = [self.sentence()] if self.verdict == "disagree" else []
+        of_runs = [note for run in self.runs for note in run.fit.warnings]
+        return tuple(dict.fromkeys([*inconsistency, *of_runs]))
 
     @property
     def space(self) -> ParameterSpace:
-        """Coordinates of a single run; those of the car come first and are the same in all."""
+        """Parameter space of a single run; the car's coordinates come first, alike in all runs."""
         return self.runs[0].fit.space
 
     def quantities(self, car: Array, seed: int) -> dict[str, Array]:
@@ -191,7 +194,7 @@ class RunConsistency:
         return self.space.quantities(z, seed)
 
     def joint(self, count: int, seed: int) -> Array:
-        """Coordinates (N, n) of the car if all runs were alike, from the runs' own likelihoods."""
+        """Draw coordinates (N, n) of the car if all runs share it, from the runs' likelihoods."""
         likelihoods = [run.likelihood for run in self.runs]
         precision = np.eye(self.space.car_dimension) + sum(one.precision for one in likelihoods)
         root = np.linalg.cholesky(precision)
@@ -200,26 +203,27 @@ class RunConsistency:
         return np.asarray(mean + np.linalg.solve(root.T, rng.standard_normal((len(mean), count))).T)
 
     def nuisance(self, shape: tuple[int, int], seed: int) -> dict[str, Array]:
-        """Draws of every run's noise deviations (m/s²) and filtered shares, by joint names."""
+        """Draws of the nuisance parameters of every run, SI units, by name in a joint fit."""
         rng = np.random.default_rng([seed, 7])
         out = {}
         for r, run in enumerate(self.runs):
             pick = rng.integers(len(run.z), size=shape)
-            alone = {one.name for one in run.fit.space.coordinates if one.run is None}
+            shared_names = {one.name for one in run.fit.space.coordinates if one.run is None}
             for name, value in run.fit.space.nuisance(run.z).items():
-                own = name if name in alone else name.removesuffix(" 0")
-                out[f"{own} {r}"] = value[pick]
+                joint_name = name if name in shared_names else name.removesuffix(" 0")
+                out[f"{joint_name} {r}"] = value[pick]
         return out
 
     def sentence(self) -> str:
-        """Say that the runs do not agree, what differs and by how much."""
+        """Message that the runs are inconsistent: what differs, and by how much."""
         parts = []
         for name in self.differing:
             low, middle, high = self.spread_percent(name)
-            own = self.own_percent(name)
+            own_sd = self.own_percent(name)
             parts.append(
-                f"the {QUANTITIES[name][1]} differs from run to run by {_two(middle)} % (95 %: "
-                f"{_two(low)} to {_two(high)} %), more than their own uncertainty of {_two(own)} %"
+                f"the {QUANTITIES[name][1]} differs from run to run by {_two_digits(middle)} % "
+                f"(95 %: {_two_digits(low)} to {_two_digits(high)} %), more than their own "
+                f"uncertainty of {_two_digits(own_sd)} %"
             )
         few = " (two runs say little about a spread, so it is wide)" if len(self.runs) == 2 else ""
         return (
@@ -229,7 +233,7 @@ class RunConsistency:
 
 
 def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) -> SingleRunFit:
-    """Posterior of one run by itself, by weighted draws.
+    """Posterior of one run alone, by importance sampling.
 
     Parameters
     ----------
@@ -238,7 +242,7 @@ def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) ->
     vehicle : Vehicle
         Gives the priors.
     seed : int
-        Same seed, same draws.
+        Seed of the draws.
 
     Returns
     -------
@@ -249,8 +253,8 @@ def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) ->
         weighted = importance_sample(shared, fit.mode, _WEIGHTED, seed)
     w = weighted.weight
     rng = np.random.default_rng([seed, 8])
-    # Systematic: every draw is kept as often as its weight says, give or take one.
-    at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_KEPT)) / _KEPT)
+    # systematic resampling: the multiplicity of a draw differs from its weight by less than one
+    at = np.searchsorted(np.cumsum(w), (rng.random() + np.arange(_RESAMPLED)) / _RESAMPLED)
     z = weighted.z[rng.permutation(np.minimum(at, len(w) - 1))]
     recording = fit.space.recordings[0]
     faults, _ = explained_power_findings(
@@ -260,9 +264,9 @@ def fit_single_run(recording: PreparedRecording, vehicle: Vehicle, seed: int) ->
 
 
 def _likelihood(fit: MapFit, weighted: WeightedDraws) -> RunLikelihood:
-    """Likelihood of a run by its posterior's moments, or by its mode where they are worth little.
+    """Likelihood of a run from the moments of its posterior, or from its mode if these are poor.
 
-    The second happens to runs whose verdict is open anyway; it only must not get in the way.
+    In the second case, the verdict is ``unknown`` anyway.
     """
     n = fit.space.car_dimension
     if weighted.effective >= _FEWEST:
@@ -285,7 +289,7 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     count : int
         Draws of the mean car.
     seed : int
-        Same seed, same draws.
+        Seed of the draws.
 
     Returns
     -------
@@ -293,32 +297,34 @@ def compare_runs(runs: Sequence[SingleRunFit], count: int, seed: int) -> RunCons
     """
     parameter_space = runs[0].fit.space
     n = parameter_space.car_dimension
-    way = np.stack(
+    basis = np.stack(
         [parameter_space.from_logs({name: 1.0})[:n] for name in parameter_space.car.estimated],
         axis=1,
     )
     likelihoods = [run.likelihood for run in runs]
-    whole = homogeneity_test(likelihoods, way)
-    if not all(run.trusted for run in runs) or whole.freedom == 0:
+    overall_test = homogeneity_test(likelihoods, basis)
+    if not all(run.trusted for run in runs) or overall_test.freedom == 0:
         verdict = "unknown"
     else:
-        verdict = "disagree" if whole.p < DISAGREE_BELOW else "agree"
-    found = fit_random_effects(likelihoods, way, count, seed)
-    own = [estimates_of_runs(one, way, found.centre.mean(axis=0)) for one in likelihoods]
+        verdict = "disagree" if overall_test.p < DISAGREE_BELOW else "agree"
+    population = fit_random_effects(likelihoods, basis, count, seed)
+    estimates = [
+        estimates_of_runs(one, basis, population.centre.mean(axis=0)) for one in likelihoods
+    ]
     return RunConsistency(
         verdict=verdict,
-        overall_test=whole,
+        overall_test=overall_test,
         parameter_tests={
-            name: homogeneity_test(likelihoods, way, [k])
+            name: homogeneity_test(likelihoods, basis, [k])
             for k, name in enumerate(parameter_space.car.estimated)
         },
         runs=tuple(runs),
-        population=found,
-        shift=np.stack([shift for shift, _ in own]),
-        sd=np.stack([sd for _, sd in own]),
+        population=population,
+        shift=np.stack([shift for shift, _ in estimates]),
+        sd=np.stack([sd for _, sd in estimates]),
     )
 
 
-def _two(value: float) -> str:
+def _two_digits(value: float) -> str:
     """Two significant digits without a power of ten."""
     return f"{float(f'{value:.2g}'):.10g}"

@@ -1,4 +1,4 @@
-"""A quick fit of recordings, to tell whether an input can be right."""
+"""A quick fit of recordings, to check whether an input is consistent with them."""
 
 from __future__ import annotations
 
@@ -29,29 +29,32 @@ __all__ = ["COARSE_STEPS", "STEPS", "ScreeningFit", "holds_throughout", "screeni
 
 Array = NDArray[np.float64]
 
-STEPS, COARSE_STEPS = 25, 6  # evaluations of the Jacobian at most; the right model needs six
-_HOLDS = 2.0  # dispersion, in units of that of noise that passed the sensor's filter
-_CHANCE = 0.05  # that a car at the bound is beyond it in any stretch
-_LIVELY = 0.25  # of the power of the most lively stretch
-_FEWEST = 50  # readings of an output in a stretch
-_MORE_NOISE = 1.2  # factor from which on the prior counts for enough more to fit again
+# Largest number of evaluations, for full and coarse fits; the right model needs six.
+STEPS, COARSE_STEPS = 25, 6
+# Bound on the dispersion, relative to that of noise that has passed the sensor's filter.
+_MAX_DISPERSION = 2.0
+_CHANCE = 0.05  # probability that a car at the bound exceeds it in any stretch
+_MIN_POWER = 0.25  # least wheel power of a stretch, relative to the most active one
+_FEWEST = 50  # least number of readings of an output in a stretch
+# Noise factor above which the fit is repeated: the prior then has a noticeably larger weight.
+_MORE_NOISE = 1.2
 
 
 class ScreeningFit(NamedTuple):
-    """A fit with the noise as declared, and how likely it is with as much noise as it needs.
+    """A fit with declared noise levels, and its log posterior with scaled noise levels.
 
     Parameters
     ----------
     log_posterior : float
-        At the mode, not normalised, with the deviations of all noise multiplied by one factor.
+        Log posterior at the mode, not normalised, with all noise levels multiplied by one factor.
     noise_factor : float
         That factor, which makes the mean square of the normalised innovations one; at least one.
     dispersion : float
-        Long-run variance of the innovations with the noise as declared, at least one.
+        Long-run variance of the innovations with declared noise levels, at least one.
     holds : bool
-        Whether that is no more than noise makes of it.
+        Whether the dispersion is consistent with the declared noise.
     moved : dict of str to float
-        Given values at the mode, in deviations from what was given.
+        Shifts of given values at the mode, in prior standard deviations.
     values : dict of str to float
         Parameters of the car at the mode, SI units.
     shared : (n,) array
@@ -70,9 +73,9 @@ class ScreeningFit(NamedTuple):
 def screening_fit(
     recordings: Sequence[Recording], vehicle: Vehicle, car: str = "half", steps: int = STEPS
 ) -> ScreeningFit | None:
-    """Fit recordings with the sensors' noise as declared.
+    """Fit recordings with declared noise levels.
 
-    Returns None where a channel is dead, or the car moves between the samples.
+    Return None if a channel is dead, or if the sampling rate is too low for the car.
 
     Parameters
     ----------
@@ -83,7 +86,7 @@ def screening_fit(
     car : str
         Name of the car model.
     steps : int
-        Evaluations of the Jacobian at most.
+        Largest number of evaluations.
     """
     model = car_model(car, vehicle)
     least = min_sampling_rate(nominal_modes(model))
@@ -105,7 +108,7 @@ def screening_fit(
         residual, np.zeros(n), slopes, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5, max_nfev=steps
     )
     z = at(fit.x)
-    # With more noise the prior counts for more, so that another mode is the likeliest.
+    # with larger noise levels the prior has more weight, which moves the mode
     noise_factor, noisy = _noise_factor(posterior, z), z
     if noise_factor > _MORE_NOISE and steps > COARSE_STEPS:
         scale = np.append(np.full(fit.fun.size - n, noise_factor), np.ones(n))
@@ -116,16 +119,16 @@ def screening_fit(
         def scaled_slopes(part: Array) -> Array:
             return np.asarray(slopes(part) / scale[:, None])
 
-        again = least_squares(
+        refit = least_squares(
             scaled, fit.x, scaled_slopes, bounds=(-20.0, 20.0), xtol=1e-4, ftol=1e-5,
             max_nfev=steps,
         )  # fmt: skip
-        noisy = at(again.x)
+        noisy = at(refit.x)
         noise_factor = _noise_factor(posterior, noisy)
     value = float(posterior.log_posterior(noisy[None])[0])
     if not math.isfinite(value):
         return None
-    count, square = _innovations(posterior, noisy)
+    count, square = _count_and_square(posterior, noisy)
     value += 0.5 * square * (1.0 - noise_factor**-2) - count * math.log(noise_factor)
     values = {name: float(x[0]) for name, x in posterior.space.values(z[None]).items()}
     moved = {}
@@ -136,12 +139,12 @@ def screening_fit(
         elif p.kind == "given":
             sd = math.sqrt(sum((c * sd) ** 2 for _, c, sd in p.terms))
             moved[p.name] = math.log(values[p.name] / p.nominal) / sd if sd > 0.0 else 0.0
-    spread = [
+    variances = [
         long_run_variance(posterior.innovations(z, run), one.kind == VALUE, one.instants)
         for run, one in enumerate(prepared)
     ]
-    dispersion = max(1.0, *spread)
-    holds = dispersion < _HOLDS * max(_of_filtered_noise(one) for one in prepared)
+    dispersion = max(1.0, *variances)
+    holds = dispersion < _MAX_DISPERSION * max(_filtered_noise_variance(one) for one in prepared)
     return ScreeningFit(value, noise_factor, dispersion, holds, moved, values, fit.x)
 
 
@@ -153,14 +156,14 @@ def holds_throughout(
     Parameters
     ----------
     fit : ScreeningFit
-        To the stretch in which the wheels move most.
+        Fit to the stretch in which the wheels move most.
     recording : Recording
-        All of it, with enough readings of every channel.
+        The whole recording, with enough readings of every channel.
     vehicle, car : Vehicle and str
         As for :func:`screening_fit`.
     seconds : float
-        Length of a stretch.  Stretches with less than `_LIVELY` of the wheels' power in the most
-        lively one are left out: the errors of a converter at rest are no noise.
+        Length of a stretch.  Those with less than `_MIN_POWER` of the wheel power of the most
+        active one are left out: the errors of a converter at rest are not noise.
 
     Returns
     -------
@@ -178,40 +181,40 @@ def holds_throughout(
     edges = np.searchsorted(prepared.instants, np.linspace(first, last, count + 1))
     stretches = [slice(*ends) for ends in pairwise(edges)]
     powers = [float(np.mean(power[rows])) for rows in stretches]
-    looked_at = [
+    active_stretches = [
         rows
         for rows, own in zip(stretches, powers, strict=True)
-        if own > _LIVELY * max(powers) and np.all(np.count_nonzero(use[rows], axis=0) > _FEWEST)
+        if own > _MIN_POWER * max(powers) and np.all(np.count_nonzero(use[rows], axis=0) > _FEWEST)
     ]
-    # One of many stretches is beyond the bound by chance: it has to be so significantly.
-    level = _CHANCE / max(len(looked_at) * use.shape[1], 1)
+    # one of many stretches exceeds the bound by chance, so it has to do so significantly
+    level = _CHANCE / max(len(active_stretches) * use.shape[1], 1)
     return all(
         long_run_variance(innovations[rows], use[rows], prepared.instants[rows])
-        < _HOLDS
-        * _of_filtered_noise(prepared)
+        < _MAX_DISPERSION
+        * _filtered_noise_variance(prepared)
         * chance_factor(use[rows], prepared.instants[rows], level)
-        for rows in looked_at
+        for rows in active_stretches
     )
 
 
-def _innovations(posterior: Posterior, z: Array) -> tuple[int, float]:
+def _count_and_square(posterior: Posterior, z: Array) -> tuple[int, float]:
     """Count the normalised innovations of all runs, and sum their squares."""
-    every = np.concatenate(
+    innovations = np.concatenate(
         [posterior.innovations(z, run).ravel() for run in range(len(posterior.space.recordings))]
     )
-    there = np.isfinite(every) & (every != 0.0)
-    return int(np.count_nonzero(there)), float(np.sum(every[there] ** 2))
+    has_reading = np.isfinite(innovations) & (innovations != 0.0)
+    return int(np.count_nonzero(has_reading)), float(np.sum(innovations[has_reading] ** 2))
 
 
 def _noise_factor(posterior: Posterior, z: Array) -> float:
     """Root mean square of the normalised innovations, at least one."""
-    count, square = _innovations(posterior, z)
+    count, square = _count_and_square(posterior, z)
     return math.sqrt(max(1.0, square / max(count, 1)))
 
 
-def _of_filtered_noise(recording: PreparedRecording) -> float:
-    """Long-run variance of noise that passed the outputs' filters, over that of white noise."""
+def _filtered_noise_variance(recording: PreparedRecording) -> float:
+    """Long-run variance of noise that has passed the outputs' filters, over that of white noise."""
     step = float(np.median(np.diff(recording.times[0])))
     poles = recording.poles[list(recording.outputs)]
-    left = np.exp(-poles[poles > 0.0] * step)
-    return float(np.max((1.0 + left) / (1.0 - left), initial=1.0))
+    correlation = np.exp(-poles[poles > 0.0] * step)
+    return float(np.max((1.0 + correlation) / (1.0 - correlation), initial=1.0))

@@ -1,26 +1,27 @@
-"""What changed between two sessions of one car: the joint posterior of both, and its hypotheses.
+"""Changes between two sessions of one car: their joint posterior, and hypotheses about it.
 
-Each session was estimated by itself.  Its posterior, with the prior taken out, is a Gaussian
-likelihood over the coordinates y_s of its car and of the scales of its sensors, all of which are
-standard normal a priori.  Both sessions together are one linear Gaussian model ::
+Each session was estimated alone.  Its posterior, divided by the prior, is a Gaussian likelihood
+over the coordinates y_s of its car and of the scales of its sensors, all of which are standard
+normal a priori.  Both sessions together are one linear Gaussian model ::
 
     y_before = M₁ x          y_after = o + M₂ x + B u          x ~ N(0, I)
 
-x holds the unknowns of both: the values of c_f, c_r, i, … before, and the errors of the given
-values and of the scales of the sensors.  An error that both sessions have, because the same value
-is given for both, is one unknown; a value that was changed on purpose has one unknown a session,
-and the offset o says how far the two given values are apart.  u are the changes of the logarithms
-of c_f, c_r, i.  Integrating x out leaves a Gaussian likelihood of u alone, exp(ηᵀu − ½ uᵀΛu), which
-is that of sampling both sessions together as far as each session's likelihood is normal.
+x contains the unknowns of both: the values of c_f, c_r, i, … before, and the errors of the given
+values and of the scales of the sensors.  An error that both sessions share, because the same value
+is given for both, is one unknown; a value that was changed on purpose has one unknown per session,
+and the offset o is the difference between the two given values.  u are the changes of the
+logarithms of c_f, c_r, i.  Integrating x out leaves a Gaussian likelihood of u alone,
+exp(ηᵀu − ½ uᵀΛu).  If the likelihood of each session is normal, the result is the same as that of
+sampling both sessions together.
 
-**Hypotheses.**  Every parameter is by itself unchanged with probability :data:`UNCHANGED`, u_k = 0,
-and otherwise u_k ~ N(0, ω²) with ω = :data:`CHANGE_SD`.  A set S of parameters that changed has the
-evidence ::
+**Hypotheses.**  Each parameter is independently unchanged with probability :data:`UNCHANGED`,
+u_k = 0, and otherwise u_k ~ N(0, ω²) with ω = :data:`CHANGE_SD`.  A set S of parameters that
+changed has the evidence ::
 
     p(data | S) ∝ |I + ω² Λ_SS|^(−½) exp ½ η_Sᵀ (Λ_SS + ω⁻² I)⁻¹ η_S
 
-and given S, u_S is normal.  The sums over all sets are the probabilities of a change, of a fall and
-of a rise.  This is the spike-and-slab prior of Mitchell & Beauchamp (1988).
+and given S, u_S is normal.  Sums over all sets give the probabilities of a change, a decrease and
+an increase.  This is the spike-and-slab prior of Mitchell & Beauchamp (1988).
 """
 
 from __future__ import annotations
@@ -52,25 +53,25 @@ __all__ = ["CHANGE_SD", "UNCHANGED", "Session", "SessionChanges", "session", "se
 Array = NDArray[np.float64]
 
 UNCHANGED = SAME
-"""Prior probability that a parameter is the same after as before, for each by itself."""
+"""Prior probability that a parameter did not change, independently for each one."""
 
-_NOTHING_KNOWN = 0.1
-"""Information about a change, in that of its prior, below which its test is not computed."""
+_MIN_INFORMATION = 0.1
+"""Information about a change, relative to its prior's, below which it is not tested."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """What the runs of one session say together.
+    """Joint likelihood of the runs of one session.
 
     Parameters
     ----------
     space : ParameterSpace
         Coordinates of the car and their prior.
     gains : mapping of str to tuple
-        Channels whose scale is uncertain, in the order of the coordinates: everything that is
-        declared of each sensor.
+        For each channel with an uncertain scale, in the order of the coordinates, the declaration
+        of its sensor.
     likelihood : RunLikelihood
-        Over the coordinates of the car and of those scales.
+        Gaussian likelihood over the coordinates of the car and of those scales.
     """
 
     space: ParameterSpace
@@ -81,27 +82,32 @@ class Session:
 def session(
     space: ParameterSpace, vehicle: Vehicle, car: Array, gains: Mapping[str, Array]
 ) -> Session:
-    """Summarise the posterior of one session, without its prior.
+    """Convert the posterior of one session to a likelihood.
 
     Parameters
     ----------
     space : ParameterSpace
-        Of the session.
+        Parameter space of the session.
     vehicle : Vehicle
         The car with its sensors.
     car : (N, n) array
         Draws of the coordinates of the car.
     gains : mapping of str to (N,) array
-        The same of the scales of sensors, by the name of their coordinate; those that are missing
+        Corresponding draws of the scales of sensors, by the name of their coordinate; missing ones
         are unknowns of this session alone.
     """
-    known = [one for one in space.coordinates if one.kind == "gain" and one.name in gains]
-    own = [(np.log(gains[one.name]) - one.centre) / one.scale for one in known]
-    z = np.column_stack([car, *own])
+    uncertain_gains = [one for one in space.coordinates if one.kind == "gain" and one.name in gains]
+    gain_coordinates = [
+        (np.log(gains[one.name]) - one.centre) / one.scale for one in uncertain_gains
+    ]
+    z = np.column_stack([car, *gain_coordinates])
     covariance = np.cov(z, rowvar=False).reshape(2 * z.shape[1:])
     return Session(
         space,
-        {one.channel: (vehicle.sensor(one.channel), one.centre, one.scale) for one in known},
+        {
+            one.channel: (vehicle.sensor(one.channel), one.centre, one.scale)
+            for one in uncertain_gains
+        },
         likelihood_of_run(z.mean(axis=0), covariance),
     )
 
@@ -115,19 +121,19 @@ class SessionChanges:
     names : tuple of str
         The parameters.
     mean, sd : (p,) arrays
-        Moments of u if all of them changed.
+        Mean and standard deviation of u if all parameters changed.
     lower, higher : (p,) arrays
-        Probabilities that a parameter changed and is lower, or higher, after; what is left is the
-        probability that it did not change.
+        Probabilities that a parameter decreased, or increased; the remaining probability is that it
+        did not change.
     nothing : float
-        Probability that none of them changed.
+        Probability that no parameter changed.
     p_values : (p,) array
-        Of the test that one parameter is the same, with the others free to differ; nan where the
-        recordings do not show it.
+        p-values of the test that one parameter is the same, with the others free to differ; nan if
+        the recordings do not determine it.
     p_value : float
-        Of the test that all are the same; nan where the recordings show none.
-    rest : Contrast
-        Test that everything else that both sessions share is the same: given values and scales.
+        p-value of the test that all parameters are the same; nan if none is determined.
+    rest : HomogeneityTest
+        Test that all other shared unknowns are the same: given values and scales.
     """
 
     names: tuple[str, ...]
@@ -147,7 +153,7 @@ def session_changes(before: Session, after: Session) -> SessionChanges:
     Parameters
     ----------
     before, after : Session
-        Of the same model of a car; whatever both vehicles give alike is the same in both.
+        Sessions of the same car model; values that both vehicle files give alike are shared.
     """
     names, precision, linear, rest = likelihood_of_changes(before, after)
     count, ω2 = len(names), CHANGE_SD**2
@@ -164,11 +170,11 @@ def session_changes(before: Session, after: Session) -> SessionChanges:
         log_evidence[n] = prior - 0.5 * size + 0.5 * float(linear[S] @ mean)
     weight = np.exp(log_evidence - log_evidence.max())
     weight /= weight.sum()
-    there = sds > 0.0
-    below = np.where(there, ndtr(-means / np.where(there, sds, 1.0)), 0.0)
+    changed = sds > 0.0
+    below = np.where(changed, ndtr(-means / np.where(changed, sds, 1.0)), 0.0)
     p_values, p_value = _tests(precision, linear)
     return SessionChanges(
-        names, means[-1], sds[-1], weight @ below, weight @ (there - below), float(weight[0]),
+        names, means[-1], sds[-1], weight @ below, weight @ (changed - below), float(weight[0]),
         p_values, p_value, rest,
     )  # fmt: skip
 
@@ -176,16 +182,16 @@ def session_changes(before: Session, after: Session) -> SessionChanges:
 def _tests(precision: Array, linear: Array) -> tuple[Array, float]:
     """p-values of likelihood-ratio tests of u_k = 0, one by one and all together."""
     eigen, vectors = np.linalg.eigh(precision)
-    seen = eigen > _NOTHING_KNOWN / CHANGE_SD**2
-    if not np.any(seen):
+    informative = eigen > _MIN_INFORMATION / CHANGE_SD**2
+    if not np.any(informative):
         return np.full(len(linear), np.nan), math.nan
-    square = (vectors.T @ linear)[seen] ** 2 / eigen[seen]
-    whole = float(gammaincc(0.5 * np.count_nonzero(seen), 0.5 * square.sum()))
+    square = (vectors.T @ linear)[informative] ** 2 / eigen[informative]
+    p_all = float(gammaincc(0.5 * np.count_nonzero(informative), 0.5 * square.sum()))
     covariance = (vectors / np.maximum(eigen, 1e-12 * eigen[-1])) @ vectors.T
     variance = np.diag(covariance)
-    known = variance < CHANGE_SD**2 / _NOTHING_KNOWN
-    z = np.where(known, covariance @ linear, np.nan) / np.sqrt(variance)
-    return np.asarray(2.0 * ndtr(-np.abs(z))), whole
+    determined = variance < CHANGE_SD**2 / _MIN_INFORMATION
+    z = np.where(determined, covariance @ linear, np.nan) / np.sqrt(variance)
+    return np.asarray(2.0 * ndtr(-np.abs(z))), p_all
 
 
 class ChangeLikelihood(NamedTuple):
@@ -197,8 +203,8 @@ class ChangeLikelihood(NamedTuple):
         Parameters that are estimated in both sessions.
     precision, linear : (p, p) and (p,) arrays
         Λ and η.
-    rest : Contrast
-        Test of what both share, with the parameters free to differ.
+    rest : HomogeneityTest
+        Test of the shared unknowns, with the parameters free to differ.
     """
 
     names: tuple[str, ...]
@@ -217,27 +223,27 @@ def likelihood_of_changes(before: Session, after: Session) -> ChangeLikelihood:
     columns = {key: n for n, key in enumerate([*keys, *(("change", name) for name in names)])}
     changes, others = np.arange(len(keys), len(columns)), np.arange(len(keys))
     precision, linear = np.zeros(2 * (len(columns),)), np.zeros(len(columns))
-    apart, rank = 0.0, 0
+    separate, rank = 0.0, 0
     for one, slopes_by in zip((before, after), rows, strict=True):
         M = np.zeros((len(one.likelihood.linear), len(columns)))
         offset = np.zeros(len(M))
         for key, slopes in slopes_by.items():
             M[:, columns[key]] = slopes
         for name in names if one is after else ():
-            # The value of the parameter is that before, and the change comes on top.
+            # the parameter is the value before, plus the change
             (mean, sd), (first, first_sd) = (of.space.log_prior_of(name) for of in (after, before))
             slopes = slopes_by["value", name] / sd
             M[:, columns["change", name]] = slopes
             M[:, columns["value", name]] = slopes * first_sd
             offset += slopes * (first - mean)
         H, h = one.likelihood.around(offset)
-        inverse, found = pseudo_inverse(H)
-        apart += float(h @ inverse @ h)
-        rank += found
+        inverse, found_rank = pseudo_inverse(H)
+        separate += float(h @ inverse @ h)
+        rank += found_rank
         precision += M.T @ H @ M
         linear += M.T @ h
-    inverse, found = pseudo_inverse(precision)
-    rest = HomogeneityTest(apart - float(linear @ inverse @ linear), rank - found)
+    inverse, found_rank = pseudo_inverse(precision)
+    rest = HomogeneityTest(separate - float(linear @ inverse @ linear), rank - found_rank)
     whole = precision[np.ix_(others, others)] + np.eye(len(others))
     cross = precision[np.ix_(changes, others)]
     solved = np.linalg.solve(whole, np.column_stack([cross.T, linear[others]]))
@@ -255,7 +261,7 @@ Key = tuple[object, ...]
 def _derivatives(one: Session, number: int, other: Session) -> dict[Key, Array]:
     """Differentiate the coordinates of a session by the unknowns, standard normal a priori.
 
-    The key of an unknown is the same in both sessions where it is one unknown.
+    An unknown that both sessions share has the same key in both.
     """
     space, n = one.space, len(one.likelihood.linear)
     terms, others = _terms(space.car), _terms(other.space.car)
@@ -267,11 +273,11 @@ def _derivatives(one: Session, number: int, other: Session) -> dict[Key, Array]:
         estimated = term in space.car.estimated
         shared = () if use == others.get(term) else (number,)
         out[("value", term) if estimated else ("given", term, *shared)] = slopes
-    alone = {p.name: p for p in other.space.car.parameters}
+    other_parameters = {p.name: p for p in other.space.car.parameters}
     for k, coordinate in enumerate(space.coordinates[: space.car_dimension]):
         if coordinate.kind == "fraction":
-            mine = next(p for p in space.car.parameters if p.name == coordinate.name)
-            shared = () if mine == alone.get(mine.name) else (number,)
+            parameter = next(p for p in space.car.parameters if p.name == coordinate.name)
+            shared = () if parameter == other_parameters.get(parameter.name) else (number,)
             out["given", coordinate.name, *shared] = np.eye(n)[k]
     for k, (channel, sensor) in enumerate(one.gains.items()):
         shared = () if sensor == other.gains.get(channel) else (number,)

@@ -1,10 +1,10 @@
 """Curve and shape of a spring whose force is not proportional to travel.
 
-The stiffness at rest and the force over the deflection at the travel used on either side stand for
-its curve F(δ).  Its shape is described by ratios that hold for any curve, with the posterior
-probability of each statement: on either side the mean slope over the upper half of the travel used
-over that in its lowest eighth, more is stiffening, less is softening; and, at the travel that both
-sides used, force in extension over force in compression.
+Its curve F(δ) is summarised by the stiffness at rest, and by force over deflection at the travel
+used on either side.  Its shape is described by ratios that are defined for any curve, with the
+posterior probability of each statement: on either side, the mean slope over the upper half of the
+travel used over that in its lowest eighth (larger is stiffening, smaller is softening); and force
+in extension over force in compression, at the travel that both sides used.
 """
 
 from __future__ import annotations
@@ -24,11 +24,14 @@ __all__ = ["SpringCurve", "spring_curves"]
 
 Array = NDArray[np.float64]
 
-_MAX_DRAWS = 2000  # of which curves are worked out: intervals of 95 % to a twentieth of their width
+# Largest number of draws for which curves are computed; their 95 % intervals are accurate to a
+# twentieth of their width.
+_MAX_DRAWS = 2000
 _DEEPEST = 0.99  # quantile of the travel on either side up to which the shape is described
-_BENT = 1.1  # ratio of slopes from which a curve is called bent: twice a spring's tolerance
-_POINTS = 61  # of a curve over the range driven
-_LEAST = 1e-6  # m, of travel on a side that was not used
+# Ratio of slopes above which a curve is stiffening or softening: twice a spring's tolerance.
+_BENT = 1.1
+_POINTS = 61  # number of points of a curve over the range driven
+_LEAST = 1e-6  # travel on a side that was not used, m
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class SpringCurve:
     parameter : str
         Name of its spring rate.
     travel : pair of float
-        Compression and extension that were used, m, both positive.
+        Largest compression and extension, m, both positive.
     at_rest : (N,) array
         Stiffness at rest, N/m.
     compression, extension : (N,) arrays
@@ -52,7 +55,7 @@ class SpringCurve:
     deflection : (P,) array
         Deflections over the range driven, m, extension positive.
     force : (N, P) array
-        Force at these, N, positive where it resists extension.
+        Force at these deflections, N, positive if it resists extension.
     """
 
     element: str
@@ -69,18 +72,18 @@ class SpringCurve:
 def spring_curves(
     posterior: Posterior, mode: Array, z: Array, draws: Mapping[str, Array]
 ) -> tuple[SpringCurve, ...]:
-    """Curves of every spring that has a free one.
+    """Compute the curve of every spring that has a free one.
 
     Parameters
     ----------
     posterior : Posterior
-        With effects.
+        Posterior of a model with effects.
     mode : (D,) array
-        Coordinates at which the deflections driven are worked out.
+        Coordinates for which the deflections driven are computed.
     z : (N, D) array
         Draws of the posterior; 2000 of them are used.
     draws : mapping of str to (N,) array
-        The same of the car's quantities, SI units; a spring rate that is not there is nominal.
+        Corresponding draws of the car's quantities, SI units; a missing spring rate is nominal.
 
     Returns
     -------
@@ -92,24 +95,24 @@ def spring_curves(
     if not any(placed.effect.free_form for placed in laws):
         return ()
     runs = range(len(space.recordings))
-    driven = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
-    used = np.linspace(0, len(z) - 1, min(len(z), _MAX_DRAWS)).astype(int)
+    states = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
+    picked = np.linspace(0, len(z) - 1, min(len(z), _MAX_DRAWS)).astype(int)
     tables = []
-    for one in z[used]:
+    for one in z[picked]:
         values = space.effects(one)
         tables.append(law_table(space.car, {placed: values[placed] for placed in laws}, 0))
     out = []
     for e, element in enumerate(space.car.elements):
         if not any(s.effect.free_form and e in s.elements(space.car) for s in laws):
             continue
-        deflection = np.concatenate([run[:, 2 * e] for run in driven])
+        deflection = np.concatenate([run[:, 2 * e] for run in states])
         travel = _travel(-deflection), _travel(deflection)
         shown = np.linspace(min(deflection.min(), 0.0), max(deflection.max(), 0.0), _POINTS)
         shares = np.array([SLOWEST, 0.5, 1.0])
         common = min(travel)
         grid = np.concatenate([-travel[0] * shares, travel[1] * shares, [-common, common], shown])
         nominal = np.full(len(z), space.car.nominal[element.spring][0])
-        k = draws.get(element.spring, nominal).ravel()[used]
+        k = draws.get(element.spring, nominal).ravel()[picked]
         zero = np.zeros_like(grid)
         force = np.array(
             [
@@ -138,7 +141,7 @@ def spring_curves(
     return tuple(out)
 
 
-def _travel(beyond: Array) -> float:
-    """Travel that was used on one side, where deflections (N,) to that side are positive."""
-    own = beyond[beyond > 0.0]
-    return max(float(np.quantile(own, _DEEPEST)), _LEAST) if len(own) else _LEAST
+def _travel(deflection: Array) -> float:
+    """Travel that was used on one side, given deflections (N,) that are positive on that side."""
+    positive = deflection[deflection > 0.0]
+    return max(float(np.quantile(positive, _DEEPEST)), _LEAST) if len(positive) else _LEAST

@@ -1,19 +1,19 @@
 """Trend of a damping rate over the recordings of a season: whether and when it changed.
 
-**What a recording says.**  Recording r speaks of the car through a Gaussian likelihood
-exp(h_rᵀθ_r − ½ θ_rᵀH_rθ_r) with θ_r = θ + B u_r (:mod:`bayes_asv.analysis.random_effects`): θ holds
-the errors of the given values, which all recordings share, and u_r the logarithms of what is
-estimated, with a flat prior in every recording.  Given θ, it measures u_r by
+**Likelihood of a recording.**  Recording r has a Gaussian likelihood exp(h_rᵀθ_r − ½ θ_rᵀH_rθ_r)
+with θ_r = θ + B u_r (:mod:`bayes_asv.analysis.random_effects`): θ contains the errors of the given
+values, which all recordings share, and u_r the logarithms of the estimated parameters, with a flat
+prior in every recording.  Given θ, it measures u_r by
 
     y_r = (BᵀH_rB)⁻¹ Bᵀ(h_r − H_rθ),    s_r² = diag (BᵀH_rB)⁻¹.
 
-θ is held at its posterior mean given all recordings.  What is left of its error (posterior
-covariance P⁻¹) shifts the recordings by −A_r(θ − E θ), A_r = (BᵀH_rB)⁻¹BᵀH_r.  The part that is
-the same in all of them, such as that of a wrong mass, is no change; it is absorbed by the level,
-whose prior is flat.  The rest, which differs from drive to drive, is added to s_r².
+θ is fixed at its posterior mean given all recordings.  Its remaining error (posterior covariance
+P⁻¹) shifts the recordings by −A_r(θ − E θ), A_r = (BᵀH_rB)⁻¹BᵀH_r.  The part that is common to all
+of them, such as that of a wrong mass, is not a change; the level, whose prior is flat, absorbs it.
+The rest, which differs from drive to drive, is added to s_r².
 
-**The season.**  With the level x of the logarithm of one damping rate and a scatter from run to run
-(oil temperature, fuel, driver, road)::
+**Season.**  With the level x of the logarithm of one damping rate and a scatter between runs (oil
+temperature, fuel, driver, road)::
 
     y_r = x(t_r) + e_r + ε_r,    e_r ~ N(0, σ²),    ε_r ~ N(0, s_r²),    σ ~ half-Cauchy(0.03)
 
@@ -26,12 +26,12 @@ and all sets of k changes equally probable in which every stretch has at least t
 recording that differs from its neighbours is scatter.  Two levels then differ by N(0, 0.2²), as β.
 No change falls between recordings of the same time.
 
-Given σ and μ the stretches are independent, so that the sum over all sets of changes is a
-recursion over their last stretch (Barry & Hartigan 1993; Fearnhead 2006); σ and μ are integrated on
-a grid.  Change points, levels and scatter are then drawn from the exact posterior of the grid.
+Given σ and μ the stretches are independent, so the sum over all sets of changes is a recursion over
+their last stretch (Barry & Hartigan 1993; Fearnhead 2006); σ and μ are integrated on a grid.
+Change points, levels and scatter are then drawn from the exact posterior on the grid.
 
-**The test.**  The p-value is the probability, in a season without a change that has the same dates,
-s_r and scatter, of evidence as large for a gradual change or for one sudden change.
+**Test.**  The p-value is the probability, in a season without a change and with the same dates, s_r
+and scatter, of at least as much evidence for a gradual change or for one sudden change.
 """
 
 from __future__ import annotations
@@ -61,18 +61,18 @@ NO_CHANGE: Final = 0.5
 GRADUAL: Final = 0.25
 MOST_CHANGES: Final = 5
 CHANGE_SD: Final = 0.2
-"""Of the logarithm of a level after a change against that before: worn seals, lost gas, new oil and
-a few clicks of the adjuster move a damping rate by 5 to 50 %."""
+"""Prior standard deviation of a change of the log level: worn seals, lost gas, new oil and a few
+clicks of the adjuster change a damping rate by 5 to 50 %."""
 FEWEST: Final = 4
-"""Recordings of a season: two before a change and two after it."""
+"""Least number of recordings of a season: two before a change and two after it."""
 
-_SHORTEST = 2  # recordings between two changes
-_SHARE_IN_WINDOW = 0.95  # of the posterior of a change's place
-_DRAWS = 2000
-_SIMULATED = 999  # seasons without a change
-_STEP = 0.5  # of the nodes of μ, in prior deviations of a level
-_REACH = 3.5  # of the nodes of μ beyond the values, likewise
-_NODES = (12, 48)  # fewest and most nodes of σ
+_SHORTEST = 2  # least number of recordings between two changes
+_SHARE_IN_WINDOW = 0.95  # posterior probability that a change is within its reported window
+_DRAWS = 2000  # draws of the posterior
+_SIMULATED = 999  # simulated seasons without a change, for the p-value
+_STEP = 0.5  # spacing of the nodes of μ, in prior standard deviations of a level
+_REACH = 3.5  # range of the nodes of μ beyond the values, in prior standard deviations of a level
+_NODES = (12, 48)  # least and largest number of nodes of σ
 
 
 class Change(NamedTuple):
@@ -81,13 +81,12 @@ class Change(NamedTuple):
     Parameters
     ----------
     first, last : int
-        The change is after recording `first` and not after recording `last`: the narrowest such
-        stretch that has 95 % of the posterior of its place, given as many changes as are the most
-        probable number.
+        The change is after recording `first` and no later than recording `last`: the narrowest
+        window with 95 % of the posterior of its place, given the most probable number of changes.
     ratio, low, high : float
-        Level after over level before, median and 95 % interval, given that it changed there.
+        Level after over level before, median and 95 % interval, given a change in the window.
     probability : float
-        Of a change in this direction in this stretch, under all hypotheses.
+        Probability of a change in this direction in the window, over all hypotheses.
     """
 
     first: int
@@ -109,15 +108,15 @@ class Trend:
     sudden : (5,) array
         Posterior probabilities of one to five changes.
     p_value : float
-        Of the test that nothing changed.
+        p-value of the test that nothing changed.
     drift : (3,) tuple of float
-        Last level over first if the change is gradual: median, ends of the 95 % interval.
+        Last level over first if the change is gradual: median and ends of the 95 % interval.
     changes : tuple of Change
         Sudden changes that are more probable than not, in order of time.
     scatter : (3,) tuple of float
-        σ: median, ends of the 95 % interval.
+        σ: median and ends of the 95 % interval.
     level : (3, R) array
-        Logarithm of the level at each recording, averaged over the hypotheses: mean, ends of the
+        Logarithm of the level at each recording, averaged over the hypotheses: mean and ends of the
         95 % interval.
     """
 
@@ -140,7 +139,7 @@ class Trend:
 
 
 class Coordinates:
-    """Coordinates θ of a car that are standard normal a priori, without a recording at hand.
+    """Standard normal coordinates θ of a car, for use without a recording.
 
     They are the directions of its parameters on which the state-space model depends, and its
     fractions.
@@ -162,7 +161,7 @@ class Coordinates:
             zeta = np.linalg.pinv(self._prior.root) @ moved
             columns.append([*(zeta @ self._prior.identified), *np.zeros(len(self._fractions))])
         self.way: Array = np.array(columns).T
-        """B (n, p): derivatives by the logarithms of what is estimated."""
+        """B (n, p): derivatives of the coordinates by the logarithms of estimated parameters."""
         rows = [self._prior.root[self._prior.log_parameters.index(n)] for n in car.estimated]
         self.slopes: Array = np.column_stack(
             [np.array(rows) @ self._prior.identified, np.zeros((len(rows), len(self._fractions)))]
@@ -170,12 +169,12 @@ class Coordinates:
         """Derivatives (p, n) of those logarithms by the coordinates."""
 
     def likelihood(self, draws: Mapping[str, Array]) -> RunLikelihood:
-        """Summarise the posterior of one recording, without the prior.
+        """Convert the posterior of one recording to a likelihood.
 
         Parameters
         ----------
         draws : mapping of str to (N,) array
-            Of the car's parameters that vary, SI units.
+            Draws of the car's parameters that vary, SI units.
         """
         prior = self._prior
         count = len(next(iter(draws.values())))
@@ -190,19 +189,19 @@ class Coordinates:
 
 
 def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Array, Array]:
-    """Ask every run for its values with the errors of the given values taken out.
+    """Estimate the parameters in every run, with common errors of the given values removed.
 
     Parameters
     ----------
     runs : sequence of RunLikelihood
         R likelihoods over the car's n coordinates.
     way : (n, p) array
-        B; a column of zeros for a quantity that is given as exact.
+        B; a column of zeros for a parameter that is given as exact.
 
     Returns
     -------
     value, sd : (R, p) arrays
-        y and s; nan and infinite where a run says nothing.
+        y and s; nan and infinite if a run has no information.
     centre : (n,) array
         Coordinates θ to which the values are relative.
     """
@@ -216,14 +215,14 @@ def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Ar
         linear += h - loading.T @ (way.T @ h)
         loadings.append(loading)
     centre = np.asarray(np.linalg.solve(precision, linear), dtype=float)
-    answers = [estimates_of_runs(run, way, centre) for run in runs]
-    value = np.stack([shift for shift, _ in answers])
-    sd = np.stack([own for _, own in answers])
+    estimates = [estimates_of_runs(run, way, centre) for run in runs]
+    value = np.stack([shift for shift, _ in estimates])
+    sd = np.stack([sd_of_run for _, sd_of_run in estimates])
     known = np.isfinite(value).all(axis=1)
     if known.any():
-        apart: Array = np.stack(loadings)
-        apart = apart - apart[known].mean(axis=0)
-        shared = np.einsum("rpn,nm,rpm->rp", apart, np.linalg.inv(precision), apart)
+        differences: Array = np.stack(loadings)
+        differences = differences - differences[known].mean(axis=0)
+        shared = np.einsum("rpn,nm,rpm->rp", differences, np.linalg.inv(precision), differences)
         sd = np.asarray(np.sqrt(sd**2 + np.maximum(shared, 0.0)))
     return value, sd, centre
 
@@ -238,12 +237,12 @@ def find_trend(time: Array, value: Array, sd: Array, seed: int = 0) -> Trend | N
     value, sd : (R,) arrays
         Logarithm of the rate in each recording, and its standard deviation.
     seed : int
-        Same seed, same draws.
+        Seed of the draws.
 
     Returns
     -------
     Trend or None
-        None for fewer than four recordings, or recordings that are all of the same time.
+        None for fewer than four recordings, or if all have the same time.
     """
     if len(time) < FEWEST or not time[-1] > time[0]:
         return None
@@ -275,7 +274,7 @@ class _Season:
         return _STEP * self.omega
 
     def _log_priors(self) -> Array:
-        """Log prior probability of k = 1 … 5 changes, over the number of ways to place them."""
+        """Log prior probability of k = 1 … 5 changes, divided by the number of their placements."""
         nothing = np.where(self.allowed, 0.0, -np.inf)[None]
         ways = np.array([a[0, self.n] for a in _recursion(nothing, MOST_CHANGES)[1:]])
         prior = 0.5 ** np.arange(1.0, MOST_CHANGES + 1.0)
@@ -299,32 +298,34 @@ class _Season:
     def simple(self, y: Array) -> tuple[Array, Array, Array]:
         """Log evidence of no change, a gradual and one sudden change for seasons y (m, n), (G, m).
 
-        All three without the prior of the hypothesis, the last averaged over its places.
+        Prior probabilities of the hypotheses are not included; the last is averaged over places.
         """
         none, gradual, sudden = [], [], []
         gaps = [j for j in range(_SHORTEST, self.n - _SHORTEST + 1) if self.free[j]]
         steps = np.arange(self.n) >= np.array(gaps, dtype=int)[:, None]
-        designs = np.vstack([self.ramp, steps])  # a gradual change, then one a place
+        designs = np.vstack([self.ramp, steps])  # a gradual change, then a step at each place
         for sigma in self.sigma:
             w = 1.0 / (self.s**2 + sigma**2)
             W = w.sum()
             mean = y @ w / W
-            inside = y - mean[:, None]
-            alone = 0.5 * np.log(w).sum() - 0.5 * (inside**2) @ w + 0.5 * math.log(2 * math.pi / W)
+            residuals = y - mean[:, None]
+            constant = (
+                0.5 * np.log(w).sum() - 0.5 * (residuals**2) @ w + 0.5 * math.log(2 * math.pi / W)
+            )
             centred = designs - (designs @ w / W)[:, None]
             G = (centred**2) @ w
-            gain = 0.5 * ((inside * w) @ centred.T) ** 2 / (G + CHANGE_SD**-2)
+            gain = 0.5 * ((residuals * w) @ centred.T) ** 2 / (G + CHANGE_SD**-2)
             gain -= 0.5 * np.log1p(CHANGE_SD**2 * G)
-            none.append(alone)
-            gradual.append(alone + gain[:, 0])
+            none.append(constant)
+            gradual.append(constant + gain[:, 0])
             if gaps:
-                sudden.append(alone + _log_sum(gain[:, 1:], axis=1) - math.log(len(gaps)))
+                sudden.append(constant + _log_sum(gain[:, 1:], axis=1) - math.log(len(gaps)))
             else:
                 sudden.append(np.full(len(y), -np.inf))
         return np.array(none), np.array(gradual), np.array(sudden)
 
     def trend(self, rng: np.random.Generator, middle: float) -> Trend:
-        """Weigh the hypotheses and draw from their posterior."""
+        """Compute the probabilities of the hypotheses, and draw from the posterior."""
         none, gradual, _ = (one[:, 0] for one in self.simple(self.y[None]))
         tables = [_recursion(self.stretches(sigma), MOST_CHANGES) for sigma in self.sigma]
         ends = np.array([[a[:, self.n] for a in table[1:]] for table in tables])  # (G, 5, M)
@@ -343,9 +344,9 @@ class _Season:
         level = np.empty((_DRAWS, self.n))
         places: list[tuple[int, ...]] = [()] * _DRAWS
         for g in np.unique(node):
-            own = np.flatnonzero(node == g)
-            table = self.stretches(self.sigma[g]) if (column[own] > 1).any() else None
-            for d in own:
+            drawn_here = np.flatnonzero(node == g)
+            table = self.stretches(self.sigma[g]) if (column[drawn_here] > 1).any() else None
+            for d in drawn_here:
                 if column[d] < 2:
                     continue
                 k, m = divmod(int(column[d]) - 2, len(self.mu))
@@ -353,8 +354,10 @@ class _Season:
                 places[d] = self._places(rng, tables[g], table, k + 1, m)
                 level[d] = self._levels(rng, self.sigma[g], places[d], self.mu[m])
             for which in (0, 1):
-                some = own[column[own] == which]
-                level[some] = self._line(rng, self.sigma[g], len(some), gradual=which == 1)
+                of_hypothesis = drawn_here[column[drawn_here] == which]
+                level[of_hypothesis] = self._line(
+                    rng, self.sigma[g], len(of_hypothesis), gradual=which == 1
+                )
         counts = np.array([len(p) for p in places])
         return Trend(
             no_change=float(shares[0]),
@@ -375,13 +378,13 @@ class _Season:
         self, rng: np.random.Generator, table: list[Array], stretches: Array, count: int, m: int
     ) -> tuple[int, ...]:
         """Draw the first runs after each of `count` changes, last to first, given σ and μ."""
-        found, end = [], self.n
+        places, end = [], self.n
         for k in range(count, 0, -1):
             value = table[k - 1][m, :end] + stretches[m, :end, end]
             weight = np.cumsum(np.exp(value - value.max()))
             end = int(np.searchsorted(weight, rng.random() * weight[-1], side="right"))
-            found.append(end)
-        return tuple(reversed(found))
+            places.append(end)
+        return tuple(reversed(places))
 
     def _levels(
         self, rng: np.random.Generator, sigma: float, places: tuple[int, ...], mu: float
@@ -416,7 +419,7 @@ class _Season:
         return drawn[:, -1] - drawn[:, 0]
 
     def _p_value(self, rng: np.random.Generator, none: Array) -> float:
-        """Simulate seasons without a change, with the scatter that this season has without one."""
+        """Compute the p-value from simulated seasons without a change but with this scatter."""
         weight = np.exp(none + self.log_mass - (none + self.log_mass).max())
         sigma = self.sigma[rng.choice(len(weight), _SIMULATED, p=weight / weight.sum())]
         noise = rng.standard_normal((_SIMULATED, self.n))
@@ -431,26 +434,28 @@ class _Season:
     def _changes(
         self, places: list[tuple[int, ...]], counts: NDArray[np.intp], level: Array, usual: int
     ) -> tuple[Change, ...]:
-        """Summarise the changes of the most probable number, as far as they are probable."""
-        some = [np.array(places[d]) for d in np.flatnonzero(counts == usual)]
-        if not some:
+        """Summarise the probable changes, given the most probable number of changes."""
+        placed = [np.array(places[d]) for d in np.flatnonzero(counts == usual)]
+        if not placed:
             return ()
         windows: list[tuple[int, int]] = []
-        for column in np.stack(some).T:
+        for column in np.stack(placed).T:
             low, high = _narrowest(np.sort(column))
-            if windows and low <= windows[-1][1]:  # two changes that are not told apart
+            if windows and low <= windows[-1][1]:  # two changes that cannot be distinguished
                 low = windows.pop()[0]
             windows.append((low, high))
-        found = []
+        changes = []
         for low, high in windows:
-            inside = np.array([any(low <= p <= high for p in own) for own in places])
+            inside = np.array(
+                [any(low <= p <= high for p in places_of_draw) for places_of_draw in places]
+            )
             change = level[:, high] - level[:, low - 1]
             down = float(np.median(change[inside])) < 0.0
             same = inside & (change < 0.0 if down else change > 0.0)
             if np.mean(same) > 0.5:
                 ratio = _interval(np.exp(change[same]))
-                found.append(Change(low - 1, high, *ratio, float(np.mean(same))))
-        return tuple(found)
+                changes.append(Change(low - 1, high, *ratio, float(np.mean(same))))
+        return tuple(changes)
 
 
 def _recursion(stretches: Array, most: int) -> list[Array]:
@@ -459,12 +464,12 @@ def _recursion(stretches: Array, most: int) -> list[Array]:
     Parameters
     ----------
     stretches : (M, n + 1, n + 1) array
-        Log likelihood of runs i … j − 1 in one.
+        Log likelihood of runs i … j − 1 in one stretch.
     most : int
         Largest k.
     """
     # The sums are products of matrices of likelihoods, relative to those of the best stretches
-    # before i and before j, so that what does not underflow is all that has a probability.
+    # before i and before j, so that only negligible terms underflow.
     one = stretches[len(stretches) // 2]
     best = prefix = one[0]
     for _ in range(most):
@@ -472,27 +477,28 @@ def _recursion(stretches: Array, most: int) -> list[Array]:
         best = np.maximum(best, prefix)
     best = np.where(np.isfinite(best), best, 0.0)
     relative = np.exp(np.minimum(stretches + best[:, None] - best, 600.0 / (1 + most)))
-    found = [relative[:, :1, :]]
-    found[0][:, 0, 0] = 0.0
+    products = [relative[:, :1, :]]
+    products[0][:, 0, 0] = 0.0
     for _ in range(most):
-        found.append(found[-1] @ relative)
+        products.append(products[-1] @ relative)
     with np.errstate(divide="ignore"):
-        return [np.log(one[:, 0, :]) + best - best[0] for one in found]
+        return [np.log(one[:, 0, :]) + best - best[0] for one in products]
 
 
 def _scatter_grid(value: Array, sd: Array) -> tuple[Array, Array]:
     """Nodes (G,) of σ and the logarithms of their prior masses.
 
-    The nodes are as close as the posterior is wide: the standard deviation of log σ from R values
-    is 1/√(2R) where they scatter more than they err.  They reach from well below the scatter of
-    successive differences, which no change enlarges, to well above that of all values.
+    The spacing of the nodes is about the width of the posterior: the standard deviation of log σ
+    from R values is 1/√(2R) if their scatter exceeds their errors.  They extend from well below the
+    scatter of successive differences, which changes do not increase, to well above that of all
+    values.
     """
     width = 1.0 / math.sqrt(2.0 * len(value))
-    own = float(np.median(sd))
-    successive = float(np.median(np.diff(value) ** 2)) / (2.0 * 0.455) - own**2
+    median_sd = float(np.median(sd))
+    successive = float(np.median(np.diff(value) ** 2)) / (2.0 * 0.455) - median_sd**2
     low = math.sqrt(max(successive, 0.0)) * math.exp(-6.0 * width)
-    low = max(low, 0.1 * own, 1e-6)
-    high = max(float(np.std(value)), own, 2.0 * low) * math.exp(4.0 * width)
+    low = max(low, 0.1 * median_sd, 1e-6)
+    high = max(float(np.std(value)), median_sd, 2.0 * low) * math.exp(4.0 * width)
     count = math.ceil(math.log(high / low) / (1.2 * width))
     edges = np.geomspace(low, high, 1 + min(max(count, _NODES[0]), _NODES[1]))
     below = 2.0 / math.pi * np.arctan(edges / SPREAD_SCALE)
@@ -502,7 +508,7 @@ def _scatter_grid(value: Array, sd: Array) -> tuple[Array, Array]:
 
 
 def _narrowest(places: NDArray[np.intp]) -> tuple[int, int]:
-    """Narrowest stretch with 95 % of sorted places."""
+    """Narrowest window that contains 95 % of sorted places."""
     inside = max(math.ceil(_SHARE_IN_WINDOW * len(places)), 1)
     widths = places[inside - 1 :] - places[: len(places) - inside + 1]
     first = int(np.argmin(widths))
@@ -516,7 +522,7 @@ def _interval(draws: Array) -> tuple[float, float, float]:
 
 
 def _log_sum(values: Array, axis: int) -> Array:
-    """Logarithm of the sum of exponentials; −∞ where all are."""
+    """Logarithm of the sum of exponentials; −∞ if all values are."""
     top = values.max(axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):

@@ -1,9 +1,9 @@
-"""What makes each answer as wide as it is, and what would make it narrower.
+"""Uncertainty budget: the sources of the uncertainty of each parameter, and how to reduce it.
 
-Near its mode the posterior is that of a linear model: the answer's error is a sum of
-independent errors, of every value that was given and of every reading.  ``budget`` has the
-derivatives of the innovations and the algebra, ``undeclared_faults`` what a sensor that is not as
-declared does to the answers, and ``budget_of_posterior`` puts them together.
+Near its mode the posterior is that of a linear model: the error of a parameter is a sum of
+independent errors, of each given value and of each reading.  ``budget`` contains the derivatives of
+the innovations and the linear algebra, ``undeclared_faults`` the biases due to sensors that are not
+as declared, and ``budget_of_posterior`` combines them.
 """
 
 from bayes_asv.analysis.uncertainty_budget.budget_of_posterior import (

@@ -1,17 +1,17 @@
-"""The error budget of an answer, by linear algebra alone.
+"""Linear algebra of the uncertainty budget of a parameter of interest.
 
-With P the precision of what was given and F the information of the data, the posterior's
-covariance is Σ = (P + F)⁻¹, and an answer is gᵀθ.  Its variance gᵀΣg is a sum of independent
-errors: that of a value given with deviation s contributes (gᵀΣe)²/s², the data gᵀΣFΣg, because
-Σ(P + F)Σ = Σ.  These shares add up to one, whatever the order; and a source's share is by how
-many percent the variance falls when the source's variance falls by one percent (Euler's
-theorem for homogeneous functions).  It is the uncertainty budget of the GUM (JCGM 100:2008,
-section 5) for a least-squares answer.  Shares are no forecast of what a *much* better value
-would do: for that the covariance is computed again.
+With P the prior precision and F the information of the data, the posterior covariance is
+Σ = (P + F)⁻¹, and a parameter of interest is gᵀθ.  Its variance gᵀΣg is a sum of independent
+errors: a value given with standard deviation s contributes (gᵀΣe)²/s², and the data gᵀΣFΣg, because
+Σ(P + F)Σ = Σ.  These shares add up to one in any order; and the share of a source is the percentage
+by which the variance falls if the variance of that source falls by one per cent (Euler's theorem
+for homogeneous functions).  It is the uncertainty budget of the GUM (JCGM 100:2008, section 5) for
+a least-squares estimate.  Shares do not predict the effect of a *much* better value: for that, the
+covariance is computed again.
 
-A covariance of the innovations is linear in the variances of its noises, and their derivatives
-by the car depend on those only through the filter's gain.  So the information that a recording
-*would* hold with a better sensor follows from the recording as it is.
+The covariance of the innovations is linear in the variances of its noises, and the derivatives of
+innovations by the car depend on these only through the filter gain.  Thus the information that a
+recording *would* contain with a better sensor can be computed from the recording itself.
 """
 
 from __future__ import annotations
@@ -50,22 +50,22 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_ENDLESS = 1e12  # so much better that it is as good as exact
-_WANTED = 0.25  # of the variance: half of the width
-_CLOSE = 1e-4
-_ROUNDING = 1e-13  # of the largest eigenvalue
+_ENDLESS = 1e12  # factor on information that makes a value practically exact
+_WANTED = 0.25  # wanted variance, relative to the present one: half the standard deviation
+_CLOSE = 1e-4  # tolerance of the bisection, in the logarithm of the factor
+_ROUNDING = 1e-13  # eigenvalue below which it is rounding error, relative to the largest one
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """What would halve a width.
+    """An improvement that halves a standard deviation.
 
     Parameters
     ----------
     sources : tuple of int
-        Parameters to be known better, by index; −1 stands for more data.
+        Indices of parameters that have to be known better; −1 for more data.
     times : float
-        By how much the information of each has to grow: a deviation falls by its root.
+        Factor on the information of each; standard deviations fall by its square root.
     """
 
     sources: tuple[int, ...]
@@ -74,39 +74,39 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Budget:
-    """Prior deviations and data of D parameters.
+    """Prior and information of D parameters.
 
     Parameters
     ----------
     sd : (D,) array
-        Deviation of each beforehand; zero where it is exact.
+        Prior standard deviations; zero for exact parameters.
     information : (D, D) array
-        What the data say, F.
+        Information of the data, F.
     """
 
     sd: Array
     information: Array
 
     def covariance(self, times: dict[int, float] | None = None, data: float = 1.0) -> Array:
-        """Posterior covariance (D, D), with zeros for what is exact.
+        """Posterior covariance (D, D), with zeros for exact parameters.
 
         Parameters
         ----------
         times : dict of int to float, optional
-            By how much the prior information of some parameters grows.
+            Factors on the prior information of parameters, by index.
         data : float
-            By how much that of the data grows.
+            Factor on the information of the data.
         """
         free = self.sd > 0.0
         precision = self.sd[free] ** -2.0
         for k, factor in (times or {}).items():
             if free[k]:
                 precision[np.count_nonzero(free[:k])] *= factor
-        # Scaled by the prior's deviations, so that a very good value harms no other digit.
+        # scaled by the prior standard deviations, for numerical accuracy
         root = precision**-0.5
-        told = root[:, None] * self.information[np.ix_(free, free)] * root
-        strength, directions = np.linalg.eigh(told)
-        # What is left of a direction that no data see is rounding, and must not be multiplied.
+        scaled = root[:, None] * self.information[np.ix_(free, free)] * root
+        strength, directions = np.linalg.eigh(scaled)
+        # remove rounding errors in directions without information, which must not be multiplied
         strength[strength < _ROUNDING * strength[-1]] = 0.0
         inverse = (directions / (1.0 + data * strength)) @ directions.T
         out = np.zeros((len(self.sd), len(self.sd)))
@@ -116,11 +116,11 @@ class Budget:
     def variance(
         self, answer: Array, times: dict[int, float] | None = None, data: float = 1.0
     ) -> float:
-        """Variance of an answer gᵀθ; arguments as for :meth:`covariance`."""
+        """Variance of a parameter of interest gᵀθ; arguments as for :meth:`covariance`."""
         return float(answer @ self.covariance(times, data) @ answer)
 
     def shares(self, answer: Array) -> tuple[Array, float]:
-        """Share of each parameter's prior (D,), and of the data, in an answer's variance."""
+        """Shares of the priors (D,) and of the data in the variance of gᵀθ."""
         covariance = self.covariance()
         toward = covariance @ answer
         whole = float(answer @ toward)
@@ -130,51 +130,51 @@ class Budget:
         return out, float(toward @ self.information @ toward) / whole
 
     def elasticity(self, answer: Array, slope: Array) -> float:
-        """Share of one noise in an answer's variance.
+        """Share of one noise in the variance of gᵀθ.
 
         Parameters
         ----------
         answer : (D,) array
-            The answer, g.
+            Gradient of the parameter of interest, g.
         slope : (D, D) array
-            dF/dlog of that noise's variance.
+            Derivative of F by the logarithm of the noise variance.
         """
         toward = self.covariance() @ answer
         return float(-(toward @ slope @ toward) / (answer @ toward))
 
     def halving(self, answer: Array, sources: Sequence[int]) -> list[Remedy]:
-        """Find what would halve an answer's width, the least demanding first.
+        """Find improvements that halve the standard deviation of gᵀθ, the smallest factor first.
 
         Parameters
         ----------
         answer : (D,) array
-            The answer, g.
+            Gradient of the parameter of interest, g.
         sources : sequence of int
-            What could be known better; −1 for more data.
+            Indices of parameters that can be improved; −1 for more data.
 
         Returns
         -------
         list of Remedy
-            Every single source that can; where none can, every pair, and so on.  Empty when all
-            of them together cannot.
+            Every single source that is sufficient; if none is, every pair, and so on.  Empty if all
+            of them together are not sufficient.
         """
         wanted = _WANTED * self.variance(answer)
         for size in range(1, len(sources) + 1):
-            found = [
+            remedies = [
                 Remedy(group, self._times(answer, group, wanted))
                 for group in combinations(sources, size)
                 if self._improved(answer, group, _ENDLESS) < wanted
             ]
-            if found:
-                return sorted(found, key=lambda remedy: remedy.times)
+            if remedies:
+                return sorted(remedies, key=lambda remedy: remedy.times)
         return []
 
     def _improved(self, answer: Array, group: Sequence[int], factor: float) -> float:
-        data = factor if -1 in group else 1.0
-        return self.variance(answer, {k: factor for k in group if k >= 0}, data)
+        data_factor = factor if -1 in group else 1.0
+        return self.variance(answer, {k: factor for k in group if k >= 0}, data_factor)
 
     def _times(self, answer: Array, group: Sequence[int], wanted: float) -> float:
-        """Bisect for the factor: more information never widens an answer."""
+        """Find the factor by bisection; the variance decreases monotonically with it."""
         low, high = 0.0, float(np.log(_ENDLESS))
         while high - low > _CLOSE:
             middle = 0.5 * (low + high)
@@ -185,7 +185,7 @@ class Budget:
         return float(np.exp(high))
 
 
-_STEP = 1e-5  # relative: one-sided differences are good to about as much
+_STEP = 1e-5  # relative step of one-sided differences, and about their relative error
 
 
 def _terms(car: CarModel) -> tuple[str, ...]:
@@ -198,29 +198,29 @@ def _fractions(car: CarModel) -> tuple[str, ...]:
 
 
 def parameters(posterior: Posterior) -> tuple[str, ...]:
-    """Names of what an answer may depend on: unknowns of the car, and gains that are uncertain."""
+    """Names of the parameters: unknowns of the car, and uncertain gains."""
     gains = (c.name for c in posterior.space.coordinates if c.kind == "gain")
     return (*_terms(posterior.space.car), *gains)
 
 
 def in_logs(posterior: Posterior, z: Array) -> tuple[Posterior, Array]:
-    """Return the same posterior with relative changes of the car's unknowns for coordinates.
+    """Change the coordinates of a posterior to relative changes of the car's unknowns.
 
     Parameters
     ----------
     posterior : Posterior
-        In whitened coordinates, where a value given as exact has none.
+        Posterior in whitened coordinates, which exclude exact values.
     z : (D,) array
-        Where the changes are to be zero.
+        Point at which the changes are zero.
 
     Returns
     -------
     posterior : Posterior
         Its first coordinates are changes of the logarithms of the car's unknowns, then relative
-        changes of its fractions, then logarithms of gains; the others are as they were.  Its prior
-        means nothing.
+        changes of its fractions, then logarithms of gains; the others are unchanged.  Its prior is
+        not meaningful.
     z : (D',) array
-        The same point there.
+        The same point in these coordinates.
     """
     space = posterior.space
     car, prior = space.car, space.prior
@@ -232,7 +232,7 @@ def in_logs(posterior: Posterior, z: Array) -> tuple[Posterior, Array]:
     for a, name in enumerate(prior.log_parameters):
         for term, coefficient, _ in by_name[name].terms:
             root[a, terms.index(term)] += coefficient
-    turned = CarPrior(
+    log_prior = CarPrior(
         car, prior.log_parameters, np.log([values[name] for name in prior.log_parameters]), root,
         np.eye(len(terms)), np.zeros((len(terms), 0)),
     )  # fmt: skip
@@ -245,7 +245,7 @@ def in_logs(posterior: Posterior, z: Array) -> tuple[Posterior, Array]:
         gain = one.kind == "gain"
         coordinates.append(replace(one, scale=1.0) if gain else one)
         start.append(float(z[k]) * (one.scale if gain else 1.0))
-    moved_space = replace(space, coordinates=tuple(coordinates), prior=turned)
+    moved_space = replace(space, coordinates=tuple(coordinates), prior=log_prior)
     return replace(posterior, space=moved_space), np.array(start)
 
 
@@ -266,12 +266,12 @@ def jacobian(posterior: Posterior, z: Array, run: int) -> Array:
     """
     count = len(parameters(posterior))
     points = np.stack([z, *(moved(posterior, z, away) for away in _STEP * np.eye(count))])
-    found = posterior.innovations(points, run).reshape(count + 1, -1)
-    return np.asarray((found[1:] - found[0]).T / _STEP)
+    innovations = posterior.innovations(points, run).reshape(count + 1, -1)
+    return np.asarray((innovations[1:] - innovations[0]).T / _STEP)
 
 
 def moved(posterior: Posterior, z: Array, away: Array) -> Array:
-    """Move a point of :func:`in_logs` by relative changes (P,) of :func:`parameters`."""
+    """Shift a point of :func:`in_logs` by relative changes (P,) of :func:`parameters`."""
     car = posterior.space.car
     fractions = _fractions(car)
     terms = [name for name in _terms(car) if name not in fractions]
@@ -288,12 +288,12 @@ def information(slopes: Sequence[Array]) -> Array:
 
 
 def prior_sd(posterior: Posterior, z: Array) -> Array:
-    """Relative prior standard deviation (P,) of each parameter, zero where it is exact.
+    """Relative prior standard deviation (P,) of each parameter; zero if it is exact.
 
     Parameters
     ----------
     posterior, z : Posterior, (D,) array
-        In whitened coordinates, at the mode.
+        Posterior in whitened coordinates, and its mode.
     """
     space = posterior.space
     sd = {term[0]: term[2] for p in space.car.parameters for term in p.terms}
@@ -305,18 +305,18 @@ def prior_sd(posterior: Posterior, z: Array) -> Array:
 
 
 def answer_slopes(posterior: Posterior) -> dict[str, Array]:
-    """Return derivatives (P,) of the logarithm of each answer by those of :func:`parameters`."""
+    """Differentiate the logarithms of parameters of interest by :func:`parameters`' (P,)."""
     car = posterior.space.car
-    known = parameters(posterior)
+    names = parameters(posterior)
     by_name = {p.name: p for p in car.parameters}
-    answers = {name: {name: 1.0} for name in car.estimated} | dict(car.ratios)
+    estimands = {name: {name: 1.0} for name in car.estimated} | dict(car.ratios)
     out = {}
-    for answer, parts in answers.items():
-        g = np.zeros(len(known))
+    for estimand, parts in estimands.items():
+        g = np.zeros(len(names))
         for name, weight in parts.items():
             for term, coefficient, _ in by_name[name].terms:
-                g[known.index(term)] += weight * coefficient
-        out[answer] = g
+                g[names.index(term)] += weight * coefficient
+        out[estimand] = g
     return out
 
 
@@ -326,17 +326,16 @@ Scaled = Callable[[Posterior, Array, float], tuple[Posterior, Array]]
 
 @dataclass(frozen=True)
 class Source:
-    """One noise of every run.
+    """One source of noise in all runs.
 
     Parameters
     ----------
     name : str
         ``noise <channel>``, ``steps <channel>``, ``between samples`` or ``start``.
     better : float or None
-        Factor on its variance for the question what a better one would give; None where
-        nobody can better it.
+        Factor on its variance that represents an improvement; None if it cannot be improved.
     scaled : callable
-        From a posterior, coordinates and a factor to the same with that variance multiplied.
+        Function of posterior, coordinates and a factor that multiplies the variance by it.
     """
 
     name: str
@@ -345,12 +344,12 @@ class Source:
 
 
 def sources(posterior: Posterior) -> list[Source]:
-    """List every noise that a posterior knows of.
+    """List all sources of noise of a posterior.
 
     Parameters
     ----------
     posterior : Posterior
-        In any coordinates.
+        Posterior in any coordinates.
 
     Returns
     -------
@@ -358,7 +357,7 @@ def sources(posterior: Posterior) -> list[Source]:
         Multiplying all of them by one factor divides the information by it.
     """
     recordings = posterior.space.recordings
-    found = []
+    noise_sources = []
     names = list(
         dict.fromkeys(channel.name for recording in recordings for channel in recording.channels)
     )
@@ -367,24 +366,28 @@ def sources(posterior: Posterior) -> list[Source]:
             c.name for c in posterior.space.coordinates if c.kind == "noise" and c.channel == name
         ]
         if not levels:
-            continue  # with white residuals an input has no noise
-        found.append(Source(f"noise {name}", 0.25, _noise(levels)))
+            continue  # inputs without noise
+        noise_sources.append(Source(f"noise {name}", 0.25, _scale_noise(levels)))
         if any(
             recording.quantization_steps[c] > 0.0
             for recording in recordings
-            for c in _numbers(recording, name)
+            for c in _channel_indices(recording, name)
         ):
-            found.append(Source(f"steps {name}", 0.0, _lines(_steps(name))))
+            noise_sources.append(
+                Source(f"steps {name}", 0.0, _scale_recordings(_scale_steps(name)))
+            )
     if any(
         np.any(recording.process_noise[:, len(recording.wheels) :] > 0.0)
         for recording in recordings
     ):
-        found.append(Source("between samples", 0.0, _lines(_between)))
-    found.append(Source("start", None, _lines(_start)))
-    return found
+        noise_sources.append(
+            Source("between samples", 0.0, _scale_recordings(_scale_interpolation_error))
+        )
+    noise_sources.append(Source("start", None, _scale_recordings(_scale_initial_covariance)))
+    return noise_sources
 
 
-def _noise(names: list[str]) -> Scaled:
+def _scale_noise(names: list[str]) -> Scaled:
     def scaled(posterior: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
         out = z.copy()
         for name in names:
@@ -395,7 +398,7 @@ def _noise(names: list[str]) -> Scaled:
     return scaled
 
 
-def _lines(change: Callable[[PreparedRecording, float], PreparedRecording]) -> Scaled:
+def _scale_recordings(change: Callable[[PreparedRecording, float], PreparedRecording]) -> Scaled:
     def scaled(posterior: Posterior, z: Array, factor: float) -> tuple[Posterior, Array]:
         recordings = tuple(change(recording, factor) for recording in posterior.space.recordings)
         return replace(posterior, space=replace(posterior.space, recordings=recordings)), z
@@ -403,31 +406,31 @@ def _lines(change: Callable[[PreparedRecording, float], PreparedRecording]) -> S
     return scaled
 
 
-def _numbers(recording: PreparedRecording, name: str) -> list[int]:
+def _channel_indices(recording: PreparedRecording, name: str) -> list[int]:
     return [c for c, channel in enumerate(recording.channels) if channel.name == name]
 
 
-def _steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]:
+def _scale_steps(name: str) -> Callable[[PreparedRecording, float], PreparedRecording]:
     def change(recording: PreparedRecording, factor: float) -> PreparedRecording:
         steps = recording.quantization_steps.copy()
-        steps[_numbers(recording, name)] *= math.sqrt(factor)
+        steps[_channel_indices(recording, name)] *= math.sqrt(factor)
         return replace(recording, quantization_steps=steps)
 
     return change
 
 
-def _between(recording: PreparedRecording, factor: float) -> PreparedRecording:
+def _scale_interpolation_error(recording: PreparedRecording, factor: float) -> PreparedRecording:
     spread = recording.process_noise.copy()
     spread[:, len(recording.wheels) :] *= factor
     return replace(recording, process_noise=spread)
 
 
-def _start(recording: PreparedRecording, factor: float) -> PreparedRecording:
+def _scale_initial_covariance(recording: PreparedRecording, factor: float) -> PreparedRecording:
     return replace(recording, initial_covariance=factor * recording.initial_covariance)
 
 
 def lost_readings(recording: PreparedRecording) -> Flags:
-    """Find output readings that were clipped, or missing beside one that was there.
+    """Find output readings that were clipped, or missing while another output was read.
 
     Parameters
     ----------
@@ -437,27 +440,27 @@ def lost_readings(recording: PreparedRecording) -> Flags:
     Returns
     -------
     (E, ny) bool array
-        By instant and output.  Rows that are missing as a whole are not counted.
+        Lost readings by instant and output.  Completely missing rows are not included.
     """
     lost: Flags = (recording.kind != MISSING) & (recording.kind != VALUE)
     for y in range(recording.group_instants.shape[1]):
-        beside = recording.group_instants[recording.group_instants[:, y] < 0].max(axis=1)
-        lost[beside, y] = True
+        with_missing = recording.group_instants[recording.group_instants[:, y] < 0].max(axis=1)
+        lost[with_missing, y] = True
     return lost
 
 
 def impute_lost_readings(posterior: Posterior, z: Array) -> Posterior:
-    """Return the posterior with every lost chassis reading read as the car would have moved.
+    """Replace every lost chassis reading by a simulated one.
 
     Parameters
     ----------
     posterior, z : Posterior, (D,) array
-        In any coordinates, at the mode.
+        Posterior in any coordinates, and its mode.
 
     Returns
     -------
     Posterior
-        Only its information means anything: the new readings are simulated.
+        Only its information is meaningful, since the new readings are simulated.
     """
     recordings = []
     for run, recording in enumerate(posterior.space.recordings):

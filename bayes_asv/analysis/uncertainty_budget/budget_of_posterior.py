@@ -1,4 +1,4 @@
-"""The width of each answer of a posterior: its error budget, its remedies, its blind spots."""
+"""Uncertainty budget of a posterior: sources, improvements, and biases by undeclared faults."""
 
 from __future__ import annotations
 
@@ -35,35 +35,36 @@ __all__ = ["EstimandBudget", "UncertaintyBudget", "find_budget"]
 
 Array = NDArray[np.float64]
 
-_NUDGE = 0.1  # in the logarithm of a variance, for derivatives
+_NUDGE = 0.1  # step of finite differences in the logarithm of a variance
 
 
 @dataclass(frozen=True)
 class EstimandBudget:
-    """What makes one answer as wide as it is.  All deviations are relative.
+    """Uncertainty budget of one parameter of interest.  All standard deviations are relative.
 
     Parameters
     ----------
     sd : float
-        Deviation now.
+        Standard deviation.
     shares : dict of str to float
-        Shares of the variance, adding up to one: a given value by its name, ``prior`` for what
-        was believed of c_f, c_r and i, and ``data``.
+        Shares of the variance, which add up to one: given values by name, ``prior`` for the priors
+        of c_f, c_r and i, and ``data``.
     noises : dict of str to float
-        What ``data`` is made of, by noise; empty where the innovations have a colour, because
-        then it is not the sensors' noise that limits.
+        Division of ``data`` among the noise sources; empty with a residual autoregression, since
+        sensor noise is then not the limit.
     exact : dict of str to float
-        Deviation if one given value were exact.
+        Standard deviation if one given value were exact.
     better : dict of str to float
-        Deviation if one noise were better (half of a sensor's noise, no steps, nothing missed
-        between samples) or no chassis reading were clipped or missing (``lost readings``);
-        the noises are left out like ``noises``.
+        Standard deviation if one noise were smaller (half of a sensor's noise, no quantization, no
+        interpolation error), or if no chassis reading were clipped or missing (``lost readings``);
+        the noises are left out with a residual autoregression.
     twice : float
-        Deviation with twice the runs.
+        Standard deviation with twice as many runs.
     remedies : tuple of Remedy
-        What would halve the deviation; sources index the parameters, −1 is more runs.
+        Improvements that halve the standard deviation; sources index the parameters, −1 is more
+        runs.
     runs_to_halve : int or None
-        Further runs like these that would halve it alone, None where no number would.
+        Number of further runs like these that halve it; None if no number does.
     """
 
     sd: float
@@ -78,25 +79,26 @@ class EstimandBudget:
 
 @dataclass(frozen=True)
 class UncertaintyBudget:
-    """Error budget of a posterior.
+    """Uncertainty budget of a posterior.
 
     Parameters
     ----------
     estimands : dict of str to EstimandBudget
-        For c_f, c_r, i and k_g.
+        Budgets of the estimated parameters and of the car's ratios, by name.
     shifts : tuple of Shift
-        What undeclared faults would do.
+        Biases by undeclared faults.
     white : bool
-        The innovations had no colour, so that the data's part is the sensors' noise.
+        Whether there is no residual autoregression, so that the share of the data is due to sensor
+        noise.
     runs : int
-        Number of runs it stands on.
+        Number of runs.
     parameters : tuple of str
-        What remedies and shifts count: the car's parameters, and ``gain <channel>`` where a
+        Parameters to which remedies and shifts refer: those of the car, and ``gain <channel>`` if a
         scale is uncertain.
     given_sd : (P,) array
-        Relative deviation of each beforehand; zero where it is exact.
+        Relative prior standard deviation of each of them; zero if it is exact.
     slopes : dict of str to (P,) array
-        Derivatives of the logarithm of each answer by those of the parameters.
+        Derivatives of the logarithm of each parameter of interest by those of the parameters.
     """
 
     estimands: dict[str, EstimandBudget]
@@ -108,21 +110,21 @@ class UncertaintyBudget:
     slopes: dict[str, Array] = field(default_factory=dict)
 
     def by_answer(self, moved: Array) -> dict[str, float]:
-        """Relative shift of each answer from those of the parameters (P,)."""
+        """Relative shift of each parameter of interest, given shifts of the parameters (P,)."""
         return {name: float(g @ moved) for name, g in self.slopes.items()}
 
 
 def find_budget(posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> UncertaintyBudget:
-    """Draw up the error budget of each answer.
+    """Compute the uncertainty budget of each parameter of interest.
 
     Parameters
     ----------
     posterior : Posterior
         The posterior.
-    mode : Mode
+    mode : PosteriorMode
         Its mode and curvature.
     vehicle : Vehicle
-        As given.
+        Declared vehicle and sensors.
 
     Returns
     -------
@@ -132,71 +134,75 @@ def find_budget(posterior: Posterior, mode: PosteriorMode, vehicle: Vehicle) -> 
     logs, z = in_logs(posterior, mode.z)
     slopes = [jacobian(logs, z, run) for run in runs]
     budget = Budget(prior_sd(posterior, mode.z), information(slopes))
-    known = parameters(logs)
+    names = parameters(logs)
     gains = sum(c.kind == "gain" for c in posterior.space.coordinates)
     car = posterior.space.car_dimension + gains
     noise_precision = np.asarray(np.linalg.inv(mode.covariance), np.float64)[car:, car:]
     white = all(colour.order == 0 for colour in posterior.residual_ars)
     noises = sources(logs) if white else []
-    nudged = {source.name: _slope(source, logs, z) for source in noises}
-    bettered = {
-        source.name: _informed(source, logs, z, source.better)
+    noise_slopes = {source.name: _information_slope(source, logs, z) for source in noises}
+    improved = {
+        source.name: _scaled_information(source, logs, z, source.better)
         for source in noises
         if source.better is not None
     }
     if any(lost_readings(recording).any() for recording in logs.space.recordings):
-        bettered["lost readings"] = _all(impute_lost_readings(logs, z), z)
-    answers = {}
+        improved["lost readings"] = _total_information(impute_lost_readings(logs, z), z)
+    estimands = {}
     slopes_of = answer_slopes(logs)
     for name, g in slopes_of.items():
-        answers[name] = _answer(
-            g, known, posterior.space.car.estimated, budget, nudged, bettered, len(runs)
+        estimands[name] = _estimand_budget(
+            g, names, posterior.space.car.estimated, budget, noise_slopes, improved, len(runs)
         )
     shifts = find_biases(LinearizedPosterior(logs, z, slopes, budget, noise_precision), vehicle)
-    return UncertaintyBudget(answers, tuple(shifts), white, len(runs), known, budget.sd, slopes_of)
+    return UncertaintyBudget(
+        estimands, tuple(shifts), white, len(runs), names, budget.sd, slopes_of
+    )
 
 
-def _informed(source: Source, logs: Posterior, z: Array, factor: float) -> Array:
-    """Information (8, 8) of all runs with one noise's variance multiplied."""
-    return _all(*source.scaled(logs, z, factor))
+def _scaled_information(source: Source, logs: Posterior, z: Array, factor: float) -> Array:
+    """Information (P, P) of all runs with the variance of one noise multiplied by a factor."""
+    return _total_information(*source.scaled(logs, z, factor))
 
 
-def _all(logs: Posterior, z: Array) -> Array:
+def _total_information(logs: Posterior, z: Array) -> Array:
     return information([jacobian(logs, z, run) for run in range(len(logs.space.recordings))])
 
 
-def _slope(source: Source, logs: Posterior, z: Array) -> Array:
+def _information_slope(source: Source, logs: Posterior, z: Array) -> Array:
     """Differentiate the information by the logarithm of one noise's variance."""
-    more = _informed(source, logs, z, math.exp(_NUDGE))
-    less = _informed(source, logs, z, math.exp(-_NUDGE))
+    more = _scaled_information(source, logs, z, math.exp(_NUDGE))
+    less = _scaled_information(source, logs, z, math.exp(-_NUDGE))
     return np.asarray((more - less) / (2.0 * _NUDGE))
 
 
-def _answer(
+def _estimand_budget(
     g: Array,
-    known: tuple[str, ...],
+    parameter_names: tuple[str, ...],
     estimated: tuple[str, ...],
     budget: Budget,
-    nudged: dict[str, Array],
-    bettered: dict[str, Array],
+    noise_slopes: dict[str, Array],
+    improved: dict[str, Array],
     runs: int,
 ) -> EstimandBudget:
-    """Budget of one answer."""
-    names = [name for name in known if name not in estimated]
-    given = {n: known.index(n) for n in names if budget.sd[known.index(n)] > 0.0}
+    """Budget of one parameter of interest."""
+    names = [name for name in parameter_names if name not in estimated]
+    given = {
+        n: parameter_names.index(n) for n in names if budget.sd[parameter_names.index(n)] > 0.0
+    }
     prior, data = budget.shares(g)
     shares = {name: float(prior[k]) for name, k in given.items()}
-    shares["prior"] = float(sum(prior[known.index(name)] for name in estimated))
+    shares["prior"] = float(sum(prior[parameter_names.index(name)] for name in estimated))
     shares["data"] = data
     alone = budget.halving(g, [-1])
     return EstimandBudget(
         sd=math.sqrt(budget.variance(g)),
         shares=shares,
-        noises={name: budget.elasticity(g, slope) for name, slope in nudged.items()},
+        noises={name: budget.elasticity(g, slope) for name, slope in noise_slopes.items()},
         exact={n: math.sqrt(budget.variance(g, {k: math.inf})) for n, k in given.items()},
         better={
             name: math.sqrt(Budget(budget.sd, informed).variance(g))
-            for name, informed in bettered.items()
+            for name, informed in improved.items()
         },
         twice=math.sqrt(budget.variance(g, data=2.0)),
         remedies=tuple(budget.halving(g, [*given.values(), -1])),

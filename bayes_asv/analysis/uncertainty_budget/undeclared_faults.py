@@ -1,13 +1,13 @@
-"""Bias by undeclared faults, and whether the residuals would show it.
+"""Biases by undeclared faults, and whether residuals would reveal them.
 
-A fault changes the innovations by Δν; to first order the parameters make up for it by
-Δθ = −Σ Jᵀ Δν.  What they cannot make up for goes to the noise levels, and those set what each
-channel counts for: so the noise moves as well, by Newton steps, and the parameters again.
+A fault changes the innovations by Δν; to first order the parameters compensate by Δθ = −Σ Jᵀ Δν.
+The rest increases the noise levels, which set the weights of the channels.  Therefore the noise
+levels are updated by Newton steps, and then the parameters again.
 
-Every fault changes a channel's readings by something small that follows from the readings
-themselves; the innovations are linear in those, so one pass tells what the fault does to them.
-Faults of all four channels at once change nothing but the common filter of a linear relation:
-their effects add up to next to nothing, which a test checks.
+Every fault changes the readings of a channel by a small amount that is computed from the readings;
+the innovations are linear in them, so one filter pass gives Δν.  The same fault in all four
+channels only filters both sides of a linear relation: the biases add up to almost zero, which a
+test checks.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = ["HIDDEN", "Fault", "LinearizedPosterior", "Shift", "faults", "find_biases", "with_fault"]
 
-# Sizes that a careful team may well overlook: a data sheet's tolerance of scale and corner
-# frequency, a tenth of a millisecond of a converter's order, a mount an inch off its axle.
+# Sizes that a careful team may overlook: the tolerances of scale and corner frequency on a data
+# sheet, a tenth of a millisecond by the order of conversion, a mount an inch off its axle.
 _GAIN, _DELAY, _BANDWIDTH, _PLACE = 0.01, 1e-4, 0.10, INCH
 
 
@@ -49,12 +49,12 @@ class Fault:
     Parameters
     ----------
     kind : {'gain', 'delay', 'bandwidth', 'place'}
-        It reads too much; samples later than declared; its corner is higher than declared; it
-        sits ahead of its axle.
+        The gain is too large; it samples later than declared; its corner is higher than declared;
+        it is mounted ahead of its axle.
     channel : str
         Which sensor.
     size : float
-        A share (gain, bandwidth), s (delay) or m (place).
+        Relative change (gain, bandwidth), s (delay) or m (place).
     """
 
     kind: str
@@ -70,18 +70,18 @@ class Fault:
 def faults(recording: PreparedRecording, vehicle: Vehicle) -> list[Fault]:
     """List the faults that the sensors of a recording may have."""
     names = [channel.name for channel in recording.channels]
-    found = [Fault("gain", name, _GAIN) for name in names]
-    found += [Fault("delay", name, _DELAY) for name in names]
-    found += [
+    possible = [Fault("gain", name, _GAIN) for name in names]
+    possible += [Fault("delay", name, _DELAY) for name in names]
+    possible += [
         Fault("bandwidth", name, _BANDWIDTH)
         for name in names
         if vehicle.sensor(name).bandwidth is not None
     ]
     placed = [channel for channel in recording.channels if channel.part == "body"]
-    return found + [
+    return possible + [
         Fault("place", channel.name, _PLACE)
         for channel in placed
-        if channel.quantity == "acceleration" and _to_pitch(recording) is not None
+        if channel.quantity == "acceleration" and _pitch_weights(recording) is not None
     ]
 
 
@@ -91,41 +91,41 @@ def with_fault(recording: PreparedRecording, fault: Fault, vehicle: Vehicle) -> 
     Parameters
     ----------
     recording : PreparedRecording
-        As it was taken.
+        The recording.
     fault : Fault
-        What is wrong with one sensor.
+        Fault of one sensor.
     vehicle : Vehicle
         Gives declared bandwidths.
 
     Returns
     -------
     PreparedRecording
-        With other readings of one channel, to first order in the size of the fault.
+        Recording with other readings of one channel, to first order in the size of the fault.
     """
     c = [channel.name for channel in recording.channels].index(fault.channel)
     corner = vehicle.sensor(fault.channel).bandwidth
     if c in recording.inputs:
         u = recording.inputs.index(c)
         wheel = recording.wheels[u]
-        change = _change(fault, wheel.knots, wheel.spline(wheel.knots), corner)
+        change = _change_by(fault, wheel.knots, wheel.spline(wheel.knots), corner)
         signal = WheelSignal(CubicSpline(wheel.knots, change), wheel.knots, wheel.sd)
-        driven = recording.moments.copy()
-        driven[:, u] += moments(signal, recording.instants, ORDER)
-        return replace(recording, moments=driven)
+        input_moments = recording.moments.copy()
+        input_moments[:, u] += moments(signal, recording.instants, ORDER)
+        return replace(recording, moments=input_moments)
     y = recording.outputs.index(c)
-    there = recording.kind[:, y] != MISSING
-    time, reading = recording.instants[there], recording.reading[there, y]
+    has_reading = recording.kind[:, y] != MISSING
+    time, reading = recording.instants[has_reading], recording.reading[has_reading, y]
     if fault.kind == "place":
         change = fault.size * _pitch_acceleration(recording, y, time)
     else:
-        change = _change(fault, time, reading, corner)
+        change = _change_by(fault, time, reading, corner)
     readings = recording.reading.copy()
-    readings[there, y] += change
+    readings[has_reading, y] += change
     return replace(recording, reading=readings)
 
 
-def _to_pitch(recording: PreparedRecording) -> Array | None:
-    """Weights (ny,) that make a pitch acceleration of the outputs, or None where they cannot."""
+def _pitch_weights(recording: PreparedRecording) -> Array | None:
+    """Weights (ny,) of outputs that give the pitch acceleration; None if it is not determined."""
     if "pitch" not in recording.car.coordinates:
         return None
     nominal = recording.car.nominal
@@ -138,27 +138,27 @@ def _to_pitch(recording: PreparedRecording) -> Array | None:
     return weights if abs(float(weights @ rows[:, axis]) - 1.0) < 1e-6 else None
 
 
-def _pitch_acceleration(recording: PreparedRecording, own: int, time: Array) -> Array:
+def _pitch_acceleration(recording: PreparedRecording, output: int, time: Array) -> Array:
     """Pitch acceleration (rad/s²) from all outputs at the times of one of them."""
-    weights = _to_pitch(recording)
+    weights = _pitch_weights(recording)
     assert weights is not None
     out = np.zeros(len(time))
     for y, weight in enumerate(weights):
         if weight == 0.0:
             continue
-        use = recording.kind[:, y] != MISSING if y == own else recording.kind[:, y] == VALUE
+        use = recording.kind[:, y] != MISSING if y == output else recording.kind[:, y] == VALUE
         at, reading = recording.instants[use], recording.reading[use, y]
-        out += weight * (reading if y == own else CubicSpline(at, reading)(time))
+        out += weight * (reading if y == output else CubicSpline(at, reading)(time))
     return out
 
 
-def _change(fault: Fault, time: Array, signal: Array, corner: float | None) -> Array:
-    """Return what the fault adds to a channel's samples (N,)."""
+def _change_by(fault: Fault, time: Array, signal: Array, corner: float | None) -> Array:
+    """Change of a channel's samples (N,) by a fault."""
     if fault.kind == "gain":
         return fault.size * signal
     if fault.kind == "delay":
         return np.asarray(fault.size * CubicSpline(time, signal)(time, 1))
-    # ∂/∂log ω of ω/(s + ω) is s/(s + ω) of what already passed the pole.
+    # ∂/∂log ω of ω/(s + ω) is s/(s + ω) of the signal that has passed the pole
     assert corner is not None
     slow = low_passed(time, CubicSpline(time, signal).c, 2.0 * math.pi * corner)
     return np.asarray(fault.size * (signal - slow))
@@ -167,40 +167,39 @@ def _change(fault: Fault, time: Array, signal: Array, corner: float | None) -> A
 Array = NDArray[np.float64]
 
 HIDDEN = 40.0
-"""Noncentrality that a fault may leave in the residuals before it counts as showing there.
+"""Noncentrality in the residuals above which a fault is detectable.
 
-It is also how far the forecasts hold: on 16 drives of the rig 95 % of 1088 forecasts (272 faults,
-four answers) were within 0.05 deviations of where the mode went when the fault was put in, and
-all within 0.2 (``benchmarks/predicted_biases.py``, seed 31).  With 100 instead of 40 it was 0.16
-and 0.7 on eight of them.
+The predictions are also accurate up to it: on 16 drives of the rig, 95 % of 1088 predictions (272
+faults, four parameters) were within 0.05 standard deviations of the mode that was estimated with
+the fault in the data, and all within 0.2 (``benchmarks/predicted_biases.py``, seed 31).  With 100
+instead of 40, these were 0.16 and 0.7 on eight of the drives.
 """
 
-_OFF = 0.01  # by which a value given as exact may be off
-_NOTICED = 1.0  # noncentrality below which the noise levels stay where they are
-_ROUNDS = 2  # of noise and parameters in turn; one leaves errors of half a deviation
-_REACH = 0.5  # of a noise level's deviation, for differences
-_STILL = 0.05  # of it: nothing more to gain
+_OFF = 0.01  # relative error of a value that is given as exact
+_NOTICED = 1.0  # noncentrality below which noise levels are not updated
+_ROUNDS = 2  # alternations between noise and parameters; one leaves errors of half an sd
+_REACH = 0.5  # step of finite differences of a noise level, in its sd
+_STILL = 0.05  # step of a noise level below which the iteration stops, in its sd
 
 
 @dataclass(frozen=True)
 class Shift:
-    """What something undeclared would do to the answers.
+    """Bias of the parameters by an undeclared fault.
 
     Parameters
     ----------
     kind : str
         ``gain``, ``delay``, ``bandwidth``, ``place`` (see :class:`Fault`) or ``given``: the true
-        value is larger than the one that was given as exact.
+        value is larger than the one that is given as exact.
     where : str
         Channel or given value.
     size : float
-        As in :class:`Fault`; a share for ``given``.
+        As in :class:`Fault`; a relative change for ``given``.
     shows : bool
-        A larger one would show: ``size`` was cut down to where the residuals keep a
-        noncentrality of :data:`HIDDEN` that nothing makes up for.
+        The size was limited to what the residuals cannot detect: a noncentrality of
+        :data:`HIDDEN`.
     moved : (P,) array
-        Relative changes of the car's parameters: as they come out, less what they would be
-        without the fault.
+        Relative changes of the estimated parameters by the fault.
     """
 
     kind: str
@@ -212,16 +211,16 @@ class Shift:
 
 @dataclass(frozen=True)
 class LinearizedPosterior:
-    """A posterior at its mode.
+    """A posterior linearised at its mode.
 
     Parameters
     ----------
     posterior, z : Posterior, (D,) array
         From :func:`~bayes_asv.analysis.uncertainty_budget.budget.in_logs`.
     slopes : list of (ny E, P) arrays
-        Jacobians of the runs there.
+        Jacobians of the runs at the mode.
     budget : Budget
-        Prior deviations and information.
+        Prior standard deviations and information.
     noise_precision : (D − P, D − P) array
         Curvature of minus the log-posterior in the noise coordinates.
     """
@@ -234,74 +233,84 @@ class LinearizedPosterior:
 
     @cached_property
     def score_at_mode(self) -> tuple[Array, Array]:
-        """What the data pull at parameters (P,) and noise (D − P,), in balance with the prior.
+        """Gradient of the log-likelihood at the mode by parameters (P,), and by noise (D − P,).
 
-        The second would be zero at an ideal mode.
+        The first balances the gradient of the prior.  The second includes the prior's, and would be
+        zero at the exact mode.
         """
-        pull = np.zeros(len(self.budget.sd))
+        score = np.zeros(len(self.budget.sd))
         for run, j in enumerate(self.slopes):
-            pull += j.T @ self.posterior.innovations(self.z, run).ravel()
-        return pull, _noise_slope(self, self.posterior, self.z)[0]
+            score += j.T @ self.posterior.innovations(self.z, run).ravel()
+        return score, _noise_slope(self, self.posterior, self.z)[0]
 
 
 def find_biases(there: LinearizedPosterior, vehicle: Vehicle) -> list[Shift]:
-    """Foretell what undeclared faults would do, one at a time.
+    """Predict the biases by undeclared faults, one at a time.
 
     Parameters
     ----------
     there : LinearizedPosterior
         The posterior.
     vehicle : Vehicle
-        As given.
+        Declared vehicle and sensors.
 
     Returns
     -------
     list of Shift
-        Values given as exact first, then the sensors' faults.
+        Values that are given as exact first, then faults of sensors.
     """
     recordings = there.posterior.space.recordings
-    found = []
+    shifts = []
     for k, name in enumerate(parameters(there.posterior)):
         if there.budget.sd[k] == 0.0:
-            own = -_OFF * np.eye(len(there.budget.sd))[k]  # held that much below the truth
-            found.append(_shift(there, Fault("given", name, _OFF), recordings, own))
+            error = -_OFF * np.eye(len(there.budget.sd))[k]  # held that much below the truth
+            shifts.append(_shift(there, Fault("given", name, _OFF), recordings, error))
     declared = parameters(there.posterior)
     for fault in faults(recordings[0], vehicle):
         if fault.name in declared:
-            continue  # no surprise: it is among the parameters
+            continue  # declared: it is among the parameters
         faulty = tuple(with_fault(recording, fault, vehicle) for recording in recordings)
-        found.append(_shift(there, fault, faulty, np.zeros(len(there.budget.sd))))
-    return found
+        shifts.append(_shift(there, fault, faulty, np.zeros(len(there.budget.sd))))
+    return shifts
 
 
 def _shift(
-    there: LinearizedPosterior, fault: Fault, faulty: tuple[PreparedRecording, ...], own: Array
+    linearized: LinearizedPosterior,
+    fault: Fault,
+    faulty: tuple[PreparedRecording, ...],
+    error: Array,
 ) -> Shift:
-    """Predict one: faulty recordings, or parameters (P,) held wrong."""
-    posterior = _on(there.posterior, faulty)
-    pull, power = np.zeros(len(there.budget.sd)), 0.0
-    for run, j in enumerate(there.slopes):
-        change = posterior.innovations(there.z, run) - there.posterior.innovations(there.z, run)
-        change = change.ravel() + j @ own
-        pull += j.T @ change
+    """Predict the bias by faulty recordings, or by wrong values of fixed parameters (P,)."""
+    posterior = _with_recordings(linearized.posterior, faulty)
+    score, power = np.zeros(len(linearized.budget.sd)), 0.0
+    for run, j in enumerate(linearized.slopes):
+        change = posterior.innovations(linearized.z, run) - linearized.posterior.innovations(
+            linearized.z, run
+        )
+        change = change.ravel() + j @ error
+        score += j.T @ change
         power += float(change @ change)
-    covariance = there.budget.covariance()
-    left = power - float(pull @ covariance @ pull)
-    cut = min(1.0, math.sqrt(HIDDEN / left)) if left > 0.0 else 1.0
-    recordings = tuple(map(_blend, there.posterior.space.recordings, faulty, [cut] * len(faulty)))
-    away = -cut * covariance @ pull
-    if cut**2 * left > _NOTICED:
-        away = _settled(there, _on(there.posterior, recordings), cut * own, away)
-    away = cut * own + away
-    return Shift(fault.kind, fault.channel, cut * fault.size, cut < 1.0, away)
+    covariance = linearized.budget.covariance()
+    remaining = power - float(score @ covariance @ score)
+    scale = min(1.0, math.sqrt(HIDDEN / remaining)) if remaining > 0.0 else 1.0
+    recordings = tuple(
+        map(_blend, linearized.posterior.space.recordings, faulty, [scale] * len(faulty))
+    )
+    shift = -scale * covariance @ score
+    if scale**2 * remaining > _NOTICED:
+        shift = _update_noise(
+            linearized, _with_recordings(linearized.posterior, recordings), scale * error, shift
+        )
+    shift = scale * error + shift
+    return Shift(fault.kind, fault.channel, scale * fault.size, scale < 1.0, shift)
 
 
-def _on(posterior: Posterior, recordings: tuple[PreparedRecording, ...]) -> Posterior:
+def _with_recordings(posterior: Posterior, recordings: tuple[PreparedRecording, ...]) -> Posterior:
     return replace(posterior, space=replace(posterior.space, recordings=recordings))
 
 
 def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) -> PreparedRecording:
-    """Make a fault smaller: all of them are linear."""
+    """Scale the change by a fault; readings and moments are linear in it."""
     return replace(
         sound,
         moments=sound.moments + share * (faulty.moments - sound.moments),
@@ -309,46 +318,52 @@ def _blend(sound: PreparedRecording, faulty: PreparedRecording, share: float) ->
     )
 
 
-def _settled(there: LinearizedPosterior, posterior: Posterior, own: Array, away: Array) -> Array:
-    """Let noise levels and parameters settle in turn; what the parameters (P,) do about it."""
-    runs, sd = range(len(there.slopes)), there.budget.sd
-    z = there.z.copy()
+def _update_noise(
+    linearized: LinearizedPosterior, posterior: Posterior, error: Array, shift: Array
+) -> Array:
+    """Update noise levels and parameters in turn; return the shift of the parameters (P,)."""
+    runs, sd = range(len(linearized.slopes)), linearized.budget.sd
+    z = linearized.z.copy()
     for _ in range(_ROUNDS):
-        slope, curvature = _noise_slope(there, posterior, moved(posterior, z, own + away))
-        step = np.linalg.solve(curvature, slope - there.score_at_mode[1])
+        slope, curvature = _noise_slope(linearized, posterior, moved(posterior, z, error + shift))
+        step = np.linalg.solve(curvature, slope - linearized.score_at_mode[1])
         if not np.all(np.isfinite(step)):
             break
         z[len(sd) :] += step
-        at = moved(posterior, z, own + away)
+        at = moved(posterior, z, error + shift)
         slopes = [jacobian(posterior, at, run) for run in runs]
-        pull = (
-            np.divide(away, sd**2, out=np.zeros(len(there.budget.sd)), where=sd > 0.0)
-            - there.score_at_mode[0]
+        score = (
+            np.divide(shift, sd**2, out=np.zeros(len(linearized.budget.sd)), where=sd > 0.0)
+            - linearized.score_at_mode[0]
         )
         for run, j in enumerate(slopes):
-            pull += j.T @ posterior.innovations(at, run).ravel()
-        away = away - Budget(sd, information(slopes)).covariance() @ pull
-        if np.all(np.abs(step) * np.sqrt(np.diag(there.noise_precision)) < _STILL):
+            score += j.T @ posterior.innovations(at, run).ravel()
+        shift = shift - Budget(sd, information(slopes)).covariance() @ score
+        if np.all(np.abs(step) * np.sqrt(np.diag(linearized.noise_precision)) < _STILL):
             break
-    return away
+    return shift
 
 
-def _noise_slope(there: LinearizedPosterior, posterior: Posterior, z: Array) -> tuple[Array, Array]:
-    """Slope (D − P,) and curvature of the log-posterior in the noise coordinates.
+def _noise_slope(
+    linearized: LinearizedPosterior, posterior: Posterior, z: Array
+) -> tuple[Array, Array]:
+    """Gradient (D − P,) and curvature of the log-posterior in the noise coordinates.
 
-    The curvature is no less than at the mode, so that a step never overshoots by much.
+    The curvature is at least that at the mode, so that a step never overshoots by much.
     """
-    car = len(there.budget.sd)
-    reach = _REACH / np.sqrt(np.diag(there.noise_precision))
-    slope, curvature = -z[car:], there.noise_precision.copy()
-    for run in range(len(there.slopes)):
-        own = posterior.space.coordinates_of_run(run)[car:]
-        h = reach[own - car]
-        steps = np.zeros((len(own), len(z)))
-        steps[np.arange(len(own)), own] = h
+    car = len(linearized.budget.sd)
+    step_sizes = _REACH / np.sqrt(np.diag(linearized.noise_precision))
+    slope, curvature = -z[car:], linearized.noise_precision.copy()
+    for run in range(len(linearized.slopes)):
+        coordinates = posterior.space.coordinates_of_run(run)[car:]
+        h = step_sizes[coordinates - car]
+        steps = np.zeros((len(coordinates), len(z)))
+        steps[np.arange(len(coordinates)), coordinates] = h
         values = posterior.run_log_likelihood(np.concatenate([z[None], z + steps, z - steps]), run)
         middle, (above, below) = values[0], np.split(values[1:], 2)
-        slope[own - car] += (above - below) / (2.0 * h)
+        slope[coordinates - car] += (above - below) / (2.0 * h)
         bend = 1.0 - (above - 2.0 * middle + below) / h**2
-        curvature[own - car, own - car] = np.maximum(bend, curvature[own - car, own - car])
+        curvature[coordinates - car, coordinates - car] = np.maximum(
+            bend, curvature[coordinates - car, coordinates - car]
+        )
     return slope, curvature
