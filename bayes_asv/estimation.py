@@ -412,7 +412,9 @@ def _estimate_random_effects(
     """Answer where runs do not agree: the mean car, and each run at its own posterior."""
     found = agreement.population
     together = agreement.joint(math.prod(_APART), seed)
-    rhat, bulk, tail = sampler.convergence_diagnostics(found.centre.reshape(_APART[0], _APART[1], 1, -1))
+    rhat, bulk, tail = sampler.convergence_diagnostics(
+        found.centre.reshape(_APART[0], _APART[1], 1, -1)
+    )
     return EstimationResult(
         verdict="ok",
         reasons=(),
